@@ -1,0 +1,214 @@
+"""How quick the ORCA kernel is beside RVO2 as `pyrvo` binds it, and whether both answer alike.
+
+Random crowds and discs of agents that all change sides are rolled out by pyrvo. At five moments of
+each, both sides answer the same ten ticks that follow, in turns, in this process. What is compared
+is one answer for the whole swarm: neighbours, half-planes and linear programme. Ratios are medians,
+below 1 where ours is quicker; times per tick stand beside them for orientation only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Iterator
+from time import perf_counter_ns
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from star_core import Array
+from star_orca.kernel import orca
+
+try:
+    import pyrvo
+except ImportError:
+    print("the peer is missing: pip install --no-deps pyrvo", file=sys.stderr)
+    sys.exit(2)
+
+RADIUS, SPEED, HORIZON, NEIGHBOUR_DISTANCE, MOST, PERIOD = 0.15, 1.0, 2.0, 2.0, 10, 0.1
+DENSITY = 1.0  # agents per m²
+MOMENTS = (0.1, 0.275, 0.45, 0.625, 0.8)  # as a share of the time that the longest way takes
+TICKS = 10  # one after the other, with the wishes held
+TIMED_AGENTS = 4_000  # at each moment so many, times ticks, but no less than three rounds
+ALIKE = 1e-3  # m/s; pyrvo computes in float32
+
+
+class State(NamedTuple):
+    """A swarm at one moment: (N, 3) positions, velocities and wishes, z = 0."""
+
+    position: Array
+    velocity: Array
+    wish: Array
+
+
+class Figures(NamedTuple):
+    """What was measured in one scenario at one size."""
+
+    ratio: float
+    ratio_with_set_get: float
+    us: float
+    pyrvo_us: float
+    pyrvo_with_set_get_us: float
+    share_within_1e3: float
+    max_difference: float
+
+
+def main() -> None:
+    """Print a table, or with ``--json`` one object."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    parser.add_argument("--large", action="store_true", help="10000 agents too; takes minutes")
+    arguments = parser.parse_args()
+    found = {
+        (scenario, n): measure(list(moments(scenario, n)))
+        for n in (10, 100, 1000, *([10_000] if arguments.large else []))
+        for scenario in ("crowd", "disc")
+    }
+    if arguments.json:
+        named = {
+            f"{scenario}_{n}_{name}": value
+            for (scenario, n), figures in found.items()
+            for name, value in figures._asdict().items()
+        }
+        print(json.dumps(named))
+        return
+    print(f"{'':12}" + "".join(f"{name:>24}" for name in Figures._fields))
+    for (scenario, n), figures in found.items():
+        print(f"{scenario + ' ' + str(n):12}" + "".join(f"{value:24.3g}" for value in figures))
+
+
+def moments(scenario: str, n: int) -> Iterator[State]:
+    """Yield the states at `MOMENTS` of a rollout by pyrvo."""
+    position, goal = crowd(n) if scenario == "crowd" else disc(n)
+    velocity = np.zeros((n, 3))
+    longest = np.linalg.norm(goal - position, axis=1).max() / (SPEED * PERIOD)
+    wanted = {int(longest * moment) for moment in MOMENTS}
+    simulator = pyrvo_with(State(position, velocity, velocity))
+    for step in range(max(wanted) + 1):
+        way = goal - position
+        length = np.linalg.norm(way, axis=1, keepdims=True)
+        wish = way * SPEED / np.maximum(length, SPEED)
+        if step in wanted:
+            yield State(position, velocity, wish)
+        give(simulator, State(position, velocity, wish))
+        simulator.do_step()
+        position, velocity = flat(simulator.get_agent_position, n), answers(simulator, n)
+
+
+def crowd(n: int) -> tuple[Array, Array]:
+    """Starts and goals of agents that cross a square at random, (N, 3) m each."""
+    random = np.random.default_rng(0)
+    half = math.sqrt(n / DENSITY) / 2
+    start, goal = random.uniform(-half, half, (2, n, 3)) * [1, 1, 0]
+    return start, goal
+
+
+def disc(n: int) -> tuple[Array, Array]:
+    """Starts and goals of agents that fill a disc and change sides, (N, 3) m each.
+
+    They stand on a sunflower spiral, off by 2 cm at random so that nothing is symmetric.
+    """
+    k = np.arange(n) + 0.5
+    angle, distance = k * math.pi * (3 - math.sqrt(5)), np.sqrt(k / (math.pi * DENSITY))
+    start = np.stack([distance * np.cos(angle), distance * np.sin(angle), np.zeros(n)], axis=1)
+    start[:, :2] += np.random.default_rng(0).normal(0, 0.02, (n, 2))
+    return start, -start
+
+
+def measure(states: list[State]) -> Figures:
+    """Time both sides and compare what they answer."""
+    ours, peer, around, differences = [], [], [], []
+    for state in states:
+        n = len(state.position)
+        simulator = pyrvo_with(state)
+        ticks = [state, *following(simulator, state)]
+        asked = [for_ours(tick) for tick in ticks[:-1]]
+        for arguments, after in zip(asked, ticks[1:], strict=True):
+            differences.append(np.linalg.norm(orca(*arguments) - after.velocity, axis=1))
+        for _ in range(max(3, TIMED_AGENTS // n)):
+            orca(*asked[0])  # each side answers once unasked, so that neither comes in cold
+            start = perf_counter_ns()
+            for arguments in asked:
+                orca(*arguments)
+            ours.append(since(start))
+
+            simulator.do_step()
+            give(simulator, state)
+            start = perf_counter_ns()
+            for _ in asked:
+                simulator.do_step()
+            peer.append(since(start))
+
+            start = perf_counter_ns()
+            for tick in ticks[:-1]:
+                give(simulator, tick)
+                simulator.do_step()
+                answers(simulator, n)
+            around.append(since(start))
+    difference = np.sort(np.concatenate(differences))
+    best = difference[: math.ceil(0.999 * len(difference))]
+    return Figures(
+        ratio=float(np.median(np.divide(ours, peer))),
+        ratio_with_set_get=float(np.median(np.divide(ours, around))),
+        us=float(np.median(ours)),
+        pyrvo_us=float(np.median(peer)),
+        pyrvo_with_set_get_us=float(np.median(around)),
+        share_within_1e3=float((difference <= ALIKE).mean()),
+        max_difference=float(best[-1]),
+    )
+
+
+def following(simulator: Any, state: State) -> Iterator[State]:
+    """Yield the states of the ticks that follow `state`, its wishes held."""
+    n = len(state.position)
+    for _ in range(TICKS):
+        simulator.do_step()
+        position = flat(simulator.get_agent_position, n)
+        yield State(position, answers(simulator, n), state.wish)
+
+
+def since(start: int) -> float:
+    """Time per tick since `start`, us."""
+    return (perf_counter_ns() - start) / TICKS / 1e3
+
+
+def for_ours(state: State) -> tuple[Any, ...]:
+    """The kernel's arguments: ORCA as published, everybody avoiding."""
+    n = len(state.position)
+    each = (np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_))
+    return (*state, *each, HORIZON, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
+
+
+def pyrvo_with(state: State) -> Any:
+    """A pyrvo simulator with the agents of `state`."""
+    simulator = pyrvo.RVOSimulator(
+        PERIOD, NEIGHBOUR_DISTANCE, MOST, HORIZON, HORIZON, RADIUS, SPEED
+    )
+    for x, y, _ in state.position.tolist():
+        simulator.add_agent((x, y))
+    give(simulator, state)
+    return simulator
+
+
+def give(simulator: Any, state: State) -> None:
+    """Set position, velocity and wish of every agent, as the bindings allow: one by one."""
+    for i, (position, velocity, wish) in enumerate(zip(*(t.tolist() for t in state), strict=True)):
+        simulator.set_agent_position(i, tuple(position[:2]))
+        simulator.set_agent_velocity(i, tuple(velocity[:2]))
+        simulator.set_agent_pref_velocity(i, tuple(wish[:2]))
+
+
+def answers(simulator: Any, n: int) -> Array:
+    """The velocity of every agent, (N, 3) m/s."""
+    return flat(simulator.get_agent_velocity, n)
+
+
+def flat(get: Any, n: int) -> Array:
+    """What `get` says of every agent, (N, 3), with z = 0."""
+    return np.array([(vector.x, vector.y, 0.0) for vector in map(get, range(n))])
+
+
+if __name__ == "__main__":
+    main()

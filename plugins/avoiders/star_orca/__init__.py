@@ -1,0 +1,79 @@
+"""The avoider `orca`: optimal reciprocal collision avoidance in the horizontal plane."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from star_core import Offer, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Avoider, Problem, Scene
+
+_OPTIONS: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "radius": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 0.2,
+            "description": "Half the distance that two agents keep, m",
+        },
+        "horizon": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 2.0,
+            "description": "Time for which no two agents shall collide, s",
+        },
+        "neighbour_distance": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 4.0,
+            "description": "How far away in the plane neighbours are looked for, m",
+        },
+        "max_neighbours": {
+            "type": "integer",
+            "minimum": 1,
+            "default": 10,
+            "description": "No more than so many neighbours are avoided, the nearest",
+        },
+        "vertical": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 0.6,
+            "description": "Agents further apart in height than this do not avoid each other, m",
+        },
+    },
+}
+
+
+@hookimpl
+def star_avoiders() -> Iterable[Offer[Avoider]]:
+    yield Offer(
+        name="orca",
+        summary="Optimal reciprocal collision avoidance in the horizontal plane.",
+        make=_make,
+        options=_OPTIONS,
+        check=_check,
+    )
+
+
+def _make(scene: Scene, **options: Any) -> Avoider:
+    from star_orca.avoider import Orca
+
+    return Orca(scene, **options)
+
+
+def _check(_scene: Scene, **options: Any) -> Iterable[Problem]:
+    """Refuse to see neighbours only once they are too near."""
+    from star_core import Problem
+
+    defaults = {name: schema["default"] for name, schema in _OPTIONS["properties"].items()}
+    chosen = defaults | options
+    distance, apart = chosen["neighbour_distance"], 2 * chosen["radius"]
+    if distance <= apart:
+        yield Problem(
+            ("neighbour_distance",),
+            f"{distance!r} m is not more than twice the radius, {apart!r} m: "
+            "neighbours would be seen too late",
+        )

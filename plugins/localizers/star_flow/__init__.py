@@ -1,0 +1,37 @@
+"""A localizer that trusts the on-board estimate: no tags, so it drifts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from star_core import Offer, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Localizer, Scene
+
+
+def make(scene: Scene, *, stale: float = 0.5) -> Localizer:
+    from star_flow.localizer import Flow
+
+    return Flow(scene, stale=stale)
+
+
+@hookimpl
+def star_localizers() -> Iterable[Offer[Localizer]]:
+    yield Offer(
+        name="flow",
+        summary="Trust the on-board estimate from where each agent started; it drifts.",
+        make=make,
+        options={
+            "type": "object",
+            "properties": {
+                "stale": {
+                    "type": "number",
+                    "exclusiveMinimum": 0,
+                    "description": "Age past which an agent's report is not flown on, s.",
+                    "default": 0.5,
+                },
+            },
+        },
+    )

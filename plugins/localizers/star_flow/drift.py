@@ -1,0 +1,76 @@
+"""How far off an estimate from optical flow alone can be.
+
+The sources of drift and their sizes are those that make a simulated Crazyflie with the firmware's
+own estimator and a flow deck drift as the original STAR paper reports for flights without tags.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from star_core import Array
+
+YAW_BIAS = math.radians(0.17)  # rad/s: what the gyroscope's calibration leaves, for a whole flight
+SCALE = 0.05  # of the displacement: height and focal length, for a whole flight
+FLOOR = 2 * 0.045**2 * 0.7  # m²/m: 4.5 % error of scale with the floor, correlated over 0.7 m
+TEXTURE = 3 * FLOOR  # three laps over one floor repeat its error, which triples the variance
+NOISE = 3.0e-4  # m²/s: white noise of one count in each flow sample of 10 ms
+START = 0.02  # m: placing an agent by hand
+START_YAW = math.radians(1.0)  # rad: turning it by hand
+HEIGHT = 0.02  # m: z comes from the range sensor and does not drift
+QUARTER = np.array([-1.0, 1.0])  # (x, y) turned by a quarter is (y, x) times this
+LEVEL = np.diag([1.0, 1.0, 0.0])
+STILL = 1e-9  # m: less is no motion
+
+
+class Drift:
+    """The covariance of dead-reckoned positions, which only grows while agents fly away.
+
+    What stays the same for a flight adds up along it: a yaw bias turns the motion ``dp`` at time
+    ``t`` by ``bias * t``, so it shifts the position across ``m = sum(t * dp)``; a wrong scale
+    stretches, and a wrong start turns, the displacement ``r``. What changes walks: the floor's
+    texture along the way, and the sensor's noise every way. The covariance in x and y is
+
+    ``START² I + NOISE t I + TEXTURE sum(dp dp' / |dp|) + YAW_BIAS² Jm (Jm)' + SCALE² r r'
+    + START_YAW² Jr (Jr)'``
+
+    where ``J`` turns by a quarter; z is apart with ``HEIGHT²``. Nothing ever sets it back.
+
+    Args:
+        start: (N, 3) where the agents start, map frame, m.
+    """
+
+    def __init__(self, start: Array) -> None:
+        n = len(start)
+        self._start: Array = start[:, :2]
+        self._last: Array = self._start
+        self._began: float | None = None
+        self._texture = np.zeros((n, 2, 2))
+        self._moment = np.zeros((n, 2))  # sum of t * dp, m s
+        self._fixed = np.tile(np.diag([START**2, START**2, HEIGHT**2]), (n, 1, 1))
+        self._modes = np.zeros((n, 2, 3))  # one column for each error that stays
+
+    def covariance(self, time: float, position: Array) -> Array:
+        """Return the (N, 3, 3) covariance, m², at `time`, s, after a move to `position` (N, 3), m.
+
+        Drift grows from the time of the first call.
+        """
+        if self._began is None:
+            self._began = time
+        elapsed = time - self._began
+        here = position[:, :2]
+        step = here - self._last
+        self._last = here
+        self._moment += elapsed * step
+        flown = np.sqrt(np.einsum("ij,ij->i", step, step))
+        self._texture += step[:, :, None] * (step / np.maximum(flown, STILL)[:, None])[:, None, :]
+        away = here - self._start
+        modes = self._modes
+        modes[:, :, 0] = YAW_BIAS * self._moment[:, ::-1] * QUARTER
+        modes[:, :, 1] = SCALE * away
+        modes[:, :, 2] = START_YAW * away[:, ::-1] * QUARTER
+        covariance = self._fixed + NOISE * elapsed * LEVEL
+        covariance[:, :2, :2] += TEXTURE * self._texture + modes @ modes.transpose(0, 2, 1)
+        return covariance

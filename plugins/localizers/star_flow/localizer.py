@@ -1,0 +1,70 @@
+"""Where the agents are if their on-board estimate is right."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from star_core import Array, Estimate, Scene, Telemetry, Transform
+from star_flow.drift import Drift
+
+
+class Flow:
+    """Puts each agent's odometry frame where the scene says it stands, and leaves it there.
+
+    A row is valid while the agent was heard no longer than `stale` ago and reports a finite
+    position, velocity and attitude. A row that reports none stays where it was last, at rest, so
+    that others can still keep clear of it.
+
+    Args:
+        scene: The mission's scene.
+        stale: Age past which a report is not flown on, s.
+    """
+
+    def __init__(self, scene: Scene, *, stale: float) -> None:
+        self._stale = stale
+        self._map_from_odom = Transform(
+            yaw=np.array([agent.yaw for agent in scene.agents]),
+            translation=np.array([agent.start for agent in scene.agents]),
+        )
+        self._position = self._map_from_odom.translation
+        self._yaw = self._map_from_odom.yaw
+        self._drift = Drift(self._position)
+
+    def locate(self, telemetry: Telemetry) -> Estimate:
+        position = self._map_from_odom.apply(telemetry.position)
+        velocity = self._map_from_odom.turn(telemetry.velocity)
+        yaw = wrapped(heading(telemetry.attitude) + self._map_from_odom.yaw)
+        known = np.isfinite(position.sum(axis=1) + velocity.sum(axis=1) + yaw)
+        self._position = np.where(known[:, None], position, self._position)
+        self._yaw = np.where(known, yaw, self._yaw)
+        return Estimate(
+            time=telemetry.time,
+            position=self._position,
+            velocity=np.where(known[:, None], velocity, 0.0),
+            yaw=self._yaw,
+            covariance=self._drift.covariance(telemetry.time, self._position),
+            valid=known & (telemetry.age <= self._stale),
+            map_from_odom=self._map_from_odom,
+        )
+
+
+def heading(attitude: Array) -> Array:
+    """Return the yaw of (N, 4) unit quaternions x, y, z, w, rad.
+
+    >>> heading(np.array([[0.0, 0.0, np.sin(0.25), np.cos(0.25)]]))
+    array([0.5])
+    """
+    x, y, z, w = attitude.T
+    yaw: Array = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return yaw
+
+
+def wrapped(angle: Array) -> Array:
+    """Return angles, rad, from -pi to less than pi.
+
+    >>> wrapped(np.array([1.5, -0.5]) * np.pi).round(3)
+    array([-1.571, -1.571])
+    """
+    return (angle + math.pi) % math.tau - math.pi

@@ -1,0 +1,43 @@
+"""A planner that flies straight to each goal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from star_core import Offer, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Planner, Scene
+
+
+def make(scene: Scene, *, gain: float = 1.5, yaw_rate_deg: float = 90.0) -> Planner:
+    from star_straight.planner import Straight
+
+    return Straight(scene, gain=gain, yaw_rate_deg=yaw_rate_deg)
+
+
+@hookimpl
+def star_planners() -> Iterable[Offer[Planner]]:
+    yield Offer(
+        name="straight",
+        summary="Fly straight to the goal and brake in time; sees no obstacles.",
+        make=make,
+        options={
+            "type": "object",
+            "properties": {
+                "gain": {
+                    "type": "number",
+                    "exclusiveMinimum": 0,
+                    "description": "Speed towards the goal per metre of distance, 1/s.",
+                    "default": 1.5,
+                },
+                "yaw_rate_deg": {
+                    "type": "number",
+                    "exclusiveMinimum": 0,
+                    "description": "Greatest yaw rate, degrees/s.",
+                    "default": 90.0,
+                },
+            },
+        },
+    )

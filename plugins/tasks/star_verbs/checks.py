@@ -1,0 +1,90 @@
+"""What is wrong with a verb's options that a schema cannot see. Nothing here imports numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from star_core import InputError, Problem
+from star_verbs.places import slot_faults
+from star_verbs.routes import least_distance, route, way_faults
+from star_verbs.slots import slots
+
+if TYPE_CHECKING:
+    from star_core import Scene
+
+SPACING = 0.6  # m, the default in the schemas
+
+
+def takeoff(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    height = options.get("height", 0.8)
+    low, high = scene.limits.height
+    if not low <= height <= high:
+        path = ("height",) if "height" in options else ()
+        yield Problem(
+            path, f"{height:g} m is outside the heights to fly at, from {low:g} to {high:g} m"
+        )
+
+
+def hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from _spread(scene, len(rows), "at", options)
+
+
+def goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from _one_of("to", "by", options)
+    yield from _spread(scene, len(rows), "to", options)
+
+
+def follow(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    before = list(_one_of("file", "path", options)) or list(_company(options))
+    if before:
+        yield from before
+        return
+    source = {key: value for key, value in options.items() if key not in {"heading", "speed"}}
+    try:
+        way = route(scene, len(rows), **source)
+    except InputError as error:
+        yield from (Problem(("file",), message) for message in error.problems)
+        return
+    yield from _room(options, len(rows))
+    key = "file" if "file" in options else "path"
+    yield from (
+        Problem((key,), message) for message in way_faults(scene, way, options.get(key, ""))
+    )
+
+
+def _one_of(one: str, other: str, options: dict[str, Any]) -> Iterable[Problem]:
+    given = (one in options) + (other in options)
+    if given == 0:
+        yield Problem((), f"expected {one!r} or {other!r}")
+    elif given > 1:
+        yield Problem((other,), f"{other!r} does not go with {one!r}, expected one of them")
+
+
+def _company(options: dict[str, Any]) -> Iterable[Problem]:
+    """What goes with a named path goes with no file."""
+    for key in ("size", "centre"):
+        if "path" in options and key not in options:
+            yield Problem((), f"path {options['path']!r} needs {key!r}")
+    for key in ("size", "centre", "laps"):
+        if "file" in options and key in options:
+            yield Problem((key,), f"{key!r} goes with 'path' only, not with 'file'")
+
+
+def _spread(scene: Scene, agents: int, key: str, options: dict[str, Any]) -> Iterable[Problem]:
+    if key in options:
+        places = slots(agents, options[key], options.get("spacing", SPACING))
+        yield from (Problem((key,), message) for message in slot_faults(scene, places))
+
+
+def _room(options: dict[str, Any], agents: int) -> Iterable[Problem]:
+    if "path" not in options or agents == 1:
+        return
+    spacing = options.get("spacing", SPACING)
+    nearest = least_distance(options["path"], options["size"], agents)
+    if nearest < spacing:
+        yield Problem(
+            ("size",),
+            f"{agents} agents on this {options['path']} come within {nearest:.2f} m of each other, "
+            f"nearer than the spacing of {spacing:g} m",
+        )

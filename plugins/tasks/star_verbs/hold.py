@@ -1,0 +1,65 @@
+"""The verb ``hold``: stay in one place for a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from star_core import Estimate, Health, Status, Step
+from star_verbs.approach import Approach
+from star_verbs.timeouts import time_out
+
+ROUNDING = 1e-9  # s: ticks are sums of periods
+
+
+class Hold:
+    """Keeps agents in place, or at a point and spread around it, for a time from their arrival.
+
+    It waits until all its agents are located, and fails if one is sent where no agent can be. Those
+    that stay where they are have arrived at once.
+
+    Args:
+        approach: The flight there.
+        at: Point to stay at, map frame, m; None stays where each agent is.
+        spacing: Least distance between agents sent to one point, m.
+        seconds: How long to stay, s.
+    """
+
+    def __init__(
+        self, approach: Approach, *, at: Sequence[float] | None, spacing: float, seconds: float
+    ) -> None:
+        self._approach = approach
+        self._at = at
+        self._spacing = spacing
+        self._seconds = seconds
+        self._since: float | None = None
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        self._aim(estimate)
+        if self._at is None:
+            return time_out(self._seconds)
+        return self._approach.time_out(estimate, self._seconds)
+
+    def step(self, estimate: Estimate, health: Health) -> Step:
+        if self._approach.goals is None:
+            self._aim(estimate)
+        if self._at is not None and (why := self._approach.fault()):
+            return Step(status=Status.FAILURE, reason=why)
+        if self._since is None and self._here(estimate):
+            self._since = estimate.time
+        over = self._since is not None and estimate.time - self._since >= self._seconds - ROUNDING
+        return Step(self._approach.goals, status=Status.SUCCESS if over else Status.RUNNING)
+
+    def _aim(self, estimate: Estimate) -> None:
+        crew = self._approach.crew
+        if not crew.located(estimate):
+            return
+        if self._at is None:
+            target = estimate.position[crew.rows]
+        else:
+            target = self._approach.spread(estimate, self._at, self._spacing)
+        self._approach.aim(estimate, target)
+
+    def _here(self, estimate: Estimate) -> bool:
+        if self._at is None:
+            return self._approach.goals is not None
+        return self._approach.arrived(estimate)

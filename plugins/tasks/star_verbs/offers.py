@@ -1,0 +1,229 @@
+"""What each verb takes, as JSON Schema, and how its task is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from star_core import Offer
+from star_verbs import checks
+
+if TYPE_CHECKING:
+    from star_core import Scene, Task
+
+
+def _takeoff(
+    scene: Scene, rows: tuple[int, ...], *, height: float = 0.8, speed: float = 0.3
+) -> Task:
+    from star_verbs.takeoff import Takeoff
+
+    return Takeoff(scene, rows, height=height, speed=speed)
+
+
+def _land(scene: Scene, rows: tuple[int, ...], *, speed: float = 0.2) -> Task:
+    from star_verbs.land import Land
+
+    return Land(scene, rows, speed=speed)
+
+
+def _hold(
+    scene: Scene,
+    rows: tuple[int, ...],
+    *,
+    at: Sequence[float] | None = None,
+    yaw_deg: float | None = None,
+    speed: float | None = None,
+    spacing: float = 0.6,
+    **also: float,
+) -> Task:
+    from star_verbs.approach import Approach
+    from star_verbs.hold import Hold
+
+    approach = Approach(scene, rows, speed=speed, yaw_deg=yaw_deg, within=0.1)
+    return Hold(approach, at=at, spacing=spacing, seconds=also.get("for", 0.0))
+
+
+def _goto(
+    scene: Scene,
+    rows: tuple[int, ...],
+    *,
+    to: Sequence[float] | None = None,
+    by: Sequence[float] | None = None,
+    yaw_deg: float | None = None,
+    speed: float | None = None,
+    spacing: float = 0.6,
+    within: float = 0.1,
+) -> Task:
+    from star_verbs.approach import Approach
+    from star_verbs.goto import Goto
+
+    approach = Approach(scene, rows, speed=speed, yaw_deg=yaw_deg, within=within)
+    return Goto(approach, to=to, by=by, spacing=spacing)
+
+
+def _follow(
+    scene: Scene,
+    rows: tuple[int, ...],
+    *,
+    speed: float = 0.3,
+    heading: str = "fixed",
+    spacing: float = 0.6,
+    laps: int = 1,
+    **source: Any,
+) -> Task:
+    from star_verbs.follow import Follow
+    from star_verbs.routes import route, way_faults
+
+    way = route(scene, len(rows), spacing=spacing, laps=laps, **source)
+    name = source.get("file") or source["path"]
+    # Looked at again: fewer agents than the mission was checked for fly other lines.
+    fault = "; ".join(way_faults(scene, way, name))
+    return Follow(scene, rows, way, speed=speed, along=heading == "along", fault=fault)
+
+
+def _point(description: str, example: list[float]) -> Mapping[str, Any]:
+    return {
+        "type": "array",
+        "items": {"type": "number"},
+        "minItems": 3,
+        "maxItems": 3,
+        "description": description,
+        "examples": [example],
+    }
+
+
+def _positive(description: str, **more: Any) -> Mapping[str, Any]:
+    return {"type": "number", "exclusiveMinimum": 0, "description": description, **more}
+
+
+_TRAVEL_SPEED = _positive("Greatest speed on the way, m/s; limits.speed at most and if not given.")
+_YAW = {
+    "type": "number",
+    "description": "Heading to turn to, degrees anticlockwise from the map's x axis; "
+    "each agent keeps its own if not given.",
+    "examples": [90],
+}
+_SPACING = _positive(
+    "Least distance between the agents where several are sent to one place, m.", default=0.6
+)
+
+OFFERS: tuple[Offer[Task], ...] = (
+    Offer(
+        name="takeoff",
+        summary="Climb straight up and hold there.",
+        make=_takeoff,
+        check=checks.takeoff,
+        options={
+            "type": "object",
+            "properties": {
+                "height": _positive("Height to climb to, z in the map, m.", default=0.8),
+                "speed": _positive("Mean speed of the climb, m/s.", default=0.3),
+            },
+        },
+    ),
+    Offer(
+        name="land",
+        summary="Descend straight down and stop the motors.",
+        make=_land,
+        options={
+            "type": "object",
+            "properties": {"speed": _positive("Mean speed of the descent, m/s.", default=0.2)},
+        },
+    ),
+    Offer(
+        name="hold",
+        summary="Stay in one place for a time.",
+        make=_hold,
+        check=checks.hold,
+        options={
+            "type": "object",
+            "properties": {
+                "for": {
+                    "type": "number",
+                    "minimum": 0,
+                    "description": "How long to stay, counted from arrival, s.",
+                    "default": 0.0,
+                    "examples": [5],
+                },
+                "at": _point(
+                    "Where to stay, [x, y, z] in the map, m; several agents spread around it; "
+                    "each agent stays where it is if not given.",
+                    [0.0, 0.0, 1.2],
+                ),
+                "yaw_deg": _YAW,
+                "speed": _TRAVEL_SPEED,
+                "spacing": _SPACING,
+            },
+        },
+    ),
+    Offer(
+        name="goto",
+        summary="Fly to a point, or by an offset, and stop there.",
+        make=_goto,
+        check=checks.goto,
+        options={
+            "type": "object",
+            "properties": {
+                "to": _point(
+                    "Where to, [x, y, z] in the map, m; several agents spread around it. "
+                    "Give this or 'by'.",
+                    [1.0, 0.5, 0.8],
+                ),
+                "by": _point(
+                    "How far from where each agent is, [x, y, z] along the map's axes, m. "
+                    "Give this or 'to'.",
+                    [0.5, 0.0, 0.0],
+                ),
+                "yaw_deg": _YAW,
+                "speed": _TRAVEL_SPEED,
+                "spacing": _SPACING,
+                "within": _positive("How near to its goal each agent must come, m.", default=0.1),
+            },
+        },
+    ),
+    Offer(
+        name="follow",
+        summary="Fly along a path: a box, a circle, a figure 8, or points from a file.",
+        make=_follow,
+        check=checks.follow,
+        options={
+            "type": "object",
+            "properties": {
+                "file": {
+                    "type": "string",
+                    "description": "CSV file in the mission's folder with columns x, y, z in the "
+                    "map, m, and if wanted yaw_deg, degrees. Give this or 'path'.",
+                    "examples": ["paths/inspection.csv"],
+                },
+                "path": {
+                    "enum": ["box", "circle", "figure8"],
+                    "description": "A closed path; the figure 8 is a lemniscate of Gerono along x. "
+                    "Give this or 'file'.",
+                },
+                "size": _positive(
+                    "Side of the box, diameter of the circle, length of the figure 8 (half as "
+                    "wide), m. Needed with 'path'.",
+                    examples=[2.4],
+                ),
+                "centre": _point(
+                    "Middle of the path, [x, y, z] in the map, m. Needed with 'path'.",
+                    [0.0, 0.0, 0.8],
+                ),
+                "laps": {
+                    "type": "integer",
+                    "minimum": 1,
+                    "description": "How many times round; with 'path' only.",
+                    "default": 1,
+                },
+                "heading": {
+                    "enum": ["fixed", "along"],
+                    "description": "Look along the path, or keep the heading (or fly the file's "
+                    "yaw_deg).",
+                    "default": "fixed",
+                },
+                "speed": _positive("Speed along the path, m/s; limits.speed at most.", default=0.3),
+                "spacing": _SPACING,
+            },
+        },
+    ),
+)

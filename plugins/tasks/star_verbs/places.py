@@ -1,0 +1,27 @@
+"""Whether an agent can be at a place. Nothing here imports numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from star_core import Scene
+
+
+def fault(scene: Scene, point: Sequence[float]) -> str | None:
+    """Say why no agent can fly at `point` (map frame, m), or return None if one can."""
+    x, y, z = (float(value) for value in point)
+    low, high = scene.limits.height
+    if not low <= z <= high:
+        return f"[{x:g}, {y:g}, {z:g}] is outside the heights to fly at, from {low:g} to {high:g} m"
+    return scene.world.fault((x, y, z))
+
+
+def slot_faults(scene: Scene, places: Sequence[Sequence[float]]) -> Iterable[str]:
+    """Say of each place that no agent can be at why, and which of the agents' places it is."""
+    for number, place in enumerate(places, start=1):
+        message = fault(scene, place)
+        if message is not None:
+            several = len(places) > 1
+            yield f"place {number} of {len(places)}: {message}" if several else message

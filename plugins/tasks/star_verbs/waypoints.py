@@ -1,0 +1,115 @@
+"""Points to fly through, read from a CSV file. Nothing here imports numpy."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from star_core import InputError
+
+Point = tuple[float, float, float]
+NEEDED = ("x", "y", "z")
+KNOWN = (*NEEDED, "yaw_deg")
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoints:
+    """What a file of waypoints holds.
+
+    Attributes:
+        point: Where to fly through, in order, map frame, m.
+        yaw_deg: Heading at each point, degrees; empty if the file has none.
+        line: Line of the file that each point stands on.
+    """
+
+    point: tuple[Point, ...]
+    yaw_deg: tuple[float, ...]
+    line: tuple[int, ...]
+
+
+def read(folder: Path, file: str) -> Waypoints:
+    """Read a CSV file with a header that names columns x, y, z and, if wanted, yaw_deg.
+
+    Args:
+        folder: The file must lie inside it, also after symbolic links are followed.
+        file: Path from `folder`.
+
+    Raises:
+        InputError: The file cannot be used; every problem is told as ``file:line: what is wrong``.
+    """
+    path = _inside(folder, file)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, strict=True)
+            rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError([f"{file}: cannot be read as CSV in UTF-8: {error}"]) from error
+    if not rows:
+        raise InputError([f"{file}: is empty, expected a header with columns {_list(KNOWN)}"])
+    line, header = rows[0]
+    columns = [cell.strip() for cell in header]
+    problems = [f"{file}:{line}: {message}" for message in _header_faults(columns)]
+    if problems:
+        raise InputError(problems)
+    numbers: list[dict[str, float]] = []
+    for line, row in rows[1:]:
+        values, faults = _numbers(columns, row)
+        numbers.append(values)
+        problems += [f"{file}:{line}: {message}" for message in faults]
+    if not problems and len({tuple(row[key] for key in NEEDED) for row in numbers}) < 2:  # noqa: PLR2004 -- a line has two ends
+        problems = [f"{file}: has {len(numbers)} points, expected at least 2 that differ"]
+    if problems:
+        raise InputError(problems)
+    return Waypoints(
+        point=tuple((row["x"], row["y"], row["z"]) for row in numbers),
+        yaw_deg=tuple(row["yaw_deg"] for row in numbers if "yaw_deg" in row),
+        line=tuple(line for line, _ in rows[1:]),
+    )
+
+
+def _inside(folder: Path, file: str) -> Path:
+    root = folder.resolve()
+    try:
+        path = (root / file).resolve()
+        if Path(file).is_absolute() or not path.is_relative_to(root):
+            raise InputError([f"{file!r} leads out of the mission's folder"])
+        if not path.is_file():
+            raise InputError([f"no file {file!r} in the mission's folder"])
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, or a NUL in the name
+        raise InputError([f"{file!r} is no path of a file: {error}"]) from error
+    return path
+
+
+def _header_faults(columns: Sequence[str]) -> Iterator[str]:
+    for name in NEEDED:
+        if name not in columns:
+            yield f"no column {name!r}, expected {_list(KNOWN)}"
+    for name in dict.fromkeys(columns):
+        if name not in KNOWN:
+            yield f"unknown column {name!r}, expected {_list(KNOWN)}"
+        elif columns.count(name) > 1:
+            yield f"column {name!r} stands there {columns.count(name)} times"
+
+
+def _numbers(columns: Sequence[str], row: Sequence[str]) -> tuple[dict[str, float], list[str]]:
+    """The finite numbers of a row by column, and what is wrong with the rest."""
+    if len(row) != len(columns):
+        return {}, [f"has {len(row)} values, expected {len(columns)}"]
+    values: dict[str, float] = {}
+    faults = []
+    for name, cell in zip(columns, row, strict=True):
+        try:
+            values[name] = float(cell)
+        except ValueError:
+            faults.append(f"{name} is {cell.strip()!r}, expected a number")
+            continue
+        if not math.isfinite(values[name]):
+            faults.append(f"{name} is {cell.strip()!r}, expected a finite number")
+    return values, faults
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names[:-1]) + f" and, if wanted, {names[-1]}"

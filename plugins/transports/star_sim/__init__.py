@@ -1,0 +1,56 @@
+"""Transport ``sim``: simulated Crazyflies with Flow decks, in lock-step with the mission."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from star_core import Offer, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Scene, Transport
+
+OPTIONS: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "noise": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether the on-board estimators err and drift as a Flow deck's do; "
+            "without noise they know the truth.",
+        },
+        "battery": {
+            "type": "number",
+            "minimum": 0,
+            "maximum": 1,
+            "default": 1.0,
+            "description": "Charge of every battery at the start, as a fraction of full.",
+        },
+        "speed": {
+            "type": ["number", "null"],
+            "exclusiveMinimum": 0,
+            "default": None,
+            "description": "Mission seconds per second of the clock on the wall: 1 is real time; "
+            "null is as fast as possible.",
+        },
+    },
+}
+
+
+def make(
+    scene: Scene, *, noise: bool = True, battery: float = 1.0, speed: float | None = None
+) -> Transport:
+    """Return the simulator of a scene's agents."""
+    from star_sim.transport import Simulator
+
+    return Simulator(scene, noise=noise, battery=battery, speed=speed)
+
+
+@hookimpl
+def star_transports() -> Iterable[Offer[Transport]]:
+    yield Offer(
+        name="sim",
+        summary="Simulated Crazyflies with Flow decks that drift as real ones do.",
+        make=make,
+        options=OPTIONS,
+    )

@@ -1,0 +1,49 @@
+"""The battery: charge that thrust uses up, and voltage that sags under load."""
+
+from __future__ import annotations
+
+import math
+
+from star_sim.airframe import CYCLE, HOVER_THRUST, THRUST_MAX, THRUST_OF_VOLTAGE
+from star_sim.compiled import Record, compiled
+
+CAPACITY = 0.25 * 3600  # A s: 250 mAh
+HOVER_TIME = 7 * 60  # s, the published flight time
+ELECTRONICS_CURRENT = 0.1  # A, assumed
+HOVER_CURRENT = CAPACITY / HOVER_TIME  # A: 2.1, electronics with it
+CURRENT_PER_POWER = (HOVER_CURRENT - ELECTRONICS_CURRENT) / (4 * HOVER_THRUST**1.5)  # A / N^1.5
+RESISTANCE = 0.12  # ohm, cell and leads; assumed: a sag of 0.25 V in hover
+# V at 0, 10, ... 100 % of charge without load: the table of the firmware's pm_stm32f4.c, and full.
+VOLTAGE_OF_CHARGE = (3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10, 4.20)
+
+
+@compiled
+def open_voltage(charge: float) -> float:
+    """Return the voltage without load at a fraction of charge, V."""
+    place = min(max(charge, 0.0), 1.0) * 10
+    below = min(int(place), 9)
+    low, high = VOLTAGE_OF_CHARGE[below], VOLTAGE_OF_CHARGE[below + 1]
+    return low + (place - below) * (high - low)
+
+
+@compiled
+def thrust_at(voltage: float) -> float:
+    """Return the most that one motor can give at a voltage, N (``platform_defaults_cf2.h``)."""
+    a, b, c, d = THRUST_OF_VOLTAGE
+    return min(max(a + voltage * (b + voltage * (c + voltage * d)), 0.0), THRUST_MAX)
+
+
+@compiled
+def drain(drone: Record) -> None:
+    """Take one cycle's charge from one drone, and set its voltage and the limit of its motors.
+
+    The power of a propeller goes with its thrust to the power of 1.5 (momentum theory), and its
+    current with its power. An empty battery gives no thrust at all.
+    """
+    power = 0.0
+    for motor in range(4):
+        power += drone.thrust[motor] * math.sqrt(drone.thrust[motor])
+    current = ELECTRONICS_CURRENT + CURRENT_PER_POWER * power
+    drone.charge = max(0.0, drone.charge - current * CYCLE / CAPACITY)
+    drone.voltage = open_voltage(drone.charge) - RESISTANCE * current
+    drone.thrust_limit = thrust_at(drone.voltage) if drone.charge > 0 else 0.0

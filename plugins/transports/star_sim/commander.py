@@ -1,0 +1,180 @@
+"""The on-board commander: take-off, landing, go-to, stop, and velocity setpoints.
+
+What a runner can rely on, as the firmware has it:
+
+* An order starts a trajectory at once, and COMMANDER_FINISHED is clear until it is over. An order
+  takes over from setpoints, and a setpoint from an order, without asking.
+* A take-off is over when COMMANDER_FINISHED is set. The drone then hovers for as long as it can.
+* A landing is over when COMMANDER_FINISHED is set, and with it the motors stop; the drone is down
+  for good when FLYING is clear as well, 2 s later. A new take-off may follow at any time.
+* STOP stops the motors at once and locks nothing. ARM does nothing: a brushed Crazyflie is armed.
+* 0.5 s after the last setpoint the drone brakes and levels; after 2 s its motors stop and it is
+  LOCKED until the end of the simulation (``COMMANDER_WDT`` in the firmware's ``supervisor.c``).
+* A locked or crashed drone takes no order.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from star_core import Array, Command, ContractError, Order, Rows, Setpoint
+from star_sim.compiled import Record, compiled
+from star_sim.drone import OFF, TRAJECTORY, VELOCITY, Drones
+
+if TYPE_CHECKING:
+    from star_core import Mask
+
+LEVEL_AFTER = 0.5  # s without a setpoint
+LOCK_AFTER = 2.0  # s without a setpoint
+
+# The last four coefficients of a polynomial of order 7 on [0, 1], from what its end lacks in
+# value, slope, curvature and third derivative when the first four are given.
+_ENDING = np.linalg.inv(
+    np.array([[1, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]], float)
+)
+
+
+@compiled
+def follow(drone: Record, now: float) -> None:
+    """Set the reference of one drone at mission time `now`, s."""
+    if drone.mode == TRAJECTORY and drone.finished == 0:
+        _follow_trajectory(drone, (now - drone.trajectory_start) / drone.trajectory_duration)
+    elif drone.mode == VELOCITY:
+        silence = now - drone.setpoint_time
+        if silence > LOCK_AFTER:
+            drone.mode = OFF
+            drone.locked = 1
+        elif silence > LEVEL_AFTER:
+            for axis in range(3):
+                drone.reference_velocity[axis] = 0.0
+
+
+@compiled
+def _follow_trajectory(drone: Record, passed: float) -> None:
+    """Set the reference to the point of the trajectory after a fraction `passed` of its time."""
+    u = min(passed, 1.0)
+    rate = 1.0 / drone.trajectory_duration
+    for axis in range(4):
+        value = slope = curve = 0.0  # value, first derivative, half the second one
+        for power in range(7, -1, -1):
+            curve = curve * u + slope
+            slope = slope * u + value
+            value = value * u + drone.trajectory[axis, power]
+        if axis == 3:  # noqa: PLR2004 -- yaw
+            drone.reference_yaw = value
+        else:
+            drone.reference_position[axis] = value
+            drone.reference_velocity[axis] = slope * rate
+            drone.reference_acceleration[axis] = 2 * curve * rate * rate
+    if passed >= 1.0:
+        for axis in range(3):
+            drone.reference_velocity[axis] = drone.reference_acceleration[axis] = 0.0
+        drone.finished = 1
+        if drone.landing:
+            drone.mode = OFF
+
+
+def ending_at_rest(
+    start: Array, velocity: Array, acceleration: Array, end: Array, duration: Array
+) -> Array:
+    """Return polynomials of order 7 that come to rest, as the firmware's planner makes them.
+
+    Value, velocity and acceleration match at the start, where the third derivative is 0; at the
+    end the first three derivatives are.
+
+    Args:
+        start: (K,) value at the start.
+        velocity: (K,) per second.
+        acceleration: (K,) per second².
+        end: (K,) value at the end.
+        duration: (K,) s.
+
+    Returns:
+        (K, 8) coefficients over the fraction of time passed, constant first.
+
+    Example:
+        >>> one = np.ones(1)
+        >>> ending_at_rest(0 * one, 0 * one, 0 * one, one, one).round(6) + 0.0
+        array([[  0.,   0.,   0.,   0.,  35., -84.,  70., -20.]])
+    """
+    slope, half = velocity * duration, acceleration * duration**2 / 2
+    lacking = np.stack([end - start - slope - half, -slope - 2 * half, -2 * half, 0 * end], axis=1)
+    return np.concatenate(
+        [np.stack([start, slope, half, 0 * end], axis=1), lacking @ _ENDING.T], axis=1
+    )
+
+
+def obey(drones: Drones, command: Command, now: float) -> None:
+    """Start what `command` says at mission time `now`, s, on the drones that can fly.
+
+    Raises:
+        ContractError: A duration is not positive, or a target is not finite.
+    """
+    able = (drones["locked"][command.agent] == 0) & (drones["crashed"][command.agent] == 0)
+    rows = command.agent[able]
+    if command.order is Order.STOP:
+        drones["mode"][rows] = OFF
+        drones["finished"][rows] = 1
+    elif command.order is not Order.ARM:
+        _check(command)
+        landing = command.order is Order.LAND
+        turning = command.order is Order.GOTO
+        target = command.position[able].copy()
+        start, velocity, acceleration, yaw = _reference(drones, rows)
+        if not turning:
+            target[:, :2] = start[:, :2]
+        turn = np.remainder(command.yaw[able] - yaw + np.pi, 2 * np.pi) - np.pi
+        end_yaw = yaw + turn if turning else yaw
+        duration = command.duration[able]
+        for axis in range(3):
+            drones["trajectory"][rows, axis] = ending_at_rest(
+                start[:, axis], velocity[:, axis], acceleration[:, axis], target[:, axis], duration
+            )
+        zero = np.zeros(len(rows))
+        drones["trajectory"][rows, 3] = ending_at_rest(yaw, zero, zero, end_yaw, duration)
+        drones["trajectory_start"][rows] = now
+        drones["trajectory_duration"][rows] = duration
+        drones["landing"][rows] = landing
+        drones["finished"][rows] = 0
+        drones["mode"][rows] = TRAJECTORY
+
+
+def take(drones: Drones, setpoint: Setpoint, now: float) -> None:
+    """Fly the velocities of a setpoint's active rows from mission time `now`, s, on."""
+    rows = np.flatnonzero(setpoint.active & (drones["locked"] == 0) & (drones["crashed"] == 0))
+    drones["reference_velocity"][rows] = setpoint.velocity[rows]
+    drones["reference_acceleration"][rows] = 0.0
+    drones["reference_yaw"][rows] = setpoint.yaw[rows]
+    drones["setpoint_time"][rows] = now
+    drones["finished"][rows[drones["mode"][rows] == TRAJECTORY]] = 1
+    drones["mode"][rows] = VELOCITY
+
+
+def _reference(drones: Drones, rows: Rows) -> tuple[Array, Array, Array, Array]:
+    """Return position, velocity, acceleration and yaw that a trajectory starts from.
+
+    On a trajectory they are its own; otherwise what the estimator believes.
+    """
+    some = drones[rows]
+    planned: Mask = some["mode"] == TRAJECTORY
+    moving = (some["mode"] == VELOCITY)[:, None]
+    column = planned[:, None]
+    return (
+        np.where(column, some["reference_position"], some["believed_position"]),
+        np.where(column, some["reference_velocity"], some["believed_velocity"] * moving),
+        np.where(column, some["reference_acceleration"], 0.0),
+        np.where(planned, some["reference_yaw"], some["believed_yaw"]),
+    )
+
+
+def _check(command: Command) -> None:
+    if not (command.duration > 0).all():
+        raise ContractError(f"Command.duration must be positive, got {command.duration!r}")
+    turning = command.order is Order.GOTO
+    used = command.position if turning else command.position[:, 2]
+    if not np.isfinite(used).all():
+        raise ContractError(f"Command.position must be finite, got {command.position!r}")
+    if turning and not np.isfinite(command.yaw).all():
+        raise ContractError(f"Command.yaw must be finite, got {command.yaw!r}")

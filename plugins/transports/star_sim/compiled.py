@@ -1,0 +1,25 @@
+"""How the functions of the simulator's inner loop are compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias, TypeVar, cast
+
+from numba import njit
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+# Lets the compiler fuse and reorder sums, but keep infinities and what is not a number.
+FAST = {"contract", "arcp", "reassoc", "nsz"}
+
+Record: TypeAlias = Any  # one row of a table of `star_sim.drone.DRONE`; mypy cannot know its fields
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function that a kernel calls; a division by zero gives infinity, as in numpy."""
+    return cast("Function", njit(error_model="numpy", fastmath=FAST)(function))
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function that Python calls, and keep the machine code on disk for the next run."""
+    return cast("Function", njit(error_model="numpy", fastmath=FAST, cache=True)(function))

@@ -1,0 +1,114 @@
+"""All there is to know of each simulated drone: one record per agent.
+
+One table instead of forty arrays keeps a call of the kernel cheap (each array that is passed costs
+as much as a step of one drone) and the numbers of one drone together in the cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from star_sim import airframe, battery
+
+OFF, TRAJECTORY, VELOCITY = 0, 1, 2  # what flies a drone: nothing, its commander, setpoints
+
+# numba notices a change in the kernel's own file only, and would go on flying yesterday's airframe.
+# A field that is named after all the sources makes another type, and so another kernel, of each.
+_SOURCES = hashlib.sha256(
+    b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+).hexdigest()[:16]
+
+DRONE = np.dtype(
+    [
+        # The rigid body, in the map.
+        ("position", "f8", 3),  # m, of its foot
+        ("velocity", "f8", 3),  # m/s
+        ("attitude", "f8", 4),  # unit quaternion x, y, z, w from the body to the map
+        ("rates", "f8", 3),  # rad/s, about the body's axes
+        ("thrust", "f8", 4),  # N, of each motor: front right, rear right, rear left, front left
+        # What the position loop asks of the attitude loop.
+        ("push", "f8", 3),  # N, force of the propellers, in the map
+        ("yaw_rate", "f8"),  # rad/s
+        ("windup", "f8", 3),  # m/s², integral of the velocity loop
+        # What the commander asks of the position loop, in the odometry frame.
+        ("reference_position", "f8", 3),  # m
+        ("reference_velocity", "f8", 3),  # m/s
+        ("reference_acceleration", "f8", 3),  # m/s²
+        ("reference_yaw", "f8"),  # rad
+        ("mode", "i8"),  # OFF, TRAJECTORY or VELOCITY
+        ("setpoint_time", "f8"),  # s, when the last setpoint came
+        ("trajectory", "f8", (4, 8)),  # x, y, z, yaw over the fraction of time passed
+        ("trajectory_start", "f8"),  # s
+        ("trajectory_duration", "f8"),  # s
+        ("landing", "i8"),  # whether the motors stop when the trajectory is over
+        ("finished", "i8"),  # whether the last trajectory is over
+        # What the supervisor knows.
+        ("motors_time", "f8"),  # s, when the motors were last on
+        ("tilted_for", "f8"),  # s
+        ("inverted_for", "f8"),  # s
+        ("tumbled", "i8"),
+        ("crashed", "i8"),
+        ("locked", "i8"),
+        # The battery.
+        ("charge", "f8"),  # as a fraction of full
+        ("voltage", "f8"),  # V, under load
+        ("thrust_limit", "f8"),  # N, of one motor
+        # What the estimator believes, in the odometry frame.
+        ("believed_position", "f8", 3),  # m
+        ("believed_velocity", "f8", 3),  # m/s
+        ("believed_roll", "f8"),  # rad
+        ("believed_pitch", "f8"),  # rad
+        ("believed_yaw", "f8"),  # rad
+        ("slip", "f8", 2),  # cosine and sine of the believed yaw less the true yaw in the map
+        # What the estimator does not know, drawn once per flight.
+        ("origin", "f8", 3),  # m, of the odometry frame in the map
+        ("origin_yaw", "f8"),  # rad
+        ("scale", "f8"),  # of the flow sensor, as a fraction
+        ("misalignment", "f8", 2),  # cosine and sine of the flow sensor's yaw in the body
+        ("velocity_bias", "f8", 2),  # m/s, in the body
+        ("gyro_bias", "f8"),  # rad/s, about z
+        ("level_error", "f8", 2),  # rad, of roll and of pitch
+        # What the estimator keeps from one cycle to the next.
+        ("seen_position", "f8", 3),  # m, true
+        ("seen_velocity", "f8", 3),  # m/s, true
+        ("seen_yaw", "f8"),  # rad, true
+        ("flow_rest", "f8", 2),  # counts that were not whole
+        # Contacts.
+        ("clearance", "f8"),  # m, no obstacle is nearer
+        (f"compiled_from_{_SOURCES}", "i8"),
+    ],
+    align=True,
+)
+
+Drones: TypeAlias = NDArray[np.void]
+
+
+def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: float) -> Drones:
+    """Return drones that stand level with their motors off and know where they are.
+
+    Args:
+        position: (N, 3) in the map, m.
+        yaw: (N,) in the map, rad.
+        charge: Of each battery, as a fraction of full.
+
+    Returns:
+        (N,) records of `DRONE`.
+    """
+    drones = np.zeros(len(position), DRONE)
+    for name in ("position", "seen_position", "origin"):
+        drones[name] = position
+    drones["attitude"][:, 2] = np.sin(yaw / 2)
+    drones["attitude"][:, 3] = np.cos(yaw / 2)
+    drones["seen_yaw"] = drones["origin_yaw"] = yaw
+    drones["slip"] = np.stack([np.cos(yaw), -np.sin(yaw)], axis=1)
+    drones["misalignment"][:, 0] = 1.0
+    drones["motors_time"] = -np.inf
+    drones["charge"] = charge
+    drones["voltage"] = np.interp(charge, np.linspace(0, 1, 11), battery.VOLTAGE_OF_CHARGE)
+    drones["thrust_limit"] = airframe.THRUST_MAX if charge > 0 else 0.0
+    return drones

@@ -1,0 +1,81 @@
+"""The inner loop: every step of every drone between two ticks, in one call."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from star_sim.airframe import STEP, STEPS_PER_CYCLE
+from star_sim.battery import drain
+from star_sim.body import ABREAST, ROOM, fly
+from star_sim.commander import follow
+from star_sim.compiled import Record, kernel
+from star_sim.contact import keep_out, separate
+from star_sim.estimator import believe
+from star_sim.position import aim
+from star_sim.supervisor import supervise
+
+BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once
+
+
+@kernel
+def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are no more
+    drones: Record,
+    order: Record,
+    keys: Record,
+    normals: Record,
+    texture: Record,
+    boxes: Record,
+    spans: Record,
+    edges: Record,
+    samples: Record,
+    step: int,
+    steps: int,
+    noisy: bool,  # noqa: FBT001 -- a kernel's arguments have no names
+) -> None:
+    """Advance all drones by `steps` steps of 2 ms from step number `step`.
+
+    At the start of a cycle of five steps each drone's commander, supervisor and position loop run,
+    at its end contacts, battery and estimator. A call may stop and start within a cycle, but must
+    not go beyond a multiple of `BLOCK` cycles.
+
+    Args:
+        drones: (N,) records of `DRONE`, changed in place.
+        order: (N,) rows sorted along a line, for `separate`.
+        keys: (N,) room for `separate`.
+        normals: (BLOCK, N, 4) standard normal numbers.
+        texture: (M, M) scale error of the flow sensor over the floor.
+        boxes: (P, 6) from `prisms`, as `spans` and `edges` are.
+        spans: (P, 2).
+        edges: (E, 4).
+        samples: (BLOCK, N, 8) what the estimators stream: row ``(cycle - 1) % BLOCK`` is written at
+            the end of each cycle.
+        step: Steps since the start.
+        steps: To take.
+        noisy: Whether the estimators err.
+    """
+    abreast = np.empty(ROOM)
+    end = step + steps
+    while step < end:
+        phase = step % STEPS_PER_CYCLE
+        ahead = min(STEPS_PER_CYCLE - phase, end - step)
+        if phase == 0:
+            now = step * STEP
+            for i in range(len(drones)):
+                drone = drones[i]
+                follow(drone, now)
+                supervise(drone, now)
+                aim(drone)
+        for first in range(0, len(drones), ABREAST):
+            fly(drones, first, ahead, abreast)
+        step += ahead
+        if step % STEPS_PER_CYCLE == 0:
+            if len(drones) > 1:
+                separate(drones, order, keys)
+            cycle = step // STEPS_PER_CYCLE
+            row = (cycle - 1) % BLOCK
+            for i in range(len(drones)):
+                drone = drones[i]
+                if len(boxes) > 0:
+                    keep_out(drone, boxes, spans, edges)
+                drain(drone)
+                believe(drone, cycle, normals[row, i], texture, noisy, samples[row, i])

@@ -1,0 +1,70 @@
+"""The position and velocity loops: from the commander's reference to a push, at 100 Hz.
+
+They act on what the estimator believes, never on the truth, so a drone whose estimate drifts flies
+away with it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from star_sim.airframe import CYCLE, GRAVITY, MASS
+from star_sim.compiled import Record, compiled
+from star_sim.drone import OFF, TRAJECTORY
+
+POSITION_GAIN = 2.0  # 1/s, the firmware's
+POSITION_SPEED = 1.0  # m/s, greatest that the position loop asks for, along each axis; as firmware
+VELOCITY_GAIN = 3.5  # 1/s; the firmware's 25° per m/s is 4.3, for a faster attitude loop
+CLIMB_GAIN = 6.0  # 1/s
+INTEGRAL_GAIN = 2.0  # 1/s²; the firmware's 1° per m is 0.17, too slow to cancel drag
+INTEGRAL_LIMIT = 2.0  # m/s²
+TILT_LIMIT = math.radians(20)  # the firmware's
+TANGENT_LIMIT = math.tan(TILT_LIMIT)
+LEAST_LIFT = 0.3 * MASS * GRAVITY  # N: enough to keep control of the attitude in a descent
+MOST_LIFT = 1.5 * MASS * GRAVITY  # N
+YAW_GAIN = 3.0  # 1/s
+YAW_RATE_LIMIT = 2.0  # rad/s
+
+
+@compiled
+def wrap(angle: float) -> float:
+    """Return the same angle between -pi and pi, rad."""
+    return angle - 2 * math.pi * math.floor((angle + math.pi) / (2 * math.pi))
+
+
+@compiled
+def aim(drone: Record) -> None:
+    """Set the push and the yaw rate that take one drone to its reference.
+
+    Position P onto velocity, velocity PI onto acceleration, in the odometry frame; then the push
+    that gives this acceleration, within the limits of lift and of tilt, turned into the map by the
+    true heading: what the body does when it holds the roll and pitch that were worked out with the
+    believed one.
+    """
+    if drone.mode == OFF:
+        drone.windup[0] = drone.windup[1] = drone.windup[2] = 0.0
+        return
+    ax = _acceleration(drone, 0, VELOCITY_GAIN)
+    ay = _acceleration(drone, 1, VELOCITY_GAIN)
+    az = _acceleration(drone, 2, CLIMB_GAIN)
+    lift = min(max(MASS * (az + GRAVITY), LEAST_LIFT), MOST_LIFT)
+    cos, sin = drone.slip[0], drone.slip[1]
+    east = MASS * (cos * ax + sin * ay)
+    north = MASS * (cos * ay - sin * ax)
+    share = min(1.0, TANGENT_LIMIT * lift / max(1e-9, math.sqrt(east * east + north * north)))
+    drone.push[0], drone.push[1], drone.push[2] = share * east, share * north, lift
+    rate = YAW_GAIN * wrap(drone.reference_yaw - drone.believed_yaw)
+    drone.yaw_rate = min(max(rate, -YAW_RATE_LIMIT), YAW_RATE_LIMIT)
+
+
+@compiled
+def _acceleration(drone: Record, axis: int, gain: float) -> float:
+    """Return the acceleration wanted along one axis of the odometry frame, m/s²."""
+    wanted = drone.reference_velocity[axis]
+    if drone.mode == TRAJECTORY:
+        way = POSITION_GAIN * (drone.reference_position[axis] - drone.believed_position[axis])
+        wanted += min(max(way, -POSITION_SPEED), POSITION_SPEED)
+    missing = wanted - drone.believed_velocity[axis]
+    windup = drone.windup[axis] + INTEGRAL_GAIN * CYCLE * missing
+    drone.windup[axis] = windup = min(max(windup, -INTEGRAL_LIMIT), INTEGRAL_LIMIT)
+    return float(drone.reference_acceleration[axis] + gain * missing + windup)

@@ -1,0 +1,155 @@
+"""The Flow deck's sensors: how they err, and the random numbers behind it.
+
+Deviations are those that give the drift of a real Crazyflie over three laps of a box, a circle and
+a figure of eight; the counts of the flow sensor and the noise of the ranger are modelled as the
+firmware's own measurement models (``mm_flow.c``, ``zranger2.c``) have them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from star_core import Array
+from star_sim.airframe import CYCLE
+from star_sim.compiled import Record, compiled
+from star_sim.drone import Drones
+
+# Once per flight.
+SCALE = 0.05
+MISALIGNMENT = math.radians(1.0)
+VELOCITY_BIAS = 0.004  # m/s, along each axis of the body
+GYRO_BIAS = math.radians(0.17)  # rad/s, left over after the firmware's own calibration
+START_OFFSET = 0.02  # m, along each axis
+START_TURN = math.radians(1.0)
+LEVEL_ERROR = math.radians(0.25)  # of roll and of pitch
+
+# In every sample.
+FLOW_NOISE = 1.0  # counts
+GYRO_NOISE = math.radians(0.14)  # rad/s: 0.014 °/s/√Hz of a BMI088 over 100 Hz
+
+# The floor.
+TEXTURE = 0.045  # deviation of the flow sensor's scale from place to place
+TEXTURE_LENGTH = 0.7  # m, over which it is alike
+TEXTURE_PITCH = 0.2  # m between the points of its lattice
+TEXTURE_POINTS = 128  # of its lattice along each axis, a power of two; then it repeats (25.6 m)
+
+PIXELS = 35.0 / 0.71674  # per rad of the flow sensor's view
+COUNTS = PIXELS * CYCLE / 0.1  # per (m/s)/m: a count is a tenth of a pixel
+LEAST_HEIGHT = 0.1  # m
+OUTLIER = 100  # counts
+
+_TEXTURE_STREAM, _ERROR_STREAM, _NOISE_STREAM = 7331, 7332, 7333
+
+
+def draw_texture(seed: int) -> Array:
+    """Return the flow sensor's scale error over the floor, as a fraction: (M, M), x first.
+
+    A Gaussian random field with deviation `TEXTURE` and correlation ``exp(-d²/2l²)`` over a
+    distance d, l being `TEXTURE_LENGTH`; it repeats itself in x and in y.
+    """
+    white = np.random.default_rng([seed, _TEXTURE_STREAM]).standard_normal((TEXTURE_POINTS,) * 2)
+    step = np.fft.fftfreq(TEXTURE_POINTS, 1 / TEXTURE_POINTS) * TEXTURE_PITCH  # m, from the origin
+    bell = np.exp(-((step / TEXTURE_LENGTH) ** 2))  # with itself it makes exp(-d²/2l²)
+    kernel = np.outer(bell, bell)
+    smooth = np.fft.ifft2(np.fft.fft2(white) * np.fft.fft2(kernel)).real
+    return np.ascontiguousarray(TEXTURE * smooth / math.sqrt(float((kernel**2).sum())))
+
+
+def draw_errors(drones: Drones, seed: int) -> None:
+    """Give each drone its errors of this flight, and start it beside where it should stand.
+
+    Each agent has its own stream, so its errors do not depend on how many others there are.
+    """
+    draws = np.stack(
+        [
+            np.random.default_rng([seed, _ERROR_STREAM, row]).standard_normal(10)
+            for row in range(len(drones))
+        ]
+    )
+    drones["scale"] = SCALE * draws[:, 0]
+    turn = MISALIGNMENT * draws[:, 1]
+    drones["misalignment"] = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    drones["velocity_bias"] = VELOCITY_BIAS * draws[:, 2:4]
+    drones["gyro_bias"] = GYRO_BIAS * draws[:, 4]
+    drones["level_error"] = LEVEL_ERROR * draws[:, 8:10]
+    for name in ("position", "seen_position", "origin"):
+        drones[name][:, :2] += START_OFFSET * draws[:, 5:7]
+    yaw = drones["origin_yaw"] + START_TURN * draws[:, 7]
+    drones["seen_yaw"] = drones["origin_yaw"] = yaw
+    drones["attitude"][:, 2:] = np.stack([np.sin(yaw / 2), np.cos(yaw / 2)], axis=1)
+    drones["slip"] = np.stack([np.cos(yaw), -np.sin(yaw)], axis=1)
+
+
+def noise_streams(seed: int, agents: int) -> list[np.random.Generator]:
+    """Return one stream of sensor noise for each agent."""
+    return [np.random.default_rng([seed, _NOISE_STREAM, row]) for row in range(agents)]
+
+
+@compiled
+def flow(
+    drone: Record,
+    normal: Record,
+    texture: Record,
+    heading: tuple[float, float],
+    height: float,
+    upright: float,
+) -> tuple[float, float]:
+    """Return the velocity ahead and aside that the flow sensor shows over one cycle, m/s.
+
+    The sensor counts tenths of a pixel, ``dt * 35 / 0.71674 * v * R22 / z``, carries what is not a
+    whole count over to the next sample, and is read back with the height that the drone believes.
+    Its scale is wrong by a constant, and by a field over the floor. What the turning of the body
+    adds is taken to be removed by the gyro.
+
+    Args:
+        drone: The drone; moved by one cycle since `seen_position`.
+        normal: (4,) standard normal numbers, of which the first two are used.
+        texture: (M, M) scale error over the floor.
+        heading: Cosine and sine of the believed yaw.
+        height: Over the floor, believed, m.
+        upright: z component of the body's z axis.
+    """
+    east = (drone.position[0] - drone.seen_position[0]) / CYCLE
+    north = (drone.position[1] - drone.seen_position[1]) / CYCLE
+    cos, sin = drone.slip[0], drone.slip[1]
+    east, north = cos * east - sin * north, sin * east + cos * north
+    ahead, aside = heading[0] * east + heading[1] * north, heading[0] * north - heading[1] * east
+    cos, sin = drone.misalignment[0], drone.misalignment[1]
+    scale = 1 + drone.scale + _texture_at(texture, drone.position[0], drone.position[1])
+    scale *= COUNTS * upright / max(drone.position[2], LEAST_HEIGHT)
+    first = _count(drone, 0, scale * (cos * ahead - sin * aside) + FLOW_NOISE * normal[0])
+    second = _count(drone, 1, scale * (sin * ahead + cos * aside) + FLOW_NOISE * normal[1])
+    back = max(height, LEAST_HEIGHT) / (COUNTS * max(upright, LEAST_HEIGHT))
+    return first * back + drone.velocity_bias[0], second * back + drone.velocity_bias[1]
+
+
+@compiled
+def ranged(height: float, normal: float) -> float:
+    """Return what the VL53L1x shows of a height, m: whole millimetres, noisier from 2.5 m on."""
+    deviation = 0.0025 * (1 + math.exp(2.92 * (height - 2.5)))
+    return math.floor((height + deviation * normal) * 1000 + 0.5) / 1000
+
+
+@compiled
+def _count(drone: Record, axis: int, flow: float) -> float:
+    """Return the whole counts of a flow, within what the sensor takes for real."""
+    flow += drone.flow_rest[axis]
+    whole = math.floor(flow + 0.5)
+    drone.flow_rest[axis] = flow - whole
+    return min(max(whole, -OUTLIER), OUTLIER)
+
+
+@compiled
+def _texture_at(texture: Record, x: float, y: float) -> float:
+    """Return the scale error at a point of the map, between the lattice's points linearly."""
+    x, y = x / TEXTURE_PITCH, y / TEXTURE_PITCH
+    i, j = math.floor(x), math.floor(y)
+    u, v = x - i, y - j
+    last = TEXTURE_POINTS - 1  # all ones: a power of two less one
+    k, m = (int(i) + 1) & last, (int(j) + 1) & last
+    i, j = int(i) & last, int(j) & last
+    near = (1 - v) * texture[i, j] + v * texture[i, m]
+    far = (1 - v) * texture[k, j] + v * texture[k, m]
+    return float((1 - u) * near + u * far)

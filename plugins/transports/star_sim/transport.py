@@ -1,0 +1,175 @@
+"""The simulator behind the transport ``sim``: its clock, its links and its ground truth."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from star_core import (
+    Array,
+    Command,
+    ContractError,
+    Odometry,
+    Scene,
+    Setpoint,
+    Telemetry,
+    Truth,
+)
+from star_sim import commander
+from star_sim.airframe import STEP, STEPS_PER_CYCLE
+from star_sim.contact import SWEEP, prisms
+from star_sim.drone import standing
+from star_sim.kernel import BLOCK, advance
+from star_sim.report import report
+from star_sim.sensors import TEXTURE_POINTS, draw_errors, draw_texture, noise_streams
+
+
+class Simulator:
+    """Simulated Crazyflies, in lock-step: the same scene and options give the same numbers.
+
+    What the drones do on an order, on a setpoint, and on neither, is told in `star_sim.commander`.
+    Telemetry holds what each drone believes in its own odometry frame, at the end of the last whole
+    cycle of 10 ms; nothing in it is the truth unless `noise` is off.
+
+    Args:
+        scene: Agents, world and seed.
+        noise: Whether the estimators err; then a drone also starts a little beside its place.
+        battery: Charge at the start, as a fraction of full.
+        speed: Mission seconds per second of real time; None is as fast as possible.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        noise: bool = True,
+        battery: float = 1.0,
+        speed: float | None = None,
+    ) -> None:
+        n = len(scene.agents)
+        self._scene = scene
+        self._noise = noise
+        self._speed = speed
+        self._began: float | None = None  # s of the clock on the wall, at mission time 0
+        self._step = 0
+        self.drones = standing(
+            np.array([agent.start for agent in scene.agents], float).reshape(n, 3),
+            np.array([agent.yaw for agent in scene.agents], float),
+            battery,
+        )
+        self._texture = np.zeros((TEXTURE_POINTS, TEXTURE_POINTS))
+        self._streams: list[np.random.Generator] = []
+        if noise:
+            draw_errors(self.drones, scene.seed)
+            self._texture = draw_texture(scene.seed)
+            self._streams = noise_streams(scene.seed, n)
+        self._order = np.argsort(self.drones["position"] @ SWEEP, kind="stable")
+        self._keys = np.zeros(n)
+        self._normals = np.zeros((BLOCK, n, 4))
+        self._samples = np.zeros((BLOCK, n, 8))
+        self._arrived: list[Array] = []  # (cycles, N, 8) since the last call of `receive`
+        self._obstacles = prisms(scene.world)
+
+    def connect(self) -> None:
+        """Compile the inner loop, so that the first tick is not late."""
+        self._advance(0)
+        self.receive()
+
+    def wait(self, until: float) -> float:
+        """Simulate whole steps of 2 ms up to mission time `until`, s, or the next step after it."""
+        end = math.ceil(until / STEP - 1e-6)
+        while self._step < end:
+            cycle = self._step // STEPS_PER_CYCLE
+            if self._noise and self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
+                for row, stream in enumerate(self._streams):
+                    self._normals[:, row] = stream.standard_normal((BLOCK, 4))
+            full = (cycle // BLOCK + 1) * BLOCK * STEPS_PER_CYCLE
+            steps = min(end, full) - self._step
+            self._advance(steps)
+            self._step += steps
+            rows = self._step // STEPS_PER_CYCLE - cycle
+            if rows:
+                first = cycle % BLOCK
+                self._arrived.append(self._samples[first : first + rows].copy())
+        now = self._step * STEP
+        if self._speed is not None:
+            self._keep_pace(now / self._speed)
+        return now
+
+    def receive(self) -> Telemetry:
+        drones, n = self.drones, len(self.drones)
+        attitude, state = np.empty((n, 4)), np.empty(n, np.int64)
+        report(drones, self._step * STEP, attitude, state)
+        return Telemetry(
+            time=self._step // STEPS_PER_CYCLE * STEPS_PER_CYCLE * STEP,
+            position=drones["believed_position"],
+            velocity=drones["believed_velocity"],
+            attitude=attitude,
+            battery=drones["voltage"],
+            state=state,
+            age=np.zeros(n),
+            odometry=self._odometry(),
+        )
+
+    def command(self, command: Command) -> None:
+        commander.obey(self.drones, command, self._step * STEP)
+
+    def send(self, setpoint: Setpoint) -> Setpoint:
+        """Fly the active rows; nothing is clipped, as the firmware clips no velocity setpoint.
+
+        Raises:
+            ContractError: A velocity or a yaw that should be flown is not finite.
+        """
+        finite = np.isfinite(setpoint.velocity).all(axis=1) & np.isfinite(setpoint.yaw)
+        if not finite[setpoint.active].all():
+            rows = np.flatnonzero(setpoint.active & ~finite)
+            raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
+        commander.take(self.drones, setpoint, self._step * STEP)
+        return setpoint
+
+    def truth(self) -> Truth | None:
+        drones = self.drones
+        return Truth(self._step * STEP, drones["position"], drones["velocity"], drones["attitude"])
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def _advance(self, steps: int) -> None:
+        advance(
+            self.drones,
+            self._order,
+            self._keys,
+            self._normals,
+            self._texture,
+            *self._obstacles,
+            self._samples,
+            self._step,
+            steps,
+            self._noise,
+        )
+
+    def _odometry(self) -> Odometry:
+        if not self._arrived:
+            return Odometry.none()
+        table = np.concatenate(self._arrived)
+        self._arrived.clear()
+        cycles, n, _ = table.shape
+        rows = table.reshape(cycles * n, 8)
+        return Odometry(
+            agent=np.tile(np.arange(n), cycles),
+            time=rows[:, 0],
+            velocity=rows[:, 1:4],
+            yaw_rate=rows[:, 4],
+            roll=rows[:, 5],
+            pitch=rows[:, 6],
+            height=rows[:, 7],
+        )
+
+    def _keep_pace(self, due: float) -> None:
+        """Sleep until `due` seconds after the first tick was asked for."""
+        clock = time.monotonic()
+        if self._began is None:
+            self._began = clock
+        time.sleep(max(0.0, self._began + due - clock))

@@ -1,0 +1,116 @@
+"""What a plugin author needs, and nothing else.
+
+Names are imported when they are first used (PEP 562), so that a plugin that only announces itself
+costs no numpy.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from star_core.contracts import (
+        Avoider,
+        Localizer,
+        Offer,
+        Planner,
+        Problem,
+        Status,
+        Step,
+        Task,
+        Transport,
+    )
+    from star_core.errors import ContractError, InputError, PluginError, StarError
+    from star_core.flight import Event, Flight, Tick
+    from star_core.hookspecs import hookimpl
+    from star_core.scene import Agent, Limits, Scene
+    from star_core.swarm import (
+        AgentPhase,
+        Array,
+        Command,
+        Estimate,
+        Goals,
+        Health,
+        Mask,
+        Odometry,
+        Order,
+        Paths,
+        Plan,
+        Rows,
+        Setpoint,
+        Supervisor,
+        Telemetry,
+        Transform,
+        Truth,
+    )
+    from star_core.world import Fence, Obstacle, World
+
+_HOME = {
+    "star_core.contracts": (
+        "Avoider", "Localizer", "Offer", "Planner", "Problem", "Status", "Step", "Task",
+        "Transport",
+    ),
+    "star_core.errors": ("ContractError", "InputError", "PluginError", "StarError"),
+    "star_core.flight": ("Event", "Flight", "Tick"),
+    "star_core.hookspecs": ("hookimpl",),
+    "star_core.scene": ("Agent", "Limits", "Scene"),
+    "star_core.swarm": (
+        "AgentPhase", "Array", "Command", "Estimate", "Goals", "Health", "Mask", "Odometry",
+        "Order", "Paths", "Plan", "Rows", "Setpoint", "Supervisor", "Telemetry", "Transform",
+        "Truth",
+    ),
+    "star_core.world": ("Fence", "Obstacle", "World"),
+}  # fmt: skip
+_HOME_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [  # noqa: PLE0604, RUF100 -- a test holds it to _HOME
+    "AgentPhase",
+    "Agent",
+    "Array",
+    "Avoider",
+    "Command",
+    "ContractError",
+    "Estimate",
+    "Event",
+    "Fence",
+    "Flight",
+    "Goals",
+    "Health",
+    "InputError",
+    "Limits",
+    "Localizer",
+    "Mask",
+    "Obstacle",
+    "Odometry",
+    "Offer",
+    "Order",
+    "Paths",
+    "Plan",
+    "Planner",
+    "PluginError",
+    "Problem",
+    "Rows",
+    "Scene",
+    "Setpoint",
+    "StarError",
+    "Status",
+    "Step",
+    "Supervisor",
+    "Task",
+    "Telemetry",
+    "Tick",
+    "Transform",
+    "Transport",
+    "Truth",
+    "World",
+    "hookimpl",
+]
+
+
+def __getattr__(name: str) -> object:
+    try:
+        module = import_module(_HOME_OF[name])
+    except KeyError:
+        raise AttributeError(f"module 'star_core' has no attribute {name!r}") from None
+    return getattr(module, name)

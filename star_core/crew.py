@@ -1,0 +1,124 @@
+"""The four parts a mission flies with, made and blamed by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from star_core.blame import Blame
+from star_core.contracts import Avoider, Localizer, Planner, Transport
+from star_core.errors import ContractError
+from star_core.mission import PARTS, Mission
+from star_core.registry import Registry
+from star_core.safety import checked_estimate, checked_plan, checked_setpoint, expect
+from star_core.swarm import (
+    Command,
+    Estimate,
+    Goals,
+    Plan,
+    Setpoint,
+    Telemetry,
+    Truth,
+)
+
+CONTRACTS = {
+    "transport": Transport,
+    "localizer": Localizer,
+    "planner": Planner,
+    "avoider": Avoider,
+}
+
+
+class Crew:
+    """Calls the parts, holds every answer to its contract, and names the plugin that breaks it.
+
+    Every method may raise `PluginError`.
+
+    Args:
+        mission: Names the parts.
+        registry: Where they are found.
+    """
+
+    def __init__(self, mission: Mission, registry: Registry) -> None:
+        self._n = len(mission.scene.agents)
+        self._blame = {kind: Blame(str(mission.parts[kind])) for kind in PARTS}
+        self._parts: dict[str, Any] = {}
+        try:
+            for kind in PARTS:
+                part = mission.parts[kind]
+                with self._blame[kind]:
+                    made = registry.find(kind, part.use).offer.make(mission.scene, **part.options)
+                    self._parts[kind] = made
+                    _keeps(made, CONTRACTS[kind])
+        except BaseException:
+            self.close()
+            raise
+
+    def connect(self) -> None:
+        """Open the links."""
+        with self._blame["transport"]:
+            self._parts["transport"].connect()
+
+    def wait(self, until: float) -> float:
+        """Let time pass until `until`, s, and return the mission time it is then, s."""
+        with self._blame["transport"]:
+            return float(self._parts["transport"].wait(until))
+
+    def receive(self) -> Telemetry:
+        """Return what arrived since the last call."""
+        with self._blame["transport"]:
+            telemetry = expect(self._parts["transport"].receive(), Telemetry)
+            if len(telemetry.age) != self._n:
+                raise ContractError(
+                    f"Telemetry.position has {len(telemetry.age)} rows, expected {self._n}"
+                )
+            return telemetry
+
+    def locate(self, telemetry: Telemetry) -> Estimate:
+        """Estimate where the agents are."""
+        with self._blame["localizer"]:
+            return checked_estimate(self._parts["localizer"].locate(telemetry), self._n)
+
+    def plan(self, estimate: Estimate, goals: Goals) -> Plan:
+        """Plan the next setpoint."""
+        with self._blame["planner"]:
+            return checked_plan(self._parts["planner"].plan(estimate, goals), self._n)
+
+    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+        """Make a setpoint safe."""
+        with self._blame["avoider"]:
+            return checked_setpoint(self._parts["avoider"].avoid(estimate, wanted), self._n)
+
+    def command(self, command: Command) -> None:
+        """Give an order, already in odometry frames."""
+        with self._blame["transport"]:
+            self._parts["transport"].command(command)
+
+    def send(self, setpoint: Setpoint) -> Setpoint:
+        """Send a setpoint, already in odometry frames, and return what was sent."""
+        with self._blame["transport"]:
+            return checked_setpoint(self._parts["transport"].send(setpoint), self._n)
+
+    def truth(self) -> Truth | None:
+        """Where the agents really are, if the transport can know."""
+        with self._blame["transport"]:
+            truth = self._parts["transport"].truth()
+            return None if truth is None else expect(truth, Truth)
+
+    def close(self) -> list[str]:
+        """Close every part that can be closed; return what went wrong."""
+        wrong = []
+        for kind, part in self._parts.items():
+            try:
+                with self._blame[kind]:
+                    getattr(part, "close", lambda: None)()
+            except Exception as error:  # noqa: BLE001 -- the others are still to be closed
+                wrong.append(str(error))
+        return wrong
+
+
+def _keeps(part: object, contract: type) -> None:
+    if not isinstance(part, contract):
+        has = set(dir(part))
+        methods = (name for name in vars(contract) if not name.startswith("_"))
+        lacking = ", ".join(f"{name}()" for name in methods if name not in has)
+        raise ContractError(f"{type(part).__name__} has no {lacking}")

@@ -1,0 +1,34 @@
+"""Every error that STAR raises on purpose.
+
+Catch `StarError` at a boundary (the command line does); catch a child only to act on it. A message
+says what was wrong, where, what was expected and, where there is one, the next step. It starts in
+lower case, has no full stop, and shows values through ``!r``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class StarError(Exception):
+    """Base of the errors that a user or a plugin author can put right."""
+
+
+class InputError(StarError):
+    """A file or an option that a user wrote cannot be used as it is.
+
+    Attributes:
+        problems: One line each, with its place: ``file:line:col: what is wrong``.
+    """
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = tuple(problems)
+
+
+class PluginError(StarError):
+    """A plugin is missing, broken, in conflict with another, or failed in flight."""
+
+
+class ContractError(StarError):
+    """A table or an answer that breaks its contract."""

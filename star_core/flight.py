@@ -1,0 +1,75 @@
+"""What observers are told about a flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from star_core.scene import Scene
+
+if TYPE_CHECKING:
+    from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Telemetry, Truth
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """What is known before anything moves.
+
+    Attributes:
+        mission: The mission's name.
+        scene: What every plugin was made with.
+        manifest: What to keep to fly it again: the mission and world as flown, plugins with their
+            distributions and versions, seed, packages, platform.
+        folder: Where records go; None keeps none.
+    """
+
+    mission: str
+    scene: Scene
+    manifest: Mapping[str, Any]
+    folder: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Everything one tick was made of.
+
+    Attributes:
+        time: Mission time, s.
+        telemetry: What was received.
+        estimate: Where the agents are believed to be.
+        health: Phase, battery and link of each agent.
+        goals: What the tasks want.
+        plan: What the planner answered.
+        sent: What was sent after avoider and limits, in the map.
+        truth: Where the agents really are, if the transport can know. For records only.
+        doing: The steps under way, in words.
+    """
+
+    time: float
+    telemetry: Telemetry
+    estimate: Estimate
+    health: Health
+    goals: Goals
+    plan: Plan
+    sent: Setpoint
+    truth: Truth | None
+    doing: str
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that belongs in the record.
+
+    Attributes:
+        time: Mission time, s.
+        kind: One word: ``step``, ``phase``, ``failure``, ``interrupt``, ``observer`` …
+        text: What happened.
+        agent: Whom it happened to, if one.
+    """
+
+    time: float
+    kind: str
+    text: str
+    agent: str | None = None

@@ -1,0 +1,210 @@
+"""A mission: read from YAML, checked against its schema and its world, frozen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from star_core import checks, schema
+from star_core.document import Document, override, read
+from star_core.errors import InputError
+from star_core.registry import Registry, Source
+from star_core.scene import Agent, Limits, Scene, inside
+from star_core.world import Fence, Obstacle, World, wall
+
+PARTS = ("transport", "localizer", "planner", "avoider")
+OnFailure: TypeAlias = Literal["abort", "land", "continue"]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Which plugin to use, with what, and whose it is."""
+
+    kind: str
+    use: str
+    options: Mapping[str, Any]
+    source: Source
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.use!r} ({self.source})"
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """One verb with its agents.
+
+    Attributes:
+        verb: The task that runs it.
+        rows: The agents it is for.
+        options: What the task is made with.
+        timeout: How long it may take, s; None leaves that to the task.
+        on_failure: What to do when it fails.
+        place: ``file:line:col`` of the step.
+    """
+
+    verb: str
+    rows: tuple[int, ...]
+    options: Mapping[str, Any]
+    timeout: float | None
+    on_failure: OnFailure
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class Parallel:
+    """Steps that run at once; it is over when all of them are."""
+
+    branches: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """Steps that run one after the other, several times."""
+
+    times: int
+    steps: tuple[Node, ...]
+
+
+Node: TypeAlias = Action | Parallel | Repeat
+
+
+@dataclass(frozen=True, slots=True)
+class Mission:
+    """What to fly.
+
+    Attributes:
+        name: For records.
+        scene: What every plugin is made with.
+        parts: The transport, localizer, planner and avoider, by kind.
+        steps: What to do, one after the other.
+        document: The mission as read, with what was set on the command line.
+        world: The world as read.
+    """
+
+    name: str
+    scene: Scene
+    parts: Mapping[str, Part]
+    steps: tuple[Node, ...]
+    document: Document
+    world: Document
+
+
+def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
+    """Read the mission at `path`, set what `assignments` (``path=value``) say, and check it.
+
+    Raises:
+        InputError: The mission or its world cannot be flown; every reason found is listed.
+    """
+    document = override(read(path), assignments)
+    if found := schema.problems(document, schema.compose(registry.offers())):
+        raise InputError(found)
+    world = _world_document(document)
+    found = [*schema.problems(world, schema.load("world"))] or checks.of_world(world)
+    if found:
+        raise InputError(found)
+    scene = _scene(document, _world(world.data))
+    if found := checks.of_mission(document, scene, registry):
+        raise InputError(found)
+    groups = checks.agents_by_name(document.data, scene)
+    return Mission(
+        name=document.data["name"],
+        scene=scene,
+        parts={kind: _part(kind, document.data[kind], registry) for kind in PARTS},
+        steps=tuple(
+            _node(step, ("mission", i), document, groups)
+            for i, step in enumerate(document.data["mission"])
+        ),
+        document=document,
+        world=world,
+    )
+
+
+def _world_document(document: Document) -> Document:
+    """Read the world that a mission names.
+
+    Raises:
+        InputError: There is no such file inside the mission's folder, or it cannot be read.
+    """
+    try:
+        path = inside(document.path.parent, document.data["world"])
+    except InputError as error:
+        raise InputError([document.problem(("world",), str(error))]) from None
+    return read(path)
+
+
+def _world(data: Mapping[str, Any]) -> World:
+    return World(
+        name=data.get("name", "world"),
+        fence=Fence(low=tuple(data["fence"]["low"]), high=tuple(data["fence"]["high"])),
+        obstacles=tuple(
+            Obstacle(
+                name=name,
+                polygons=(tuple((x, y) for x, y in given["polygon"]),)
+                if "polygon" in given
+                else wall([(x, y) for x, y in given["polyline"]], given["thickness"]),
+                height=tuple(given["height"]),
+            )
+            for name, given in (data.get("obstacles") or {}).items()
+        ),
+    )
+
+
+def _scene(document: Document, world: World) -> Scene:
+    data = document.data
+    limits = dict(data.get("limits", {}))
+    if "height" in limits:
+        limits["height"] = tuple(limits["height"])
+    return Scene(
+        agents=tuple(
+            Agent(
+                name=name,
+                start=tuple(float(x) for x in given["start"]),
+                yaw=math.radians(given.get("yaw_deg", 0.0)),
+                uri=given.get("uri"),
+            )
+            for name, given in data["swarm"].items()
+        ),
+        period=1 / data.get("rate", 20),
+        world=world,
+        limits=Limits(**limits),
+        seed=data.get("seed", 0),
+        folder=document.path.parent,
+    )
+
+
+def _part(kind: str, given: str | Mapping[str, Any], registry: Registry) -> Part:
+    options = {} if isinstance(given, str) else {k: v for k, v in given.items() if k != "use"}
+    use = given if isinstance(given, str) else given["use"]
+    return Part(kind, use, options, registry.find(kind, use).source)
+
+
+def _node(
+    step: Mapping[str, Any],
+    path: tuple[str | int, ...],
+    document: Document,
+    groups: Mapping[str, tuple[int, ...]],
+) -> Node:
+    ((verb, given),) = step.items()
+    if verb == "parallel":
+        return Parallel(
+            tuple(_node(s, (*path, verb, i), document, groups) for i, s in enumerate(given))
+        )
+    if verb == "repeat":
+        return Repeat(
+            given["times"],
+            tuple(
+                _node(s, (*path, verb, "steps", i), document, groups)
+                for i, s in enumerate(given["steps"])
+            ),
+        )
+    return Action(
+        verb=verb,
+        rows=checks.rows_of(given.get("agents", "all"), groups),
+        options={key: value for key, value in given.items() if key not in checks.SHARED},
+        timeout=given.get("timeout"),
+        on_failure=given.get("on_failure", "abort"),
+        place=document.place(path),
+    )

@@ -1,0 +1,154 @@
+"""Finds plugins and hands out what they offer."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Final
+
+import pluggy
+
+from star_core import hookspecs
+from star_core.contracts import Offer
+from star_core.errors import PluginError
+
+ENTRY_POINT_GROUP: Final = "star.plugins"
+KINDS: Final = ("transport", "localizer", "planner", "avoider", "task", "command")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a plugin comes from.
+
+    Attributes:
+        plugin: ``distribution:entry point``.
+        version: The distribution's version.
+    """
+
+    plugin: str
+    version: str = ""
+
+    def __str__(self) -> str:
+        distribution, _, entry = self.plugin.partition(":")
+        return f"{distribution} {self.version}:{entry}" if self.version else self.plugin
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """An offer and where it comes from."""
+
+    offer: Offer[Any]
+    source: Source
+
+
+class Registry:
+    """Everything that installed plugins offer.
+
+    A plugin that cannot be loaded is left out and listed in `broken`: it must not ground a mission
+    that does not use it. (pluggy's own loader would raise at the first one, and would drop the
+    second of two plugins of one name without a word.)
+
+    Args:
+        plugins: Further plugins to register, beside the installed ones.
+        installed: Whether to load the installed ones.
+
+    Attributes:
+        manager: Holds the plugins, for the hooks that watch.
+        broken: Why each plugin that was left out could not be used.
+    """
+
+    def __init__(self, *plugins: object, installed: bool = True) -> None:
+        self.manager = pluggy.PluginManager(hookspecs.PROJECT)
+        self.manager.add_hookspecs(hookspecs)
+        self.broken: dict[Source, str] = {}
+        self._found: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
+        for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)) if installed else ():
+            source = Source(*_home(entry))
+            try:
+                self.add(entry.load(), source)
+            except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever an import may raise
+                self.broken[source] = f"{type(error).__name__}: {error}"
+        for plugin in plugins:
+            self.add(plugin, Source(f"{type(plugin).__module__}:{type(plugin).__name__}"))
+
+    def add(self, plugin: object, source: Source) -> None:
+        """Register a plugin and collect its offers.
+
+        Raises:
+            PluginError: It implements a hook that does not exist, or offers what is no `Offer`.
+        """
+        try:
+            name = self.manager.register(plugin, name=source.plugin)
+            for caller in self.manager.get_hookcallers(plugin) or ():
+                if not caller.has_spec():
+                    raise PluginError(_unknown("hook", caller.name, _hooks()))
+            fresh = [
+                (kind, Found(offer, source)) for kind in KINDS for offer in _offers(plugin, kind)
+            ]
+        except (Exception, SystemExit):
+            if self.manager.has_plugin(source.plugin):
+                self.manager.unregister(name=name)
+            raise
+        for kind, found in fresh:
+            self._found[kind].setdefault(found.offer.name, []).append(found)
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        """Every name of a kind, in alphabetical order."""
+        return tuple(sorted(self._found[kind]))
+
+    def offers(self) -> dict[str, dict[str, Offer[Any]]]:
+        """The offers by kind and name; of two of one name, the first."""
+        return {
+            kind: {name: self._found[kind][name][0].offer for name in self.names(kind)}
+            for kind in KINDS
+        }
+
+    def find(self, kind: str, name: str) -> Found:
+        """Return the offer of that kind and name.
+
+        Raises:
+            PluginError: There is none, and the message names the nearest one; or there are two.
+        """
+        found = self._found[kind].get(name, [])
+        if not found:
+            left_out = "".join(
+                f"; plugin {source} was left out: {why}" for source, why in self.broken.items()
+            )
+            raise PluginError(_unknown(kind, name, self.names(kind)) + left_out)
+        if len(found) > 1:
+            who = " and ".join(str(one.source) for one in found)
+            raise PluginError(f"two plugins offer a {kind} named {name!r}: {who}; uninstall one")
+        return found[0]
+
+    def __iter__(self) -> Iterator[tuple[str, Found]]:
+        """Every kind and offer there is, those of equal names included."""
+        for kind in KINDS:
+            for name in self.names(kind):
+                for found in self._found[kind][name]:
+                    yield kind, found
+
+
+def _offers(plugin: object, kind: str) -> Iterable[Offer[Any]]:
+    hook = getattr(plugin, f"star_{kind}s", None)
+    for offer in hook() or () if hook is not None else ():
+        if not isinstance(offer, Offer):
+            raise PluginError(f"star_{kind}s() yields {type(offer).__name__}, expected Offer")
+        yield offer
+
+
+def _home(entry: EntryPoint) -> tuple[str, str]:
+    if entry.dist is None:
+        return entry.name, ""
+    return f"{entry.dist.name}:{entry.name}", entry.dist.version
+
+
+def _hooks() -> Mapping[str, Any]:
+    return {name: hook for name, hook in vars(hookspecs).items() if name.startswith("star_")}
+
+
+def _unknown(kind: str, name: str, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(known) or 'none'}"
+    return f"no {kind} named {name!r}; {hint}"

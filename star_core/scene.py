@@ -1,0 +1,105 @@
+"""What does not change in flight, as every plugin is told it. Nothing here imports numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+from star_core.errors import InputError
+from star_core.world import Point, World
+
+
+@dataclass(frozen=True, slots=True)
+class Agent:
+    """One drone of the swarm.
+
+    Attributes:
+        name: As the mission calls it.
+        start: Where it stands before take-off, map frame, m.
+        yaw: Its heading there, rad, anticlockwise from the map's x axis.
+        uri: Address of its link; the simulator does not need one.
+    """
+
+    name: str
+    start: Point
+    yaw: float = 0.0
+    uri: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What no agent may exceed.
+
+    Attributes:
+        speed: Greatest speed, m/s.
+        acceleration: Greatest acceleration, m/s².
+        height: Lowest and highest z to fly at, map frame, m.
+    """
+
+    speed: float = 0.5
+    acceleration: float = 2.0
+    height: tuple[float, float] = (0.2, 1.8)
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What every plugin is made with.
+
+    Attributes:
+        agents: The drone of each row; row *i* is the same agent in every table of the mission.
+        period: Time from one tick to the next, s.
+        world: Geofence and obstacles.
+        limits: Speed, acceleration and heights.
+        seed: Root of every random number: a plugin draws from
+            ``numpy.random.default_rng([scene.seed, its own constant])`` and from nothing else.
+        folder: The mission's folder; files that a mission names are read from inside it.
+    """
+
+    agents: tuple[Agent, ...]
+    period: float
+    world: World
+    limits: Limits = field(default_factory=Limits)
+    seed: int = 0
+    folder: Path = field(default_factory=Path)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of the agent in each row."""
+        return tuple(agent.name for agent in self.agents)
+
+    def file(self, name: str) -> Path:
+        """Return the path of a file that the mission names.
+
+        Raises:
+            InputError: It is no file inside the mission's folder.
+        """
+        return inside(self.folder, name)
+
+    def named(self, rows: Iterable[int]) -> str:
+        """Names of some rows, for messages: ``cf1, cf3``."""
+        return ", ".join(self.agents[row].name for row in rows)
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Return the path of a file that a mission names.
+
+    Args:
+        folder: The mission's folder.
+        name: As the mission writes it, relative to the folder.
+
+    Raises:
+        InputError: It is absolute, leaves the folder (links followed), or is no file.
+    """
+    path = folder / name
+    if Path(name).is_absolute() or not path.resolve().is_relative_to(folder.resolve()):
+        raise InputError([f"{name!r} is outside the mission's folder; name a file inside it"])
+    if not path.is_file():
+        if path.exists():
+            raise InputError([f"{name!r} is not a file"])
+        beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
+        near = get_close_matches(name, beside, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise InputError([f"there is no file {name!r} in the mission's folder{hint}"])
+    return path

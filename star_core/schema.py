@@ -1,0 +1,221 @@
+"""The schemas of missions and worlds: composed from what is installed, and checked with places."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote, unquote
+
+from star_core.contracts import Offer
+from star_core.document import PARTS, Document
+from star_core.errors import PluginError
+
+if TYPE_CHECKING:
+    from jsonschema.protocols import Validator
+
+SHARED = ("agents", "timeout", "on_failure")  # what every verb of a plugin takes beside its own
+
+
+def load(name: str) -> dict[str, Any]:
+    """Read ``schemas/<name>.schema.json``: ``mission`` or ``world``."""
+    from importlib.resources import files
+
+    packaged = files("star_core") / "schemas"
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[1] / "schemas"
+    schema: dict[str, Any] = json.loads(
+        (folder / f"{name}.schema.json").read_text(encoding="utf-8")
+    )
+    return schema
+
+
+def compose(offers: Mapping[str, Mapping[str, Offer[Any]]]) -> dict[str, Any]:
+    """Return the mission schema with the names, options and verbs of these plugins.
+
+    It has neither ``anyOf`` nor ``oneOf`` of its own, so that one mistake is one error and an
+    editor completes what fits.
+
+    Args:
+        offers: By kind and name; kinds that a mission file does not name are passed over.
+
+    Raises:
+        PluginError: A plugin's options are no JSON Schema of an object, refer to what is not
+            there, or have a name that STAR uses itself; the message names the kind and the plugin.
+    """
+    mission = load("mission")
+    definitions = mission["$defs"]
+    for kind in PARTS:
+        made = {
+            name: _options(kind, offer, definitions, reserved=("use",))
+            for name, offer in sorted(offers.get(kind, {}).items())
+        }
+        mission["properties"][kind] = {
+            "title": kind.capitalize(),
+            "description": mission["properties"][kind]["description"],
+            **_part(made),
+        }
+    step = definitions["step"]
+    step["additionalProperties"] = False
+    for verb, offer in sorted(offers.get("task", {}).items()):
+        if verb in ("parallel", "repeat"):
+            raise PluginError(f"task {verb!r}: STAR has a verb of that name itself")
+        options = _options("task", offer, definitions, reserved=SHARED)
+        shared = {name: {"$ref": f"#/$defs/{name}"} for name in SHARED}
+        step["properties"][verb] = {**options, "properties": options["properties"] | shared}
+    return mission
+
+
+def problems(document: Document, schema: Mapping[str, Any]) -> list[str]:
+    """Return every mistake in `document` as one line with its place, in the order of the file.
+
+    The list is empty if there is none.
+    """
+    from star_core.faults import explain
+
+    errors = _validator()(dict(schema)).iter_errors(document.data)
+    located = {
+        (document.mark(fault.path, key=fault.key), fault.message): document.problem(
+            fault.path, fault.message, key=fault.key
+        )
+        for fault in explain(errors, document.data)
+    }
+    return [located[key] for key in sorted(located, key=lambda key: (key[0].origin != "", key))]
+
+
+@cache
+def _validator() -> type[Validator]:
+    """JSON Schema 2020-12, but 2.0 is not a whole number and ``$`` is the very end of a string.
+
+    A plugin that asks for a whole number is given an ``int``; a name that ends in a line break is
+    no name of a folder.
+    """
+    import re
+
+    from jsonschema import Draft202012Validator, ValidationError
+    from jsonschema.validators import extend
+
+    def is_whole(_checker: object, value: object) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool)
+
+    def pattern(_validator: object, wanted: str, value: object, _schema: object) -> Iterator[Any]:
+        ending = wanted[:-1] + r"\Z" if wanted.endswith("$") else wanted
+        if isinstance(value, str) and not re.search(ending, value):
+            yield ValidationError(f"{value!r} does not match {wanted!r}")
+
+    checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole)
+    return extend(Draft202012Validator, {"pattern": pattern}, type_checker=checker)  # type: ignore[no-any-return, no-untyped-call]
+
+
+def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the schema of the choice of a plugin: a name, or ``{use: name, ...options}``."""
+    summaries = [options["description"] for options in made.values()]
+    names = {"enum": list(made), "enumDescriptions": summaries}
+    rules: list[Any] = []
+    for name, options in made.items():
+        used = {
+            "type": "object",
+            "required": ["use"],
+            "properties": {"use": {"const": name}},
+        }
+        given = {**options, "properties": {"use": True, **options["properties"]}}
+        rules.append({"if": used, "then": given})
+        if options.get("required"):
+            needs = {"type": "object", "required": options["required"]}
+            rules.append({"if": {"const": name}, "then": needs})
+    return {
+        "type": ["string", "object"],
+        "examples": list(made),
+        "if": {"type": "string"},
+        "then": names,
+        "else": {
+            "required": ["use"],
+            "properties": {"use": {"description": "The plugin's name.", **names}},
+        },
+        "allOf": rules or [True],
+    }
+
+
+def _options(
+    kind: str, offer: Offer[Any], definitions: dict[str, Any], *, reserved: tuple[str, ...]
+) -> dict[str, Any]:
+    """Return a plugin's options as a closed schema that can stand inside another one.
+
+    What they refer to within themselves is put into `definitions`, and the references are turned.
+
+    Raises:
+        PluginError: See `compose`.
+    """
+    who = f"{kind} {offer.name!r}"
+    options = _plain_schema(who, offer.options)
+    properties = options.setdefault("properties", {})
+    for name in reserved:
+        if name in properties:
+            raise PluginError(f"{who}: option {name!r} has a name that STAR uses itself")
+    for name in options.get("required", ()):
+        if name not in properties:
+            raise PluginError(f"{who}: option {name!r} is required but not among its properties")
+    home = f"{kind}.{offer.name}"
+    references = list(_references(options))
+    for holder in references:
+        if not _is_there(holder["$ref"], options):
+            raise PluginError(f"{who}: options refer to {holder['$ref']!r}, which is not there")
+    for holder in references:
+        definitions[home] = options
+        holder["$ref"] = f"#/$defs/{quote(home)}{holder['$ref'][1:]}"
+    return {
+        **options,
+        "title": offer.name,
+        "description": offer.summary,
+        "type": "object",
+        "additionalProperties": False,
+    }
+
+
+def _plain_schema(who: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a copy of a plugin's options as plain JSON.
+
+    Raises:
+        PluginError: They are no JSON Schema of an object.
+    """
+    from jsonschema import Draft202012Validator, SchemaError
+
+    try:
+        copy = json.loads(json.dumps(options, default=dict, allow_nan=False))
+        Draft202012Validator.check_schema(copy)
+    except SchemaError as error:
+        where = ".".join(str(part) for part in ("options", *error.absolute_path))
+        raise PluginError(f"{who}: {where} is no JSON Schema: {error.message}") from error
+    except (TypeError, ValueError, RecursionError) as error:
+        raise PluginError(f"{who}: options are no JSON: {error}") from error
+    if not isinstance(copy, dict) or copy.get("type", "object") != "object":
+        raise PluginError(f"{who}: options are no schema of an object, expected type: object")
+    return {key: value for key, value in copy.items() if key not in {"$schema", "$id"}}
+
+
+def _references(schema: Any) -> Iterator[dict[str, Any]]:
+    """Find every map with a ``$ref`` in it."""
+    waiting = [schema]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            if isinstance(value.get("$ref"), str):
+                yield value
+            waiting += value.values()
+        elif isinstance(value, list):
+            waiting += value
+
+
+def _is_there(reference: str, schema: Any) -> bool:
+    """Whether a JSON pointer (``#/$defs/point``) leads somewhere in a schema."""
+    start, *names = unquote(reference).split("/")
+    for name in names:
+        found = name.replace("~1", "/").replace("~0", "~")
+        if isinstance(schema, list) and found.isdecimal() and int(found) < len(schema):
+            schema = schema[int(found)]
+        elif isinstance(schema, dict) and found in schema:
+            schema = schema[found]
+        else:
+            return False
+    return start == "#"

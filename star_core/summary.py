@@ -1,0 +1,195 @@
+"""Measures a flight as it goes, and sums it up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from star_core.checks import CONTACT_RADIUS
+from star_core.flight import Event, Tick
+from star_core.scene import Scene
+from star_core.swarm import AgentPhase, Array, Mask
+from star_core.world import Obstacle
+
+MANY = 64
+"""Agents from which on neighbours are found by a tree; below, by all pairs."""
+
+
+class Meter:
+    """Takes in every tick of a flight.
+
+    Separation, clearance and collisions are those of the truth where there is one, else of the
+    estimate, at the ticks. The position error is the distance from estimate to truth in space, not
+    aligned, from the end of an agent's take-off to the start of its landing.
+
+    Args:
+        scene: Agents and obstacles.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        n = len(scene.agents)
+        self._scene = scene
+        self._touching: set[tuple[int, int]] = set()
+        self._hitting = np.zeros(n, np.bool_)
+        self._agent_agent = 0
+        self._agent_obstacle = 0
+        self._separation = np.inf
+        self._clearance = np.inf
+        self._length = np.zeros(n)
+        self._last: Array | None = None
+        self._errors: list[tuple[Mask, Array]] = []
+        self._begun: float | None = None
+        self._time = 0.0
+
+    def add(self, tick: Tick) -> None:
+        """Take in one tick."""
+        truth = tick.truth
+        position = tick.estimate.position if truth is None else truth.position
+        self._apart(position)
+        self._clear(position)
+        if self._last is not None:
+            self._length += np.nan_to_num(np.linalg.norm(position - self._last, axis=1))
+        self._last = position
+        flying = tick.health.phase == AgentPhase.FLYING
+        if truth is not None and flying.any():
+            offset = tick.estimate.position - truth.position
+            self._errors.append((flying, np.einsum("ij,ij->i", offset, offset)))
+        self._begun = tick.time if self._begun is None else self._begun
+        self._time = tick.time
+
+    def summary(
+        self, *, mission: str, outcome: str, reason: str, wall_time: float, events: Iterable[Event]
+    ) -> dict[str, Any]:
+        """Return what ``summary.json`` holds; figures that cannot be known are None."""
+        names = self._scene.names
+        flight_time = self._time - (self._begun or 0.0)
+        mse = self._position_mse()
+        return {
+            "outcome": outcome,
+            "reason": reason,
+            "mission": mission,
+            "seed": self._scene.seed,
+            "agents": list(names),
+            "flight_time_s": round(flight_time, 9),
+            "wall_time_s": round(wall_time, 6),
+            "realtime_factor": round(flight_time / wall_time, 3) if wall_time > 0 else None,
+            "collisions": {
+                "agent_agent": self._agent_agent,
+                "agent_obstacle": self._agent_obstacle,
+            },
+            "min_separation_m": _known(self._separation),
+            "min_clearance_m": _known(self._clearance),
+            "position_mse_m2": mse,
+            "position_rmse_m": None if mse is None else float(np.sqrt(mse["mean"])),
+            "path_length_m": {
+                "total": float(self._length.sum()),
+                "per_agent": dict(zip(names, self._length.tolist(), strict=True)),
+            },
+            "targets": {"found": 0, "total": 0},
+            "events": [
+                {key: value for key, value in asdict(event).items() if value is not None}
+                for event in events
+            ],
+        }
+
+    def _position_mse(self) -> Mapping[str, Any] | None:
+        """Mean and deviation over all samples of all agents, and the mean of each agent, m²."""
+        if not self._errors:
+            return None
+        flying = np.array([mask for mask, _ in self._errors])  # (T, N)
+        squared = np.where(flying, np.array([error for _, error in self._errors]), np.nan)
+        samples = squared[flying]
+        return {
+            "mean": float(np.mean(samples)),
+            "std": float(np.std(samples)),
+            "per_agent": {
+                name: float(np.mean(squared[flying[:, i], i])) if flying[:, i].any() else None
+                for i, name in enumerate(self._scene.names)
+            },
+        }
+
+    def _apart(self, position: Array) -> None:
+        """Take in how near the agents are to each other: (N, 3) m."""
+        near, least = _pairs(position, 2 * CONTACT_RADIUS)
+        self._agent_agent += len(near - self._touching)
+        self._touching = near
+        self._separation = min(self._separation, least)
+
+    def _clear(self, position: Array) -> None:
+        """Take in how near the agents are to obstacles: (N, 3) m."""
+        if not self._scene.world.obstacles:
+            return
+        clearance = np.min([distance(position, o) for o in self._scene.world.obstacles], axis=0)
+        hitting = clearance < CONTACT_RADIUS
+        self._agent_obstacle += int((hitting & ~self._hitting).sum())
+        self._hitting = hitting
+        self._clearance = min(self._clearance, float(clearance.min()))
+
+
+def distance(position: Array, obstacle: Obstacle) -> Array:
+    """Return how far points are from an obstacle, 0 inside it.
+
+    Args:
+        position: (N, 3) points in the map, m.
+        obstacle: An upright prism, or several.
+
+    Returns:
+        (N,) m.
+
+    Example:
+        >>> pillar = Obstacle("pillar", (((0, 0), (1, 0), (1, 1), (0, 1)),), (0, 2))
+        >>> distance(np.array([[2.0, 0.5, 1.0], [0.5, 0.5, 3.0], [0.5, 0.5, 1.0]]), pillar)
+        array([1., 1., 0.])
+    """
+    foot, top = obstacle.height
+    height = np.maximum(0.0, np.maximum(foot - position[:, 2], position[:, 2] - top))
+    flat = np.min([_flat(position[:, :2], np.array(p)) for p in obstacle.polygons], axis=0)
+    answer: Array = np.hypot(flat, height)
+    return answer
+
+
+def _flat(point: Array, polygon: Array) -> Array:
+    """Distance in the plane from (N, 2) points to a (K, 2) polygon, 0 inside: (N,) m."""
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    edge = b - a  # (K, 2)
+    offset = point[:, None] - a[None]  # (N, K, 2), from corner to point
+    along = np.clip(np.einsum("nkd,kd->nk", offset, edge) / (edge**2).sum(axis=1), 0.0, 1.0)
+    gap = np.linalg.norm(offset - along[..., None] * edge, axis=2).min(axis=1)
+    x, y = point[:, :1], point[:, 1:]
+    spans = (a[:, 1] > y) != (b[:, 1] > y)
+    rise = np.where(edge[:, 1] == 0, 1.0, edge[:, 1])
+    crosses = spans & (x < a[:, 0] + (y - a[:, 1]) / rise * edge[:, 0])
+    inside = crosses.sum(axis=1) % 2 == 1
+    answer: Array = np.where(inside, 0.0, gap)
+    return answer
+
+
+def _pairs(position: Array, touch: float) -> tuple[set[tuple[int, int]], float]:
+    """Return which agents are nearer than `touch` to each other, and the least distance of all, m.
+
+    Agents that are nowhere (NaN) are near nobody.
+    """
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    if len(rows) < 2:  # noqa: PLR2004 -- a pair
+        return set(), np.inf
+    if len(rows) < MANY:
+        first, second = np.triu_indices(len(rows), 1)
+        offset = position[rows[first]] - position[rows[second]]
+        apart = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+        close = apart < touch
+        return set(
+            zip(rows[first[close]].tolist(), rows[second[close]].tolist(), strict=True)
+        ), float(apart.min())
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(position[rows])
+    least = float(tree.query(position[rows], k=2)[0][:, 1].min())
+    near = tree.query_pairs(touch) if least < touch else set()
+    return {(int(rows[i]), int(rows[j])) for i, j in near}, least
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

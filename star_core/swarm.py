@@ -1,0 +1,376 @@
+"""What passes through one tick: frozen tables with one row per agent.
+
+Row *i* is the same agent in every table of a mission. Frames are right-handed with z up, units SI,
+floats float64. Arrays are read-only: a stage that wants a changed table makes a new one with
+`dataclasses.replace`. Ragged data is a long table with an agent column.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum, IntFlag, StrEnum
+from typing import Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from star_core.errors import ContractError
+
+Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+Rows: TypeAlias = NDArray[np.int64]
+
+
+class AgentPhase(IntEnum):
+    """Where one agent stands in its flight."""
+
+    GROUNDED = 0
+    TAKING_OFF = 1
+    FLYING = 2
+    LANDING = 3
+    LANDED = 4
+    LOST = 5  # not heard from, or not located
+    EMERGENCY = 6  # tumbled, locked, crashed, or its motors were stopped
+
+
+class Supervisor(IntFlag):
+    """Bits of `Telemetry.state`, as the Crazyflie firmware's supervisor reports them."""
+
+    CAN_ARM = 1
+    ARMED = 2
+    AUTO_ARM = 4
+    CAN_FLY = 8
+    FLYING = 16  # stays set for 2 s after the motors were last above idle
+    TUMBLED = 32
+    LOCKED = 64
+    CRASHED = 128
+    COMMANDER_ACTIVE = 256  # the high-level commander flies
+    COMMANDER_FINISHED = 512  # the high-level commander's last trajectory is over
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """What the on-board estimators streamed since the last tick: one row per sample, up to 100 Hz.
+
+    Attributes:
+        agent: (K,) row of the agent that sent the sample.
+        time: (K,) mission time of the sample, s.
+        velocity: (K, 3) velocity in the body frame turned level (x forward, z up), m/s.
+        yaw_rate: (K,) rad/s.
+        roll: (K,) rad.
+        pitch: (K,) rad, nose down positive (right-handed about y).
+        height: (K,) z in the agent's odometry frame, m.
+    """
+
+    agent: Rows
+    time: Array
+    velocity: Array
+    yaw_rate: Array
+    roll: Array
+    pitch: Array
+    height: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.agent)
+        _settle(self, np.int64, agent=(k,))
+        _settle(self, time=(k,), velocity=(k, 3), yaw_rate=(k,))
+        _settle(self, roll=(k,), pitch=(k,), height=(k,))
+
+    @classmethod
+    def none(cls) -> Self:
+        """No sample."""
+        nothing = np.zeros(0)
+        return cls(
+            np.zeros(0, np.int64), nothing, np.zeros((0, 3)), nothing, nothing, nothing, nothing
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What the agents report, each in its own odometry frame. NaN means "not reported".
+
+    An agent's odometry frame lies where the agent stood, level, x along its heading, when its
+    estimator was started; it drifts away from there in flight.
+
+    Attributes:
+        time: Mission time of the newest row, s.
+        position: (N, 3) m.
+        velocity: (N, 3) m/s.
+        attitude: (N, 4) unit quaternion x, y, z, w from the body to the odometry frame.
+        battery: (N,) V.
+        state: (N,) bits of `Supervisor`.
+        age: (N,) time since each agent was last heard, s.
+        odometry: Every sample since the last tick.
+    """
+
+    time: float
+    position: Array
+    velocity: Array
+    attitude: Array
+    battery: Array
+    state: Rows
+    age: Array
+    odometry: Odometry = field(default_factory=Odometry.none)
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        _settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4), battery=(n,), age=(n,))
+        _settle(self, np.int64, state=(n,))
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """A level rigid motion for each agent: a turn about z, then a shift.
+
+    Attributes:
+        yaw: (N,) rad.
+        translation: (N, 3) m.
+    """
+
+    yaw: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.yaw)
+        _settle(self, yaw=(n,), translation=(n, 3))
+
+    def turn(self, vectors: Array) -> Array:
+        """Turn (N, 3) vectors, one per agent, without the shift.
+
+        >>> quarter = Transform(np.array([np.pi / 2]), np.ones((1, 3)))
+        >>> quarter.turn(np.array([[1.0, 0.0, 0.5]])).round(9)
+        array([[0. , 1. , 0.5]])
+        """
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        x, y, z = vectors.T
+        return np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
+
+    def apply(self, points: Array) -> Array:
+        """Move (N, 3) points, one per agent."""
+        return self.turn(points) + self.translation
+
+    def inverse(self) -> Transform:
+        """The motion that undoes this one."""
+        back = Transform(-self.yaw, np.zeros_like(self.translation))
+        return Transform(-self.yaw, -back.turn(self.translation))
+
+    def of(self, rows: Rows) -> Transform:
+        """The motions of some agents, in the order of `rows`."""
+        return Transform(self.yaw[rows], self.translation[rows])
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Where the agents are believed to be, in the map: a localizer's answer.
+
+    Attributes:
+        time: Mission time, s.
+        position: (N, 3) m.
+        velocity: (N, 3) m/s.
+        yaw: (N,) rad, anticlockwise from the map's x axis.
+        covariance: (N, 3, 3) covariance of the position, m².
+        valid: (N,) False where the row must not be flown on.
+        map_from_odom: Where each agent's odometry frame lies in the map.
+    """
+
+    time: float
+    position: Array
+    velocity: Array
+    yaw: Array
+    covariance: Array
+    valid: Mask
+    map_from_odom: Transform
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        _settle(self, position=(n, 3), velocity=(n, 3), yaw=(n,), covariance=(n, 3, 3))
+        _settle(self, np.bool_, valid=(n,))
+        if len(self.map_from_odom.yaw) != n:
+            raise ContractError(
+                f"Estimate.map_from_odom has {len(self.map_from_odom.yaw)} rows, expected {n}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """How the agents are: what a task may know beside the estimate.
+
+    Attributes:
+        phase: (N,) `AgentPhase`.
+        battery: (N,) V; NaN where not reported.
+        age: (N,) time since each agent was last heard, s.
+    """
+
+    phase: Rows
+    battery: Array
+    age: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.phase)
+        _settle(self, np.int64, phase=(n,))
+        _settle(self, battery=(n,), age=(n,))
+
+
+@dataclass(frozen=True, slots=True)
+class Goals:
+    """Where the tasks want the agents, in the map.
+
+    Attributes:
+        position: (N, 3) m.
+        velocity: (N, 3) velocity of a goal that moves, m/s: feed-forward.
+        yaw: (N,) rad.
+        speed: (N,) greatest speed on the way, m/s.
+        active: (N,) False where there is no goal.
+    """
+
+    position: Array
+    velocity: Array
+    yaw: Array
+    speed: Array
+    active: Mask
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        _settle(self, position=(n, 3), velocity=(n, 3), yaw=(n,), speed=(n,))
+        _settle(self, np.bool_, active=(n,))
+
+    @classmethod
+    def none(cls, n: int) -> Self:
+        """No goal for any of `n` agents."""
+        zero = np.zeros(n)
+        return cls(np.zeros((n, 3)), np.zeros((n, 3)), zero, zero, np.zeros(n, np.bool_))
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """What the agents should fly until the next tick, in the map.
+
+    Attributes:
+        velocity: (N, 3) m/s.
+        yaw: (N,) rad, anticlockwise from the map's x axis.
+        active: (N,) False where nothing is sent (grounded, taking off, landing, lost); such a row
+            does what it does, and an avoider expects nothing of it.
+    """
+
+    velocity: Array
+    yaw: Array
+    active: Mask
+
+    def __post_init__(self) -> None:
+        n = len(self.velocity)
+        _settle(self, velocity=(n, 3), yaw=(n,))
+        _settle(self, np.bool_, active=(n,))
+
+
+@dataclass(frozen=True, slots=True)
+class Paths:
+    """Polylines that agents are going to fly, in the map: a long table.
+
+    Attributes:
+        agent: (K,) row of the agent; the points of one agent stand together, in order.
+        point: (K, 3) m.
+    """
+
+    agent: Rows
+    point: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.agent)
+        _settle(self, np.int64, agent=(k,))
+        _settle(self, point=(k, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A planner's answer.
+
+    Attributes:
+        setpoint: What to fly now.
+        paths: What is left of each agent's path.
+        unreachable: (N,) True where the goal cannot be reached.
+    """
+
+    setpoint: Setpoint
+    paths: Paths
+    unreachable: Mask
+
+    def __post_init__(self) -> None:
+        _settle(self, np.bool_, unreachable=(len(self.setpoint.yaw),))
+
+
+class Order(StrEnum):
+    """What the on-board high-level commander can be told."""
+
+    ARM = "arm"
+    TAKEOFF = "takeoff"  # climb straight up to position z
+    LAND = "land"  # descend straight down to position z
+    GOTO = "goto"  # fly to position
+    STOP = "stop"  # motors off, at once
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """An order to the on-board commanders of some agents: one row per agent that is meant.
+
+    Attributes:
+        order: What to do.
+        agent: (K,) rows of the agents meant.
+        position: (K, 3) target, m: in the map when a task gives it, in each agent's odometry frame
+            when a transport receives it. Take-off and landing use z only.
+        yaw: (K,) heading at the end, rad, in the same frame. Take-off and landing keep theirs.
+        duration: (K,) time to take, s.
+    """
+
+    order: Order
+    agent: Rows
+    position: Array
+    yaw: Array
+    duration: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.agent)
+        _settle(self, np.int64, agent=(k,))
+        _settle(self, position=(k, 3), yaw=(k,), duration=(k,))
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where the agents really are, in the map: from a simulator or motion capture. Records only.
+
+    Attributes:
+        time: Mission time, s.
+        position: (N, 3) m.
+        velocity: (N, 3) m/s.
+        attitude: (N, 4) unit quaternion x, y, z, w from the body to the map.
+    """
+
+    time: float
+    position: Array
+    velocity: Array
+    attitude: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        _settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4))
+
+
+def _settle(
+    table: object, dtype: type[np.generic] = np.float64, /, **shapes: tuple[int, ...]
+) -> None:
+    """Make each named field a read-only array of its shape, or say which one cannot be.
+
+    Raises:
+        ContractError: A field has another shape, or holds what is no number.
+    """
+    for name, shape in shapes.items():
+        given = getattr(table, name)
+        try:
+            array = np.array(given, dtype=dtype)
+        except (TypeError, ValueError) as error:
+            raise ContractError(f"{type(table).__name__}.{name} is no array: {error}") from error
+        if array.shape != shape:
+            raise ContractError(
+                f"{type(table).__name__}.{name} has shape {array.shape}, expected {shape}"
+            )
+        array.flags.writeable = False
+        object.__setattr__(table, name, array)

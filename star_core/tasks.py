@@ -1,0 +1,225 @@
+"""Runs the steps of a mission: in order, at once, again; and merges what they want."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from star_core.blame import Blame
+from star_core.contracts import Status, Step, Task
+from star_core.errors import ContractError
+from star_core.mission import Action, Mission, Node, Parallel, Repeat
+from star_core.registry import Registry
+from star_core.safety import expect
+from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health, Mask
+
+Tell: TypeAlias = Callable[[str, str], None]
+
+
+@dataclass(slots=True)
+class Wishes:
+    """What the running steps want in one tick, merged.
+
+    Attributes:
+        position: (N, 3) goals so far, m, map frame; the other fields are as in `Goals`.
+        commands: Orders of this tick.
+        doing: The steps under way.
+        leave: Agents that are to land and leave the mission.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    yaw: np.ndarray
+    speed: np.ndarray
+    active: Mask
+    commands: list[Command] = field(default_factory=list)
+    doing: list[str] = field(default_factory=list)
+    leave: set[int] = field(default_factory=set)
+
+    @classmethod
+    def none(cls, n: int) -> Wishes:
+        """Nothing wanted of `n` agents."""
+        return cls(
+            np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n, np.bool_)
+        )
+
+    def fresh(self) -> None:
+        """Begin another tick: goals stay where they are, and stand still."""
+        self.velocity[:] = 0.0
+        self.commands, self.doing, self.leave = [], [], set()
+
+    def add(self, step: Step, rows: tuple[int, ...], n: int) -> None:
+        """Merge a task's answer, which may speak for its own rows only.
+
+        Raises:
+            ContractError: It speaks for others, has another number of rows, or is not finite.
+        """
+        own = np.zeros(n, np.bool_)
+        own[list(rows)] = True
+        for command in step.commands:
+            agents = expect(command, Command).agent
+            if not (set(agents.tolist()) <= set(rows)):
+                raise ContractError(f"commands agents {agents.tolist()!r}, its own are {rows!r}")
+            self.commands.append(command)
+        if step.goals is None:
+            return
+        goals = expect(step.goals, Goals)
+        if len(goals.active) != n:
+            raise ContractError(f"Goals.position has {len(goals.active)} rows, expected {n}")
+        if (goals.active & ~own).any():
+            raise ContractError("has goals for agents that are not its own")
+        on = goals.active
+        for name in ("position", "velocity", "yaw", "speed"):
+            values = getattr(goals, name)[on]
+            if not np.isfinite(values).all():
+                raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
+            getattr(self, name)[on] = values
+        self.active |= on
+
+    def goals(self) -> Goals:
+        """The merged goals as a table."""
+        return Goals(self.position, self.velocity, self.yaw, self.speed, self.active)
+
+
+class Course:
+    """The steps of a mission as they are flown.
+
+    Args:
+        mission: What to fly.
+        registry: Where its verbs are found.
+        tell: Told of each step's begin and end: kind and text.
+
+    Attributes:
+        left: Agents that left the mission, as a step that failed allowed them to.
+        reason: Why the mission failed, once it has.
+    """
+
+    def __init__(self, mission: Mission, registry: Registry, tell: Tell) -> None:
+        self._scene = mission.scene
+        self._n = len(self._scene.agents)
+        self._registry = registry
+        self._tell = tell
+        self._wishes = Wishes.none(self._n)
+        self._running = self._sequence(mission.steps)
+        self._estimate: Estimate
+        self._health: Health
+        self.left: set[int] = set()
+        self.reason = ""
+
+    def step(self, estimate: Estimate, health: Health) -> tuple[Status, Wishes]:
+        """Run one tick of every step under way; all that is wanted is in the answer."""
+        self._estimate, self._health = estimate, health
+        self._wishes.fresh()
+        status = next(self._running)
+        return status, self._wishes
+
+    def hold(self, rows: np.ndarray, estimate: Estimate) -> None:
+        """Give agents that fly without a goal the place where they are as their goal."""
+        rows = rows[~self._wishes.active[rows]]
+        self._wishes.position[rows] = estimate.position[rows]
+        self._wishes.yaw[rows] = estimate.yaw[rows]
+        self._wishes.speed[rows] = self._scene.limits.speed
+        self._wishes.active[rows] = True
+
+    # Each of these yields a status a tick; the last is not RUNNING.
+
+    def _node(self, node: Node) -> Iterator[Status]:
+        match node:
+            case Action():
+                return self._action(node)
+            case Parallel(branches):
+                return self._parallel(branches)
+            case Repeat(times, steps):
+                return self._sequence(steps, times)
+
+    def _sequence(self, steps: Sequence[Node], times: int = 1) -> Iterator[Status]:
+        for again in range(times):
+            if again:
+                yield Status.RUNNING  # each round takes a tick at least
+            for step in steps:
+                for status in self._node(step):
+                    if status is Status.FAILURE:
+                        yield status
+                        return
+                    if status is Status.RUNNING:
+                        yield status
+        yield Status.SUCCESS
+
+    def _parallel(self, branches: Sequence[Node]) -> Iterator[Status]:
+        running = [self._node(branch) for branch in branches]
+        while running:
+            statuses = [(branch, next(branch)) for branch in running]
+            if any(status is Status.FAILURE for _, status in statuses):
+                yield Status.FAILURE
+                return
+            running = [branch for branch, status in statuses if status is Status.RUNNING]
+            if running:
+                yield Status.RUNNING
+        yield Status.SUCCESS
+
+    def _action(self, action: Action) -> Iterator[Status]:
+        rows = tuple(row for row in action.rows if row not in self.left)
+        if not rows:
+            self._tell("step", f"{action.place}: {action.verb} is left out: nobody is left for it")
+            yield Status.SUCCESS
+            return
+        who = self._scene.named(rows)
+        self._tell("step", f"{action.place}: {action.verb} begins for {who}")
+        blame, task, limit = self._begin(action, rows)
+        begun = self._estimate.time
+        while True:
+            self._wishes.doing.append(f"{action.verb} {who}")
+            if why := self._gone(rows):
+                break
+            with blame:
+                step = expect(task.step(self._estimate, self._health), Step)
+                self._wishes.add(step, rows, self._n)
+            if step.status is Status.SUCCESS:
+                self._tell("step", f"{action.place}: {action.verb} is done")
+                yield Status.SUCCESS
+                return
+            if step.status is Status.FAILURE:
+                why = step.reason or "failed and gave no reason"
+                break
+            if self._estimate.time - begun >= limit:
+                why = f"timed out after {limit:.1f} s"
+                break
+            yield Status.RUNNING
+        yield self._failed(action, rows, why)
+
+    def _begin(self, action: Action, rows: tuple[int, ...]) -> tuple[Blame, Task, float]:
+        """Make and begin a step's task; return it with its time-out, s."""
+        found = self._registry.find("task", action.verb)
+        blame = Blame(f"task {action.verb!r} ({found.source})")
+        with blame:
+            task = found.offer.make(self._scene, rows, **action.options)
+            limit = float(task.begin(self._estimate, self._health))
+            if not limit < np.inf:
+                raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")
+        return blame, task, limit if action.timeout is None else action.timeout
+
+    def _gone(self, rows: tuple[int, ...]) -> str:
+        """Say which agents of a step cannot go on, if any."""
+        said = [
+            f"{self._scene.agents[row].name} is {AgentPhase(phase).name.lower()}"
+            for row in rows
+            if (phase := self._health.phase[row]) in (AgentPhase.LOST, AgentPhase.EMERGENCY)
+        ]
+        return ", ".join(said)
+
+    def _failed(self, action: Action, rows: tuple[int, ...], why: str) -> Status:
+        """Do what the mission says about a step that failed."""
+        text = f"{action.place}: {action.verb} failed: {why}"
+        if action.on_failure == "abort":
+            self.reason = text
+            return Status.FAILURE
+        fit = (AgentPhase.LOST, AgentPhase.EMERGENCY)
+        lost = {row for row in rows if self._health.phase[row] in fit}
+        leave = set(rows) if action.on_failure == "land" else lost
+        self.left |= leave
+        self._wishes.leave |= leave
+        self._tell("failure", f"{text}; on_failure: {action.on_failure}")
+        return Status.SUCCESS

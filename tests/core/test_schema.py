@@ -1,0 +1,193 @@
+"""The mission schema that is composed from plugins' options, and the world schema."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from star_core.contracts import Offer
+from star_core.document import Document
+from star_core.errors import PluginError
+from star_core.schema import compose, load, problems
+from star_core.yaml_text import parse
+
+
+def offer(name: str, properties: dict[str, Any] | None = None, **rules: Any) -> Offer[Any]:
+    """An offer of a plugin that cannot do anything."""
+    options = {"type": "object", "properties": properties or {}, **rules}
+    return Offer(name=name, summary=f"The {name}.", make=object, options=options)
+
+
+OFFERS = {
+    "transport": {"sim": offer("sim")},
+    "localizer": {
+        "flow": offer(
+            "flow",
+            {"noise": {"$ref": "#/$defs/a~1b"}},
+            **{"$defs": {"a/b": {"description": "Deviation, m.", "type": "number"}}},
+        )
+    },
+    "avoider": {"none": offer("none"), "orca": offer("orca")},
+    "task": {"land": offer("land")},
+    "command": {"study": offer("study")},
+}
+SCHEMA = compose(OFFERS)
+WORLD = """\
+star: 1
+name: lab
+fence: {low: [-2, -2, 0], high: [2, 2, 2]}
+"""
+
+
+def document(text: str) -> Document:
+    parsed = parse(text)
+    return Document(parsed.data, Path("m.yaml"), parsed.places)
+
+
+@pytest.mark.parametrize("schema", [SCHEMA, load("mission"), load("world")])
+def test_every_schema_is_one(schema: dict[str, Any]) -> None:
+    Draft202012Validator.check_schema(schema)
+
+
+@pytest.mark.parametrize("name", ["mission", "world"])
+def test_every_property_says_what_it_is(name: str) -> None:
+    schema = load(name)
+    waiting: list[Any] = [schema]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            for key, held in value.get("properties", {}).items():
+                target = schema["$defs"].get(held.get("$ref", "").rpartition("/")[2], {})
+                assert "description" in held | target, key
+            waiting += value.values()
+        elif isinstance(value, list):
+            waiting += value
+
+
+@pytest.mark.parametrize("name", ["mission", "world"])
+def test_every_example_and_default_fits_its_own_schema(name: str) -> None:
+    schema = load(name)
+    waiting: list[Any] = [schema]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            own = Draft202012Validator({**value, "$defs": schema["$defs"]})
+            defaults = [value["default"]] if "default" in value else []
+            for example in [*value.get("examples", ()), *defaults]:
+                own.validate(example)
+            waiting += [held for key, held in value.items() if key not in ("examples", "default")]
+        elif isinstance(value, list):
+            waiting += value
+
+
+def test_options_may_be_mappings_and_tuples_of_any_kind() -> None:
+    options = MappingProxyType({"properties": MappingProxyType({"a": {"enum": (1, 2)}})})
+    made = compose({"avoider": {"x": Offer(name="x", summary="", make=object, options=options)}})
+    expected = "m.yaml:1:22: avoider 'x': a: 3 is not possible here; expected one of: 1, 2"
+    assert expected in problems(document("avoider: {use: x, a: 3}"), made)
+
+
+def test_composing_leaves_what_a_plugin_offers_alone() -> None:
+    before = json.dumps(OFFERS["localizer"]["flow"].options)
+    compose(OFFERS)
+    assert json.dumps(OFFERS["localizer"]["flow"].options) == before
+
+
+def test_the_schema_says_in_editors_what_each_plugin_and_verb_is_for() -> None:
+    assert SCHEMA["properties"]["avoider"]["then"]["enumDescriptions"] == ["The none.", "The orca."]
+    assert SCHEMA["$defs"]["step"]["properties"]["land"]["description"] == "The land."
+
+
+def test_the_schema_of_a_mission_offers_no_alternatives() -> None:
+    assert "oneOf" not in json.dumps(SCHEMA)
+    assert "anyOf" not in json.dumps(SCHEMA)
+
+
+def test_what_a_plugin_refers_to_is_found_from_the_root_of_the_composed_schema() -> None:
+    rules = SCHEMA["properties"]["localizer"]["allOf"][0]["then"]
+    assert rules["properties"]["noise"]["$ref"] == "#/$defs/localizer.flow/$defs/a~1b"
+    assert SCHEMA["$defs"]["localizer.flow"]["$defs"]["a/b"]["type"] == "number"
+
+
+# Worlds
+
+
+def test_a_good_world_has_no_fault() -> None:
+    text = WORLD + (
+        "obstacles:\n  a: {polygon: [[0, 0], [1, 0], [0, 1]], height: [0, 2]}\n"
+        "  b: {polyline: [[0, 0], [1, 0]], thickness: 0.1, height: [0, 2]}\n"
+    )
+    assert problems(document(text), load("world")) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("polygon: [[0, 0], [1, 1]]", "16: obstacles.a.polygon: has 2 items, expected at least 3"),
+        ("polyline: [[0, 0], [1, 1]]", "6: obstacles.a: 'polyline' goes with 'thickness', which"),
+        (
+            "polygon: [[0, 0], [1, 1], [1, 0]], thickness: 1",
+            "6: obstacles.a: 'thickness' goes with 'polyline', which is missing",
+        ),
+        (
+            "polygon: [[0, 0], [1, 1], [1, 0]], polyline: [[0, 0], [1, 1]], thickness: 1",
+            "6: obstacles.a: expected exactly one of polygon, polyline; this has 'polygon' and 'p",
+        ),
+        ("", "6: obstacles.a: expected exactly one of polygon, polyline; this has none of them"),
+        (
+            "polyline: [[0, 0], [1, 1]], thickness: 0",
+            "46: obstacles.a.thickness: 0 is less than or equal to the minimum of 0",
+        ),
+    ],
+)
+def test_an_obstacle_is_a_polygon_or_a_polyline_with_a_thickness(line: str, expected: str) -> None:
+    both = f"{line}, height: [0, 1]" if line else "height: [0, 1]"
+    text = f"{WORLD}obstacles:\n  a: {{{both}}}\n"
+    (found,) = problems(document(text), load("world"))
+    assert found.startswith(f"m.yaml:5:{expected}")
+
+
+# Faults of plugins
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (offer("x", {"a": {"type": "nmuber"}}), "options.properties.a.type is no JSON Schema: "),
+        (offer("x", {"a": {"pattern": "("}}), "options.properties.a.pattern is no JSON Schema: "),
+        (offer("x", {"a": {"default": float("nan")}}), "options are no JSON: "),
+        (offer("x", {"a": {"default": object()}}), "options are no JSON: "),
+        (offer("x", type="string"), "options are no schema of an object, expected type: object"),
+        (offer("x", {"use": {}}), "option 'use' has a name that STAR uses itself"),
+        (offer("x", required=["a"]), "option 'a' is required but not among its properties"),
+        (offer("x", {"a": {"$ref": "#/$defs/a"}}), "options refer to '#/$defs/a', which is not"),
+        (offer("x", {"a": {"$ref": "https://a.b/c"}}), "options refer to 'https://a.b/c', which"),
+    ],
+)
+def test_a_plugin_whose_options_are_no_schema_is_named(broken: Offer[Any], message: str) -> None:
+    with pytest.raises(PluginError) as caught:
+        compose({"avoider": {"x": broken}})
+    assert str(caught.value).startswith(f"avoider 'x': {message}")
+
+
+def test_options_that_are_true_are_no_schema_of_an_object() -> None:
+    broken = Offer(name="x", summary="", make=object, options=True)  # type: ignore[arg-type]
+    with pytest.raises(PluginError, match=r"^planner 'x': options are no schema of an object"):
+        compose({"planner": {"x": broken}})
+
+
+@pytest.mark.parametrize("name", ["agents", "timeout", "on_failure"])
+def test_a_verb_cannot_have_an_option_that_every_verb_has(name: str) -> None:
+    with pytest.raises(PluginError, match=rf"^task 'x': option '{name}' has a name that STAR"):
+        compose({"task": {"x": offer("x", {name: {}})}})
+
+
+@pytest.mark.parametrize("verb", ["parallel", "repeat"])
+def test_a_verb_cannot_be_called_like_one_of_stars_own(verb: str) -> None:
+    with pytest.raises(PluginError, match=rf"^task '{verb}': STAR has a verb of that name itself"):
+        compose({"task": {verb: offer(verb)}})

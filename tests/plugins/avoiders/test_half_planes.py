@@ -1,0 +1,113 @@
+"""A half-plane is where the velocity obstacle's nearest way out says it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from star_core import Array
+from star_orca.half_planes import half_planes
+
+HORIZON, PERIOD, RADIUS = 2.0, 0.1, 0.2
+APART = 2 * RADIUS
+
+Vector = tuple[float, float]
+vectors = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
+
+
+def plane(away: Vector, mine: Vector, theirs: Vector, *, avoids: bool = True) -> Array:
+    """The half-plane of an agent at the origin beside one at `away`."""
+    agents = np.array(
+        [
+            [0, 0, 0, *mine, RADIUS, 1, 0],
+            [*away, 0, *theirs, RADIUS, avoids, 1],
+        ]
+    )
+    planes = np.empty((1, 3))
+    half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, planes)
+    (only,) = planes
+    return np.asarray(only)
+
+
+def nearest_approach(away: Array, closing: Array, horizon: float) -> float:
+    """How near two agents come within `horizon`, m."""
+    speed = float(closing @ closing)
+    time = min(max(float(away @ closing) / speed, 0.0), horizon) if speed > 0 else 0.0
+    return float(np.linalg.norm(away - closing * time))
+
+
+def way_out(away: Vector, mine: Vector, theirs: Vector) -> tuple[Array, float]:
+    """Direction and length of the change of relative velocity; negative where there is room."""
+    a, b, c = plane(away, mine, theirs)
+    return np.array([a, b]), 2 * (c - a * mine[0] - b * mine[1])
+
+
+@settings(deadline=None)
+@given(vectors, vectors, vectors)
+def test_the_whole_change_makes_agents_that_are_apart_pass_at_the_radii(
+    away: Vector, mine: Vector, theirs: Vector
+) -> None:
+    assume(np.hypot(*away) > APART + 1e-3)
+    direction, length = way_out(away, mine, theirs)
+    closing = np.subtract(mine, theirs) + length * direction
+    assert nearest_approach(np.array(away), closing, HORIZON) == pytest.approx(APART, abs=1e-6)
+
+
+@settings(deadline=None)
+@given(vectors, vectors, vectors)
+def test_no_lesser_change_in_any_direction_would_do(
+    away: Vector, mine: Vector, theirs: Vector
+) -> None:
+    assume(np.hypot(*away) > APART + 1e-3)
+    _, length = way_out(away, mine, theirs)
+    assume(abs(length) > 1e-3)
+    closing = np.subtract(mine, theirs)
+    for angle in np.linspace(0, 2 * np.pi, 64):
+        changed = closing + 0.999 * abs(length) * np.array([np.cos(angle), np.sin(angle)])
+        collides = nearest_approach(np.array(away), changed, HORIZON) < APART
+        assert collides == (length > 0)
+
+
+@settings(deadline=None)
+@given(vectors, vectors, vectors)
+def test_agents_that_overlap_are_apart_after_one_period(
+    away: Vector, mine: Vector, theirs: Vector
+) -> None:
+    near = (away[0] * 0.09, away[1] * 0.09)
+    assume(0 < np.hypot(*near) < APART)
+    direction, length = way_out(near, mine, theirs)
+    closing = np.subtract(mine, theirs) + length * direction
+    assert np.linalg.norm(near - PERIOD * closing) == pytest.approx(APART, abs=1e-9)
+
+
+@settings(deadline=None)
+@given(vectors, vectors, vectors)
+def test_the_normal_has_length_one(away: Vector, mine: Vector, theirs: Vector) -> None:
+    assume(abs(np.hypot(*away) - APART) > 1e-6)
+    assert np.hypot(*plane(away, mine, theirs)[:2]) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_beside_one_that_does_not_avoid_the_whole_change_is_mine() -> None:
+    away, mine, theirs = (2.0, 0.3), (0.8, 0.0), (-0.5, 0.0)
+    half, full = plane(away, mine, theirs), plane(away, mine, theirs, avoids=False)
+    own = half[0] * mine[0] + half[1] * mine[1]
+    assert full[:2] == pytest.approx(half[:2])
+    assert full[2] - own == pytest.approx(2 * (half[2] - own))
+
+
+def test_one_dead_ahead_is_passed_on_the_right() -> None:
+    a, b, _ = plane((1.0, 0.0), (1.0, 0.0), (0.0, 0.0))
+    assert a < 0
+    assert b < 0
+
+
+def test_agents_at_one_point_that_fly_alike_part_along_x() -> None:
+    mine = plane((0.0, 0.0), (0.3, 0.1), (0.3, 0.1))
+    assert mine == pytest.approx([1.0, 0.0, 0.3 + 0.5 * APART / PERIOD])
+
+
+def test_agents_that_close_in_just_so_fast_as_to_meet_in_a_period_part_along_their_line() -> None:
+    a, b, _ = plane((0.0, 0.2), (0.0, 2.0), (0.0, 0.0))
+    assert (a, b) == pytest.approx((0.0, -1.0))

@@ -1,0 +1,208 @@
+"""The whole kernel: what it keeps, what it does not depend on, and what RVO2 answers."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from star_core import Array, Mask
+from star_orca.kernel import orca
+
+RADIUS, SPEED, HORIZON, NEIGHBOUR_DISTANCE, MOST, PERIOD = 0.15, 1.0, 2.0, 2.0, 10, 0.1
+seeds = st.integers(0, 2**32 - 1)
+
+
+def ask(
+    position: Array,
+    velocity: Array,
+    wish: Array,
+    *,
+    avoids: Mask | None = None,
+    turn: float = 0.0,
+    kernel: Any = orca,
+) -> Array:
+    n = len(position)
+    everybody = np.ones(n, np.bool_) if avoids is None else avoids
+    limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
+    each = (np.full(n, RADIUS), np.full(n, SPEED), everybody)
+    return cast("Array", kernel(position.copy(), velocity.copy(), wish.copy(), *each, *limits))
+
+
+def crowd(n: int, seed: int = 0) -> tuple[Array, Array, Array]:
+    """Positions, velocities and wishes of one agent to the square metre."""
+    random = np.random.default_rng(seed)
+    half = np.sqrt(n) / 2
+    position = random.uniform(-half, half, (n, 3)) * [1, 1, 0]
+    velocity, wish = random.uniform(-0.7, 0.7, (2, n, 3)) * [1, 1, 0]
+    return position, velocity, wish
+
+
+def turned(vectors: Array, angle: float) -> Array:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.asarray(vectors @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]]))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.floats(0, 2 * np.pi))
+def test_turning_the_room_turns_the_answer(seed: int, angle: float) -> None:
+    state = crowd(20, seed)
+    answer = ask(*(turned(table, angle) for table in state))
+    assert answer == pytest.approx(turned(ask(*state), angle), abs=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)))
+def test_it_does_not_matter_where_the_origin_is(seed: int, shift: tuple[float, ...]) -> None:
+    position, velocity, wish = crowd(60, seed)
+    answer = ask(position + shift, velocity, wish)
+    assert answer == pytest.approx(ask(position, velocity, wish), abs=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_it_does_not_matter_which_row_an_agent_has(seed: int) -> None:
+    state = crowd(60, seed)
+    order = np.random.default_rng(seed).permutation(60)
+    assert ask(*(table[order] for table in state)) == pytest.approx(ask(*state)[order], abs=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_two_agents_seen_from_between_them_answer_alike(seed: int) -> None:
+    one = np.random.default_rng(seed).uniform(-0.8, 0.8, (3, 3)) * [1, 1, 0]
+    answer = ask(*(np.array([row, -row]) for row in one))
+    assert answer[0] == pytest.approx(-answer[1], abs=1e-12)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_agents_that_fly_the_answer_do_not_meet_within_the_horizon(seed: int) -> None:
+    # Few enough, and far enough apart, that there is always a way.
+    random = np.random.default_rng(seed)
+    angle = np.sort(random.uniform(0, 2 * np.pi, 3)) + np.array([0.0, 0.5, 1.0])
+    position = np.stack([np.cos(angle), np.sin(angle), np.zeros(3)], axis=1)
+    answer = ask(position, np.zeros((3, 3)), -position)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        away, closing = position[j] - position[i], answer[i] - answer[j]
+        time = np.clip(away @ closing / max(closing @ closing, 1e-12), 0, HORIZON)
+        assert (
+            np.linalg.norm(away - closing * time)
+            >= min(2 * RADIUS, float(np.linalg.norm(away))) - 1e-9
+        )
+
+
+def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
+    wish = np.array([[0.3, -0.4, 0.2]])
+    assert (ask(np.zeros((1, 3)), np.ones((1, 3)), wish, turn=0.1) == wish).all()
+
+
+def test_a_lone_agent_that_wants_too_much_flies_as_fast_as_it_may() -> None:
+    answer = ask(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[3.0, 4.0, 0.5]]))
+    assert answer == pytest.approx(np.array([[0.6, 0.8, 0.5]]))
+
+
+def test_with_nobody_ahead_a_wish_is_not_turned() -> None:
+    position, wish = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[-0.5, 0, 0], [0.5, 0, 0]])
+    assert (ask(position, np.zeros((2, 3)), wish, turn=0.1) == wish).all()
+
+
+def test_with_somebody_ahead_a_wish_is_turned_to_the_right() -> None:
+    position, wish = np.array([[0.0, 0, 0], [1.9, 0, 0]]), np.array([[0.1, 0, 0], [0.1, 0, 0]])
+    answer = ask(position, np.zeros((2, 3)), wish, turn=0.1)
+    assert answer[0] == pytest.approx([0.1 * np.cos(0.1), -0.1 * np.sin(0.1), 0.0])
+
+
+def test_an_agent_gives_way_in_full_to_one_that_does_not_avoid() -> None:
+    position, wish = np.array([[0.0, 0, 0], [1.0, 0.05, 0]]), np.array([[1.0, 0, 0], [-1.0, 0, 0]])
+    answer = ask(position, wish, wish, avoids=np.array([True, False]))
+    away, closing = position[1] - position[0], answer[0] - wish[1]
+    time = np.clip(away @ closing / (closing @ closing), 0, HORIZON)
+    assert (answer[1] == wish[1]).all()
+    assert np.linalg.norm(away - closing * time) >= 2 * RADIUS - 1e-9
+
+
+@pytest.mark.parametrize("n", [2, 3, 100])
+def test_agents_at_one_point_get_finite_answers_and_part(n: int) -> None:
+    nothing = np.zeros((n, 3))
+    answer = ask(nothing, nothing, nothing)
+    assert np.isfinite(answer).all()
+    assert answer[0, 0] > 0 > answer[-1, 0]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_an_agent_at_no_finite_position_is_ignored_and_answered_its_wish(bad: float) -> None:
+    position, velocity, wish = crowd(9)
+    without = ask(position[1:], velocity[1:], wish[1:])
+    position[0] = bad
+    answer = ask(position, velocity, wish)
+    assert (answer[1:] == without).all()
+    assert (answer[0] == wish[0]).all()
+
+
+def test_an_agent_whose_velocity_is_not_finite_counts_as_at_rest() -> None:
+    position, velocity, wish = crowd(9)
+    velocity[3] = 0.0
+    expected = ask(position, velocity, wish)
+    velocity[3] = np.nan
+    assert (ask(position, velocity, wish) == expected).all()
+
+
+def test_the_machine_code_on_disk_is_that_of_the_sources() -> None:
+    """If this fails, touch ``star_orca/kernel.py``: its docstring says why."""
+    state = crowd(60)
+    interpreted = ask(*state, turn=0.05, kernel=orca.py_func)  # type: ignore[attr-defined]
+    assert ask(*state, turn=0.05) == pytest.approx(interpreted, abs=1e-9)
+
+
+def room(kind: str, n: int) -> tuple[Array, Array]:
+    """Starts and goals: a random crowd, or a circle or a filled disc that changes sides."""
+    random = np.random.default_rng(n)
+    if kind == "crowd":
+        start, goal = random.uniform(-np.sqrt(n) / 2, np.sqrt(n) / 2, (2, n, 3)) * [1, 1, 0]
+        return start, goal
+    k = np.arange(n) + 0.5
+    angle, distance = 2 * np.pi * k / n, np.full(n, max(0.6 * n / (2 * np.pi), 1.0))
+    if kind == "disc":
+        angle, distance = k * np.pi * (3 - np.sqrt(5)), np.sqrt(k / np.pi)
+    start = np.stack([distance * np.cos(angle), distance * np.sin(angle), np.zeros(n)], axis=1)
+    start[:, :2] += random.normal(0, 0.02, (n, 2))
+    return start, -start
+
+
+@pytest.mark.parametrize("n", [10, 100, 1000])
+@pytest.mark.parametrize("kind", ["crowd", "circle", "disc"])
+def test_rvo2_answers_the_same(kind: str, n: int) -> None:
+    """RVO2 computes in float32: rounding may send one answer in a thousand the other way."""
+    pyrvo = pytest.importorskip("pyrvo")
+    position, goal = room(kind, n)
+    velocity = np.zeros((n, 3))
+    longest = np.linalg.norm(goal - position, axis=1).max() / SPEED
+    difference = []
+    for tick in range(int(0.8 * longest / PERIOD)):
+        way = goal - position
+        wish = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1.0)
+        answer = ask(position, velocity, wish)
+        if n < 1000 or tick % int(longest) == 0:  # thousands of answers at every size
+            theirs = answer_of_pyrvo(pyrvo, position, velocity, wish)
+            difference.append(np.linalg.norm(answer[:, :2] - theirs, axis=1))
+        velocity = answer
+        position = position + PERIOD * velocity
+    assert (np.concatenate(difference) <= 1e-3).mean() >= 0.999
+
+
+def answer_of_pyrvo(pyrvo: Any, position: Array, velocity: Array, wish: Array) -> Array:
+    """What RVO2 answers, (N, 2) m/s."""
+    n = len(position)
+    simulator = pyrvo.RVOSimulator(
+        PERIOD, NEIGHBOUR_DISTANCE, MOST, HORIZON, HORIZON, RADIUS, SPEED
+    )
+    for i in range(n):
+        simulator.add_agent(tuple(position[i, :2].tolist()))
+        simulator.set_agent_velocity(i, tuple(velocity[i, :2].tolist()))
+        simulator.set_agent_pref_velocity(i, tuple(wish[i, :2].tolist()))
+    simulator.do_step()
+    return np.array([(v.x, v.y) for v in map(simulator.get_agent_velocity, range(n))])

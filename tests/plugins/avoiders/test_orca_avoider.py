@@ -1,0 +1,188 @@
+"""The avoider `orca` between the swarm's tables, and agents that fly what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import star_orca
+from star_core import Array, Limits, Offer, Setpoint
+from star_core.testing import check_avoider, estimate, scene
+from star_orca.avoider import Orca
+
+SPEED = 0.5
+HEAD_ON = np.array([[-0.6, 0.0, 0.8], [0.6, 0.0, 0.8]])
+TOWARDS_EACH_OTHER = np.array([[0.4, 0.0, 0.1], [-0.4, 0.0, -0.1]])
+
+
+def wanted(velocity: Array, active: tuple[bool, ...] | None = None) -> Setpoint:
+    n = len(velocity)
+    return Setpoint(
+        velocity, np.arange(float(n)), np.ones(n, np.bool_) if active is None else np.array(active)
+    )
+
+
+def fly(start: Array, goal: Array, *, seconds: float = 60.0, radius: float = 0.2) -> float:
+    """Fly points without mass or noise to their goals, and return how near two of them came, m.
+
+    Raises:
+        TimeoutError: They are not all within 5 cm of their goals in `seconds`.
+    """
+    room = scene(len(start), limits=Limits(speed=SPEED))
+    avoider = Orca(room, radius=radius)
+    position, velocity, nearest = start, np.zeros_like(start), np.inf
+    for _ in range(int(seconds / room.period)):
+        way = goal - position
+        distance = np.linalg.norm(way, axis=1, keepdims=True)
+        if distance.max() < 0.05:
+            return float(nearest)
+        wish = way * np.minimum(SPEED / np.maximum(distance, 1e-9), 1.0)
+        velocity = avoider.avoid(estimate(position, velocity=velocity), wanted(wish)).velocity
+        position = position + room.period * velocity
+        apart = np.linalg.norm(position[:, None] - position, axis=2)  # (N, N)
+        nearest = min(nearest, apart[~np.eye(len(start), dtype=bool)].min())
+    raise TimeoutError(f"still {distance.max():.2f} m to go after {seconds} s")
+
+
+def circle(n: int, radius: float) -> Array:
+    angle = 2 * np.pi * np.arange(n) / n
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(n, 0.8)], axis=1)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 8, 16])
+def test_agents_that_change_places_across_a_circle_to_the_bit_come_through(n: int) -> None:
+    start = circle(n, max(1.5, n / 4))
+    assert fly(start, start * [-1, -1, 1]) >= 0.4 - 1e-3
+
+
+def test_an_agent_whose_way_leads_through_a_parked_one_gets_round_it() -> None:
+    start = np.array([[-1.5, 0.0, 0.8], [0.0, 0.0, 0.8]])
+    assert fly(start, start * [-1, 1, 1]) >= 0.4 - 1e-3
+
+
+def test_a_wider_radius_keeps_agents_further_apart() -> None:
+    start = circle(2, 1.5)
+    assert fly(start, start * [-1, -1, 1], radius=0.35) >= 0.7 - 1e-3
+
+
+def test_an_agent_gets_round_one_that_is_in_the_way_but_does_not_avoid() -> None:
+    room = scene(2, limits=Limits(speed=SPEED))
+    avoider, position = Orca(room), np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8]])
+    velocity, nearest = np.zeros((2, 3)), np.inf
+    for _ in range(int(15 / room.period)):
+        way = np.array([1.5, 0.0, 0.8]) - position[0]
+        wish = np.array([way * min(SPEED / np.linalg.norm(way), 1.0), np.zeros(3)])
+        safe = avoider.avoid(estimate(position, velocity=velocity), wanted(wish, (True, False)))
+        velocity = safe.velocity
+        position = position + room.period * velocity
+        nearest = min(nearest, float(np.linalg.norm(position[0] - position[1])))
+    assert np.linalg.norm(position[0] - [1.5, 0.0, 0.8]) < 0.05
+    assert nearest >= 0.4 - 1e-3
+
+
+def test_heights_headings_and_climbs_pass_through() -> None:
+    wish = wanted(TOWARDS_EACH_OTHER)
+    safe = Orca(scene(2)).avoid(estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), wish)
+    assert (safe.velocity[:, 2] == wish.velocity[:, 2]).all()
+    assert (safe.yaw == wish.yaw).all()
+    assert not np.allclose(safe.velocity[:, :2], wish.velocity[:, :2])
+
+
+def test_agents_one_above_the_other_do_not_avoid_each_other() -> None:
+    above = HEAD_ON + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.7]])
+    now, wish = estimate(above, velocity=TOWARDS_EACH_OTHER), wanted(TOWARDS_EACH_OTHER)
+    assert (Orca(scene(2)).avoid(now, wish).velocity == wish.velocity).all()
+    assert (Orca(scene(2), vertical=0.8).avoid(now, wish).velocity != wish.velocity).any()
+
+
+def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
+    wish = wanted(np.array([[0.3, -0.4, 0.2]]))
+    assert (Orca(scene(1)).avoid(estimate(HEAD_ON[:1]), wish).velocity == wish.velocity).all()
+
+
+def test_nobody_is_sent_faster_than_the_scene_allows() -> None:
+    wish = wanted(np.array([[3.0, 4.0, 0.0]]))
+    safe = Orca(scene(1, limits=Limits(speed=0.7))).avoid(estimate(HEAD_ON[:1]), wish)
+    assert np.linalg.norm(safe.velocity) == pytest.approx(0.7)
+
+
+def test_an_inactive_row_is_answered_as_it_came_and_given_way_to_in_full() -> None:
+    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2))
+    both = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER))
+    alone = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER, (True, False)))
+    assert (alone.velocity[1] == TOWARDS_EACH_OTHER[1]).all()
+    assert alone.active.tolist() == [True, False]
+    change = np.linalg.norm([both.velocity[0], alone.velocity[0]] - TOWARDS_EACH_OTHER[0], axis=1)
+    assert change[1] > 1.5 * change[0]
+
+
+def test_a_row_that_is_not_valid_is_answered_as_it_came_and_given_way_to_in_full() -> None:
+    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2))
+    unknown = avoider.avoid(replace(now, valid=np.array([True, False])), wanted(TOWARDS_EACH_OTHER))
+    inactive = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER, (True, False)))
+    assert (unknown.velocity == inactive.velocity).all()
+    assert unknown.active.all()
+
+
+def test_a_row_whose_place_is_not_known_is_in_nobodys_way() -> None:
+    position = HEAD_ON.copy()
+    position[1] = np.nan
+    now = replace(estimate(position), valid=np.array([True, False]))
+    wish = wanted(TOWARDS_EACH_OTHER)
+    assert (Orca(scene(2)).avoid(now, wish).velocity == wish.velocity).all()
+
+
+def test_tables_in_column_order_are_answered_alike() -> None:
+    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2))
+    columns = replace(now, position=np.asfortranarray(HEAD_ON))
+    wish = wanted(TOWARDS_EACH_OTHER)
+    assert (avoider.avoid(columns, wish).velocity == avoider.avoid(now, wish).velocity).all()
+
+
+def test_it_keeps_the_contract() -> None:
+    check_avoider(Orca(scene(3)))
+
+
+def test_a_swarm_of_nobody_is_no_trouble() -> None:
+    nobody = np.zeros((0, 3))
+    assert len(Orca(scene(0)).avoid(estimate(nobody), wanted(nobody)).velocity) == 0
+
+
+def offer() -> Offer[object]:
+    (only,) = star_orca.star_avoiders()
+    return only
+
+
+def test_the_offer_makes_the_avoider_with_whole_numbers_too() -> None:
+    made = offer().make(scene(2), radius=1, horizon=2, neighbour_distance=4, vertical=1)
+    assert isinstance(made, Orca)
+
+
+def test_the_defaults_that_are_announced_are_those_that_are_flown() -> None:
+    properties = offer().options["properties"]
+    announced = {name: schema["default"] for name, schema in properties.items()}
+    now, wish = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), wanted(TOWARDS_EACH_OTHER)
+    silent, told = Orca(scene(2)), Orca(scene(2), **announced)
+    assert vars(silent).keys() == vars(told).keys()
+    for name, value in vars(silent).items():
+        assert np.array_equal(value, vars(told)[name]), name
+    assert (silent.avoid(now, wish).velocity == told.avoid(now, wish).velocity).all()
+
+
+def test_every_option_says_what_it_is() -> None:
+    for name, schema in offer().options["properties"].items():
+        assert schema["description"], name
+        assert name == "max_neighbours" or schema["description"].endswith((", m", ", s")), name
+
+
+def test_a_neighbour_distance_within_the_radii_is_refused() -> None:
+    check = offer().check
+    assert check is not None
+    (problem,) = check(scene(2), radius=0.5, neighbour_distance=0.9)
+    assert problem.path == ("neighbour_distance",)
+    assert problem.message == (
+        "0.9 m is not more than twice the radius, 1.0 m: neighbours would be seen too late"
+    )
+    assert not list(check(scene(2)))

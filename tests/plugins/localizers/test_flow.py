@@ -1,0 +1,168 @@
+"""The localizer ``flow``."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from jsonschema import Draft202012Validator
+from scipy.spatial.transform import Rotation
+
+import star_flow
+from star_core import Agent, Array, Localizer, Scene, Telemetry
+from star_core.testing import scene
+from star_flow.drift import Drift
+
+angles = st.floats(-np.pi, np.pi)
+positions = arrays(np.float64, (1, 3), elements=st.floats(-9, 9))
+
+
+def report(position: Any, *, yaw: float = 0.0, **more: Any) -> Telemetry:
+    n = len(position)
+    whole = Telemetry(
+        time=0.0,
+        position=np.array(position, np.float64),
+        velocity=np.zeros((n, 3)),
+        attitude=np.tile([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)], (n, 1)),
+        battery=np.full(n, 4.0),
+        state=np.zeros(n, np.int64),
+        age=np.zeros(n),
+    )
+    return replace(whole, **more)
+
+
+def facing(yaw: float, start: tuple[float, float, float] = (1.0, 2.0, 0.0)) -> Scene:
+    return replace(scene(1), agents=(Agent("cf1", start, yaw),))
+
+
+def flow(room: Scene, **options: float) -> Localizer:
+    (offer,) = star_flow.star_localizers()
+    return offer.make(room, **options)
+
+
+def test_an_agent_that_has_not_moved_is_at_its_start() -> None:
+    found = flow(facing(1.0)).locate(report([[0, 0, 0]]))
+    assert found.position.tolist() == [[1.0, 2.0, 0.0]]
+    assert found.yaw == pytest.approx([1.0])
+
+
+def test_forward_is_along_the_heading_at_the_start() -> None:
+    moving = report([[1, 0, 0.8]], velocity=np.array([[0.5, 0, 0.1]]))
+    found = flow(facing(np.pi / 2)).locate(moving)
+    assert found.position == pytest.approx(np.array([[1.0, 3.0, 0.8]]))
+    assert found.velocity == pytest.approx(np.array([[0, 0.5, 0.1]]))
+
+
+@given(angles, angles, positions)
+def test_the_estimate_is_the_report_moved_by_the_transform(
+    start: float, yaw: float, position: Array
+) -> None:
+    found = flow(facing(start)).locate(report(position, yaw=yaw))
+    assert found.position == pytest.approx(found.map_from_odom.apply(position))
+    assert np.cos(found.yaw) == pytest.approx([np.cos(start + yaw)], abs=1e-9)
+    assert np.sin(found.yaw) == pytest.approx([np.sin(start + yaw)], abs=1e-9)
+    assert abs(found.yaw[0]) <= np.pi
+
+
+@given(angles, st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
+def test_a_tilt_does_not_change_the_heading(yaw: float, roll: float, pitch: float) -> None:
+    attitude = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()[None]
+    found = flow(facing(0.0)).locate(report([[0, 0, 1]], attitude=attitude))
+    assert np.exp(1j * found.yaw) == pytest.approx(np.exp([1j * yaw]), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("age", "valid"), [(0.0, True), (0.5, True), (0.51, False), (np.nan, False), (np.inf, False)]
+)
+def test_a_row_is_valid_while_the_agent_was_heard(age: float, valid: bool) -> None:  # noqa: FBT001
+    found = flow(facing(0.0)).locate(report([[0, 0, 1]], age=np.array([age])))
+    assert found.valid.tolist() == [valid]
+
+
+def test_how_old_a_report_may_be_is_an_option() -> None:
+    found = flow(facing(0.0), stale=2.0).locate(report([[0, 0, 1]], age=np.array([1.5])))
+    assert found.valid.tolist() == [True]
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "attitude"])
+def test_what_is_not_reported_is_not_valid_and_stays_where_it_was(field: str) -> None:
+    localizer = flow(facing(0.0))
+    before = localizer.locate(report([[1, 0, 1]], yaw=0.5))
+    gone = {field: np.full_like(getattr(report([[0, 0, 0]]), field), np.nan)}
+    found = localizer.locate(replace(report([[2, 0, 1]]), **gone))
+    assert found.valid.tolist() == [False]
+    assert found.position.tolist() == before.position.tolist()
+    assert found.yaw == pytest.approx([0.5])
+    assert np.isfinite(found.covariance).all()
+
+
+def fly(start: Array, track: Array, period: float = 0.05) -> Array:
+    """(T, 3, 3) covariances along a (T, 3) track."""
+    drift = Drift(start[None])
+    return np.array([drift.covariance(i * period, p[None])[0] for i, p in enumerate(track)])
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 1000))
+def test_a_covariance_is_one(seed: int) -> None:
+    track = np.cumsum(np.random.default_rng(seed).normal(0, 0.02, (60, 3)), axis=0)
+    covariance = fly(np.zeros(3), track)
+    assert covariance == pytest.approx(covariance.transpose(0, 2, 1))
+    assert (np.linalg.eigvalsh(covariance) > 0).all()
+
+
+def test_uncertainty_grows_with_time_and_with_distance() -> None:
+    out = np.linspace(0, 1, 200)[:, None] * [3.0, 0, 0] + [0, 0, 1]
+    stay, away = (np.trace(c, axis1=1, axis2=2) for c in (fly(out[0], out * 0), fly(out[0], out)))
+    assert (np.diff(stay) > 0).all()
+    assert (np.diff(away) > 0).all()
+    assert away[-1] > 2 * stay[-1]
+
+
+@settings(deadline=None, max_examples=30)
+@given(angles)
+def test_the_covariance_turns_with_the_way(angle: float) -> None:
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    track = np.cumsum(np.random.default_rng(3).normal(0.02, 0.02, (40, 3)), axis=0)
+    turned = turn @ fly(np.zeros(3), track) @ turn.T
+    assert fly(np.zeros(3), track @ turn.T) == pytest.approx(turned)
+
+
+def test_a_yaw_bias_throws_off_across_the_way() -> None:
+    track = np.linspace(0, 1, 2400)[:, None] * [20.0, 0, 0]  # two minutes straight along x
+    last = fly(track[0], track)[-1]
+    assert last[1, 1] > last[0, 0]
+
+
+@pytest.mark.parametrize(("radius", "seconds", "measured"), [(1.97, 135.0, 0.435)], ids=["circle"])
+def test_three_laps_drift_as_much_as_in_the_simulation_it_is_fitted_to(
+    radius: float, seconds: float, measured: float
+) -> None:
+    turned = np.linspace(0, 6 * np.pi, round(seconds / 0.05))
+    track = radius * np.stack([np.cos(turned), np.sin(turned), 0 * turned], axis=1)
+    covariance = fly(track[0], track)
+    expected = (covariance[:, 0, 0] + covariance[:, 1, 1]).mean()  # m², mean square error
+    assert expected == pytest.approx(measured, rel=0.2)
+
+
+def test_the_schema_is_a_schema_with_the_defaults_of_the_factory() -> None:
+    (offer,) = star_flow.star_localizers()
+    Draft202012Validator.check_schema(offer.options)
+    given = inspect.signature(offer.make).parameters
+    for name, option in offer.options["properties"].items():
+        assert given[name].default == option["default"]
+        assert option["description"]
+
+
+def test_announcing_it_imports_no_numpy() -> None:
+    code = "import sys, star_flow; list(star_flow.star_localizers()); "
+    subprocess.run([sys.executable, "-c", code + "assert 'numpy' not in sys.modules"], check=True)

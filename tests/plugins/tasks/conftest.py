@@ -1,0 +1,171 @@
+"""A swarm of points that flies one task: planner, commanders and phases, without a core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import (
+    AgentPhase,
+    Array,
+    Command,
+    Estimate,
+    Goals,
+    Health,
+    Mask,
+    Order,
+    Rows,
+    Scene,
+    Status,
+    Task,
+)
+from star_core.testing import estimate, health
+from star_straight import make as make_straight
+from star_verbs.offers import OFFERS
+
+OFFER = {offer.name: offer for offer in OFFERS}
+
+
+def everybody(_time: float) -> Mask:
+    return np.ones(1, np.bool_)
+
+
+@dataclass
+class Flown:
+    """What became of a task."""
+
+    limit: float
+    status: Status = Status.RUNNING
+    reason: str = ""
+    time: float = 0.0
+    commands: list[Command] = field(default_factory=list)
+    goals: list[Goals | None] = field(default_factory=list)
+    position: list[Array] = field(default_factory=list)
+    yaw: list[Array] = field(default_factory=list)
+
+    @property
+    def track(self) -> Array:
+        """(T, N, 3) where the agents were."""
+        return np.array(self.position)
+
+    @property
+    def end(self) -> Array:
+        return self.position[-1]
+
+
+class Swarm:
+    """Points that fly exactly what the straight planner says, and what commanders are told."""
+
+    def __init__(self, scene: Scene, position: Array, phase: AgentPhase) -> None:
+        n = len(scene.agents)
+        self.scene = scene
+        self.planner = make_straight(scene)
+        self.position = np.array(position, np.float64)
+        self.velocity = np.zeros((n, 3))
+        self.yaw = np.zeros(n)
+        self.phase: Rows = np.full(n, int(phase))
+        self.ready = np.full(n, np.inf)  # time at which each commander has finished
+        self.height = np.zeros(n)
+
+    def seen(self, time: float, located: Mask) -> Estimate:
+        """The estimate, NaN for whom is not located."""
+        valid = located & np.ones(len(self.phase), np.bool_)
+        gone = np.where(valid, 0.0, np.nan)
+        whole = estimate(self.position, velocity=self.velocity, time=time)
+        return replace(
+            whole,
+            position=self.position + gone[:, None],
+            velocity=self.velocity + gone[:, None],
+            yaw=self.yaw + gone,
+            valid=valid,
+        )
+
+    def health(self) -> Health:
+        return replace(health(len(self.phase)), phase=self.phase)
+
+    def obey(self, command: Command, time: float) -> None:
+        climbing = command.order is Order.TAKEOFF
+        self.phase[command.agent] = AgentPhase.TAKING_OFF if climbing else AgentPhase.LANDING
+        self.height[command.agent] = command.position[:, 2]
+        self.ready[command.agent] = time + command.duration
+
+    def move(self, now: Estimate, goals: Goals | None, stuck: Mask) -> None:
+        flying = self.phase == AgentPhase.FLYING
+        done = self.ready <= now.time
+        self.position[done, 2] = self.height[done]
+        up = done & (self.phase == AgentPhase.TAKING_OFF)
+        self.phase[done] = AgentPhase.LANDED
+        self.phase[up] = AgentPhase.FLYING
+        self.ready[done] = np.inf
+        if goals is None:
+            return
+        flown = self.planner.plan(now, goals).setpoint
+        fly = flown.active & flying & ~stuck
+        self.velocity = np.where(fly[:, None], flown.velocity, 0.0)
+        self.yaw = np.where(fly, flown.yaw, self.yaw)
+        self.position = self.position + self.scene.period * self.velocity
+
+
+def fly_task(
+    task: Task,
+    scene: Scene,
+    start: Any,
+    *,
+    phase: AgentPhase = AgentPhase.FLYING,
+    located: Callable[[float], Mask] = everybody,
+    stuck: Callable[[float], Mask] = lambda _time: np.zeros(1, np.bool_),
+    longest: float = 120.0,
+) -> Flown:
+    """Fly a task until it is over, or for `longest` seconds."""
+    swarm = Swarm(scene, start, phase)
+    flown = Flown(limit=task.begin(swarm.seen(0.0, located(0.0)), swarm.health()))
+    goals: Goals | None = None
+    for tick in range(round(longest / scene.period)):
+        flown.time = tick * scene.period
+        now = swarm.seen(flown.time, located(flown.time))
+        flown.position.append(swarm.position.copy())
+        flown.yaw.append(swarm.yaw.copy())
+        step = task.step(now, swarm.health())
+        goals = step.goals or goals
+        flown.goals.append(step.goals)
+        flown.commands += step.commands
+        flown.status, flown.reason = step.status, step.reason
+        if step.status is not Status.RUNNING:
+            break
+        for command in step.commands:
+            swarm.obey(command, flown.time)
+        swarm.move(now, goals, stuck(flown.time))
+    return flown
+
+
+@pytest.fixture
+def fly() -> Callable[..., Flown]:
+    return fly_task
+
+
+@pytest.fixture
+def make() -> Callable[..., Task]:
+    """Make a verb's task as the core does: verb, scene, rows, options."""
+
+    def made(verb: str, scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
+        return OFFER[verb].make(scene, rows, **options)
+
+    return made
+
+
+@pytest.fixture
+def problems() -> Callable[..., list[tuple[tuple[str | int, ...], str]]]:
+    """What a verb's check finds: verb, scene, rows, options."""
+
+    def found(
+        verb: str, scene: Scene, rows: tuple[int, ...], **options: Any
+    ) -> list[tuple[tuple[str | int, ...], str]]:
+        check = OFFER[verb].check
+        assert check is not None
+        return [(problem.path, problem.message) for problem in check(scene, rows, **options)]
+
+    return found

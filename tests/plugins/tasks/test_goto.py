@@ -1,0 +1,131 @@
+"""The verb ``goto``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Fence, Obstacle, Status, World
+from star_core.testing import scene
+
+AIR = [[-0.5, 0.0, 0.8], [0.5, 0.0, 0.8], [1.5, 0.0, 0.8]]
+PILLAR = Obstacle("pillar", (((1.9, -0.1), (2.1, -0.1), (2.1, 0.1), (1.9, 0.1)),), (0.0, 3.0))
+HALL = World("hall", Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 3.0)), (PILLAR,))
+
+
+def test_one_agent_goes_to_the_point_and_stops(make: Any, fly: Any) -> None:
+    room = scene(1)
+    flown = fly(make("goto", room, (0,), to=[1.0, 2.0, 1.2]), room, AIR[:1])
+    assert flown.status is Status.SUCCESS
+    assert flown.end[0] == pytest.approx([1.0, 2.0, 1.2], abs=0.1)
+    assert np.linalg.norm(flown.track[-1] - flown.track[-2]) < 0.15 * room.period
+
+
+def test_several_agents_spread_around_the_point(make: Any, fly: Any) -> None:
+    room = scene(3)
+    flown = fly(make("goto", room, (0, 1, 2), to=[0.0, 2.0, 0.8], within=0.02), room, AIR)
+    apart = np.linalg.norm(flown.end[:, None] - flown.end[None], axis=2)
+    assert flown.end.mean(axis=0) == pytest.approx([0.0, 2.0, 0.8], abs=0.02)
+    assert apart[np.triu_indices(3, 1)] == pytest.approx([0.6] * 3, abs=0.04)
+
+
+def test_each_agent_goes_by_the_offset_from_where_it_is(make: Any, fly: Any) -> None:
+    room = scene(3)
+    flown = fly(make("goto", room, (0, 2), by=[0.0, 1.0, 0.2], within=0.02), room, AIR)
+    assert flown.end[[0, 2]] == pytest.approx(
+        np.array([[-0.5, 1.0, 1.0], [1.5, 1.0, 1.0]]), abs=0.02
+    )
+    assert flown.end[1].tolist() == AIR[1]
+
+
+def test_agents_keep_their_heading_unless_told(make: Any, fly: Any) -> None:
+    room = scene(1)
+    kept = fly(make("goto", room, (0,), to=[1.0, 2.0, 1.2]), room, AIR[:1])
+    turned = fly(make("goto", room, (0,), to=[1.0, 2.0, 1.2], yaw_deg=-90), room, AIR[:1])
+    assert kept.yaw[-1].tolist() == [0.0]
+    assert turned.yaw[-1] == pytest.approx([-np.pi / 2])
+
+
+@pytest.mark.parametrize(("speed", "expected"), [(None, 0.5), (0.2, 0.2), (2.0, 0.5)])
+def test_nobody_flies_faster_than_the_speed_or_the_limit(
+    make: Any, fly: Any, speed: float | None, expected: float
+) -> None:
+    room = scene(1)
+    options = {} if speed is None else {"speed": speed}
+    flown = fly(make("goto", room, (0,), to=[2.0, 0.0, 0.8], **options), room, AIR[:1])
+    steps = np.linalg.norm(np.diff(flown.track[:, 0], axis=0), axis=1) / room.period
+    assert steps.max() == pytest.approx(expected)
+
+
+def test_a_row_that_is_not_located_has_not_arrived(make: Any, fly: Any) -> None:
+    room = scene(1)
+    task = make("goto", room, (0,), to=[0.5, 0.0, 0.8])
+    flown = fly(task, room, AIR[:1], located=lambda time: np.array([not 1.0 <= time < 20.0]))
+    assert flown.status is Status.SUCCESS
+    assert flown.time >= 20.0
+
+
+def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("goto", room, (0, 1), to=[0.0, 1.0, 0.8])
+    flown = fly(task, room, AIR[:2], located=lambda time: np.array([True, time >= 1.0]))
+    assert flown.goals[19] is None
+    assert flown.status is Status.SUCCESS
+
+
+def test_a_flight_may_take_three_times_its_way_and_5_s(make: Any, fly: Any) -> None:
+    room = scene(1)
+    task = make("goto", room, (0,), by=[1.0, 0.0, 0.0], speed=0.25)
+    assert fly(task, room, AIR[:1]).limit == pytest.approx(3 * 4.0 + 5)
+
+
+def test_a_way_from_nobody_knows_where_is_as_long_as_the_fence(make: Any, fly: Any) -> None:
+    room = scene(1)
+    task = make("goto", room, (0,), to=[1.0, 0.0, 0.8])
+    flown = fly(task, room, AIR[:1], located=lambda _: np.array([False]), longest=0.0)
+    assert flown.limit == pytest.approx(3 * np.sqrt(20**2 + 20**2 + 3**2) / 0.5 + 5)
+
+
+def test_an_offset_that_leads_out_of_the_fence_fails_and_says_who(make: Any, fly: Any) -> None:
+    room = replace(scene(2), world=HALL)
+    flown = fly(make("goto", room, (0, 1), by=[2.7, 0.0, 0.0]), room, AIR[:2])
+    assert flown.status is Status.FAILURE
+    assert flown.reason == (
+        "cf2 cannot be there: [3.2, 0, 0.8] is outside the fence, from [-3, -3, 0] to [3, 3, 3]"
+    )
+
+
+def test_a_good_goal_is_no_problem(problems: Any) -> None:
+    assert problems("goto", scene(3), (0, 1, 2), to=[0.0, 0.0, 0.8]) == []
+
+
+def test_a_goal_in_an_obstacle_is_a_problem(problems: Any) -> None:
+    room = replace(scene(1), world=HALL)
+    assert problems("goto", room, (0,), to=[2.0, 0.0, 0.8]) == [
+        (("to",), "[2, 0, 0.8] is inside obstacle 'pillar'")
+    ]
+
+
+def test_every_place_around_the_goal_must_be_free(problems: Any) -> None:
+    room = replace(scene(2), world=HALL)
+    assert problems("goto", room, (0, 1), to=[1.7, 0.0, 0.8]) == [
+        (("to",), "place 2 of 2: [2, 0, 0.8] is inside obstacle 'pillar'")
+    ]
+
+
+def test_a_goal_above_the_limits_is_a_problem(problems: Any) -> None:
+    ((path, message),) = problems("goto", scene(1), (0,), to=[0.0, 0.0, 2.0])
+    assert path == ("to",)
+    assert message == "[0, 0, 2] is outside the heights to fly at, from 0.2 to 1.8 m"
+
+
+def test_neither_a_point_nor_an_offset_is_a_problem(problems: Any) -> None:
+    assert problems("goto", scene(1), (0,)) == [((), "expected 'to' or 'by'")]
+
+
+def test_both_a_point_and_an_offset_is_a_problem(problems: Any) -> None:
+    found = problems("goto", scene(1), (0,), to=[0.0, 0.0, 0.8], by=[0.0, 0.0, 0.1])
+    assert found == [(("by",), "'by' does not go with 'to', expected one of them")]

@@ -1,0 +1,63 @@
+"""The verb ``land``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Order, Status
+from star_core.testing import scene
+
+AIR = [[-0.5, 0.0, 0.8], [0.5, 0.0, 1.2]]
+
+
+def test_agents_descend_in_place_to_the_floor(make: Any, fly: Any) -> None:
+    room = scene(2)
+    flown = fly(make("land", room, (0, 1)), room, AIR)
+    assert flown.status is Status.SUCCESS
+    assert flown.end.tolist() == [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]
+
+
+def test_each_descends_at_the_speed(make: Any, fly: Any) -> None:
+    room = scene(2)
+    (command,) = fly(make("land", room, (0, 1), speed=0.4), room, AIR).commands
+    assert command.order is Order.LAND
+    assert command.duration == pytest.approx([2.0, 3.0])
+
+
+def test_the_shortest_descent_takes_a_second(make: Any, fly: Any) -> None:
+    room = scene(1)
+    (command,) = fly(make("land", room, (0,)), room, [[0.0, 0.0, 0.1]]).commands
+    assert command.duration.tolist() == [1.0]
+
+
+@pytest.mark.parametrize("phase", [AgentPhase.GROUNDED, AgentPhase.LANDED])
+def test_agents_on_the_ground_are_left_alone(make: Any, fly: Any, phase: AgentPhase) -> None:
+    room = scene(2)
+    flown = fly(make("land", room, (0, 1)), room, AIR, phase=phase)
+    assert flown.status is Status.SUCCESS
+    assert flown.commands == []
+
+
+def test_who_lands_already_gets_no_second_order(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("land", room, (0, 1))
+    flown = fly(task, room, AIR, phase=AgentPhase.LANDING, longest=1.0)
+    assert flown.status is Status.RUNNING
+    assert flown.commands == []
+
+
+def test_who_is_not_located_descends_as_from_the_greatest_height(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("land", room, (0, 1))
+    flown = fly(task, room, AIR, located=lambda _: np.array([True, False]))
+    assert flown.status is Status.SUCCESS
+    assert flown.commands[0].duration == pytest.approx([4.0, 9.0])
+    assert np.isfinite(flown.commands[0].position).all()
+
+
+def test_a_landing_may_take_three_times_its_descent_and_5_s(make: Any, fly: Any) -> None:
+    room = scene(2)
+    assert fly(make("land", room, (0, 1)), room, AIR).limit == pytest.approx(3 * 6.0 + 5)

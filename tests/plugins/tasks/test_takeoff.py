@@ -1,0 +1,97 @@
+"""The verb ``takeoff``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Order, Status
+from star_core.testing import scene
+
+GROUND = [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]
+
+
+def test_agents_climb_to_the_height_and_hold_there(make: Any, fly: Any) -> None:
+    room = scene(2)
+    flown = fly(make("takeoff", room, (0, 1)), room, GROUND, phase=AgentPhase.GROUNDED)
+    assert flown.status is Status.SUCCESS
+    assert flown.end[:, 2] == pytest.approx([0.8, 0.8])
+    assert flown.goals[-1].position.tolist() == [[-0.5, 0.0, 0.8], [0.5, 0.0, 0.8]]
+
+
+def test_the_commanders_are_told_once_and_how_long_to_take(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("takeoff", room, (0, 1), height=1.2, speed=0.4)
+    (command,) = fly(task, room, GROUND, phase=AgentPhase.GROUNDED).commands
+    assert command.order is Order.TAKEOFF
+    assert command.position[:, 2].tolist() == [1.2, 1.2]
+    assert command.duration == pytest.approx([3.0, 3.0])
+
+
+def test_the_shortest_climb_takes_a_second(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("takeoff", room, (0, 1), height=0.3, speed=0.5)
+    (command,) = fly(task, room, GROUND, phase=AgentPhase.GROUNDED).commands
+    assert command.duration.tolist() == [1.0, 1.0]
+
+
+def test_only_its_own_agents_get_a_goal(make: Any, fly: Any) -> None:
+    room = scene(2)
+    flown = fly(make("takeoff", room, (1,)), room, GROUND, phase=AgentPhase.GROUNDED)
+    assert flown.goals[-1].active.tolist() == [False, True]
+    assert flown.commands[0].agent.tolist() == [1]
+
+
+def test_who_is_in_the_air_already_is_named(make: Any, fly: Any) -> None:
+    room = scene(2)
+    flown = fly(make("takeoff", room, (0, 1)), room, GROUND, phase=AgentPhase.FLYING)
+    assert flown.status is Status.FAILURE
+    assert flown.reason == "already in the air: cf1, cf2"
+    assert flown.commands == []
+
+
+def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
+    room = scene(2)
+    flown = fly(
+        make("takeoff", room, (0, 1)),
+        room,
+        GROUND,
+        phase=AgentPhase.GROUNDED,
+        located=lambda time: np.array([True, time >= 2.0]),
+    )
+    assert flown.status is Status.SUCCESS
+    assert flown.goals[39] is None
+    assert flown.goals[40] is not None
+
+
+def test_an_agent_that_ends_far_from_the_height_has_not_taken_off(make: Any, fly: Any) -> None:
+    room = scene(1)
+    task = make("takeoff", room, (0,))
+    flown = fly(
+        task,
+        room,
+        [[0.0, 0.0, 0.0]],
+        phase=AgentPhase.GROUNDED,
+        located=lambda time: np.array([time < 1.0]),
+        longest=20.0,
+    )
+    assert flown.status is Status.RUNNING
+
+
+def test_a_take_off_may_take_three_times_its_climb_and_5_s(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("takeoff", room, (0, 1), height=0.9)
+    assert fly(task, room, GROUND, longest=0.0).limit == pytest.approx(3 * 3.0 + 5)
+
+
+@pytest.mark.parametrize("height", [0.1, 1.9])
+def test_a_height_outside_the_limits_is_a_problem(problems: Any, height: float) -> None:
+    assert problems("takeoff", scene(1), (0,), height=height) == [
+        (("height",), f"{height} m is outside the heights to fly at, from 0.2 to 1.8 m")
+    ]
+
+
+def test_a_height_within_the_limits_is_none(problems: Any) -> None:
+    assert problems("takeoff", scene(1), (0,)) == []

@@ -1,0 +1,106 @@
+"""Files of waypoints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from star_core import InputError
+from star_verbs.waypoints import read
+
+
+def written(folder: Path, text: str) -> str:
+    (folder / "path.csv").write_text(text, encoding="utf-8")
+    return "path.csv"
+
+
+def faults(folder: Path, file: str) -> list[str]:
+    with pytest.raises(InputError) as raised:
+        read(folder, file)
+    return list(raised.value.problems)
+
+
+def test_points_are_read_with_the_lines_they_stand_on(tmp_path: Path) -> None:
+    found = read(tmp_path, written(tmp_path, "x,y,z\n0,0,1\n\n1,2.5,1\n"))
+    assert found.point == ((0.0, 0.0, 1.0), (1.0, 2.5, 1.0))
+    assert found.line == (2, 4)
+    assert found.yaw_deg == ()
+
+
+def test_columns_may_stand_in_any_order_with_a_heading(tmp_path: Path) -> None:
+    found = read(tmp_path, written(tmp_path, "\ufeffyaw_deg, z, y, x\r\n90,1,2,3\r\n0,1,2,4\r\n"))
+    assert found.point == ((3.0, 2.0, 1.0), (4.0, 2.0, 1.0))
+    assert found.yaw_deg == (90.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("x,y,z\n0,0,1\n1,a,1\n", ["path.csv:3: y is 'a', expected a number"]),
+        ("x,y,z\n0,0,1\n1,nan,1\n", ["path.csv:3: y is 'nan', expected a finite number"]),
+        ("x,y,z\n0,0,1\n1,,inf\n", [
+            "path.csv:3: y is '', expected a number",
+            "path.csv:3: z is 'inf', expected a finite number",
+        ]),
+        ("x,y,z\n0,0\n1,1,1\n", ["path.csv:2: has 2 values, expected 3"]),
+        ("x,y\n0,0\n", ["path.csv:1: no column 'z', expected x, y, z and, if wanted, yaw_deg"]),
+        ("x,y,z,yaw\n", [
+            "path.csv:1: unknown column 'yaw', expected x, y, z and, if wanted, yaw_deg"
+        ]),
+        ("x,y,z,x\n", ["path.csv:1: column 'x' stands there 2 times"]),
+        ("", [
+            "path.csv: is empty, expected a header with columns x, y, z and, if wanted, yaw_deg"
+        ]),
+        ("x,y,z\n0,0,1\n", ["path.csv: has 1 points, expected at least 2 that differ"]),
+        ("x,y,z\n0,0,1\n0,0,1\n", ["path.csv: has 2 points, expected at least 2 that differ"]),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_with_its_line(
+    tmp_path: Path, text: str, expected: list[str]
+) -> None:
+    assert faults(tmp_path, written(tmp_path, text)) == expected
+
+
+def test_every_wrong_line_is_told(tmp_path: Path) -> None:
+    found = faults(tmp_path, written(tmp_path, "x,y,z\n0,0,b\n1,1,1\n0,c,0\n"))
+    assert [message.split(":")[1] for message in found] == ["2", "4"]
+
+
+@pytest.mark.parametrize("file", ["../path.csv", "inner/../../path.csv", "/etc/hostname"])
+def test_a_path_out_of_the_folder_is_refused(tmp_path: Path, file: str) -> None:
+    written(tmp_path, "x,y,z\n0,0,1\n1,0,1\n")
+    (tmp_path / "missions" / "inner").mkdir(parents=True)
+    assert faults(tmp_path / "missions", file) == [f"{file!r} leads out of the mission's folder"]
+
+
+def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+    written(tmp_path, "x,y,z\n0,0,1\n1,0,1\n")
+    (tmp_path / "missions").mkdir()
+    (tmp_path / "missions" / "link.csv").symlink_to(tmp_path / "path.csv")
+    assert faults(tmp_path / "missions", "link.csv") == [
+        "'link.csv' leads out of the mission's folder"
+    ]
+
+
+def test_a_link_inside_the_folder_is_followed(tmp_path: Path) -> None:
+    written(tmp_path, "x,y,z\n0,0,1\n1,0,1\n")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "path.csv")
+    assert len(read(tmp_path, "link.csv").point) == 2
+
+
+@pytest.mark.parametrize("file", ["absent.csv", "."])
+def test_a_file_that_is_not_there_is_named(tmp_path: Path, file: str) -> None:
+    assert faults(tmp_path, file) == [f"no file {file!r} in the mission's folder"]
+
+
+def test_a_name_that_is_no_path_is_refused(tmp_path: Path) -> None:
+    (message,) = faults(tmp_path, "a\0b")
+    assert message.startswith("'a\\x00b' is no path of a file: ")
+
+
+@pytest.mark.parametrize("data", [b"\xff\xfe\x00", b'x,y,z\n"0,1,2\n'])
+def test_what_is_no_csv_is_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "path.csv").write_bytes(data)
+    (message,) = faults(tmp_path, "path.csv")
+    assert message.startswith("path.csv: cannot be read as CSV in UTF-8: ")

@@ -1,0 +1,103 @@
+"""A simulated swarm that is told in one line what to do."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Agent, Array, Command, Obstacle, Order, Setpoint, Supervisor, Telemetry
+from star_core.testing import scene
+from star_sim.transport import Simulator
+
+
+class Flight:
+    """A simulator and its clock, ticked at 20 Hz."""
+
+    def __init__(
+        self,
+        n: int = 1,
+        *,
+        at: Sequence[tuple[float, float, float]] | None = None,
+        yaw: float = 0.0,
+        obstacles: tuple[Obstacle, ...] = (),
+        rate: float = 20.0,
+        seed: int = 0,
+        noise: bool = False,
+        **options: Any,
+    ) -> None:
+        room = scene(n, rate=rate, seed=seed)
+        places = at or [agent.start for agent in room.agents]
+        room = dataclasses.replace(
+            room,
+            agents=tuple(Agent(f"cf{i + 1}", place, yaw) for i, place in enumerate(places)),
+            world=dataclasses.replace(room.world, obstacles=obstacles),
+        )
+        self.simulator = Simulator(room, noise=noise, **options)
+        self.simulator.connect()
+        self.n, self.period, self.ticks = len(places), room.period, 0
+        self.telemetry = self.simulator.receive()
+
+    @property
+    def position(self) -> Array:
+        """True positions, (N, 3)."""
+        truth = self.simulator.truth()
+        assert truth is not None
+        return truth.position
+
+    def state(self, row: int = 0) -> Supervisor:
+        return Supervisor(int(self.telemetry.state[row]))
+
+    def order(
+        self,
+        order: Order,
+        at: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        yaw: float = 0.0,
+        duration: float = 2.0,
+        rows: Sequence[int] | None = None,
+    ) -> None:
+        who = np.arange(self.n) if rows is None else np.array(rows)
+        self.simulator.command(
+            Command(
+                order,
+                who,
+                np.tile(at, (len(who), 1)),
+                np.full(len(who), yaw),
+                np.full(len(who), duration),
+            )
+        )
+
+    def rise(self, height: float = 0.8) -> None:
+        """Take off and settle."""
+        self.order(Order.TAKEOFF, (0.0, 0.0, height))
+        self.fly(4.0)
+
+    def fly(
+        self,
+        seconds: float,
+        velocity: Any = None,
+        *,
+        yaw: float = 0.0,
+        rows: Sequence[int] | None = None,
+    ) -> list[Telemetry]:
+        """Tick for some time, sending a velocity in each tick if there is one."""
+        heard = []
+        active = np.isin(np.arange(self.n), np.arange(self.n) if rows is None else rows)
+        for _ in range(round(seconds / self.period)):
+            if velocity is not None:
+                wanted = np.broadcast_to(np.asarray(velocity, float), (self.n, 3))
+                self.simulator.send(Setpoint(wanted, np.full(self.n, yaw), active))
+            self.ticks += 1
+            self.simulator.wait(self.ticks * self.period)
+            self.telemetry = self.simulator.receive()
+            heard.append(self.telemetry)
+        return heard
+
+
+@pytest.fixture(scope="session")  # it keeps nothing: each call makes another swarm
+def start() -> Callable[..., Flight]:
+    return Flight

@@ -1,0 +1,148 @@
+"""What the drones believe, and how far from the truth it is."""
+
+from __future__ import annotations
+
+import math
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Obstacle, Transform
+from star_sim import sensors
+
+Flying = Callable[..., Any]
+
+
+def test_without_noise_telemetry_is_the_truth_in_the_odometry_frame(start: Flying) -> None:
+    flight = start(at=[(1.0, -2.0, 0.0)], yaw=2.5)
+    flight.rise()
+    for velocity in ((0.4, 0.1, 0.05), (-0.3, 0.3, 0)):
+        flight.fly(1.0, velocity, yaw=1.0)
+        truth = flight.simulator.truth()
+        map_from_odom = Transform(np.array([2.5]), np.array([[1.0, -2.0, 0.0]]))
+        heard = flight.telemetry
+        assert map_from_odom.apply(heard.position) == pytest.approx(truth.position, abs=1e-12)
+        assert map_from_odom.turn(heard.velocity) == pytest.approx(truth.velocity, abs=1e-12)
+        half = 2.5 / 2
+        x, y, z, w = heard.attitude[0]
+        turned = [
+            math.cos(half) * x - math.sin(half) * y,
+            math.cos(half) * y + math.sin(half) * x,
+            math.cos(half) * z + math.sin(half) * w,
+            math.cos(half) * w - math.sin(half) * z,
+        ]
+        same = abs(np.dot(turned, truth.attitude[0]))  # q and -q are one attitude
+        assert same == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("rate", [10, 20, 30, 50, 100])
+def test_odometry_comes_at_a_hundred_hertz_whatever_the_tick(start: Flying, rate: int) -> None:
+    flight = start(2, rate=rate)
+    flight.rise()
+    table = [heard.odometry for heard in flight.fly(1.0)]
+    time = np.concatenate([odometry.time for odometry in table])
+    agent = np.concatenate([odometry.agent for odometry in table])
+    for row in range(2):
+        assert np.diff(time[agent == row]) == pytest.approx(0.01, abs=1e-9)
+        assert 99 <= (agent == row).sum() <= 101
+
+
+def test_adding_up_the_odometry_gives_the_believed_position(start: Flying) -> None:
+    flight = start(noise=True)
+    flight.rise()
+    begun = flight.telemetry.position[0, :2]
+    yaw = 2 * math.atan2(*flight.telemetry.attitude[0, 2:])
+    travelled = np.zeros(2)
+    for heard in flight.fly(8.0, (0.3, 0.1, 0), yaw=1.5):
+        table = heard.odometry
+        for (vx, vy, _), rate in zip(table.velocity, table.yaw_rate, strict=True):
+            yaw += rate * 0.01
+            travelled += 0.01 * np.array(
+                [math.cos(yaw) * vx - math.sin(yaw) * vy, math.sin(yaw) * vx + math.cos(yaw) * vy]
+            )
+    assert begun + travelled == pytest.approx(flight.telemetry.position[0, :2], abs=2e-3)
+
+
+def test_odometry_agrees_with_the_attitude(start: Flying) -> None:
+    flight = start(noise=True)
+    flight.rise()
+    flight.fly(0.3, (1.0, -0.5, 0))
+    x, y, z, w = flight.telemetry.attitude[0]
+    roll = math.atan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(2 * (w * y - x * z))
+    assert abs(pitch) > 0.01
+    assert flight.telemetry.odometry.roll[-1] == pytest.approx(roll, abs=1e-12)
+    assert flight.telemetry.odometry.pitch[-1] == pytest.approx(pitch, abs=1e-12)
+    assert flight.telemetry.odometry.height[-1] == flight.telemetry.position[0, 2]
+
+
+def test_nose_down_is_a_positive_pitch(start: Flying) -> None:
+    flight = start()
+    flight.rise()
+    flight.fly(0.3, (1.0, 0, 0))
+    assert flight.telemetry.odometry.pitch[-1] > 0.05
+
+
+def drifts(flight: Any) -> Any:
+    truth = flight.simulator.truth()
+    drones = flight.simulator.drones
+    back = Transform(drones["origin_yaw"], drones["origin"]).inverse()
+    return np.linalg.norm((flight.telemetry.position - back.apply(truth.position))[:, :2], axis=1)
+
+
+def test_dead_reckoning_drifts_and_takes_the_drone_with_it(start: Flying) -> None:
+    flight = start(8, noise=True)
+    flight.rise()
+    for _ in range(3):
+        flight.fly(7.0, (0.3, 0, 0))
+        flight.fly(7.0, (-0.3, 0, 0), yaw=math.pi)
+    drift = drifts(flight)
+    assert 0.05 < np.median(drift) < 0.6
+    assert np.abs(flight.telemetry.position[:, 2] - flight.position[:, 2]).max() < 0.03
+
+
+def test_a_drone_at_rest_does_not_drift(start: Flying) -> None:
+    flight = start(3, noise=True)
+    flight.fly(20.0)
+    assert np.abs(flight.telemetry.position).max() == 0.0
+    assert np.abs(flight.telemetry.velocity).max() == 0.0
+
+
+def test_a_drone_at_rest_on_a_table_does_not_drift(start: Flying) -> None:
+    table = Obstacle("table", (((-1, -1), (1, -1), (1, 1), (-1, 1)),), (0.0, 0.7))
+    flight = start(noise=True, at=[(0.0, 0.0, 0.7)], obstacles=(table,))
+    flight.fly(20.0)
+    assert np.abs(flight.telemetry.position).max() < 0.01
+
+
+def test_a_noisy_drone_starts_beside_its_place_but_believes_it_is_there(start: Flying) -> None:
+    flight = start(200, noise=True, at=[(float(i), 0.0, 0.0) for i in range(200)])
+    beside = flight.position - [(i, 0, 0) for i in range(200)]
+    assert beside[:, :2].std() == pytest.approx(sensors.START_OFFSET, rel=0.15)
+    assert np.abs(flight.telemetry.position).max() == 0.0
+
+
+def test_the_texture_has_the_deviation_and_the_correlation_it_should() -> None:
+    fields = np.stack([sensors.draw_texture(seed) for seed in range(8)])
+    assert fields.std() == pytest.approx(sensors.TEXTURE, rel=0.1)
+    shift = round(sensors.TEXTURE_LENGTH / sensors.TEXTURE_PITCH)
+    alike = (fields * np.roll(fields, shift, axis=1)).mean() / fields.var()
+    length = shift * sensors.TEXTURE_PITCH
+    expected = math.exp(-(length**2) / (2 * sensors.TEXTURE_LENGTH**2))
+    assert alike == pytest.approx(expected, abs=0.08)
+
+
+def test_the_texture_repeats_itself_without_a_seam() -> None:
+    field = sensors.draw_texture(0)
+    seam = np.abs(field[0] - field[-1]).max()
+    assert seam < 2 * np.abs(np.diff(field, axis=0)).max()
+
+
+def test_three_laps_of_a_box_drift_as_a_real_crazyflie_does() -> None:
+    path = Path(__file__).parents[4] / "benchmarks" / "sim.py"
+    error = runpy.run_path(str(path))["drift"](40)
+    assert 0.1 < error.mean() < 0.6  # m²; the firmware's own estimator: 0.305 ± 0.138

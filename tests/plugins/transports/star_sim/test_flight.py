@@ -1,0 +1,142 @@
+"""How a simulated drone flies when its estimator knows the truth."""
+
+from __future__ import annotations
+
+import math
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from star_core import Order
+from star_sim import airframe
+from star_sim.drone import VELOCITY
+
+Flying = Callable[..., Any]
+
+
+BENCHMARK = runpy.run_path(str(Path(__file__).parents[4] / "benchmarks" / "sim.py"))
+
+
+def in_the_air(flight: Any, height: float = 5.0) -> None:
+    drones = flight.simulator.drones
+    drones["position"][:, 2] = drones["seen_position"][:, 2] = height
+    drones["believed_position"][:, 2] = height
+
+
+def test_a_drone_hovers_within_a_centimetre(start: Flying) -> None:
+    flight = start()
+    flight.rise(0.8)
+    flight.fly(4.0)
+    for _ in range(40):
+        flight.fly(0.05)
+        assert np.abs(flight.position - [[0, 0, 0.8]]).max() < 0.01
+
+
+@pytest.mark.parametrize("velocity", [(0.5, 0, 0), (0, -0.3, 0), (0.2, 0.2, 0.1), (0, 0, -0.2)])
+def test_a_velocity_setpoint_is_followed_within_two_per_cent(
+    start: Flying, velocity: tuple[float, float, float]
+) -> None:
+    flight = start()
+    flight.rise(2.0)
+    flight.fly(8.0, velocity)
+    error = flight.telemetry.velocity[0] - velocity
+    assert np.linalg.norm(error) < 0.02 * np.linalg.norm(velocity)
+
+
+def test_a_yaw_setpoint_is_followed(start: Flying) -> None:
+    flight = start()
+    flight.rise()
+    flight.fly(3.0, (0, 0, 0), yaw=3.0)
+    x, y, z, w = flight.telemetry.attitude[0]
+    assert math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)) == pytest.approx(3.0, abs=0.01)
+
+
+def test_motors_off_is_free_fall_with_drag(start: Flying) -> None:
+    flight = start()
+    in_the_air(flight)
+    flight.fly(0.5)
+    drag = airframe.DRAG_Z / airframe.MASS
+    fallen = airframe.GRAVITY / drag * (0.5 - (1 - math.exp(-drag * 0.5)) / drag)
+    step = airframe.GRAVITY * airframe.STEP * 0.5 / 2  # of one semi-implicit step per step
+    assert 5.0 - flight.position[0, 2] == pytest.approx(fallen + step, rel=2e-3)
+
+
+@given(
+    rates=st.tuples(*[st.floats(-20, 20)] * 3),
+    velocity=st.tuples(*[st.floats(-2, 2)] * 3),
+)
+@settings(deadline=None, max_examples=20)
+def test_the_attitude_stays_a_unit_quaternion(
+    rates: tuple[float, float, float], velocity: tuple[float, float, float]
+) -> None:
+    sim = BENCHMARK["hover"](1, noise=False)
+    sim.drones["rates"], sim.drones["velocity"] = rates, velocity
+    sim.wait(1.0)
+    assert np.linalg.norm(sim.truth().attitude, axis=1) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_body_that_spins_freely_keeps_its_angular_momentum(start: Flying) -> None:
+    flight = start()
+    in_the_air(flight)
+    drones = flight.simulator.drones
+    drones["rates"] = [3.0, -2.0, 4.0]
+    inertia = np.array([airframe.INERTIA_XY, airframe.INERTIA_XY, airframe.INERTIA_Z])
+    before = np.linalg.norm(inertia * drones["rates"][0])
+    flight.fly(0.5)
+    assert np.linalg.norm(inertia * drones["rates"][0]) == pytest.approx(before, rel=1e-2)
+
+
+def test_tilt_stays_within_the_firmwares_limit_under_a_violent_setpoint(start: Flying) -> None:
+    flight = start()
+    flight.rise(2.0)
+    tilts = []
+    for sign in (1, -1, 1, -1):
+        for heard in flight.fly(0.5, (5.0 * sign, 5.0 * sign, 0)):
+            upright = 1 - 2 * (heard.attitude[0, :2] ** 2).sum()
+            tilts.append(math.degrees(math.acos(upright)))
+    assert 15.0 < max(tilts) < 25.0  # 20° and some overshoot of the attitude loop
+
+
+def test_a_drone_that_falls_on_the_floor_comes_to_rest_there(start: Flying) -> None:
+    flight = start()
+    in_the_air(flight, 1.0)
+    flight.simulator.drones["velocity"] = [0.5, 0.5, 0.0]
+    flight.fly(2.0)
+    assert flight.position[0, 2] == 0.0
+    assert np.abs(flight.telemetry.velocity).max() < 1e-6
+
+
+def test_the_kernel_agrees_with_plain_numpy() -> None:
+    n = 11  # a full layout of eight, and one that is not full
+    rng = np.random.default_rng(1)
+    heading = rng.uniform(-3, 3, n)
+    sim = BENCHMARK["hover"](n, noise=False)
+    drones = sim.drones
+    drones["position"] += rng.normal(0, 0.1, (n, 3))
+    drones["attitude"][:, 2], drones["attitude"][:, 3] = np.sin(heading / 2), np.cos(heading / 2)
+    drones["thrust"] = 0.0
+    drones["origin_yaw"] = drones["seen_yaw"] = heading
+    drones["slip"] = np.stack([np.cos(heading), -np.sin(heading)], axis=1)
+    peer = BENCHMARK["NumpySwarm"](drones["position"], heading)
+    for tick in range(40):
+        velocity, yaw = rng.uniform(-1, 1, (n, 3)), rng.uniform(-3, 3, n)
+        drones["reference_velocity"], drones["reference_yaw"] = velocity, yaw
+        drones["mode"] = VELOCITY
+        sim.wait((tick + 1) / 20)
+        peer.tick(velocity, yaw, 25)
+    assert np.abs(drones["position"] - peer.position).max() < 1e-9
+    assert np.abs(drones["velocity"] - peer.velocity).max() < 1e-9
+    assert np.abs(drones["attitude"] - peer.attitude).max() < 1e-9
+
+
+def test_a_take_off_reaches_its_height_and_stays_over_its_start(start: Flying) -> None:
+    flight = start(at=[(1.0, 2.0, 0.0)], yaw=0.7)
+    flight.order(Order.TAKEOFF, (9.0, 9.0, 1.2), duration=3.0)
+    flight.fly(6.0)
+    assert flight.position[0] == pytest.approx([1.0, 2.0, 1.2], abs=0.01)

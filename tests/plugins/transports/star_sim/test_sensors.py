@@ -1,0 +1,63 @@
+"""How the Flow deck's sensors err."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from star_core import Array
+from star_sim import sensors
+from star_sim.drone import Drones, standing
+
+FLAT = np.zeros((sensors.TEXTURE_POINTS, sensors.TEXTURE_POINTS))
+COUNT = 0.8 / sensors.COUNTS  # m/s that one count is at 0.8 m
+
+
+def shown(drones: Drones, *, cycles: int = 1000, texture: Array = FLAT) -> Array:
+    """What the flow sensor shows, (cycles, 2), at 0.8 m and 0.1 m/s ahead."""
+    drones["position"], drones["seen_position"] = [0.001, 0.0, 0.8], [0.0, 0.0, 0.8]
+    quiet = np.zeros(4)
+    return np.array(
+        [sensors.flow(drones[0], quiet, texture, (1.0, 0.0), 0.8, 1.0) for _ in range(cycles)]
+    )
+
+
+def one() -> Drones:
+    return standing(np.zeros((1, 3)), np.zeros(1), 1.0)
+
+
+def test_the_flow_sensor_shows_whole_counts() -> None:
+    counts = shown(one()) / COUNT
+    assert np.abs(counts - np.round(counts)).max() < 1e-9
+    assert set(np.round(counts[:, 0])) == {0.0, 1.0}
+
+
+def test_what_is_not_a_whole_count_is_not_lost() -> None:
+    assert shown(one()).mean(axis=0) == pytest.approx([0.1, 0.0], abs=COUNT / 1000)
+
+
+def test_scale_misalignment_and_bias_show() -> None:
+    drones = one()
+    drones["scale"] = 0.1
+    drones["misalignment"] = [math.cos(0.3), math.sin(0.3)]
+    drones["velocity_bias"] = [0.01, -0.02]
+    expected = [0.11 * math.cos(0.3) + 0.01, 0.11 * math.sin(0.3) - 0.02]
+    assert shown(drones).mean(axis=0) == pytest.approx(expected, abs=COUNT / 1000)
+
+
+def test_the_texture_scales_the_flow() -> None:
+    assert shown(one(), texture=FLAT + 0.2).mean(axis=0)[0] == pytest.approx(0.12, abs=1e-3)
+
+
+def test_a_flow_beyond_the_sensors_range_is_cut() -> None:
+    drones = one()
+    drones["scale"] = 1000.0
+    assert shown(drones, cycles=1)[0, 0] == pytest.approx(sensors.OUTLIER * COUNT)
+
+
+def test_the_ranger_shows_millimetres_and_grows_noisy_with_height() -> None:
+    assert sensors.ranged(0.80049, 0.0) == pytest.approx(0.8)
+    assert sensors.ranged(1.0, 1.0) == pytest.approx(1.003, abs=6e-4)
+    assert sensors.ranged(4.0, 1.0) == pytest.approx(4.2, abs=5e-3)

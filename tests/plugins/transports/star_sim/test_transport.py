@@ -1,0 +1,145 @@
+"""The simulator as a transport: its clock, its offer, and the same numbers every time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+import star_sim
+from star_core import Setpoint, Transport
+from star_core.testing import scene
+
+Flying = Callable[..., Any]
+
+
+def errand(flight: Any) -> None:
+    flight.rise()
+    flight.fly(2.0, (0.2, 0.3, 0.0), yaw=0.4)
+
+
+def test_it_is_a_transport() -> None:
+    assert isinstance(star_sim.make(scene(2)), Transport)
+
+
+def test_two_runs_are_the_same_to_the_last_bit(start: Flying) -> None:
+    one, other = start(3, noise=True, seed=4), start(3, noise=True, seed=4)
+    errand(one)
+    errand(other)
+    assert one.simulator.drones.tobytes() == other.simulator.drones.tobytes()
+
+
+def test_another_seed_gives_another_flight(start: Flying) -> None:
+    one, other = start(noise=True, seed=4), start(noise=True, seed=5)
+    errand(one)
+    errand(other)
+    assert np.abs(one.position - other.position).max() > 1e-3
+
+
+def test_an_agents_numbers_do_not_depend_on_others_far_away(start: Flying) -> None:
+    places = [(2.0 * i, 0.0, 0.0) for i in range(12)]
+    few, many = (
+        start(2, noise=True, at=places[:2]),
+        start(12, noise=True, at=places),
+    )
+    errand(few)
+    errand(many)
+    assert few.simulator.drones.tobytes() == many.simulator.drones[:2].tobytes()
+
+
+def test_noise_goes_on_beyond_one_block_of_numbers(start: Flying) -> None:
+    one, other = start(noise=True), start(noise=True, rate=2.0)
+    one.rise()
+    other.rise()
+    one.fly(5.0)
+    other.fly(5.0)
+    assert one.position == pytest.approx(other.position, abs=1e-12)
+
+
+def test_wait_stops_at_whole_steps_and_adds_up_without_drift(start: Flying) -> None:
+    simulator = start(rate=30.0).simulator
+    for tick in range(1, 601):
+        now = simulator.wait(tick / 30)
+        assert 0 <= now - tick / 30 < 0.002
+        assert now == pytest.approx(round(now / 0.002) * 0.002, abs=1e-12)
+
+
+def test_clock_telemetry_odometry_and_truth_tell_the_same_time(start: Flying) -> None:
+    flight = start()
+    for tick in range(1, 400):
+        now = flight.simulator.wait(tick * 0.05)
+        heard = flight.simulator.receive()
+        assert heard.time == heard.odometry.time[-1] == flight.simulator.truth().time == now
+
+
+def test_waiting_for_what_is_past_changes_nothing(start: Flying) -> None:
+    flight = start()
+    flight.fly(0.5)
+    before = flight.simulator.drones.tobytes()
+    assert flight.simulator.wait(0.2) == pytest.approx(0.5)
+    assert flight.simulator.drones.tobytes() == before
+
+
+def test_odometry_is_handed_out_once(start: Flying) -> None:
+    flight = start()
+    flight.fly(0.05)
+    assert len(flight.telemetry.odometry.agent) == 5
+    assert len(flight.simulator.receive().odometry.agent) == 0
+
+
+def test_telemetry_is_a_copy_that_later_ticks_leave_alone(start: Flying) -> None:
+    flight = start()
+    heard = flight.fly(0.05)[0]
+    flight.rise()
+    assert heard.position[0, 2] == 0.0
+
+
+def test_what_is_sent_is_what_was_wished(start: Flying) -> None:
+    setpoint = Setpoint(np.full((2, 3), 0.3), np.zeros(2), np.array([True, False]))
+    assert start(2).simulator.send(setpoint) is setpoint
+
+
+def test_time_is_kept_when_a_speed_is_asked_for(
+    start: Flying, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wall = [100.0]
+    naps: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        naps.append(seconds)
+        wall[0] += seconds
+
+    monkeypatch.setattr(time, "monotonic", lambda: wall[0])
+    monkeypatch.setattr(time, "sleep", sleep)
+    start(speed=2.0).fly(1.0)
+    assert wall[0] - 100.0 == pytest.approx(0.5)
+    assert len(naps) == 20
+
+
+def test_without_a_speed_it_never_sleeps(start: Flying, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time, "sleep", lambda _: pytest.fail("slept"))
+    start().fly(1.0)
+
+
+def test_closing_twice_is_harmless(start: Flying) -> None:
+    simulator = start().simulator
+    simulator.close()
+    simulator.close()
+
+
+def test_the_options_are_a_schema_whose_defaults_are_those_of_make() -> None:
+    Draft202012Validator.check_schema(star_sim.OPTIONS)
+    defaults = {name: option["default"] for name, option in star_sim.OPTIONS["properties"].items()}
+    assert defaults == {"noise": True, "battery": 1.0, "speed": None}
+    assert defaults == star_sim.make.__kwdefaults__
+
+
+def test_the_entry_point_imports_nothing_heavy() -> None:
+    code = "import star_sim, sys; assert not {'numpy', 'numba'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
