@@ -64,9 +64,9 @@ _HOME = {
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOME.items() for name in names}
 
-__all__ = [  # noqa: PLE0604, RUF100 -- a test holds it to _HOME
-    "AgentPhase",
+__all__ = [
     "Agent",
+    "AgentPhase",
     "Array",
     "Avoider",
     "Command",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any, Final, TypeAlias
 
 from star_core.contracts import Problem
 from star_core.document import Document
-from star_core.errors import PluginError
+from star_core.errors import PluginError, instead
 from star_core.registry import Registry
 from star_core.scene import Scene
 
@@ -38,7 +37,7 @@ def of_world(world: Document) -> list[str]:
                 (("obstacles", name, "height"), f"foot {foot!r} is not below top {top!r}")
             )
         points = obstacle.get("polyline", obstacle.get("polygon"))
-        if any(a == b for a, b in zip(points, points[1:], strict=False)):
+        if any(a == b for a, b in pairwise(points)):
             faults.append((("obstacles", name), "has the same point twice in a row"))
     return [world.problem(path, message) for path, message in faults]
 
@@ -98,8 +97,8 @@ def _starts(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterat
         if distance < apart:
             yield (
                 ("swarm", second.name, "start"),
-                f"{second.name!r} starts {distance:.2f} m from {first.name!r}, expected at least "
-                + f"two radii: {apart:.2f} m",
+                f"{second.name!r} starts {distance:.2f} m from {first.name!r}, "
+                f"expected at least two radii: {apart:.2f} m",
             )
 
 
@@ -200,7 +199,7 @@ def _shared(
             yield (
                 (*path, i, verb),
                 f"{scene.named(twice)} already moves in another branch of this 'parallel'; "
-                + "name the agents of each branch",
+                "name the agents of each branch",
             )
         taken |= rows
 
@@ -215,7 +214,4 @@ def _rows_in(step: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]]) -> 
 
 
 def _unknown(what: str, name: str, known: Iterable[str]) -> str:
-    known = list(known)
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(known)}"
-    return f"no {what} named {name!r}; {hint}"
+    return f"no {what} named {name!r}{instead(name, known, 'there are')}"

@@ -7,7 +7,7 @@ lower case, has no full stop, and shows values through ``!r``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 
 class StarError(Exception):
@@ -32,3 +32,17 @@ class PluginError(StarError):
 
 class ContractError(StarError):
     """A table or an answer that breaks its contract."""
+
+
+def instead(word: object, known: Iterable[str], listing: str = "") -> str:
+    """Name what was perhaps meant or, after `listing`, all there is.
+
+    >>> instead("orcaa", ["none", "orca"]), instead("x", ["none", "orca"], "installed")
+    ("; did you mean 'orca'?", '; installed: none, orca')
+    """
+    from difflib import get_close_matches
+
+    names = list(known)
+    if close := get_close_matches(str(word).lower(), names, n=1):
+        return f"; did you mean {close[0]!r}?"
+    return f"; {listing}: {', '.join(names)}" if names and listing else ""

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from star_core import wording
 from star_core.document import PARTS
-from star_core.wording import Breach, instead, show
+from star_core.errors import instead
+from star_core.wording import Breach, show
 from star_core.yaml_text import Location
 
 if TYPE_CHECKING:

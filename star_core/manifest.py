@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
@@ -36,10 +37,8 @@ def manifest(mission: Mission) -> dict[str, Any]:
 
 def packages() -> dict[str, str]:
     """Versions of this project and of what it is built on."""
-    names = [DISTRIBUTION]
-    for requirement in requires(DISTRIBUTION) or ():
-        if "extra ==" not in requirement:
-            names.append("".join(c for c in requirement.split(">")[0] if c not in " <=~!;"))
+    needed = (line for line in requires(DISTRIBUTION) or () if "extra ==" not in line)
+    names = [DISTRIBUTION, *(re.split(r"[ <>=~!;\[]", line)[0] for line in needed)]
     found = {}
     for name in names:
         try:

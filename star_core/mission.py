@@ -13,7 +13,7 @@ from star_core.document import Document, override, read
 from star_core.errors import InputError
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
-from star_core.world import Fence, Obstacle, World, wall
+from star_core.world import Fence, Obstacle, Point, World, wall
 
 PARTS = ("transport", "localizer", "planner", "avoider")
 OnFailure: TypeAlias = Literal["abort", "land", "continue"]
@@ -138,7 +138,7 @@ def _world_document(document: Document) -> Document:
 def _world(data: Mapping[str, Any]) -> World:
     return World(
         name=data.get("name", "world"),
-        fence=Fence(low=tuple(data["fence"]["low"]), high=tuple(data["fence"]["high"])),
+        fence=Fence(low=_point(data["fence"]["low"]), high=_point(data["fence"]["high"])),
         obstacles=tuple(
             Obstacle(
                 name=name,
@@ -161,7 +161,7 @@ def _scene(document: Document, world: World) -> Scene:
         agents=tuple(
             Agent(
                 name=name,
-                start=tuple(float(x) for x in given["start"]),
+                start=_point(given["start"]),
                 yaw=math.radians(given.get("yaw_deg", 0.0)),
                 uri=given.get("uri"),
             )
@@ -173,6 +173,11 @@ def _scene(document: Document, world: World) -> Scene:
         seed=data.get("seed", 0),
         folder=document.path.parent,
     )
+
+
+def _point(given: Sequence[float]) -> Point:
+    x, y, z = given
+    return float(x), float(y), float(z)
 
 
 def _part(kind: str, given: str | Mapping[str, Any], registry: Registry) -> Part:

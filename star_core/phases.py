@@ -103,7 +103,7 @@ class Phases:
 
     def among(self, *phases: AgentPhase) -> Mask:
         """(N,) which agents are in one of some phases."""
-        among = self._now == phases[0]
+        among: Mask = self._now == phases[0]
         for phase in phases[1:]:
             among |= self._now == phase
         return among

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
@@ -12,7 +11,7 @@ import pluggy
 
 from star_core import hookspecs
 from star_core.contracts import Offer
-from star_core.errors import PluginError
+from star_core.errors import PluginError, instead
 
 ENTRY_POINT_GROUP: Final = "star.plugins"
 KINDS: Final = ("transport", "localizer", "planner", "avoider", "task", "command")
@@ -81,9 +80,7 @@ class Registry:
         """
         try:
             name = self.manager.register(plugin, name=source.plugin)
-            for caller in self.manager.get_hookcallers(plugin) or ():
-                if not caller.has_spec():
-                    raise PluginError(_unknown("hook", caller.name, _hooks()))
+            _hooks_exist(self.manager.get_hookcallers(plugin) or ())
             fresh = [
                 (kind, Found(offer, source)) for kind in KINDS for offer in _offers(plugin, kind)
             ]
@@ -116,7 +113,8 @@ class Registry:
             left_out = "".join(
                 f"; plugin {source} was left out: {why}" for source, why in self.broken.items()
             )
-            raise PluginError(_unknown(kind, name, self.names(kind)) + left_out)
+            hint = instead(name, self.names(kind), "there are")
+            raise PluginError(f"no {kind} named {name!r}{hint}{left_out}")
         if len(found) > 1:
             who = " and ".join(str(one.source) for one in found)
             raise PluginError(f"two plugins offer a {kind} named {name!r}: {who}; uninstall one")
@@ -138,17 +136,14 @@ def _offers(plugin: object, kind: str) -> Iterable[Offer[Any]]:
         yield offer
 
 
+def _hooks_exist(callers: Iterable[pluggy.HookCaller]) -> None:
+    for caller in callers:
+        if not caller.has_spec():
+            known = [name for name in vars(hookspecs) if name.startswith("star_")]
+            raise PluginError(f"no hook named {caller.name!r}{instead(caller.name, known)}")
+
+
 def _home(entry: EntryPoint) -> tuple[str, str]:
     if entry.dist is None:
         return entry.name, ""
     return f"{entry.dist.name}:{entry.name}", entry.dist.version
-
-
-def _hooks() -> Mapping[str, Any]:
-    return {name: hook for name, hook in vars(hookspecs).items() if name.startswith("star_")}
-
-
-def _unknown(kind: str, name: str, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(known) or 'none'}"
-    return f"no {kind} named {name!r}; {hint}"

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 
-from star_core.errors import InputError
+from star_core.errors import InputError, instead
 from star_core.world import Point, World
 
 
@@ -99,7 +98,5 @@ def inside(folder: Path, name: str) -> Path:
         if path.exists():
             raise InputError([f"{name!r} is not a file"])
         beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
-        near = get_close_matches(name, beside, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise InputError([f"there is no file {name!r} in the mission's folder{hint}"])
+        raise InputError([f"no file {name!r} in the mission's folder{instead(name, beside)}"])
     return path

@@ -186,7 +186,8 @@ def _pairs(position: Array, touch: float) -> tuple[set[tuple[int, int]], float]:
     from scipy.spatial import cKDTree
 
     tree = cKDTree(position[rows])
-    least = float(tree.query(position[rows], k=2)[0][:, 1].min())
+    reach: Array = np.asarray(tree.query(position[rows], k=2)[0])  # (M, 2), itself the first
+    least = float(reach[:, 1].min())
     near = tree.query_pairs(touch) if least < touch else set()
     return {(int(rows[i]), int(rows[j])) for i, j in near}, least
 

@@ -20,7 +20,7 @@ from star_core.world import Fence, World
 
 
 def scene(n: int, *, rate: float = 20.0, limits: Limits | None = None, seed: int = 0) -> Scene:
-    """A scene of `n` agents, 1 m apart on a line along x, in an empty room 20 m wide and 3 m high."""
+    """A scene of `n` agents 1 m apart on a line, in an empty room 20 m wide and 3 m high."""
     return Scene(
         agents=tuple(Agent(f"cf{i + 1}", (i - (n - 1) / 2, 0.0, 0.0)) for i in range(n)),
         period=1 / rate,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from star_core.errors import instead
 from star_core.yaml_text import Location
 
 if TYPE_CHECKING:
@@ -72,18 +72,6 @@ def say(breach: Breach) -> str:
 def reason(breach: Breach) -> str:
     """Say what a pattern expects, in its schema's words if there are any."""
     return str(breach.rules.get("patternErrorMessage") or _plainly(breach))
-
-
-def instead(word: object, known: Iterable[str], listing: str = "") -> str:
-    """Name what was perhaps meant or, after `listing`, all there is.
-
-    >>> instead("orcaa", ["none", "orca"]), instead("x", ["none", "orca"], "installed")
-    ("; did you mean 'orca'?", '; installed: none, orca')
-    """
-    names = list(known)
-    if close := difflib.get_close_matches(str(word).lower(), names, n=1):
-        return f"; did you mean {close[0]!r}?"
-    return f"; {listing}: {', '.join(names)}" if names and listing else ""
 
 
 def what(value: Any) -> str:

@@ -1,1 +1,36 @@
-"""To come."""
+"""Observer ``record``: keeps what a run leaves behind in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from star_core import hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Flight, Tick
+    from star_record.recorder import Recorder
+
+_recorders: list[Recorder] = []  # the one of the flight under way, if it is kept
+
+
+@hookimpl
+def star_mission_started(flight: Flight) -> None:
+    _recorders.clear()
+    if flight.folder is not None:
+        from star_record.recorder import Recorder
+
+        _recorders.append(Recorder(flight, flight.folder))
+
+
+@hookimpl
+def star_ticked(tick: Tick) -> None:
+    for recorder in _recorders:
+        recorder.add(tick)
+
+
+@hookimpl
+def star_mission_ended(summary: Mapping[str, Any]) -> None:
+    for recorder in _recorders:
+        recorder.close(summary)
+    _recorders.clear()

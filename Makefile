@@ -1,0 +1,40 @@
+# `make` lists the targets.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+MISSION ?= missions/first_flight.yaml
+
+.DEFAULT_GOAL := help
+.PHONY: help fly test check bench campaign clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
+
+$(VENV)/.ready: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $@
+
+fly: $(VENV)/.ready  ## set up and fly MISSION (missions/first_flight.yaml)
+	$(BIN)/star-run $(MISSION)
+
+test: $(VENV)/.ready  ## set up and run every check and test
+	$(MAKE) --no-print-directory check
+
+check: $(VENV)/.ready  ## style, types, layers, tests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -q -m 'not campaign'
+
+bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
+	$(BIN)/python -m pip install --quiet --no-deps pyrvo
+	for topic in startup sim orca; do $(BIN)/python benchmarks/$$topic.py; done
+
+campaign: $(VENV)/.ready  ## the long tests
+	$(BIN)/python -m pytest -q -m campaign
+
+clean:  ## remove what the other targets made
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

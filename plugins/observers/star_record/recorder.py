@@ -1,0 +1,69 @@
+"""Writes one run's folder: manifest, summary, trajectory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from star_core import Array, Flight, Tick
+
+
+class Recorder:
+    """Keeps every tick in memory and writes it at the end; the manifest is written at the start.
+
+    ``trajectory.npz`` holds, for T ticks of N agents, in the map and SI units: ``agents`` (N,),
+    ``time`` (T,), ``truth_position`` (T, N, 3) and ``truth_attitude`` (T, N, 4; x, y, z, w) where
+    there is a truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
+    ``setpoint_velocity`` (T, N, 3), ``estimate_yaw``, ``setpoint_yaw`` and ``battery`` (T, N),
+    ``goal_active``, ``setpoint_active`` and ``estimate_valid`` (T, N), and ``phase`` (T, N), the
+    numbers of `star_core.AgentPhase`.
+
+    Args:
+        flight: What is flown.
+        folder: Where to write; made if it is not there.
+    """
+
+    def __init__(self, flight: Flight, folder: Path) -> None:
+        self._folder = folder
+        self._agents = flight.scene.names
+        self._columns: dict[str, list[Array]] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        self._write("manifest.json", flight.manifest)
+
+    def add(self, tick: Tick) -> None:
+        """Keep one tick."""
+        row: dict[str, Any] = {
+            "time": tick.time,
+            "estimate_position": tick.estimate.position,
+            "estimate_velocity": tick.estimate.velocity,
+            "estimate_yaw": tick.estimate.yaw,
+            "estimate_valid": tick.estimate.valid,
+            "goal_position": tick.goals.position,
+            "goal_active": tick.goals.active,
+            "setpoint_velocity": tick.sent.velocity,
+            "setpoint_yaw": tick.sent.yaw,
+            "setpoint_active": tick.sent.active,
+            "phase": tick.health.phase,
+            "battery": tick.health.battery,
+        }
+        if tick.truth is not None:
+            row["truth_position"] = tick.truth.position
+            row["truth_attitude"] = tick.truth.attitude
+        for name, value in row.items():
+            self._columns.setdefault(name, []).append(value)
+
+    def close(self, summary: Mapping[str, Any]) -> None:
+        """Write what was kept."""
+        columns: dict[str, Any] = {name: np.array(rows) for name, rows in self._columns.items()}
+        np.savez_compressed(
+            self._folder / "trajectory.npz", agents=np.array(self._agents), **columns
+        )
+        self._write("summary.json", summary)
+
+    def _write(self, name: str, content: Mapping[str, Any]) -> None:
+        text = json.dumps(content, indent=2, allow_nan=False)
+        (self._folder / name).write_text(text + "\n", encoding="utf-8")

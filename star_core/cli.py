@@ -1,0 +1,170 @@
+"""The command line: ``star run``, ``check``, ``plugins``, ``schema``, and what plugins add.
+
+Every command imports what it needs when it runs: ``star --help`` needs argparse only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from star_core.errors import StarError, instead
+
+if TYPE_CHECKING:
+    from star_core.registry import Registry
+
+FAILED = 1
+BAD_INPUT = 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run ``star`` and return its exit status: 0 done, 1 failed in flight, 2 bad input."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+            return _of_plugin(arguments[0], arguments[1:])
+        options = parser().parse_args(arguments)
+        return COMMANDS[options.command](options)
+    except StarError as error:
+        for line in str(error).splitlines():
+            print(line, file=sys.stderr)
+        return BAD_INPUT
+    except BrokenPipeError:
+        sys.stderr.close()  # whoever read us has gone: say nothing
+        return FAILED
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return FAILED
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run ``star-run``, which is ``star run``."""
+    return main(["run", *(sys.argv[1:] if arguments is None else arguments)])
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line, apart so that the docs and the tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star",
+        description="Missions for drone swarms, from one YAML file.",
+        epilog="Plugins may add commands: `star plugins` lists them.",
+        allow_abbrev=False,
+    )
+    commands = star.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    fly = commands.add_parser("run", help="fly a mission (= star-run)", allow_abbrev=False)
+    check = commands.add_parser("check", help="check a mission, and stop", allow_abbrev=False)
+    for command in (fly, check):
+        command.add_argument("mission", help="mission file (YAML)")
+        command.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="PATH=VALUE",
+            help="set a value of the mission: avoider.radius=0.3, transport=radio",
+        )
+        command.add_argument("--seed", help="seed of every random number")
+        command.add_argument(
+            "--speed", help="times real time, in simulation: 1; as fast as it can if not given"
+        )
+    fly.add_argument("--out", metavar="DIR", help="record into DIR (runs/TIME-MISSION)")
+    fly.add_argument("--no-record", action="store_true", help="leave nothing behind")
+    fly.add_argument("--json", action="store_true", help="print the summary as JSON, only")
+    fly.add_argument("--verbose", action="store_true", help="show the tracebacks of plugins")
+    plugins = commands.add_parser("plugins", help="list what is installed", allow_abbrev=False)
+    plugins.add_argument("--json", action="store_true", help="as JSON, with option schemas")
+    schema = commands.add_parser(
+        "schema", help="write the schema of missions for an editor", allow_abbrev=False
+    )
+    schema.add_argument("of", nargs="?", default="mission", choices=["mission", "world"])
+    schema.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
+    return star
+
+
+def _run(options: argparse.Namespace) -> int:
+    from star_core.running import run_mission
+
+    return run_mission(
+        options.mission,
+        _assignments(options),
+        _registry(),
+        out=options.out,
+        keep=not options.no_record,
+        as_json=options.json,
+        verbose=options.verbose,
+    )
+
+
+def _check(options: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    from star_core.mission import load
+
+    mission = load(Path(options.mission), _registry(), _assignments(options))
+    agents = len(mission.scene.agents)
+    print(f"{options.mission}: {mission.name!r} can be flown, with {agents} agents")
+    return 0
+
+
+def _plugins(options: argparse.Namespace) -> int:
+    from star_core.listing import as_json, as_text
+
+    registry = _registry()
+    print(as_json(registry) if options.json else as_text(registry))
+    return 0
+
+
+def _schema(options: argparse.Namespace) -> int:
+    import json
+    from pathlib import Path
+
+    from star_core import schema
+
+    content = (
+        schema.compose(_registry().offers()) if options.of == "mission" else schema.load("world")
+    )
+    text = json.dumps(content, indent=2)
+    if options.out:
+        try:
+            Path(options.out).write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            raise StarError(f"{options.out}: cannot be written: {error.strerror}") from error
+    else:
+        print(text)
+    return 0
+
+
+def _of_plugin(name: str, arguments: list[str]) -> int:
+    """Run a command that a plugin adds.
+
+    Raises:
+        PluginError: There is none of that name.
+    """
+    registry = _registry()
+    if name not in registry.names("command"):
+        known = [*COMMANDS, *registry.names("command")]
+        raise StarError(f"star has no command {name!r}{instead(name, known, 'there are')}")
+    return registry.find("command", name).offer.make(arguments)  # type: ignore[no-any-return]
+
+
+def _assignments(options: argparse.Namespace) -> list[str]:
+    assignments = list(options.set)
+    if options.seed is not None:
+        assignments.append(f"seed={options.seed}")
+    if options.speed is not None:
+        assignments.append(f"transport.speed={options.speed}")
+    return assignments
+
+
+def _registry() -> Registry:
+    """The installed plugins; those that were left out are named."""
+    from star_core.registry import Registry
+
+    registry = Registry()
+    for source, why in registry.broken.items():
+        print(f"star: plugin {source} is left out: {why}", file=sys.stderr)
+    return registry
+
+
+COMMANDS = {"run": _run, "check": _check, "plugins": _plugins, "schema": _schema}

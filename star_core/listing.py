@@ -1,0 +1,43 @@
+"""Lists what is installed, from which distribution, with its options."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from star_core.registry import Registry
+
+
+def as_text(registry: Registry) -> str:
+    """Return one paragraph for each kind and one line for each plugin and option."""
+    lines: list[str] = []
+    last = ""
+    for kind, found in registry:
+        if kind != last:
+            lines += ["", f"{kind}s"] if lines else [f"{kind}s"]
+            last = kind
+        lines.append(f"  {found.offer.name:12} {found.offer.summary}  [{found.source}]")
+        required = found.offer.options.get("required", ())
+        for name, option in found.offer.options.get("properties", {}).items():
+            default = f" (default {json.dumps(option['default'])})" if "default" in option else ""
+            must = " (must be given)" if name in required else ""
+            lines.append(f"      {name}: {option.get('description', '')}{default}{must}")
+    lines += [f"left out: {source}: {why}" for source, why in registry.broken.items()]
+    return "\n".join(lines)
+
+
+def as_json(registry: Registry) -> str:
+    """Return the same as one JSON object: ``plugins`` and ``broken``."""
+    plugins: list[dict[str, Any]] = [
+        {
+            "kind": kind,
+            "name": found.offer.name,
+            "summary": found.offer.summary,
+            "plugin": found.source.plugin,
+            "version": found.source.version,
+            "options": dict(found.offer.options),
+        }
+        for kind, found in registry
+    ]
+    broken = {str(source): why for source, why in registry.broken.items()}
+    return json.dumps({"plugins": plugins, "broken": broken}, indent=2)

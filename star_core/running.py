@@ -1,0 +1,120 @@
+"""``star run``: a flight as its user sees it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import signal
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from star_core.errors import InputError
+from star_core.mission import load
+from star_core.progress import Progress
+from star_core.registry import Registry, Source
+from star_core.runner import Interrupts, fly, outcome_of
+
+HARD = 3
+"""Interrupts after which Python itself is interrupted: a plugin may hang."""
+
+
+def run_mission(
+    path: str,
+    assignments: Sequence[str],
+    registry: Registry,
+    *,
+    out: str | None,
+    keep: bool,
+    as_json: bool,
+    verbose: bool,
+) -> int:
+    """Fly the mission at `path`, show how it goes, and return the exit status.
+
+    Raises:
+        InputError: The mission cannot be flown, or there is a record at `out` already.
+        PluginError: A plugin cannot be made, or the links cannot be opened.
+    """
+    logging.basicConfig(
+        level=logging.DEBUG if verbose else logging.WARNING,
+        format="star: %(message)s",
+        stream=sys.stderr,
+    )
+    for noisy in ("numba", "transitions"):
+        logging.getLogger(noisy).setLevel(logging.WARNING)
+    mission = load(Path(path), registry, assignments)
+    folder = _folder(out, mission.name) if keep else None
+    if not as_json:
+        registry.add(Progress(), Source("star-swarm:progress"))
+    interrupts = Interrupts()
+    with _signals(interrupts):
+        summary = fly(mission, registry, folder=folder, interrupts=interrupts)
+    print(json.dumps(summary, indent=2) if as_json else told(summary, folder))
+    return outcome_of(summary)
+
+
+def told(summary: Mapping[str, Any], folder: Path | None) -> str:
+    """Return a summary for people."""
+    collisions = summary["collisions"]
+    factor, apart = summary["realtime_factor"], summary["min_separation_m"]
+    rmse, clear = summary["position_rmse_m"], summary["min_clearance_m"]
+    lines = [
+        f"{summary['mission']}: {summary['outcome']}"
+        + (f": {summary['reason']}" if summary["reason"] else ""),
+        f"  flight      {summary['flight_time_s']:.1f} s with {len(summary['agents'])} agents"
+        + (f", {factor:.0f} times real time" if factor else ""),
+        f"  collisions  {collisions['agent_agent']} between agents, "
+        f"{collisions['agent_obstacle']} with obstacles",
+        f"  separation  {apart:.2f} m at least" if apart is not None else "",
+        f"  clearance   {clear:.2f} m at least" if clear is not None else "",
+        f"  estimate    {rmse:.3f} m RMS from the truth" if rmse is not None else "",
+        f"  flown       {summary['path_length_m']['total']:.1f} m in all",
+        f"  record      {folder}" if folder is not None else "",
+    ]
+    return "\n".join(line for line in lines if line)
+
+
+def _folder(out: str | None, name: str) -> Path:
+    """Return where to record, which must hold no record yet.
+
+    Raises:
+        InputError: It does, or it is no folder.
+    """
+    if out is None:
+        stamp = time.strftime("%Y-%m-%dT%H%M%S")
+        folder = Path("runs") / f"{stamp}-{name}"
+        again = 2
+        while folder.exists():
+            folder = Path("runs") / f"{stamp}-{name}-{again}"
+            again += 1
+        return folder
+    folder = Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise InputError([f"--out {out}: is no folder"])
+    if (folder / "manifest.json").exists():
+        raise InputError([f"--out {out}: holds the record of a run already; name another folder"])
+    return folder
+
+
+@contextmanager
+def _signals(interrupts: Interrupts) -> Iterator[None]:
+    """Count Ctrl-C and its like instead of dying of them."""
+
+    def count(number: int, _frame: FrameType | None) -> None:
+        interrupts.count += 1
+        if interrupts.count >= HARD:
+            raise KeyboardInterrupt
+        what = "landing; again stops the motors" if interrupts.count == 1 else "stopping"
+        print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
+
+    caught = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.signal(number, count) for number in caught}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
