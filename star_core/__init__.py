@@ -23,27 +23,25 @@ if TYPE_CHECKING:
     )
     from star_core.errors import ContractError, InputError, PluginError, StarError
     from star_core.flight import Event, Flight, Tick
+    from star_core.frames import Transform
     from star_core.hookspecs import hookimpl
     from star_core.scene import Agent, Limits, Scene
     from star_core.swarm import (
         AgentPhase,
-        Array,
         Command,
         Estimate,
         Goals,
         Health,
-        Mask,
         Odometry,
         Order,
         Paths,
         Plan,
-        Rows,
         Setpoint,
         Supervisor,
         Telemetry,
-        Transform,
         Truth,
     )
+    from star_core.table import Array, Mask, Rows
     from star_core.world import Fence, Obstacle, World
 
 _HOME = {
@@ -53,13 +51,15 @@ _HOME = {
     ),
     "star_core.errors": ("ContractError", "InputError", "PluginError", "StarError"),
     "star_core.flight": ("Event", "Flight", "Tick"),
+    "star_core.frames": ("Transform",),
     "star_core.hookspecs": ("hookimpl",),
     "star_core.scene": ("Agent", "Limits", "Scene"),
     "star_core.swarm": (
-        "AgentPhase", "Array", "Command", "Estimate", "Goals", "Health", "Mask", "Odometry",
-        "Order", "Paths", "Plan", "Rows", "Setpoint", "Supervisor", "Telemetry", "Transform",
+        "AgentPhase", "Command", "Estimate", "Goals", "Health", "Odometry",
+        "Order", "Paths", "Plan", "Setpoint", "Supervisor", "Telemetry",
         "Truth",
     ),
+    "star_core.table": ("Array", "Mask", "Rows"),
     "star_core.world": ("Fence", "Obstacle", "World"),
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 from transitions import Machine
 
-from star_core.swarm import AgentPhase, Mask, Rows, Supervisor
+from star_core.swarm import AgentPhase, Supervisor
+from star_core.table import Mask, Rows
 
 _P = AgentPhase
 AGENT_TABLE: Final = (
@@ -91,6 +92,7 @@ class Phases:
                 ignore_invalid_triggers=True,
             )
         self._now = np.zeros(len(names), np.int64)
+        self._seen: tuple[bytes, ...] = ()
 
     @property
     def mission(self) -> MissionPhase:
@@ -99,7 +101,7 @@ class Phases:
 
     def of_agents(self) -> Rows:
         """(N,) `AgentPhase` of each agent."""
-        return self._now.copy()
+        return self._now
 
     def among(self, *phases: AgentPhase) -> Mask:
         """(N,) which agents are in one of some phases."""
@@ -114,6 +116,7 @@ class Phases:
             model = self._agents[row]
             model.trigger(trigger)  # type: ignore[attr-defined]  # made by the machine
             if model.state != self._now[row]:
+                self._now = self._now.copy()  # earlier answers of `of_agents` stay as they were
                 self._now[row] = model.state
                 self._changes.append((self._names[row], model.state.name.lower()))
 
@@ -132,6 +135,10 @@ class Phases:
             heard: (N,) whether the agent was heard lately.
             located: (N,) whether its estimate can be flown on.
         """
+        seen = (state.tobytes(), heard.tobytes(), located.tobytes(), self._now.tobytes())
+        if seen == self._seen:
+            return  # nothing is new, so no trigger would mean anything
+        self._seen = seen
         finished = heard & (state & int(Supervisor.COMMANDER_FINISHED) != 0)
         flying = state & int(Supervisor.FLYING) != 0
         fallen = heard & (state & FALLEN != 0) & ~self.among(_P.EMERGENCY)

@@ -27,15 +27,14 @@ from star_core.swarm import (
     Estimate,
     Goals,
     Health,
-    Mask,
     Order,
     Paths,
     Plan,
-    Rows,
     Setpoint,
     Supervisor,
     Telemetry,
 )
+from star_core.table import Mask, Rows
 from star_core.tasks import Course
 
 STALE_AFTER = 0.5  # s, an agent not heard for longer is lost: the firmware's commander time-out
@@ -201,7 +200,7 @@ class Pilot:
         to_map = estimate.map_from_odom
         odom = replace(
             setpoint,
-            velocity=to_map.inverse().turn(setpoint.velocity),
+            velocity=to_map.turn_back(setpoint.velocity),
             yaw=setpoint.yaw - to_map.yaw,
         )
         sent = self._crew.send(odom)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,11 @@ import numpy as np
 from star_core.checks import CONTACT_RADIUS
 from star_core.flight import Event, Tick
 from star_core.scene import Scene
-from star_core.swarm import AgentPhase, Array, Mask
+from star_core.swarm import AgentPhase
+from star_core.table import Array, Mask, Rows
 from star_core.world import Obstacle
 
+FLYING = int(AgentPhase.FLYING)
 MANY = 64
 """Agents from which on neighbours are found by a tree; below, by all pairs."""
 
@@ -53,7 +56,7 @@ class Meter:
         if self._last is not None:
             self._length += np.nan_to_num(np.linalg.norm(position - self._last, axis=1))
         self._last = position
-        flying = tick.health.phase == AgentPhase.FLYING
+        flying = tick.health.phase == FLYING
         if truth is not None and flying.any():
             offset = tick.estimate.position - truth.position
             self._errors.append((flying, np.einsum("ij,ij->i", offset, offset)))
@@ -176,13 +179,14 @@ def _pairs(position: Array, touch: float) -> tuple[set[tuple[int, int]], float]:
     if len(rows) < 2:  # noqa: PLR2004 -- a pair
         return set(), np.inf
     if len(rows) < MANY:
-        first, second = np.triu_indices(len(rows), 1)
+        first, second = _every_pair(len(rows))
         offset = position[rows[first]] - position[rows[second]]
         apart = np.sqrt(np.einsum("ij,ij->i", offset, offset))
-        close = apart < touch
+        least = float(apart.min())
+        close = np.flatnonzero(apart < touch) if least < touch else np.zeros(0, np.int64)
         return set(
             zip(rows[first[close]].tolist(), rows[second[close]].tolist(), strict=True)
-        ), float(apart.min())
+        ), least
     from scipy.spatial import cKDTree
 
     tree = cKDTree(position[rows])
@@ -190,6 +194,13 @@ def _pairs(position: Array, touch: float) -> tuple[set[tuple[int, int]], float]:
     least = float(reach[:, 1].min())
     near = tree.query_pairs(touch) if least < touch else set()
     return {(int(rows[i]), int(rows[j])) for i, j in near}, least
+
+
+@cache
+def _every_pair(n: int) -> tuple[Rows, Rows]:
+    """Every two of `n` rows, as two columns."""
+    first, second = np.triu_indices(n, 1)
+    return first, second
 
 
 def _known(value: float) -> float | None:

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag, StrEnum
-from typing import Self, TypeAlias
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from star_core.errors import ContractError
-
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
-Rows: TypeAlias = NDArray[np.int64]
+from star_core.frames import Transform
+from star_core.table import Array, Mask, Rows, settle
 
 
 class AgentPhase(IntEnum):
@@ -72,9 +69,9 @@ class Odometry:
 
     def __post_init__(self) -> None:
         k = len(self.agent)
-        _settle(self, np.int64, agent=(k,))
-        _settle(self, time=(k,), velocity=(k, 3), yaw_rate=(k,))
-        _settle(self, roll=(k,), pitch=(k,), height=(k,))
+        settle(self, np.int64, agent=(k,))
+        settle(self, time=(k,), velocity=(k, 3), yaw_rate=(k,))
+        settle(self, roll=(k,), pitch=(k,), height=(k,))
 
     @classmethod
     def none(cls) -> Self:
@@ -114,49 +111,8 @@ class Telemetry:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        _settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4), battery=(n,), age=(n,))
-        _settle(self, np.int64, state=(n,))
-
-
-@dataclass(frozen=True, slots=True)
-class Transform:
-    """A level rigid motion for each agent: a turn about z, then a shift.
-
-    Attributes:
-        yaw: (N,) rad.
-        translation: (N, 3) m.
-    """
-
-    yaw: Array
-    translation: Array
-
-    def __post_init__(self) -> None:
-        n = len(self.yaw)
-        _settle(self, yaw=(n,), translation=(n, 3))
-
-    def turn(self, vectors: Array) -> Array:
-        """Turn (N, 3) vectors, one per agent, without the shift.
-
-        >>> quarter = Transform(np.array([np.pi / 2]), np.ones((1, 3)))
-        >>> quarter.turn(np.array([[1.0, 0.0, 0.5]])).round(9)
-        array([[0. , 1. , 0.5]])
-        """
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        x, y, z = vectors.T
-        return np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
-
-    def apply(self, points: Array) -> Array:
-        """Move (N, 3) points, one per agent."""
-        return self.turn(points) + self.translation
-
-    def inverse(self) -> Transform:
-        """The motion that undoes this one."""
-        back = Transform(-self.yaw, np.zeros_like(self.translation))
-        return Transform(-self.yaw, -back.turn(self.translation))
-
-    def of(self, rows: Rows) -> Transform:
-        """The motions of some agents, in the order of `rows`."""
-        return Transform(self.yaw[rows], self.translation[rows])
+        settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4), battery=(n,), age=(n,))
+        settle(self, np.int64, state=(n,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +139,8 @@ class Estimate:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        _settle(self, position=(n, 3), velocity=(n, 3), yaw=(n,), covariance=(n, 3, 3))
-        _settle(self, np.bool_, valid=(n,))
+        settle(self, position=(n, 3), velocity=(n, 3), yaw=(n,), covariance=(n, 3, 3))
+        settle(self, np.bool_, valid=(n,))
         if len(self.map_from_odom.yaw) != n:
             raise ContractError(
                 f"Estimate.map_from_odom has {len(self.map_from_odom.yaw)} rows, expected {n}"
@@ -207,8 +163,8 @@ class Health:
 
     def __post_init__(self) -> None:
         n = len(self.phase)
-        _settle(self, np.int64, phase=(n,))
-        _settle(self, battery=(n,), age=(n,))
+        settle(self, np.int64, phase=(n,))
+        settle(self, battery=(n,), age=(n,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,8 +187,8 @@ class Goals:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        _settle(self, position=(n, 3), velocity=(n, 3), yaw=(n,), speed=(n,))
-        _settle(self, np.bool_, active=(n,))
+        settle(self, position=(n, 3), velocity=(n, 3), yaw=(n,), speed=(n,))
+        settle(self, np.bool_, active=(n,))
 
     @classmethod
     def none(cls, n: int) -> Self:
@@ -258,8 +214,8 @@ class Setpoint:
 
     def __post_init__(self) -> None:
         n = len(self.velocity)
-        _settle(self, velocity=(n, 3), yaw=(n,))
-        _settle(self, np.bool_, active=(n,))
+        settle(self, velocity=(n, 3), yaw=(n,))
+        settle(self, np.bool_, active=(n,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,8 +232,8 @@ class Paths:
 
     def __post_init__(self) -> None:
         k = len(self.agent)
-        _settle(self, np.int64, agent=(k,))
-        _settle(self, point=(k, 3))
+        settle(self, np.int64, agent=(k,))
+        settle(self, point=(k, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +251,7 @@ class Plan:
     unreachable: Mask
 
     def __post_init__(self) -> None:
-        _settle(self, np.bool_, unreachable=(len(self.setpoint.yaw),))
+        settle(self, np.bool_, unreachable=(len(self.setpoint.yaw),))
 
 
 class Order(StrEnum):
@@ -329,8 +285,8 @@ class Command:
 
     def __post_init__(self) -> None:
         k = len(self.agent)
-        _settle(self, np.int64, agent=(k,))
-        _settle(self, position=(k, 3), yaw=(k,), duration=(k,))
+        settle(self, np.int64, agent=(k,))
+        settle(self, position=(k, 3), yaw=(k,), duration=(k,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,26 +307,4 @@ class Truth:
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        _settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4))
-
-
-def _settle(
-    table: object, dtype: type[np.generic] = np.float64, /, **shapes: tuple[int, ...]
-) -> None:
-    """Make each named field a read-only array of its shape, or say which one cannot be.
-
-    Raises:
-        ContractError: A field has another shape, or holds what is no number.
-    """
-    for name, shape in shapes.items():
-        given = getattr(table, name)
-        try:
-            array = np.array(given, dtype=dtype)
-        except (TypeError, ValueError) as error:
-            raise ContractError(f"{type(table).__name__}.{name} is no array: {error}") from error
-        if array.shape != shape:
-            raise ContractError(
-                f"{type(table).__name__}.{name} has shape {array.shape}, expected {shape}"
-            )
-        array.flags.writeable = False
-        object.__setattr__(table, name, array)
+        settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -14,7 +14,11 @@ from star_core.errors import ContractError
 from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.registry import Registry
 from star_core.safety import expect
-from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health, Mask
+from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health
+from star_core.table import Mask
+
+OUT: Final = (int(AgentPhase.LOST), int(AgentPhase.EMERGENCY))
+"""Phases in which an agent cannot go on with a step."""
 
 Tell: TypeAlias = Callable[[str, str], None]
 
@@ -203,10 +207,11 @@ class Course:
 
     def _gone(self, rows: tuple[int, ...]) -> str:
         """Say which agents of a step cannot go on, if any."""
+        phases = self._health.phase.tolist()
         said = [
             f"{self._scene.agents[row].name} is {AgentPhase(phase).name.lower()}"
             for row in rows
-            if (phase := self._health.phase[row]) in (AgentPhase.LOST, AgentPhase.EMERGENCY)
+            if (phase := phases[row]) in OUT
         ]
         return ", ".join(said)
 
@@ -216,8 +221,7 @@ class Course:
         if action.on_failure == "abort":
             self.reason = text
             return Status.FAILURE
-        fit = (AgentPhase.LOST, AgentPhase.EMERGENCY)
-        lost = {row for row in rows if self._health.phase[row] in fit}
+        lost = {row for row in rows if self._health.phase[row] in OUT}
         leave = set(rows) if action.on_failure == "land" else lost
         self.left |= leave
         self._wishes.leave |= leave

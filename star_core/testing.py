@@ -14,8 +14,10 @@ import numpy as np
 
 from star_core.contracts import Avoider
 from star_core.errors import ContractError
+from star_core.frames import Transform
 from star_core.scene import Agent, Limits, Scene
-from star_core.swarm import AgentPhase, Array, Estimate, Health, Setpoint, Transform
+from star_core.swarm import AgentPhase, Estimate, Health, Setpoint
+from star_core.table import Array
 from star_core.world import Fence, World
 
 
