@@ -9,7 +9,7 @@ from star_core.contracts import Avoider, Localizer, Planner, Transport
 from star_core.errors import ContractError
 from star_core.mission import PARTS, Mission
 from star_core.registry import Registry
-from star_core.safety import checked_estimate, checked_plan, checked_setpoint, expect
+from star_core.safety import checked_estimate, checked_plan, checked_setpoint, expect, keeps
 from star_core.swarm import (
     Command,
     Estimate,
@@ -48,7 +48,7 @@ class Crew:
                 with self._blame[kind]:
                     made = registry.find(kind, part.use).offer.make(mission.scene, **part.options)
                     self._parts[kind] = made
-                    _keeps(made, CONTRACTS[kind])
+                    keeps(made, CONTRACTS[kind])
         except BaseException:
             self.close()
             raise
@@ -114,11 +114,3 @@ class Crew:
             except Exception as error:  # noqa: BLE001 -- the others are still to be closed
                 wrong.append(str(error))
         return wrong
-
-
-def _keeps(part: object, contract: type) -> None:
-    if not isinstance(part, contract):
-        has = set(dir(part))
-        methods = (name for name in vars(contract) if not name.startswith("_"))
-        lacking = ", ".join(f"{name}()" for name in methods if name not in has)
-        raise ContractError(f"{type(part).__name__} has no {lacking}")

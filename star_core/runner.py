@@ -70,8 +70,8 @@ def fly(
     """
     crew = Crew(mission, registry)
     try:
-        crew.connect()
         pilot = Pilot(mission, registry, crew, interrupts or Interrupts())
+        crew.connect()
         pilot.observers.tell(
             "star_mission_started",
             flight=Flight(mission.name, mission.scene, manifest(mission), folder),
@@ -95,7 +95,7 @@ def fly(
 
 
 class Pilot:
-    """Flies one mission with a crew that is connected.
+    """Flies one mission with a crew, which is connected before `fly`.
 
     Args:
         mission: What to fly.
@@ -167,7 +167,7 @@ class Pilot:
         if wishes.leave:
             self._land(np.array(sorted(wishes.leave)), estimate)
         flying = self._phases.among(AgentPhase.FLYING)
-        self._course.hold(np.flatnonzero(flying), estimate)
+        self._course.hold(flying, estimate)
         goals = wishes.goals()
         plan = self._crew.plan(estimate, goals)
         active = plan.setpoint.active & flying & estimate.valid & ~self._commanded

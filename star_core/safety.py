@@ -24,6 +24,19 @@ def expect(answer: object, table: type[Table]) -> Table:
     return answer
 
 
+def keeps(part: object, contract: type) -> None:
+    """Check that a part has the methods of its contract.
+
+    Raises:
+        ContractError: It lacks some; the message names them.
+    """
+    if not isinstance(part, contract):
+        has = set(dir(part))
+        methods = (name for name in vars(contract) if not name.startswith("_"))
+        lacking = ", ".join(f"{name}()" for name in methods if name not in has)
+        raise ContractError(f"{type(part).__name__} has no {lacking}")
+
+
 def checked_estimate(answer: object, n: int) -> Estimate:
     """Return a localizer's answer if it has `n` rows and is finite wherever it says it is valid.
 
@@ -69,10 +82,9 @@ def limited(safe: Setpoint, wanted: Setpoint, speed: float) -> Setpoint:
     """Return `safe` with no row faster than `speed`, m/s, and no row active that was not wanted."""
     active = safe.active & wanted.active
     velocity = np.where(active[:, None], safe.velocity, 0.0)
-    length = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-    fast = length > speed
-    if fast.any():
-        velocity[fast] *= (speed / length[fast])[:, None]
+    square = np.einsum("ij,ij->i", velocity, velocity)
+    if square.max() > speed**2:
+        velocity *= (speed / np.maximum(np.sqrt(square), speed))[:, None]
     return replace(safe, velocity=velocity, active=active)
 
 

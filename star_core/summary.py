@@ -54,7 +54,9 @@ class Meter:
         self._apart(position)
         self._clear(position)
         if self._last is not None:
-            self._length += np.nan_to_num(np.linalg.norm(position - self._last, axis=1))
+            step = position - self._last
+            length = np.sqrt(np.einsum("ij,ij->i", step, step))
+            self._length += np.where(np.isfinite(length), length, 0.0)
         self._last = position
         flying = tick.health.phase == FLYING
         if truth is not None and flying.any():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from star_core.contracts import Status, Step, Task
 from star_core.errors import ContractError
 from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.registry import Registry
-from star_core.safety import expect
+from star_core.safety import expect, keeps
 from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health
 from star_core.table import Mask
 
@@ -75,13 +75,13 @@ class Wishes:
             raise ContractError(f"Goals.position has {len(goals.active)} rows, expected {n}")
         if (goals.active & ~own).any():
             raise ContractError("has goals for agents that are not its own")
-        on = goals.active
+        own &= goals.active
         for name in ("position", "velocity", "yaw", "speed"):
-            values = getattr(goals, name)[on]
+            values = getattr(goals, name)[own]
             if not np.isfinite(values).all():
                 raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
-            getattr(self, name)[on] = values
-        self.active |= on
+            getattr(self, name)[own] = values
+        self.active |= own
 
     def goals(self) -> Goals:
         """The merged goals as a table."""
@@ -107,6 +107,8 @@ class Course:
         self._registry = registry
         self._tell = tell
         self._wishes = Wishes.none(self._n)
+        self._made: dict[int, Task] = {}
+        self._prepare(mission.steps)
         self._running = self._sequence(mission.steps)
         self._estimate: Estimate
         self._health: Health
@@ -120,9 +122,11 @@ class Course:
         status = next(self._running)
         return status, self._wishes
 
-    def hold(self, rows: np.ndarray, estimate: Estimate) -> None:
+    def hold(self, flying: Mask, estimate: Estimate) -> None:
         """Give agents that fly without a goal the place where they are as their goal."""
-        rows = rows[~self._wishes.active[rows]]
+        rows = flying & ~self._wishes.active
+        if not rows.any():
+            return
         self._wishes.position[rows] = estimate.position[rows]
         self._wishes.yaw[rows] = estimate.yaw[rows]
         self._wishes.speed[rows] = self._scene.limits.speed
@@ -194,12 +198,33 @@ class Course:
             yield Status.RUNNING
         yield self._failed(action, rows, why)
 
+    def _prepare(self, nodes: Sequence[Node]) -> None:
+        """Make every step's task once before anything moves: what is slow or wrong shows now."""
+        for node in nodes:
+            match node:
+                case Action():
+                    self._made[id(node)] = self._task(node, node.rows)
+                case Parallel(inner) | Repeat(_, inner):
+                    self._prepare(inner)
+
+    def _task(self, action: Action, rows: tuple[int, ...]) -> Task:
+        """Make a step's task for some of its agents."""
+        offer = self._registry.find("task", action.verb).offer
+        with self._blame(action):
+            task = offer.make(self._scene, rows, **action.options)
+            keeps(task, Task)
+        return cast("Task", task)
+
+    def _blame(self, action: Action) -> Blame:
+        source = self._registry.find("task", action.verb).source
+        return Blame(f"task {action.verb!r} ({source})")
+
     def _begin(self, action: Action, rows: tuple[int, ...]) -> tuple[Blame, Task, float]:
-        """Make and begin a step's task; return it with its time-out, s."""
-        found = self._registry.find("task", action.verb)
-        blame = Blame(f"task {action.verb!r} ({found.source})")
+        """Begin a step's task; return it with its time-out, s."""
+        blame = self._blame(action)
+        task = self._made.pop(id(action), None) if rows == action.rows else None
+        task = task or self._task(action, rows)
         with blame:
-            task = found.offer.make(self._scene, rows, **action.options)
             limit = float(task.begin(self._estimate, self._health))
             if not limit < np.inf:
                 raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")

@@ -47,8 +47,10 @@ class Straight:
             active=active,
         )
         rows = np.flatnonzero(active)
-        ends = np.stack([estimate.position[rows], goals.position[rows]], axis=1)  # (K, 2, 3)
-        paths = Paths(agent=np.repeat(rows, 2), point=ends.reshape(-1, 3))
+        ends = np.empty((len(rows), 2, 3))  # from here to the goal
+        ends[:, 0] = estimate.position[rows]
+        ends[:, 1] = goals.position[rows]
+        paths = Paths(agent=rows.repeat(2), point=ends.reshape(-1, 3))
         return Plan(setpoint, paths, unreachable=np.zeros(len(active), np.bool_))
 
     def _velocity(self, estimate: Estimate, goals: Goals) -> Array:

@@ -9,8 +9,8 @@ from star_verbs.crew import Crew
 from star_verbs.timeouts import time_out
 
 LEAST_DURATION = 1.0  # s
-DOWN = (AgentPhase.GROUNDED, AgentPhase.LANDED)
-UP = (AgentPhase.TAKING_OFF, AgentPhase.FLYING)
+GROUNDED, LANDED = int(AgentPhase.GROUNDED), int(AgentPhase.LANDED)
+TAKING_OFF, FLYING = int(AgentPhase.TAKING_OFF), int(AgentPhase.FLYING)
 
 
 class Land:
@@ -36,10 +36,9 @@ class Land:
     def step(self, estimate: Estimate, health: Health) -> Step:
         rows = self._crew.rows
         phase = health.phase[rows]
-        down = np.isin(phase, DOWN)
-        if down.all():
+        if ((phase == GROUNDED) | (phase == LANDED)).all():
             return Step(status=Status.SUCCESS)
-        up = np.isin(phase, UP)
+        up = (phase == TAKING_OFF) | (phase == FLYING)
         if self._commanded or not up.any():
             return Step()
         self._commanded = True
