@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from star_core.errors import StarError, instead
 
+TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from star_core.registry import Registry
 
 FAILED = 1

@@ -7,7 +7,9 @@ lower case, has no full stop, and shows values through ``!r``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 
 class StarError(Exception):
