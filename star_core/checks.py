@@ -10,11 +10,9 @@ from typing import Any, Final, TypeAlias
 from star_core.contracts import Problem
 from star_core.document import Document
 from star_core.errors import PluginError, instead
+from star_core.options import SHARED
 from star_core.registry import Registry
 from star_core.scene import Scene
-
-SHARED: Final = ("agents", "timeout", "on_failure")
-"""Arguments that every verb has and the core itself handles."""
 
 CONTACT_RADIUS: Final = 0.06
 """Half a Crazyflie's span with propellers, m: two drones nearer than twice this collide."""

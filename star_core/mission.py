@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeAlias
 from star_core import checks, schema
 from star_core.document import Document, override, read
 from star_core.errors import InputError
+from star_core.options import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
 from star_core.world import Fence, Obstacle, Point, World, wall
@@ -208,7 +209,7 @@ def _node(
     return Action(
         verb=verb,
         rows=checks.rows_of(given.get("agents", "all"), groups),
-        options={key: value for key, value in given.items() if key not in checks.SHARED},
+        options={key: value for key, value in given.items() if key not in SHARED},
         timeout=given.get("timeout"),
         on_failure=given.get("on_failure", "abort"),
         place=document.place(path),

@@ -12,6 +12,7 @@ import pluggy
 from star_core import hookspecs
 from star_core.contracts import Offer
 from star_core.errors import PluginError, instead
+from star_core.options import sound
 
 ENTRY_POINT_GROUP: Final = "star.plugins"
 KINDS: Final = ("transport", "localizer", "planner", "avoider", "task", "command")
@@ -76,7 +77,8 @@ class Registry:
         """Register a plugin and collect its offers.
 
         Raises:
-            PluginError: It implements a hook that does not exist, or offers what is no `Offer`.
+            PluginError: It implements a hook that does not exist, or offers what is no `Offer` or
+                not `sound`.
         """
         try:
             name = self.manager.register(plugin, name=source.plugin)
@@ -133,7 +135,7 @@ def _offers(plugin: object, kind: str) -> Iterable[Offer[Any]]:
     for offer in hook() or () if hook is not None else ():
         if not isinstance(offer, Offer):
             raise PluginError(f"star_{kind}s() yields {type(offer).__name__}, expected Offer")
-        yield offer
+        yield sound(kind, offer)
 
 
 def _hooks_exist(callers: Iterable[pluggy.HookCaller]) -> None:

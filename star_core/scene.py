@@ -92,11 +92,16 @@ def inside(folder: Path, name: str) -> Path:
         InputError: It is absolute, leaves the folder (links followed), or is no file.
     """
     path = folder / name
-    if Path(name).is_absolute() or not path.resolve().is_relative_to(folder.resolve()):
+    try:
+        within = path.resolve().is_relative_to(folder.resolve())
+        there, is_file = path.exists(), path.is_file()
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL in the name
+        raise InputError([f"{name!r} is no path of a file: {error}"]) from error
+    if Path(name).is_absolute() or not within:
         raise InputError([f"{name!r} is outside the mission's folder; name a file inside it"])
-    if not path.is_file():
-        if path.exists():
-            raise InputError([f"{name!r} is not a file"])
-        beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
-        raise InputError([f"no file {name!r} in the mission's folder{instead(name, beside)}"])
-    return path
+    if is_file:
+        return path
+    if there:
+        raise InputError([f"{name!r} is not a file"])
+    beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
+    raise InputError([f"no file {name!r} in the mission's folder{instead(name, beside)}"])

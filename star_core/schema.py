@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 from star_core.contracts import Offer
 from star_core.document import PARTS, Document
-from star_core.errors import PluginError
+from star_core.options import SHARED, references
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
-
-SHARED = ("agents", "timeout", "on_failure")  # what every verb of a plugin takes beside its own
 
 
 def load(name: str) -> dict[str, Any]:
@@ -38,17 +37,14 @@ def compose(offers: Mapping[str, Mapping[str, Offer[Any]]]) -> dict[str, Any]:
     editor completes what fits.
 
     Args:
-        offers: By kind and name; kinds that a mission file does not name are passed over.
-
-    Raises:
-        PluginError: A plugin's options are no JSON Schema of an object, refer to what is not
-            there, or have a name that STAR uses itself; the message names the kind and the plugin.
+        offers: By kind and name, each one `sound`; kinds that a mission file does not name are
+            passed over.
     """
     mission = load("mission")
     definitions = mission["$defs"]
     for kind in PARTS:
         made = {
-            name: _options(kind, offer, definitions, reserved=("use",))
+            name: _options(kind, offer, definitions)
             for name, offer in sorted(offers.get(kind, {}).items())
         }
         mission["properties"][kind] = {
@@ -59,9 +55,7 @@ def compose(offers: Mapping[str, Mapping[str, Offer[Any]]]) -> dict[str, Any]:
     step = definitions["step"]
     step["additionalProperties"] = False
     for verb, offer in sorted(offers.get("task", {}).items()):
-        if verb in ("parallel", "repeat"):
-            raise PluginError(f"task {verb!r}: STAR has a verb of that name itself")
-        options = _options("task", offer, definitions, reserved=SHARED)
+        options = _options("task", offer, definitions)
         shared = {name: {"$ref": f"#/$defs/{name}"} for name in SHARED}
         step["properties"][verb] = {**options, "properties": options["properties"] | shared}
     return mission
@@ -137,31 +131,15 @@ def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _options(
-    kind: str, offer: Offer[Any], definitions: dict[str, Any], *, reserved: tuple[str, ...]
-) -> dict[str, Any]:
+def _options(kind: str, offer: Offer[Any], definitions: dict[str, Any]) -> dict[str, Any]:
     """Return a plugin's options as a closed schema that can stand inside another one.
 
     What they refer to within themselves is put into `definitions`, and the references are turned.
-
-    Raises:
-        PluginError: See `compose`.
     """
-    who = f"{kind} {offer.name!r}"
-    options = _plain_schema(who, offer.options)
-    properties = options.setdefault("properties", {})
-    for name in reserved:
-        if name in properties:
-            raise PluginError(f"{who}: option {name!r} has a name that STAR uses itself")
-    for name in options.get("required", ()):
-        if name not in properties:
-            raise PluginError(f"{who}: option {name!r} is required but not among its properties")
+    options = deepcopy(dict(offer.options))
+    options.setdefault("properties", {})
     home = f"{kind}.{offer.name}"
-    references = list(_references(options))
-    for holder in references:
-        if not _is_there(holder["$ref"], options):
-            raise PluginError(f"{who}: options refer to {holder['$ref']!r}, which is not there")
-    for holder in references:
+    for holder in list(references(options)):
         definitions[home] = options
         holder["$ref"] = f"#/$defs/{quote(home)}{holder['$ref'][1:]}"
     return {
@@ -171,51 +149,3 @@ def _options(
         "type": "object",
         "additionalProperties": False,
     }
-
-
-def _plain_schema(who: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a copy of a plugin's options as plain JSON.
-
-    Raises:
-        PluginError: They are no JSON Schema of an object.
-    """
-    from jsonschema import Draft202012Validator, SchemaError
-
-    try:
-        copy = json.loads(json.dumps(options, default=dict, allow_nan=False))
-        Draft202012Validator.check_schema(copy)
-    except SchemaError as error:
-        where = ".".join(str(part) for part in ("options", *error.absolute_path))
-        raise PluginError(f"{who}: {where} is no JSON Schema: {error.message}") from error
-    except (TypeError, ValueError, RecursionError) as error:
-        raise PluginError(f"{who}: options are no JSON: {error}") from error
-    if not isinstance(copy, dict) or copy.get("type", "object") != "object":
-        raise PluginError(f"{who}: options are no schema of an object, expected type: object")
-    return {key: value for key, value in copy.items() if key not in {"$schema", "$id"}}
-
-
-def _references(schema: Any) -> Iterator[dict[str, Any]]:
-    """Find every map with a ``$ref`` in it."""
-    waiting = [schema]
-    while waiting:
-        value = waiting.pop()
-        if isinstance(value, dict):
-            if isinstance(value.get("$ref"), str):
-                yield value
-            waiting += value.values()
-        elif isinstance(value, list):
-            waiting += value
-
-
-def _is_there(reference: str, schema: Any) -> bool:
-    """Whether a JSON pointer (``#/$defs/point``) leads somewhere in a schema."""
-    start, *names = unquote(reference).split("/")
-    for name in names:
-        found = name.replace("~1", "/").replace("~0", "~")
-        if isinstance(schema, list) and found.isdecimal() and int(found) < len(schema):
-            schema = schema[int(found)]
-        elif isinstance(schema, dict) and found in schema:
-            schema = schema[found]
-        else:
-            return False
-    return start == "#"

@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 
 from star_core.contracts import Offer
 from star_core.document import Document
-from star_core.errors import PluginError
+from star_core.options import sound
 from star_core.schema import compose, load, problems
 from star_core.yaml_text import parse
 
@@ -87,7 +87,8 @@ def test_every_example_and_default_fits_its_own_schema(name: str) -> None:
 
 def test_options_may_be_mappings_and_tuples_of_any_kind() -> None:
     options = MappingProxyType({"properties": MappingProxyType({"a": {"enum": (1, 2)}})})
-    made = compose({"avoider": {"x": Offer(name="x", summary="", make=object, options=options)}})
+    x = Offer(name="x", summary="", make=object, options=options)
+    made = compose({"avoider": {"x": sound("avoider", x)}})
     expected = "m.yaml:1:22: avoider 'x': a: 3 is not possible here; expected one of: 1, 2"
     assert expected in problems(document("avoider: {use: x, a: 3}"), made)
 
@@ -150,44 +151,3 @@ def test_an_obstacle_is_a_polygon_or_a_polyline_with_a_thickness(line: str, expe
     text = f"{WORLD}obstacles:\n  a: {{{both}}}\n"
     (found,) = problems(document(text), load("world"))
     assert found.startswith(f"m.yaml:5:{expected}")
-
-
-# Faults of plugins
-
-
-@pytest.mark.parametrize(
-    ("broken", "message"),
-    [
-        (offer("x", {"a": {"type": "nmuber"}}), "options.properties.a.type is no JSON Schema: "),
-        (offer("x", {"a": {"pattern": "("}}), "options.properties.a.pattern is no JSON Schema: "),
-        (offer("x", {"a": {"default": float("nan")}}), "options are no JSON: "),
-        (offer("x", {"a": {"default": object()}}), "options are no JSON: "),
-        (offer("x", type="string"), "options are no schema of an object, expected type: object"),
-        (offer("x", {"use": {}}), "option 'use' has a name that STAR uses itself"),
-        (offer("x", required=["a"]), "option 'a' is required but not among its properties"),
-        (offer("x", {"a": {"$ref": "#/$defs/a"}}), "options refer to '#/$defs/a', which is not"),
-        (offer("x", {"a": {"$ref": "https://a.b/c"}}), "options refer to 'https://a.b/c', which"),
-    ],
-)
-def test_a_plugin_whose_options_are_no_schema_is_named(broken: Offer[Any], message: str) -> None:
-    with pytest.raises(PluginError) as caught:
-        compose({"avoider": {"x": broken}})
-    assert str(caught.value).startswith(f"avoider 'x': {message}")
-
-
-def test_options_that_are_true_are_no_schema_of_an_object() -> None:
-    broken = Offer(name="x", summary="", make=object, options=True)  # type: ignore[arg-type]
-    with pytest.raises(PluginError, match=r"^planner 'x': options are no schema of an object"):
-        compose({"planner": {"x": broken}})
-
-
-@pytest.mark.parametrize("name", ["agents", "timeout", "on_failure"])
-def test_a_verb_cannot_have_an_option_that_every_verb_has(name: str) -> None:
-    with pytest.raises(PluginError, match=rf"^task 'x': option '{name}' has a name that STAR"):
-        compose({"task": {"x": offer("x", {name: {}})}})
-
-
-@pytest.mark.parametrize("verb", ["parallel", "repeat"])
-def test_a_verb_cannot_be_called_like_one_of_stars_own(verb: str) -> None:
-    with pytest.raises(PluginError, match=rf"^task '{verb}': STAR has a verb of that name itself"):
-        compose({"task": {verb: offer(verb)}})

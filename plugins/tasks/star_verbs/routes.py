@@ -61,7 +61,7 @@ def route(
         InputError: The file cannot be used.
     """
     if file is not None:
-        found = read(scene.folder, file)
+        found = read(scene.file(file), file)
         return Route(
             point=found.point,
             yaw_deg=found.yaw_deg,

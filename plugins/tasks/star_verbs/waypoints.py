@@ -30,17 +30,16 @@ class Waypoints:
     line: tuple[int, ...]
 
 
-def read(folder: Path, file: str) -> Waypoints:
+def read(path: Path, file: str) -> Waypoints:
     """Read a CSV file with a header that names columns x, y, z and, if wanted, yaw_deg.
 
     Args:
-        folder: The file must lie inside it, also after symbolic links are followed.
-        file: Path from `folder`.
+        path: Where it is.
+        file: What the mission calls it, for messages.
 
     Raises:
         InputError: The file cannot be used; every problem is told as ``file:line: what is wrong``.
     """
-    path = _inside(folder, file)
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, strict=True)
@@ -68,19 +67,6 @@ def read(folder: Path, file: str) -> Waypoints:
         yaw_deg=tuple(row["yaw_deg"] for row in numbers if "yaw_deg" in row),
         line=tuple(line for line, _ in rows[1:]),
     )
-
-
-def _inside(folder: Path, file: str) -> Path:
-    root = folder.resolve()
-    try:
-        path = (root / file).resolve()
-        if Path(file).is_absolute() or not path.is_relative_to(root):
-            raise InputError([f"{file!r} leads out of the mission's folder"])
-        if not path.is_file():
-            raise InputError([f"no file {file!r} in the mission's folder"])
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, or a NUL in the name
-        raise InputError([f"{file!r} is no path of a file: {error}"]) from error
-    return path
 
 
 def _header_faults(columns: Sequence[str]) -> Iterator[str]:

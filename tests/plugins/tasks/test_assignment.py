@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import linear_sum_assignment
 
 from star_core import Array
 from star_verbs.assignment import assign
@@ -15,14 +16,14 @@ def total(position: Array, place: Array) -> float:
     return float(np.linalg.norm(position - place, axis=1).sum())
 
 
-@given(st.integers(1, 12), st.integers(0, 2**32 - 1))
+@given(st.integers(1, 5), st.integers(0, 2**32 - 1))
 def test_the_distances_flown_add_up_to_the_least_there_is(n: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     position, place = rng.uniform(-5, 5, (n, 3)), rng.uniform(-5, 5, (n, 3))
-    cost = np.linalg.norm(position[:, None] - place[None], axis=2)
     mine = assign(position, place)
     assert sorted(mine) == list(range(n))
-    assert total(position, place[mine]) <= cost[linear_sum_assignment(cost)].sum() + 1e-3
+    least = min(total(position, place[list(order)]) for order in permutations(range(n)))
+    assert total(position, place[mine]) <= least + 1e-3
 
 
 @given(st.permutations(range(8)))

@@ -1,0 +1,63 @@
+"""Files that a mission names lie in its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from star_core.errors import InputError
+from star_core.scene import inside
+
+
+def refusal(folder: Path, name: str) -> str:
+    with pytest.raises(InputError) as raised:
+        inside(folder, name)
+    return str(raised.value)
+
+
+@pytest.fixture
+def missions(tmp_path: Path) -> Path:
+    """A folder of missions, with a file beside it and a folder inside."""
+    (tmp_path / "path.csv").touch()
+    (tmp_path / "missions" / "inner").mkdir(parents=True)
+    return tmp_path / "missions"
+
+
+@pytest.mark.parametrize("name", ["../path.csv", "inner/../../path.csv", "/etc/hostname"])
+def test_a_path_out_of_the_folder_is_refused(missions: Path, name: str) -> None:
+    expected = f"{name!r} is outside the mission's folder; name a file inside it"
+    assert refusal(missions, name) == expected
+
+
+def test_an_absolute_path_is_refused_though_it_leads_inside(missions: Path) -> None:
+    (missions / "a.csv").touch()
+    assert "is outside the mission's folder" in refusal(missions, str(missions / "a.csv"))
+
+
+def test_a_link_out_of_the_folder_is_refused(missions: Path) -> None:
+    (missions / "link.csv").symlink_to(missions.parent / "path.csv")
+    assert refusal(missions, "link.csv").startswith("'link.csv' is outside the mission's folder")
+
+
+def test_a_link_inside_the_folder_is_followed(missions: Path) -> None:
+    (missions / "a.csv").write_text("1", encoding="utf-8")
+    (missions / "inner" / "link.csv").symlink_to(missions / "a.csv")
+    assert inside(missions, "inner/link.csv").read_text(encoding="utf-8") == "1"
+
+
+def test_a_file_that_is_not_there_is_named_with_what_was_perhaps_meant(missions: Path) -> None:
+    (missions / "round.csv").touch()
+    expected = "no file 'ronud.csv' in the mission's folder; did you mean 'round.csv'?"
+    assert refusal(missions, "ronud.csv") == expected
+    assert refusal(missions, "far/off.csv") == "no file 'far/off.csv' in the mission's folder"
+
+
+def test_a_folder_is_no_file(missions: Path) -> None:
+    assert refusal(missions, "inner") == "'inner' is not a file"
+
+
+@pytest.mark.parametrize("name", ["a\0b", "loop"])
+def test_what_is_no_path_is_refused(missions: Path, name: str) -> None:
+    (missions / "loop").symlink_to("loop")
+    assert repr(name) in refusal(missions, name)
