@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
-.PHONY: help fly test check bench campaign clean
+.PHONY: help fly test check bench campaign lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -36,5 +36,15 @@ bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers
 campaign: $(VENV)/.ready  ## the long tests
 	$(BIN)/python -m pytest -q -m campaign
 
+lowest:  ## the tests with every dependency at its lower bound
+	$(PYTHON) -m venv --clear $(VENV)-lowest
+	$(VENV)-lowest/bin/python -m pip install --quiet --upgrade pip
+	$(VENV)-lowest/bin/python -c 'import tomllib; \
+	print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"], sep="\n")' \
+	| sed 's/>=/==/' > $(VENV)-lowest/constraints.txt
+	$(VENV)-lowest/bin/python -m pip install --quiet --constraint $(VENV)-lowest/constraints.txt \
+	--editable '.[dev]'
+	$(VENV)-lowest/bin/python -m pytest -q -m 'not campaign'
+
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(VENV)-lowest build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
