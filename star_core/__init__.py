@@ -1,4 +1,4 @@
-"""What a plugin author needs, and nothing else.
+"""What authors of plugins and of scripts need, and nothing else.
 
 Names are imported when they are first used (PEP 562), so that a plugin that only announces itself
 costs no numpy.
@@ -10,6 +10,7 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
+    from star_core.camera import Camera
     from star_core.contracts import (
         Avoider,
         Localizer,
@@ -25,7 +26,12 @@ if TYPE_CHECKING:
     from star_core.flight import Event, Flight, Tick
     from star_core.frames import Transform
     from star_core.hookspecs import hookimpl
+    from star_core.mission import Mission, load
+    from star_core.registry import Registry
+    from star_core.runner import fly
     from star_core.scene import Agent, Limits, Scene
+    from star_core.schema import read_as
+    from star_core.sight import Detections, Frames, Image, Sightings
     from star_core.swarm import (
         AgentPhase,
         Command,
@@ -42,9 +48,10 @@ if TYPE_CHECKING:
         Truth,
     )
     from star_core.table import Array, Mask, Rows
-    from star_core.world import Fence, Obstacle, World
+    from star_core.world import Fence, Obstacle, Tag, World
 
 _HOME = {
+    "star_core.camera": ("Camera",),
     "star_core.contracts": (
         "Avoider", "Localizer", "Offer", "Planner", "Problem", "Status", "Step", "Task",
         "Transport",
@@ -53,14 +60,19 @@ _HOME = {
     "star_core.flight": ("Event", "Flight", "Tick"),
     "star_core.frames": ("Transform",),
     "star_core.hookspecs": ("hookimpl",),
+    "star_core.mission": ("Mission", "load"),
+    "star_core.registry": ("Registry",),
+    "star_core.runner": ("fly",),
+    "star_core.schema": ("read_as",),
     "star_core.scene": ("Agent", "Limits", "Scene"),
+    "star_core.sight": ("Detections", "Frames", "Image", "Sightings"),
     "star_core.swarm": (
         "AgentPhase", "Command", "Estimate", "Goals", "Health", "Odometry",
         "Order", "Paths", "Plan", "Setpoint", "Supervisor", "Telemetry",
         "Truth",
     ),
     "star_core.table": ("Array", "Mask", "Rows"),
-    "star_core.world": ("Fence", "Obstacle", "World"),
+    "star_core.world": ("Fence", "Obstacle", "Tag", "World"),
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOME.items() for name in names}
 
@@ -69,18 +81,23 @@ __all__ = [
     "AgentPhase",
     "Array",
     "Avoider",
+    "Camera",
     "Command",
     "ContractError",
+    "Detections",
     "Estimate",
     "Event",
     "Fence",
     "Flight",
+    "Frames",
     "Goals",
     "Health",
+    "Image",
     "InputError",
     "Limits",
     "Localizer",
     "Mask",
+    "Mission",
     "Obstacle",
     "Odometry",
     "Offer",
@@ -90,13 +107,16 @@ __all__ = [
     "Planner",
     "PluginError",
     "Problem",
+    "Registry",
     "Rows",
     "Scene",
     "Setpoint",
+    "Sightings",
     "StarError",
     "Status",
     "Step",
     "Supervisor",
+    "Tag",
     "Task",
     "Telemetry",
     "Tick",
@@ -104,7 +124,10 @@ __all__ = [
     "Transport",
     "Truth",
     "World",
+    "fly",
     "hookimpl",
+    "load",
+    "read_as",
 ]
 
 

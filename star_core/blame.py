@@ -4,11 +4,24 @@ from __future__ import annotations
 
 import logging
 import traceback
+from collections.abc import Iterable
 from types import TracebackType
 
 from star_core.errors import PluginError, StarError
 
 log = logging.getLogger(__name__)
+
+
+def close(parts: Iterable[tuple[Blame, object]]) -> list[str]:
+    """Close every part that can be closed, one after the other; return what went wrong."""
+    wrong = []
+    for blame, part in parts:
+        try:
+            with blame:
+                getattr(part, "close", lambda: None)()
+        except PluginError as error:  # the others are still to be closed
+            wrong.append(str(error))
+    return wrong
 
 
 class Blame:

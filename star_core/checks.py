@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import combinations, pairwise
+from itertools import combinations
 from typing import Any, Final, TypeAlias
 
 from star_core.contracts import Problem
@@ -21,36 +21,18 @@ Path: TypeAlias = tuple[str | int, ...]
 Fault: TypeAlias = tuple[Path, str]
 
 
-def of_world(world: Document) -> list[str]:
-    """Every reason why a world that fits its schema makes no sense, located."""
-    faults: list[Fault] = []
-    data = world.data
-    low, high = data["fence"]["low"], data["fence"]["high"]
-    if any(a >= b for a, b in zip(low, high, strict=True)):
-        faults.append((("fence",), f"low {low!r} is not below high {high!r} in x, y and z"))
-    for name, obstacle in (data.get("obstacles") or {}).items():
-        foot, top = obstacle["height"]
-        if foot >= top:
-            faults.append(
-                (("obstacles", name, "height"), f"foot {foot!r} is not below top {top!r}")
-            )
-        points = obstacle.get("polyline", obstacle.get("polygon"))
-        if any(a == b for a, b in pairwise(points)):
-            faults.append((("obstacles", name), "has the same point twice in a row"))
-    return [world.problem(path, message) for path, message in faults]
-
-
 def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str]:
     """Every reason why a mission that fits its schema cannot be flown, located."""
     groups = agents_by_name(document.data, scene)
     faults = [
         *_groups(document.data, scene),
         *_limits(document.data),
+        *_cameras(document.data),
         *_starts(document.data, scene, registry),
         *_parts(document.data, scene, registry),
         *_steps(document.data["mission"], ("mission",), groups, scene, registry),
     ]
-    return [document.problem(path, message) for path, message in faults]
+    return document.told(faults)
 
 
 def agents_by_name(data: Mapping[str, Any], scene: Scene) -> dict[str, tuple[int, ...]]:
@@ -77,6 +59,13 @@ def _groups(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
         for i, member in enumerate(members):
             if member not in scene.names:
                 yield ("groups", name, i), _unknown("agent", member, scene.names)
+
+
+def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:
+    known = [*data.get("cameras", {}), "aideck"]
+    for name, given in data["swarm"].items():
+        if "camera" in given and given["camera"] not in known:
+            yield ("swarm", name, "camera"), _unknown("camera", given["camera"], known)
 
 
 def _limits(data: Mapping[str, Any]) -> Iterator[Fault]:

@@ -24,20 +24,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run ``star`` and return its exit status: 0 done, 1 failed in flight, 2 bad input."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
-            return _of_plugin(arguments[0], arguments[1:])
-        options = parser().parse_args(arguments)
-        return COMMANDS[options.command](options)
+        try:
+            return _main(arguments)
+        finally:
+            sys.stdout.flush()  # while it can still be met that the reader has gone
     except StarError as error:
         for line in str(error).splitlines():
             print(line, file=sys.stderr)
         return BAD_INPUT
     except BrokenPipeError:
-        sys.stderr.close()  # whoever read us has gone: say nothing
+        _leave_quietly()
         return FAILED
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return FAILED
+
+
+def _main(arguments: list[str]) -> int:
+    if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+        return _of_plugin(arguments[0], arguments[1:])
+    options, unknown = parser().parse_known_args(arguments)
+    if unknown:
+        raise StarError(_too_much(unknown[0], options.usage()))
+    return COMMANDS[options.command](options)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -80,6 +89,8 @@ def parser() -> argparse.ArgumentParser:
     )
     schema.add_argument("of", nargs="?", default="mission", choices=["mission", "world"])
     schema.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
+    for command in (fly, check, plugins, schema):
+        command.set_defaults(usage=command.format_usage)
     return star
 
 
@@ -140,13 +151,42 @@ def _of_plugin(name: str, arguments: list[str]) -> int:
     """Run a command that a plugin adds.
 
     Raises:
-        PluginError: There is none of that name.
+        StarError: There is none of that name.
+        PluginError: It raised what is neither an `InputError` nor meant to exit.
     """
+    from star_core.blame import Blame
+    from star_core.errors import InputError, PluginError
+
     registry = _registry()
     if name not in registry.names("command"):
         known = [*COMMANDS, *registry.names("command")]
         raise StarError(f"star has no command {name!r}{instead(name, known, 'there are')}")
-    return registry.find("command", name).offer.make(arguments)  # type: ignore[no-any-return]
+    found = registry.find("command", name)
+    try:
+        with Blame(f"command {name!r} ({found.source})"):
+            status: int = found.offer.make(arguments)
+    except PluginError as error:
+        if isinstance(error.__cause__, SystemExit | InputError):
+            raise error.__cause__ from None
+        raise
+    return status
+
+
+def _too_much(word: str, usage: str) -> str:
+    """Say what is wrong with a word of the command line that nothing asks for."""
+    import re
+
+    if not word.startswith("-"):
+        return f"{word!r} is one argument too many"
+    return f"unknown option {word!r}{instead(word, re.findall('--[a-z-]+', usage), 'there are')}"
+
+
+def _leave_quietly() -> None:
+    """Whoever read us has gone: let Python write the rest to nowhere."""
+    import os
+
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
 
 
 def _assignments(options: argparse.Namespace) -> list[str]:

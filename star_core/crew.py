@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from star_core.blame import Blame
+from star_core.blame import Blame, close
 from star_core.contracts import Avoider, Localizer, Planner, Transport
 from star_core.errors import ContractError
 from star_core.mission import PARTS, Mission
@@ -19,6 +20,8 @@ from star_core.swarm import (
     Telemetry,
     Truth,
 )
+
+EARLY = 1e-3  # s, by which a time may be off: clocks of computers have grains
 
 CONTRACTS = {
     "transport": Transport,
@@ -61,7 +64,12 @@ class Crew:
     def wait(self, until: float) -> float:
         """Let time pass until `until`, s, and return the mission time it is then, s."""
         with self._blame["transport"]:
-            return float(self._parts["transport"].wait(until))
+            now = float(self._parts["transport"].wait(until))
+            if not until - EARLY <= now < math.inf:
+                raise ContractError(
+                    f"wait({until!r}) returned {now!r}, expected that time or later"
+                )
+            return now
 
     def receive(self) -> Telemetry:
         """Return what arrived since the last call."""
@@ -76,7 +84,13 @@ class Crew:
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate where the agents are."""
         with self._blame["localizer"]:
-            return checked_estimate(self._parts["localizer"].locate(telemetry), self._n)
+            estimate = checked_estimate(self._parts["localizer"].locate(telemetry), self._n)
+            if not abs(estimate.time - telemetry.time) <= EARLY:
+                raise ContractError(
+                    f"Estimate.time is {estimate.time!r}, expected the telemetry's, "
+                    f"{telemetry.time!r}"
+                )
+            return estimate
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         """Plan the next setpoint."""
@@ -102,15 +116,12 @@ class Crew:
         """Where the agents really are, if the transport can know."""
         with self._blame["transport"]:
             truth = self._parts["transport"].truth()
-            return None if truth is None else expect(truth, Truth)
+            if truth is not None and len(expect(truth, Truth).position) != self._n:
+                raise ContractError(
+                    f"Truth.position has {len(truth.position)} rows, expected {self._n}"
+                )
+            return truth  # type: ignore[no-any-return]
 
     def close(self) -> list[str]:
         """Close every part that can be closed; return what went wrong."""
-        wrong = []
-        for kind, part in self._parts.items():
-            try:
-                with self._blame[kind]:
-                    getattr(part, "close", lambda: None)()
-            except Exception as error:  # noqa: BLE001 -- the others are still to be closed
-                wrong.append(str(error))
-        return wrong
+        return close((self._blame[kind], part) for kind, part in self._parts.items())

@@ -6,7 +6,7 @@ Values can be set over a document from the command line; their place is then the
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,13 @@ class Document:
     def problem(self, path: Location, message: str, *, key: bool = False) -> str:
         """Return `message` after the place it is about."""
         return f"{self.place(path, key=key)}: {message}"
+
+    def told(self, faults: Iterable[tuple[Location, str]]) -> list[str]:
+        """Return faults with their places, in the order of the file."""
+        located = {
+            (self.mark(path), message): self.problem(path, message) for path, message in faults
+        }
+        return [located[key] for key in sorted(located, key=lambda key: (key[0].origin != "", key))]
 
     def mark(self, path: Location, *, key: bool = False) -> Mark:
         """Return where a value or its key stands; what was set sorts behind what was read."""

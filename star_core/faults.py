@@ -147,7 +147,7 @@ def _known(breach: Breach, key: str) -> str:
     free = [name for name in known if name not in breach.value]
     if not known:
         return "; there is none"
-    return instead(key, free) or f"; expected one of: {', '.join(known)}"
+    return instead(key, free) or instead(key, known) or f"; expected one of: {', '.join(known)}"
 
 
 def _verbs(breach: Breach) -> list[str]:

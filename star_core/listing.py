@@ -19,6 +19,7 @@ def as_text(registry: Registry) -> str:
         lines.append(f"  {found.offer.name:12} {found.offer.summary}  [{found.source}]")
         required = found.offer.options.get("required", ())
         for name, option in found.offer.options.get("properties", {}).items():
+            option = option if isinstance(option, dict) else {}  # noqa: PLW2901 -- True is a schema
             default = f" (default {json.dumps(option['default'])})" if "default" in option else ""
             must = " (must be given)" if name in required else ""
             lines.append(f"      {name}: {option.get('description', '')}{default}{must}")

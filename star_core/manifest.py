@@ -7,18 +7,22 @@ import re
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
-from star_core.mission import Mission
+from star_core.mission import Mission, actions
 
 DISTRIBUTION = "star-swarm"
 
 
 def manifest(mission: Mission) -> dict[str, Any]:
-    """Return the mission and world as flown, its plugins, its seed, and the software beneath."""
+    """Return the mission, its world and files as flown, plugins, seed, and the software beneath."""
     return {
         "mission_file": str(mission.document.path),
         "mission": mission.document.data,
         "world_file": str(mission.world.path),
         "world": mission.world.data,
+        "files": {
+            name: path.read_text(encoding="utf-8", errors="replace")
+            for name, path in mission.scene.files.items()
+        },
         "seed": mission.scene.seed,
         "plugins": {
             kind: {
@@ -28,6 +32,10 @@ def manifest(mission: Mission) -> dict[str, Any]:
                 "version": part.source.version,
             }
             for kind, part in mission.parts.items()
+        },
+        "verbs": {
+            action.verb: {"plugin": action.source.plugin, "version": action.source.version}
+            for action in actions(mission.steps)
         },
         "packages": packages(),
         "python": platform.python_version(),

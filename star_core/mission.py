@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from star_core import checks, schema
+from star_core import checks, schema, world_file
+from star_core.camera import Camera
 from star_core.document import Document, override, read
 from star_core.errors import InputError
 from star_core.options import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
-from star_core.world import Fence, Obstacle, Point, World, wall
+from star_core.world import World
 
 PARTS = ("transport", "localizer", "planner", "avoider")
 OnFailure: TypeAlias = Literal["abort", "land", "continue"]
@@ -39,6 +40,7 @@ class Action:
 
     Attributes:
         verb: The task that runs it.
+        source: Whose task that is.
         rows: The agents it is for.
         options: What the task is made with.
         timeout: How long it may take, s; None leaves that to the task.
@@ -47,6 +49,7 @@ class Action:
     """
 
     verb: str
+    source: Source
     rows: tuple[int, ...]
     options: Mapping[str, Any]
     timeout: float | None
@@ -70,6 +73,18 @@ class Repeat:
 
 
 Node: TypeAlias = Action | Parallel | Repeat
+
+
+def actions(steps: Sequence[Node]) -> Iterator[Action]:
+    """Every action of some steps, in the order of the file."""
+    for step in steps:
+        match step:
+            case Action():
+                yield step
+            case Parallel(branches):
+                yield from actions(branches)
+            case Repeat(_, inner):
+                yield from actions(inner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,13 +115,17 @@ def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mis
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
     document = override(read(path), assignments)
-    if found := schema.problems(document, schema.compose(registry.offers())):
+    found = schema.problems(document, schema.compose(registry.offers()))
+    if found and not isinstance(document.data.get("world"), str):
         raise InputError(found)
-    world = _world_document(document)
-    found = [*schema.problems(world, schema.load("world"))] or checks.of_world(world)
+    try:
+        world = _world_document(document)
+        room = world_file.world(world)
+    except InputError as error:
+        raise InputError([*found, *error.problems]) from None
     if found:
         raise InputError(found)
-    scene = _scene(document, _world(world.data))
+    scene = _scene(document, room)
     if found := checks.of_mission(document, scene, registry):
         raise InputError(found)
     groups = checks.agents_by_name(document.data, scene)
@@ -115,7 +134,7 @@ def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mis
         scene=scene,
         parts={kind: _part(kind, document.data[kind], registry) for kind in PARTS},
         steps=tuple(
-            _node(step, ("mission", i), document, groups)
+            _node(step, ("mission", i), document, groups, registry)
             for i, step in enumerate(document.data["mission"])
         ),
         document=document,
@@ -133,28 +152,12 @@ def _world_document(document: Document) -> Document:
         path = inside(document.path.parent, document.data["world"])
     except InputError as error:
         raise InputError([document.problem(("world",), str(error))]) from None
-    return read(path)
-
-
-def _world(data: Mapping[str, Any]) -> World:
-    return World(
-        name=data.get("name", "world"),
-        fence=Fence(low=_point(data["fence"]["low"]), high=_point(data["fence"]["high"])),
-        obstacles=tuple(
-            Obstacle(
-                name=name,
-                polygons=(tuple((x, y) for x, y in given["polygon"]),)
-                if "polygon" in given
-                else wall([(x, y) for x, y in given["polyline"]], given["thickness"]),
-                height=tuple(given["height"]),
-            )
-            for name, given in (data.get("obstacles") or {}).items()
-        ),
-    )
+    return schema.read_as(path, "world")
 
 
 def _scene(document: Document, world: World) -> Scene:
     data = document.data
+    cameras = {name: _camera(given) for name, given in data.get("cameras", {}).items()}
     limits = dict(data.get("limits", {}))
     if "height" in limits:
         limits["height"] = tuple(limits["height"])
@@ -162,9 +165,10 @@ def _scene(document: Document, world: World) -> Scene:
         agents=tuple(
             Agent(
                 name=name,
-                start=_point(given["start"]),
+                start=world_file.point(given["start"]),
                 yaw=math.radians(given.get("yaw_deg", 0.0)),
                 uri=given.get("uri"),
+                camera=cameras.get(given.get("camera"), Camera() if "camera" in given else None),
             )
             for name, given in data["swarm"].items()
         ),
@@ -176,9 +180,14 @@ def _scene(document: Document, world: World) -> Scene:
     )
 
 
-def _point(given: Sequence[float]) -> Point:
-    x, y, z = given
-    return float(x), float(y), float(z)
+def _camera(given: Mapping[str, Any]) -> Camera:
+    values: dict[str, Any] = {
+        name.removesuffix("_deg"): math.radians(value) if name.endswith("_deg") else value
+        for name, value in given.items()
+    }
+    for name in values.keys() & {"matrix", "distortion", "position"}:
+        values[name] = tuple(map(float, values[name]))
+    return Camera(**values)
 
 
 def _part(kind: str, given: str | Mapping[str, Any], registry: Registry) -> Part:
@@ -192,22 +201,26 @@ def _node(
     path: tuple[str | int, ...],
     document: Document,
     groups: Mapping[str, tuple[int, ...]],
+    registry: Registry,
 ) -> Node:
     ((verb, given),) = step.items()
     if verb == "parallel":
         return Parallel(
-            tuple(_node(s, (*path, verb, i), document, groups) for i, s in enumerate(given))
+            tuple(
+                _node(s, (*path, verb, i), document, groups, registry) for i, s in enumerate(given)
+            )
         )
     if verb == "repeat":
         return Repeat(
             given["times"],
             tuple(
-                _node(s, (*path, verb, "steps", i), document, groups)
+                _node(s, (*path, verb, "steps", i), document, groups, registry)
                 for i, s in enumerate(given["steps"])
             ),
         )
     return Action(
         verb=verb,
+        source=registry.find("task", verb).source,
         rows=checks.rows_of(given.get("agents", "all"), groups),
         options={key: value for key, value in given.items() if key not in SHARED},
         timeout=given.get("timeout"),

@@ -18,21 +18,22 @@ SHARED: Final = ("agents", "timeout", "on_failure")
 RESERVED: Final = {"task": SHARED, "command": ()}
 """Names no option of a kind may have; those of the parts are chosen by ``use``."""
 
-OWN_VERBS: Final = ("parallel", "repeat")
+OWN: Final = {"task": ("parallel", "repeat"), "command": ("run", "check", "plugins", "schema")}
+"""Names that STAR has taken itself."""
 
 
 def sound(kind: str, offer: Offer[Any]) -> Offer[Any]:
     """Return `offer` with its options as plain JSON.
 
     Raises:
-        PluginError: Its name is none, or is a verb that STAR has itself; or its options are no JSON
+        PluginError: Its name is none, or is one that STAR has itself; or its options are no JSON
             Schema of an object, refer to what is not there, or have a name that STAR uses itself.
     """
     who = f"{kind} {offer.name!r}"
     if not re.fullmatch(r"[a-z][a-z0-9_-]*", str(offer.name)):
         raise PluginError(f"{who}: a name is lower-case letters, digits, '_' and '-'")
-    if kind == "task" and offer.name in OWN_VERBS:
-        raise PluginError(f"{who}: STAR has a verb of that name itself")
+    if offer.name in OWN.get(kind, ()):
+        raise PluginError(f"{who}: STAR has a {kind} of that name itself")
     options = _plain(who, offer.options)
     properties = options.setdefault("properties", {})
     for name in RESERVED.get(kind, ("use",)):

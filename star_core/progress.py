@@ -15,6 +15,14 @@ from star_core.hookspecs import hookimpl
 from star_core.swarm import AgentPhase
 
 REFRESH = 0.1  # s of wall time between two looks at the table
+MOST = 20  # agents in the table
+
+
+class _Console(Console):
+    """Raises when nobody reads it any more, where rich would end the process."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
 
 
 class Progress:
@@ -25,7 +33,7 @@ class Progress:
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console(stderr=True)
+        self._console = console or _Console(stderr=True)
         self._live: Live | None = None
         self._names: tuple[str, ...] = ()
         self._title = ""
@@ -49,7 +57,7 @@ class Progress:
     @hookimpl
     def star_event(self, event: Event) -> None:
         line = f"{event.time:8.2f} s  {event.text}"
-        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(line, markup=False, emoji=False, highlight=False, soft_wrap=True)
 
     @hookimpl
     def star_mission_ended(self, summary: Mapping[str, Any]) -> None:
@@ -60,7 +68,9 @@ class Progress:
         table = Table(title=f"{self._title}  {tick.time:.1f} s  {tick.doing}", title_justify="left")
         for heading in ("agent", "phase", "x m", "y m", "z m", "battery V"):
             table.add_column(heading, justify="left" if heading == "agent" else "right")
-        for row, name in enumerate(self._names[:20]):
+        if len(self._names) > MOST:
+            table.caption = f"and {len(self._names) - MOST} more"
+        for row, name in enumerate(self._names[:MOST]):
             x, y, z = tick.estimate.position[row]
             phase = AgentPhase(tick.health.phase[row]).name.lower().replace("_", " ")
             battery = f"{tick.health.battery[row]:.2f}"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.metadata import Distribution, EntryPoint, entry_points
+from types import ModuleType
 from typing import Any, Final
 
 import pluggy
@@ -71,24 +73,28 @@ class Registry:
             except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever an import may raise
                 self.broken[source] = f"{type(error).__name__}: {error}"
         for plugin in plugins:
-            self.add(plugin, Source(f"{type(plugin).__module__}:{type(plugin).__name__}"))
+            self.add(plugin, Source(_called(plugin)))
 
     def add(self, plugin: object, source: Source) -> None:
         """Register a plugin and collect its offers.
 
         Raises:
-            PluginError: It implements a hook that does not exist, or offers what is no `Offer` or
-                not `sound`.
+            PluginError: It is there already, implements a hook that does not exist or asks it for
+                what is not told, or offers what is no `Offer` or not `sound`.
         """
+        if self.manager.has_plugin(source.plugin) or self.manager.is_registered(plugin):
+            raise PluginError(f"plugin {source} is registered already")
         try:
-            name = self.manager.register(plugin, name=source.plugin)
+            self.manager.register(plugin, name=source.plugin)
             _hooks_exist(self.manager.get_hookcallers(plugin) or ())
             fresh = [
                 (kind, Found(offer, source)) for kind in KINDS for offer in _offers(plugin, kind)
             ]
-        except (Exception, SystemExit):
+        except (Exception, SystemExit) as error:
             if self.manager.has_plugin(source.plugin):
-                self.manager.unregister(name=name)
+                self.manager.unregister(name=source.plugin)
+            if isinstance(error, pluggy.PluginValidationError):
+                raise PluginError(" ".join(str(error).split())) from error
             raise
         for kind, found in fresh:
             self._found[kind].setdefault(found.offer.name, []).append(found)
@@ -98,9 +104,12 @@ class Registry:
         return tuple(sorted(self._found[kind]))
 
     def offers(self) -> dict[str, dict[str, Offer[Any]]]:
-        """The offers by kind and name; of two of one name, the first."""
+        """The offers by kind and name; two of one name are one that takes the options of both.
+
+        What each asks of its options is left out of it: `find` refuses the name, and says why.
+        """
         return {
-            kind: {name: self._found[kind][name][0].offer for name in self.names(kind)}
+            kind: {name: _one(self._found[kind][name]) for name in self.names(kind)}
             for kind in KINDS
         }
 
@@ -119,7 +128,7 @@ class Registry:
             raise PluginError(f"no {kind} named {name!r}{hint}{left_out}")
         if len(found) > 1:
             who = " and ".join(str(one.source) for one in found)
-            raise PluginError(f"two plugins offer a {kind} named {name!r}: {who}; uninstall one")
+            raise PluginError(f"two plugins offer {kind} {name!r}: {who}; uninstall one")
         return found[0]
 
     def __iter__(self) -> Iterator[tuple[str, Found]]:
@@ -138,6 +147,22 @@ def _offers(plugin: object, kind: str) -> Iterable[Offer[Any]]:
         yield sound(kind, offer)
 
 
+def _one(found: list[Found]) -> Offer[Any]:
+    first = found[0].offer
+    if len(found) == 1:
+        return first
+    names = [name for one in found for name in one.offer.options.get("properties", {})]
+    options = {"type": "object", "properties": {name: {} for name in names}}
+    return replace(first, options=options)
+
+
+def _called(plugin: object) -> str:
+    """What a plugin is called that was given and not installed."""
+    if isinstance(plugin, ModuleType):
+        return plugin.__name__
+    return f"{type(plugin).__module__}:{type(plugin).__name__}"
+
+
 def _hooks_exist(callers: Iterable[pluggy.HookCaller]) -> None:
     for caller in callers:
         if not caller.has_spec():
@@ -148,4 +173,12 @@ def _hooks_exist(callers: Iterable[pluggy.HookCaller]) -> None:
 def _home(entry: EntryPoint) -> tuple[str, str]:
     if entry.dist is None:
         return entry.name, ""
-    return f"{entry.dist.name}:{entry.name}", entry.dist.version
+    name, version = _distribution(entry.dist)
+    return f"{name}:{entry.name}", version
+
+
+@cache
+def _distribution(distribution: Distribution) -> tuple[str, str]:
+    """Name and version; each question to a distribution reads its metadata anew."""
+    metadata = distribution.metadata
+    return metadata["Name"], metadata["Version"]

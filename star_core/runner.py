@@ -1,53 +1,18 @@
-"""Flies a mission: one loop, one tick, and everybody down at the end whatever happens."""
+"""Flies a mission from its plugins to its summary."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from star_core.contracts import Status
 from star_core.crew import Crew
-from star_core.errors import PluginError
-from star_core.flight import Flight, Tick
+from star_core.flight import Flight
 from star_core.manifest import manifest
 from star_core.mission import Mission
-from star_core.observers import Observers
-from star_core.phases import AIRBORNE, MissionPhase, Phases
+from star_core.phases import MissionPhase
+from star_core.pilot import Interrupts, Pilot
 from star_core.registry import Registry
-from star_core.safety import limited
-from star_core.summary import Meter
-from star_core.swarm import (
-    AgentPhase,
-    Command,
-    Estimate,
-    Goals,
-    Health,
-    Order,
-    Paths,
-    Plan,
-    Setpoint,
-    Supervisor,
-    Telemetry,
-)
-from star_core.table import Mask, Rows
-from star_core.tasks import Course
-
-STALE_AFTER = 0.5  # s, an agent not heard for longer is lost: the firmware's commander time-out
-LAND_SPEED = 0.3  # m/s, when the core itself lands
-LAND_SHORTEST = 1.0  # s, the quickest landing the core asks for
-LAND_PATIENCE = 10.0  # s, beyond what a landing takes, before an agent counts as not landed
-
-
-@dataclass(slots=True)
-class Interrupts:
-    """How often the operator asked to end the flight: once to land, twice to stop the motors."""
-
-    count: int = 0
 
 
 def fly(
@@ -69,6 +34,7 @@ def fly(
         PluginError: A plugin cannot be made, or the links cannot be opened; nothing has moved.
     """
     crew = Crew(mission, registry)
+    pilot: Pilot | None = None
     try:
         pilot = Pilot(mission, registry, crew, interrupts or Interrupts())
         crew.connect()
@@ -76,257 +42,15 @@ def fly(
             "star_mission_started",
             flight=Flight(mission.name, mission.scene, manifest(mission), folder),
         )
-        begun = time.perf_counter()
-        outcome, reason = pilot.fly()
-        wall_time = time.perf_counter() - begun
+        pilot.fly()
     finally:
-        wrong = crew.close()
-    for text in wrong:
-        pilot.event("failure", text)
-    summary = pilot.meter.summary(
-        mission=mission.name,
-        outcome=str(outcome),
-        reason=reason,
-        wall_time=wall_time,
-        events=pilot.observers.events,
-    )
-    pilot.observers.tell("star_mission_ended", summary=summary)
+        wrong = [*(pilot.close() if pilot is not None else ()), *crew.close()]
+        if pilot is not None and pilot.reason is not None:  # it began to fly
+            for text in wrong:
+                pilot.event("failure", text)
+            summary = pilot.summary(mission.name)
+            pilot.observers.tell("star_mission_ended", summary=summary)
     return summary
-
-
-class Pilot:
-    """Flies one mission with a crew, which is connected before `fly`.
-
-    Args:
-        mission: What to fly.
-        registry: Where verbs and observers are found.
-        crew: The four parts.
-        interrupts: The operator's wish to end.
-    """
-
-    def __init__(
-        self, mission: Mission, registry: Registry, crew: Crew, interrupts: Interrupts
-    ) -> None:
-        self._scene = mission.scene
-        self._n = len(mission.scene.agents)
-        self._crew = crew
-        self._interrupts = interrupts
-        self._phases = Phases(mission.scene.names)
-        self._course = Course(mission, registry, self.event)
-        self._due = 0  # number of the next tick
-        self._time = 0.0
-        self._estimate: Estimate | None = None
-        self._lost_localizer = False
-        self._commanded = np.zeros(self._n, np.bool_)  # flies to a place on its own, on board
-        self.meter = Meter(mission.scene)
-        self.observers = Observers(registry.manager)
-
-    def fly(self) -> tuple[MissionPhase, str]:
-        """Fly to the end, land everybody, and return the outcome and its reason."""
-        self._phases.fire_mission("start")
-        try:
-            end, reason = self._steps()
-            if end != "stop":
-                reason = self._bring_down(end) or reason
-        except PluginError as error:
-            end, reason = "fail", str(error)
-            self.event("failure", reason)
-            reason += self._bring_down_broken()
-        except BaseException:
-            self._bring_down_broken()
-            raise
-        self._phases.fire_mission("abort" if end == "stop" else end)
-        if self._phases.mission is MissionPhase.COMPLETED and reason:
-            self._phases.fire_mission("fail")
-        self._tell_phases()
-        return self._phases.mission, reason
-
-    def event(self, kind: str, text: str, agent: str | None = None) -> None:
-        """Put an event on record."""
-        self.observers.event(self._time, kind, text, agent)
-
-    def _steps(self) -> tuple[str, str]:
-        """Fly the mission's steps; return how they ended (a trigger of the mission) and why."""
-        while True:
-            status = self._tick()
-            if self._interrupts.count:
-                self.event("interrupt", "the operator ends the flight: everybody lands")
-                return "abort", "interrupted by the operator"
-            if status is Status.FAILURE:
-                self.event("failure", self._course.reason)
-                return "fail", self._course.reason
-            if status is Status.SUCCESS:
-                return "complete", ""
-
-    def _tick(self) -> Status:
-        """Receive, locate, run the steps, plan, avoid, limit, send: once, for the whole swarm."""
-        telemetry, estimate, health = self._look()
-        status, wishes = self._course.step(estimate, health)
-        for command in wishes.commands:
-            self._order(command, estimate)
-        if wishes.leave:
-            self._land(np.array(sorted(wishes.leave)), estimate)
-        flying = self._phases.among(AgentPhase.FLYING)
-        self._course.hold(flying, estimate)
-        goals = wishes.goals()
-        plan = self._crew.plan(estimate, goals)
-        active = plan.setpoint.active & flying & estimate.valid & ~self._commanded
-        wanted = replace(plan.setpoint, active=active)
-        safe = self._crew.avoid(estimate, wanted)
-        sent = self._send(limited(safe, wanted, self._scene.limits.speed), estimate)
-        self._record(telemetry, estimate, health, goals, plan, sent, ", ".join(wishes.doing))
-        return status
-
-    def _look(self) -> tuple[Telemetry, Estimate, Health]:
-        """Wait for the tick that is due, and see how things are."""
-        self._time = self._crew.wait(self._due * self._scene.period)
-        self._due = max(self._due, int(self._time / self._scene.period + 1e-6)) + 1
-        telemetry = self._crew.receive()
-        if self._lost_localizer and self._estimate is not None:
-            nobody = np.zeros(self._n, np.bool_)
-            estimate = replace(self._estimate, time=telemetry.time, valid=nobody)
-        else:
-            estimate = self._crew.locate(telemetry)
-        self._estimate = estimate
-        heard = telemetry.age <= STALE_AFTER
-        self._phases.observe(telemetry.state, heard, estimate.valid)
-        self._commanded &= telemetry.state & int(Supervisor.COMMANDER_FINISHED) == 0
-        health = Health(self._phases.of_agents(), telemetry.battery, telemetry.age)
-        self._tell_phases()
-        return telemetry, estimate, health
-
-    def _send(self, setpoint: Setpoint, estimate: Estimate) -> Setpoint:
-        """Send a setpoint in the agents' odometry frames; return what was sent, in the map."""
-        to_map = estimate.map_from_odom
-        odom = replace(
-            setpoint,
-            velocity=to_map.turn_back(setpoint.velocity),
-            yaw=setpoint.yaw - to_map.yaw,
-        )
-        sent = self._crew.send(odom)
-        return replace(sent, velocity=to_map.turn(sent.velocity), yaw=sent.yaw + to_map.yaw)
-
-    def _order(self, command: Command, estimate: Estimate) -> None:
-        """Give an order in the agents' odometry frames, and follow it in their phases."""
-        to_odom = estimate.map_from_odom.of(command.agent).inverse()
-        self._crew.command(
-            replace(
-                command,
-                position=to_odom.apply(command.position),
-                yaw=command.yaw + to_odom.yaw,
-            )
-        )
-        match command.order:
-            case Order.TAKEOFF:
-                self._phases.fire("take_off", command.agent)
-            case Order.LAND:
-                self._phases.fire("land", command.agent)
-            case Order.STOP:
-                self._phases.fire("fail", command.agent)
-            case Order.GOTO:
-                self._commanded[command.agent] = True
-        self._tell_phases()
-
-    def _land(self, rows: Rows, estimate: Estimate) -> float:
-        """Land those of some agents that are in the air; return how long the longest takes, s."""
-        airborne = self._phases.among(AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
-        rows = rows[airborne[rows]]
-        if not len(rows):
-            return 0.0
-        position = np.nan_to_num(estimate.position[rows])
-        duration = np.maximum(LAND_SHORTEST, position[:, 2] / LAND_SPEED)
-        position[:, 2] = 0.0
-        yaw = np.nan_to_num(estimate.yaw[rows])
-        self._order(Command(Order.LAND, rows, position, yaw, duration), estimate)
-        return float(duration.max())
-
-    def _bring_down(self, end: str) -> str:
-        """Land everybody; return what went wrong on the way, if anything."""
-        if end == "complete":
-            self._phases.fire_mission("land")
-        estimate = self._estimate
-        if estimate is None:
-            return ""
-        takes = self._land(np.arange(self._n), estimate)
-        until = self._time + takes + LAND_PATIENCE
-        while (up := self._airborne()).any():
-            if self._interrupts.count > 1:
-                self._stop(up)
-                return "stopped by the operator: motors off"
-            if self._time >= until:
-                who = self._scene.named(np.flatnonzero(up).tolist())
-                self.event("failure", f"{who} did not report to be on the ground")
-                return f"{who} did not report to be on the ground"
-            telemetry, estimate, health = self._look()
-            self._land(np.flatnonzero(self._phases.among(AgentPhase.LOST)), estimate)
-            n = self._n
-            still = Setpoint(np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.bool_))
-            nowhere = Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
-            plan = Plan(still, nowhere, np.zeros(n, np.bool_))
-            self._record(telemetry, estimate, health, Goals.none(n), plan, still, "landing")
-        fallen = self._phases.among(AgentPhase.EMERGENCY)
-        if end == "complete" and (hurt := [int(r) for r in np.flatnonzero(fallen & ~self._left())]):
-            return f"{self._scene.named(hurt)} ended in emergency"
-        return ""
-
-    def _bring_down_broken(self) -> str:
-        """Land everybody though a plugin is broken; return what went wrong, if anything."""
-        try:
-            return self._with_comma(self._bring_down("fail"))
-        except PluginError as first:
-            if self._lost_localizer:
-                return f"; {first}"
-        self._lost_localizer = True  # it may be the localizer that raised: land without it
-        try:
-            return self._with_comma(self._bring_down("fail"))
-        except PluginError as second:
-            self.event("failure", f"nobody could be landed: {second}")
-            return f"; nobody could be landed: {second}"
-
-    @staticmethod
-    def _with_comma(text: str) -> str:
-        return f"; {text}" if text else ""
-
-    def _left(self) -> Mask:
-        """Agents whose failure the mission allowed."""
-        left = np.zeros(self._n, np.bool_)
-        left[sorted(self._course.left)] = True
-        return left
-
-    def _airborne(self) -> Mask:
-        return self._phases.among(*AIRBORNE)
-
-    def _stop(self, up: Mask) -> None:
-        """Switch motors off, at once."""
-        rows = np.flatnonzero(up)
-        self.event("interrupt", f"the operator stops the motors of {self._scene.named(rows)}")
-        zero = np.zeros(len(rows))
-        if self._estimate is not None:
-            command = Command(Order.STOP, rows, np.zeros((len(rows), 3)), zero, zero)
-            self._order(command, self._estimate)
-
-    def _record(
-        self,
-        telemetry: Telemetry,
-        estimate: Estimate,
-        health: Health,
-        goals: Goals,
-        plan: Plan,
-        sent: Setpoint,
-        doing: str,
-    ) -> None:
-        """Measure a tick and show it to the observers."""
-        tick = Tick(
-            self._time, telemetry, estimate, health, goals, plan, sent, self._crew.truth(), doing
-        )
-        self.meter.add(tick)
-        self.observers.tell("star_ticked", tick=tick)
-
-    def _tell_phases(self) -> None:
-        for agent, phase in self._phases.changes():
-            self.observers.tell("star_phase_changed", time=self._time, agent=agent, phase=phase)
-            if phase in {"lost", "emergency"}:
-                self.event("failure", f"{agent} is {phase}", agent)
 
 
 def outcome_of(summary: Mapping[str, Any]) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import signal
 import sys
 import time
@@ -15,9 +16,10 @@ from typing import Any
 
 from star_core.errors import InputError
 from star_core.mission import load
+from star_core.pilot import Interrupts
 from star_core.progress import Progress
 from star_core.registry import Registry, Source
-from star_core.runner import Interrupts, fly, outcome_of
+from star_core.runner import fly, outcome_of
 
 HARD = 3
 """Interrupts after which Python itself is interrupted: a plugin may hang."""
@@ -73,7 +75,7 @@ def told(summary: Mapping[str, Any], folder: Path | None) -> str:
         f"  clearance   {clear:.2f} m at least" if clear is not None else "",
         f"  estimate    {rmse:.3f} m RMS from the truth" if rmse is not None else "",
         f"  flown       {summary['path_length_m']['total']:.1f} m in all",
-        f"  record      {folder}" if folder is not None else "",
+        f"  record      {folder}" if folder and (folder / "summary.json").exists() else "",
     ]
     return "\n".join(line for line in lines if line)
 
@@ -93,8 +95,11 @@ def _folder(out: str | None, name: str) -> Path:
             again += 1
         return folder
     folder = Path(out)
-    if folder.exists() and not folder.is_dir():
+    if not out or (folder.exists() and not folder.is_dir()):
         raise InputError([f"--out {out}: is no folder"])
+    above = next(path for path in (folder, *folder.parents) if path.exists())
+    if not (above.is_dir() and os.access(above, os.W_OK)):
+        raise InputError([f"--out {out}: cannot be made: nothing can be written in '{above}'"])
     if (folder / "manifest.json").exists():
         raise InputError([f"--out {out}: holds the record of a run already; name another folder"])
     return folder
@@ -111,7 +116,7 @@ def _signals(interrupts: Interrupts) -> Iterator[None]:
         what = "landing; again stops the motors" if interrupts.count == 1 else "stopping"
         print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
 
-    caught = (signal.SIGINT, signal.SIGTERM)
+    caught = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}
     before = {number: signal.signal(number, count) for number in caught}
     try:
         yield

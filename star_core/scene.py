@@ -6,8 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from star_core.camera import Camera
 from star_core.errors import InputError, instead
-from star_core.world import Point, World
+from star_core.quaternion import Point
+from star_core.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,12 +21,14 @@ class Agent:
         start: Where it stands before take-off, map frame, m.
         yaw: Its heading there, rad, anticlockwise from the map's x axis.
         uri: Address of its link; the simulator does not need one.
+        camera: What it carries; None for an agent that sees nothing.
     """
 
     name: str
     start: Point
     yaw: float = 0.0
     uri: str | None = None
+    camera: Camera | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,7 @@ class Scene:
         seed: Root of every random number: a plugin draws from
             ``numpy.random.default_rng([scene.seed, its own constant])`` and from nothing else.
         folder: The mission's folder; files that a mission names are read from inside it.
+        files: The files that were asked for through `file`, by the mission's name for them.
     """
 
     agents: tuple[Agent, ...]
@@ -62,6 +67,7 @@ class Scene:
     limits: Limits = field(default_factory=Limits)
     seed: int = 0
     folder: Path = field(default_factory=Path)
+    files: dict[str, Path] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,7 +80,8 @@ class Scene:
         Raises:
             InputError: It is no file inside the mission's folder.
         """
-        return inside(self.folder, name)
+        self.files[name] = inside(self.folder, name)
+        return self.files[name]
 
     def named(self, rows: Iterable[int]) -> str:
         """Names of some rows, for messages: ``cf1, cf3``."""

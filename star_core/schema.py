@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from star_core.contracts import Offer
-from star_core.document import PARTS, Document
+from star_core.document import PARTS, Document, read
+from star_core.errors import InputError
 from star_core.options import SHARED, references
 
 if TYPE_CHECKING:
@@ -28,6 +29,18 @@ def load(name: str) -> dict[str, Any]:
         (folder / f"{name}.schema.json").read_text(encoding="utf-8")
     )
     return schema
+
+
+def read_as(path: Path, name: str) -> Document:
+    """Read the YAML file at `path` and hold it to ``schemas/<name>.schema.json``.
+
+    Raises:
+        InputError: It cannot be read or does not fit; every reason found is listed, with its place.
+    """
+    document = read(path)
+    if found := problems(document, load(name)):
+        raise InputError(found)
+    return document
 
 
 def compose(offers: Mapping[str, Mapping[str, Offer[Any]]]) -> dict[str, Any]:

@@ -128,6 +128,9 @@ class Meter:
         if not self._scene.world.obstacles:
             return
         clearance = np.min([distance(position, o) for o in self._scene.world.obstacles], axis=0)
+        clearance = np.where(
+            np.isfinite(clearance), clearance, np.inf
+        )  # who is nowhere hits nothing
         hitting = clearance < CONTACT_RADIUS
         self._agent_obstacle += int((hitting & ~self._hitting).sum())
         self._hitting = hitting
@@ -194,7 +197,7 @@ def _pairs(position: Array, touch: float) -> tuple[set[tuple[int, int]], float]:
     tree = cKDTree(position[rows])
     reach: Array = np.asarray(tree.query(position[rows], k=2)[0])  # (M, 2), itself the first
     least = float(reach[:, 1].min())
-    near = tree.query_pairs(touch) if least < touch else set()
+    near = tree.query_pairs(np.nextafter(touch, 0.0)) if least < touch else set()
     return {(int(rows[i]), int(rows[j])) for i, j in near}, least
 
 

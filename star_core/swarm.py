@@ -15,6 +15,7 @@ import numpy as np
 
 from star_core.errors import ContractError
 from star_core.frames import Transform
+from star_core.sight import Detections, Frames, Sightings
 from star_core.table import Array, Mask, Rows, settle
 
 
@@ -98,6 +99,8 @@ class Telemetry:
         state: (N,) bits of `Supervisor`.
         age: (N,) time since each agent was last heard, s.
         odometry: Every sample since the last tick.
+        frames: Every image since the last tick.
+        detections: Every tag since the last tick that was found on board.
     """
 
     time: float
@@ -108,6 +111,8 @@ class Telemetry:
     state: Rows
     age: Array
     odometry: Odometry = field(default_factory=Odometry.none)
+    frames: Frames = field(default_factory=Frames.none)
+    detections: Detections = field(default_factory=Detections.none)
 
     def __post_init__(self) -> None:
         n = len(self.position)
@@ -127,6 +132,7 @@ class Estimate:
         covariance: (N, 3, 3) covariance of the position, m².
         valid: (N,) False where the row must not be flown on.
         map_from_odom: Where each agent's odometry frame lies in the map.
+        sightings: Tags seen since the last tick that are no landmarks.
     """
 
     time: float
@@ -136,6 +142,7 @@ class Estimate:
     covariance: Array
     valid: Mask
     map_from_odom: Transform
+    sightings: Sightings = field(default_factory=Sightings.none)
 
     def __post_init__(self) -> None:
         n = len(self.position)

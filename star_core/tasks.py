@@ -8,17 +8,20 @@ from typing import Final, TypeAlias, cast
 
 import numpy as np
 
-from star_core.blame import Blame
+from star_core.blame import Blame, close
 from star_core.contracts import Status, Step, Task
 from star_core.errors import ContractError
 from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.registry import Registry
 from star_core.safety import expect, keeps
-from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health
+from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health, Order
 from star_core.table import Mask
 
 OUT: Final = (int(AgentPhase.LOST), int(AgentPhase.EMERGENCY))
 """Phases in which an agent cannot go on with a step."""
+
+NUMBERED: Final = (Order.TAKEOFF, Order.LAND, Order.GOTO)
+"""Orders that say where and how fast."""
 
 Tell: TypeAlias = Callable[[str, str], None]
 
@@ -67,6 +70,10 @@ class Wishes:
             agents = expect(command, Command).agent
             if not (set(agents.tolist()) <= set(rows)):
                 raise ContractError(f"commands agents {agents.tolist()!r}, its own are {rows!r}")
+            for name in ("position", "yaw", "duration") if command.order in NUMBERED else ():
+                values = getattr(command, name)
+                if not np.isfinite(values).all():
+                    raise ContractError(f"Command.{name} is {values.tolist()!r}, expected numbers")
             self.commands.append(command)
         if step.goals is None:
             return
@@ -108,7 +115,12 @@ class Course:
         self._tell = tell
         self._wishes = Wishes.none(self._n)
         self._made: dict[int, Task] = {}
-        self._prepare(mission.steps)
+        self._all: list[tuple[Blame, object]] = []
+        try:
+            self._prepare(mission.steps)
+        except BaseException:
+            self.close()
+            raise
         self._running = self._sequence(mission.steps)
         self._estimate: Estimate
         self._health: Health
@@ -131,6 +143,10 @@ class Course:
         self._wishes.yaw[rows] = estimate.yaw[rows]
         self._wishes.speed[rows] = self._scene.limits.speed
         self._wishes.active[rows] = True
+
+    def close(self) -> list[str]:
+        """Close every task that can be closed; return what went wrong."""
+        return close(self._all)
 
     # Each of these yields a status a tick; the last is not RUNNING.
 
@@ -212,6 +228,7 @@ class Course:
         offer = self._registry.find("task", action.verb).offer
         with self._blame(action):
             task = offer.make(self._scene, rows, **action.options)
+            self._all.append((self._blame(action), task))
             keeps(task, Task)
         return cast("Task", task)
 

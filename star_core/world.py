@@ -1,4 +1,4 @@
-"""The world a mission flies in: geofence and obstacles, as plain numbers.
+"""The world a mission flies in: geofence, obstacles and tags, as plain numbers.
 
 Nothing here imports numpy, so that ``star check`` stays quick.
 """
@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeAlias
 
-Point: TypeAlias = tuple[float, float, float]
+from star_core.quaternion import Point, Quaternion
+
 Corner: TypeAlias = tuple[float, float]
 
 
@@ -67,6 +68,26 @@ class Obstacle:
 
 
 @dataclass(frozen=True, slots=True)
+class Tag:
+    """An AprilTag of family 36h11.
+
+    Attributes:
+        id: Its number, 0 to 586.
+        size: Edge of its black square, m.
+        position: Its centre, map frame, m.
+        rotation: From the tag's frame to the map. As one reads the tag, x points right and y up;
+            z points out of the paper.
+        of: The landmark or target that it belongs to.
+    """
+
+    id: int
+    size: float
+    position: Point
+    rotation: Quaternion
+    of: str
+
+
+@dataclass(frozen=True, slots=True)
 class World:
     """Where a mission flies.
 
@@ -74,11 +95,15 @@ class World:
         name: For records.
         fence: The geofence.
         obstacles: What to stay clear of.
+        landmarks: Tags whose places are known: what localizers look for.
+        targets: Tags to be found. Where they are is for simulators only.
     """
 
     name: str
     fence: Fence
     obstacles: tuple[Obstacle, ...] = field(default=())
+    landmarks: tuple[Tag, ...] = field(default=())
+    targets: tuple[Tag, ...] = field(default=())
 
     def fault(self, point: Point) -> str | None:
         """Say why no agent can be at `point` (map frame, m), or return None if one can."""

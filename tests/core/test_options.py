@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from star_core.cli import COMMANDS
 from star_core.contracts import Offer
 from star_core.errors import PluginError
 from star_core.options import sound
@@ -50,10 +51,13 @@ def test_a_verb_cannot_have_an_option_that_every_verb_has(name: str) -> None:
         sound("task", offer("x", {name: {}}))
 
 
-@pytest.mark.parametrize("verb", ["parallel", "repeat"])
-def test_a_verb_cannot_be_called_like_one_of_stars_own(verb: str) -> None:
-    with pytest.raises(PluginError, match=rf"^task '{verb}': STAR has a verb of that name itself"):
-        sound("task", offer(verb))
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("task", "parallel"), ("task", "repeat"), *(("command", c) for c in COMMANDS)],
+)
+def test_nothing_can_be_called_like_one_of_stars_own(kind: str, name: str) -> None:
+    with pytest.raises(PluginError, match=rf"^{kind} '{name}': STAR has a {kind} of that name"):
+        sound(kind, offer(name))
 
 
 @pytest.mark.parametrize("name", ["Orca", "", "two words", "é", 7])

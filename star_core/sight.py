@@ -1,0 +1,108 @@
+"""What cameras see: long tables, one row per image, tag or fix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from star_core.errors import ContractError
+from star_core.table import Array, Rows, settle
+
+Image: TypeAlias = NDArray[np.uint8]
+"""(height, width) grey values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Images that arrived since the last tick, in the order of their arrival.
+
+    Attributes:
+        agent: (K,) row of the agent whose camera took it.
+        taken: (K,) mission time at which the exposure of its middle row was half over, s; NaN where
+            the source does not know it.
+        arrived: (K,) mission time at which it was here, s.
+        image: K images; each has the size of its camera.
+    """
+
+    agent: Rows
+    taken: Array
+    arrived: Array
+    image: tuple[Image, ...]
+
+    def __post_init__(self) -> None:
+        k = len(self.agent)
+        settle(self, np.int64, agent=(k,))
+        settle(self, taken=(k,), arrived=(k,))
+        if len(self.image) != k:
+            raise ContractError(f"Frames.image has {len(self.image)} images, expected {k}")
+
+    @classmethod
+    def none(cls) -> Self:
+        """No image."""
+        return cls(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), ())
+
+
+@dataclass(frozen=True, slots=True)
+class Detections:
+    """Tags found in images before they came here, by a camera's own processor.
+
+    Attributes:
+        agent: (K,) row of the agent whose camera saw the tag.
+        tag: (K,) the tag's number.
+        corners: (K, 4, 2) its corners in the image as the lens shows them, px: bottom left, bottom
+            right, top right and top left of the tag as one reads it.
+        taken: (K,) as in `Frames`.
+        arrived: (K,) as in `Frames`.
+    """
+
+    agent: Rows
+    tag: Rows
+    corners: Array
+    taken: Array
+    arrived: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.agent)
+        settle(self, np.int64, agent=(k,), tag=(k,))
+        settle(self, corners=(k, 4, 2), taken=(k,), arrived=(k,))
+
+    @classmethod
+    def none(cls) -> Self:
+        """No tag."""
+        nobody = np.zeros(0, np.int64)
+        return cls(nobody, nobody, np.zeros((0, 4, 2)), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True)
+class Sightings:
+    """Tags that are no landmarks, as agents saw them: targets.
+
+    Attributes:
+        agent: (K,) row of the agent that saw the tag.
+        tag: (K,) the tag's number.
+        time: (K,) mission time at which it was seen, s.
+        position: (K, 3) centre of the tag in the map, m.
+        yaw: (K,) direction of the tag's x axis in the map's x-y plane, rad.
+        covariance: (K, 3, 3) covariance of the position, that of the agent's own included, m².
+    """
+
+    agent: Rows
+    tag: Rows
+    time: Array
+    position: Array
+    yaw: Array
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.agent)
+        settle(self, np.int64, agent=(k,), tag=(k,))
+        settle(self, time=(k,), position=(k, 3), yaw=(k,), covariance=(k, 3, 3))
+
+    @classmethod
+    def none(cls) -> Self:
+        """No tag."""
+        nobody, nothing = np.zeros(0, np.int64), np.zeros(0)
+        return cls(nobody, nobody, nothing, np.zeros((0, 3)), nothing, np.zeros((0, 3, 3)))

@@ -1,0 +1,97 @@
+"""A world: read from YAML, checked against its schema, frozen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, pairwise
+from typing import Any, Final, TypeAlias
+
+from star_core.document import Document
+from star_core.errors import InputError
+from star_core.quaternion import Point, moved, turned
+from star_core.world import Fence, Obstacle, Tag, World, wall
+
+SIZE: Final = 0.168
+"""Edge of the black square of a tag that is printed to fill an A4 sheet, m."""
+
+RIM: Final = 1.25
+"""Width of a tag with its white rim over that of its black square: ten modules over eight."""
+
+Fault: TypeAlias = tuple[tuple[str | int, ...], str]
+
+
+def world(document: Document) -> World:
+    """Return the world that `document`, which fits the schema of worlds, describes.
+
+    Raises:
+        InputError: It makes no sense; every reason found is listed.
+    """
+    data = document.data
+    faults = [*_fence(data), *_obstacles(data), *_tags(data)]
+    if faults:
+        raise InputError(document.told(faults))
+    return World(
+        name=data["name"],
+        fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
+        obstacles=tuple(
+            Obstacle(
+                name=name,
+                polygons=(tuple((x, y) for x, y in given["polygon"]),)
+                if "polygon" in given
+                else wall([(x, y) for x, y in given["polyline"]], given["thickness"]),
+                height=tuple(given["height"]),
+            )
+            for name, given in data.get("obstacles", {}).items()
+        ),
+        landmarks=tuple(tag for _, tag in _sheets(data, "landmarks")),
+        targets=tuple(tag for _, tag in _sheets(data, "targets")),
+    )
+
+
+def point(given: Sequence[float]) -> Point:
+    """Return three numbers as a point."""
+    x, y, z = given
+    return float(x), float(y), float(z)
+
+
+def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | int, ...], Tag]]:
+    """Every tag of the landmarks or of the targets, with the place of its number in the file."""
+    for name, given in data.get(kind, {}).items():
+        rotation = turned(
+            *(math.radians(given.get(f"{angle}_deg", 0.0)) for angle in ("roll", "pitch", "yaw"))
+        )
+        size = float(given.get("size", SIZE))
+        spacing = given.get("spacing", RIM * size)
+        x, y, z = given["at"]
+        for i, number in enumerate(given["tags"]):
+            along = (i - (len(given["tags"]) - 1) / 2) * spacing
+            dx, dy, dz = moved(rotation, (along, 0.0, 0.0))
+            at = (x + dx, y + dy, z + dz)
+            yield (kind, name, "tags", i), Tag(number, size, at, rotation, name)
+
+
+def _fence(data: Mapping[str, Any]) -> Iterator[Fault]:
+    low, high = data["fence"]["low"], data["fence"]["high"]
+    if any(a >= b for a, b in zip(low, high, strict=True)):
+        yield ("fence",), f"low {low!r} is not below high {high!r} in x, y and z"
+
+
+def _obstacles(data: Mapping[str, Any]) -> Iterator[Fault]:
+    for name, obstacle in data.get("obstacles", {}).items():
+        foot, top = obstacle["height"]
+        if foot >= top:
+            yield ("obstacles", name, "height"), f"foot {foot!r} is not below top {top!r}"
+        closed = [*obstacle["polygon"], obstacle["polygon"][0]] if "polygon" in obstacle else None
+        if any(a == b for a, b in pairwise(closed or obstacle["polyline"])):
+            yield ("obstacles", name), "has the same point twice in a row"
+
+
+def _tags(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Tags that cannot be told apart: of one number, or one over the other."""
+    tags = [*_sheets(data, "landmarks"), *_sheets(data, "targets")]
+    for (_, first), (path, second) in combinations(tags, 2):
+        if first.id == second.id:
+            yield path, f"tag {second.id} belongs to {first.of!r} already; give each its own number"
+        elif math.dist(first.position, second.position) < (first.size + second.size) / 2:
+            yield path, f"tag {second.id} overlaps tag {first.id} of {first.of!r}"

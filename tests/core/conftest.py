@@ -1,0 +1,351 @@
+"""A laboratory that flies missions with obedient stubs, each of which misbehaves when told to."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import star_core as star
+from star_core import AgentPhase, Offer, Order, Status, Step, Supervisor, hookimpl
+from star_core.mission import Mission, load
+from star_core.pilot import Interrupts
+from star_core.registry import Registry, Source
+from star_core.runner import fly
+
+PATIENCE = 600  # ticks: a minute, more than any mission here takes
+SOON = 1e-9  # s: ticks are sums of periods
+TOUR = """
+  - climb: {}
+  - wait: {seconds: 2}
+  - descend: {}
+"""
+WORLD = "star: 1\nname: room\nfence: {low: [-9, -9, -9], high: [9, 9, 9]}\n"
+MISSION = """\
+star: 1
+name: lab
+world: room.yaml
+rate: 10
+swarm: {{{swarm}}}
+transport: robots
+localizer: seer
+planner: dash
+avoider: idle
+mission:{steps}"""
+
+
+class Robots:
+    """A transport to points that do what they are told, at once and exactly.
+
+    Attributes:
+        commands: Every command, with the mission time it came at.
+        sent: Every setpoint, with the mission time it came at.
+    """
+
+    def __init__(self, frames: star.Transform) -> None:
+        n = len(frames.yaw)
+        self.commands: list[tuple[float, star.Command]] = []
+        self.sent: list[tuple[float, star.Setpoint]] = []
+        self._frames = frames
+        self._waits = 0
+        self._time = 0.0
+        self._position = np.zeros((n, 3))  # each in its own odometry frame
+        self._velocity = np.zeros((n, 3))
+        self._yaw = np.zeros(n)
+        self._state = np.zeros(n, np.int64)
+        self._target = np.zeros((n, 3))  # of the commander
+        self._after = np.zeros(n, np.int64)  # what the state is when the commander is there
+        self._over = np.full(n, np.inf)  # s, when that is
+
+    def connect(self) -> None: ...
+
+    def wait(self, until: float) -> float:
+        self._waits += 1
+        if self._waits > PATIENCE:
+            raise RuntimeError("the flight does not end")
+        self._position += (until - self._time) * self._velocity
+        self._time = until
+        there = self._over <= until + SOON
+        self._position[there] = self._target[there]
+        self._state[there] = self._after[there]
+        self._over[there] = np.inf
+        return until
+
+    def receive(self) -> star.Telemetry:
+        half = self._yaw / 2
+        return star.Telemetry(
+            time=self._time,
+            position=self._position,
+            velocity=self._velocity,
+            attitude=np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=1),
+            battery=np.full(len(half), 4.0),
+            state=self._state,
+            age=np.zeros(len(half)),
+        )
+
+    def command(self, command: star.Command) -> None:
+        self.commands.append((self._time, command))
+        rows, order = command.agent, command.order
+        up, done = int(Supervisor.FLYING), int(Supervisor.COMMANDER_FINISHED)
+        self._velocity[rows] = 0.0
+        self._state[rows] = 0 if order is Order.STOP else up
+        self._over[rows] = np.inf if order is Order.STOP else self._time + command.duration
+        self._after[rows] = done if order is Order.LAND else up | done
+        self._target[rows] = self._position[rows]
+        self._target[rows, 2] = command.position[:, 2]
+        if order is Order.GOTO:
+            self._target[rows] = command.position
+            self._yaw[rows] = command.yaw
+
+    def send(self, setpoint: star.Setpoint) -> star.Setpoint:
+        self.sent.append((self._time, setpoint))
+        self._velocity = np.where(setpoint.active[:, None], setpoint.velocity, 0.0)
+        self._yaw = np.where(setpoint.active, setpoint.yaw, self._yaw)
+        return setpoint
+
+    def truth(self) -> star.Truth | None:
+        attitude = np.tile([0.0, 0.0, 0.0, 1.0], (len(self._yaw), 1))
+        return star.Truth(self._time, self._frames.apply(self._position), self._velocity, attitude)
+
+
+class Seer:
+    """A localizer that knows where the odometry frames lie."""
+
+    def __init__(self, frames: star.Transform) -> None:
+        self._frames = frames
+
+    def locate(self, telemetry: star.Telemetry) -> star.Estimate:
+        n = len(telemetry.age)
+        return star.Estimate(
+            time=telemetry.time,
+            position=self._frames.apply(telemetry.position),
+            velocity=self._frames.turn(telemetry.velocity),
+            yaw=2 * np.arctan2(*telemetry.attitude[:, 2:].T) + self._frames.yaw,
+            covariance=np.zeros((n, 3, 3)),
+            valid=np.ones(n, np.bool_),
+            map_from_odom=self._frames,
+        )
+
+
+class Dash:
+    """A planner that wants to be at every goal by the next tick, however fast that is."""
+
+    def __init__(self, scene: star.Scene) -> None:
+        self._period = scene.period
+
+    def plan(self, estimate: star.Estimate, goals: star.Goals) -> star.Plan:
+        velocity = (goals.position - estimate.position) / self._period
+        setpoint = star.Setpoint(velocity, goals.yaw, goals.active & estimate.valid)
+        nowhere = star.Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
+        return star.Plan(setpoint, nowhere, np.zeros(len(goals.yaw), np.bool_))
+
+
+class Script:
+    """A task that gives its commands once and its goals in every tick, until it is over.
+
+    Then it succeeds or, if it has a reason for that, fails.
+    """
+
+    def __init__(
+        self, first: Step, over: Callable[..., Any], limit: float = 20.0, fails: str = ""
+    ) -> None:
+        self._say = first
+        self._over = over
+        self._limit = limit
+        self._end = Step(status=Status.FAILURE if fails else Status.SUCCESS, reason=fails)
+
+    def begin(self, estimate: star.Estimate, health: star.Health) -> float:
+        self._begun = estimate.time
+        return self._limit
+
+    def step(self, estimate: star.Estimate, health: star.Health) -> Step:
+        say, self._say = self._say, Step(self._say.goals)
+        if not say.commands and self._over(estimate, health, estimate.time - self._begun + SOON):
+            return self._end
+        return say
+
+
+def _order(
+    order: Order, until: AgentPhase | None, _scene: star.Scene, rows: tuple[int, ...], **target: Any
+) -> Script:
+    """Give an order; over when all are in a phase or, with None, when its duration is over."""
+    k = len(rows)
+    position = np.tile(target.get("to", [0.0, 0.0, float(order is Order.TAKEOFF)]), (k, 1))
+    yaw = np.full(k, math.radians(target.get("yaw_deg", 0.0)))
+    seconds = target.get("seconds", 1.0)
+    command = star.Command(order, np.array(rows), position, yaw, np.full(k, seconds))
+
+    def over(_estimate: star.Estimate, health: star.Health, since: float) -> bool:
+        return since >= seconds if until is None else all(health.phase[list(rows)] == until)
+
+    return Script(Step(commands=(command,)), over)
+
+
+def _visit(scene: star.Scene, rows: tuple[int, ...], **target: Any) -> Script:
+    """Fly to a point; over when all are there."""
+    n = len(scene.agents)
+    active = np.isin(np.arange(n), rows)
+    point, yaw = np.tile(target["to"], (n, 1)), np.radians(np.full(n, target.get("yaw_deg", 0.0)))
+    goals = star.Goals(point, np.zeros((n, 3)), yaw, np.full(n, 0.5), active)
+    return Script(Step(goals), lambda now, *_: np.allclose(now.position[active], point[active]))
+
+
+def _wait(_scene: star.Scene, _rows: tuple[int, ...], seconds: float, **end: Any) -> Script:
+    return Script(Step(), lambda _estimate, _health, since: since >= seconds, **end)
+
+
+VERBS: Mapping[str, tuple[Callable[..., Any], str]] = {  # how it is made, and its options
+    "climb": (partial(_order, Order.TAKEOFF, AgentPhase.FLYING), ""),
+    "descend": (partial(_order, Order.LAND, AgentPhase.LANDED), ""),
+    "ride": (partial(_order, Order.GOTO, None), "to yaw_deg seconds"),
+    "visit": (_visit, "to yaw_deg"),
+    "wait": (_wait, "seconds limit fails"),
+}
+
+
+class Lab:
+    """Offers the stubs as one plugin, flies missions with them, and watches.
+
+    Attributes:
+        swarm: Names of the agents; they start 1 m apart along the y axis.
+        frames: Where odometry frames lie in the map; None: where the agents start.
+        closed: How often parts were closed, by role: their kind, or the verb of a task.
+        robots: The transport of the last flight.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.swarm = ("cf1", "cf2")
+        self.frames: star.Transform | None = None
+        self.closed: Counter[str] = Counter()
+        self.robots: Robots
+        self.ticks: list[star.Tick] = []
+        self.events: list[star.Event] = []
+        self.phases: list[tuple[float, str | None, str]] = []
+        self.summaries: list[Mapping[str, Any]] = []
+        self.registry = Registry(installed=False)
+        self.registry.add(self, Source("their-dist:lab", "1.2"))
+        self._folder = folder
+        self._wrong: dict[tuple[str, str], Callable[..., Any]] = {}
+
+    def spoil(
+        self,
+        role: str,
+        method: str,
+        wrong: BaseException | Callable[..., Any],
+        calls: range | None = None,
+    ) -> None:
+        """Have a method of a role, or ``make``, raise `wrong`, or answer ``wrong(right, *args)``.
+
+        Here ``right`` is the method as it was. With `calls` only those, counted from 0, go wrong.
+        """
+        count = itertools.count()
+
+        def answer(right: Callable[..., Any], *args: Any, **options: Any) -> Any:
+            if calls is not None and next(count) not in calls:
+                return right(*args, **options)
+            if isinstance(wrong, BaseException):
+                raise wrong
+            return wrong(right, *args, **options)
+
+        self._wrong[role, method] = answer
+
+    def load(self, steps: str = TOUR) -> Mission:
+        """Read a mission of these steps: a YAML list."""
+        (self._folder / "room.yaml").write_text(WORLD)
+        path = self._folder / "mission.yaml"
+        agents = (f"{name}: {{start: [0, {i}, 0]}}" for i, name in enumerate(self.swarm))
+        path.write_text(MISSION.format(swarm=", ".join(agents), steps=steps))
+        return load(path, self.registry)
+
+    def fly(self, steps: str = TOUR, interrupts: Interrupts | None = None) -> dict[str, Any]:
+        """Fly a mission of these steps."""
+        return fly(self.load(steps), self.registry, interrupts=interrupts)
+
+    def ordered(self, order: Order) -> list[int]:
+        """Rows that were given an order, in the order they were given it in."""
+        given = (command for _, command in self.robots.commands if command.order is order)
+        return [row for command in given for row in command.agent.tolist()]
+
+    def went(self, agent: str | None) -> list[str]:
+        """Phases that an agent, or with None the mission, went through."""
+        return [phase for _, who, phase in self.phases if who == agent]
+
+    def said(self, kind: str) -> list[str]:
+        """Texts of the events of a kind."""
+        return [event.text for event in self.events if event.kind == kind]
+
+    @hookimpl
+    def star_transports(self) -> Iterable[Offer[Any]]:
+        yield self._offer("transport", "robots", self._robots)
+
+    @hookimpl
+    def star_localizers(self) -> Iterable[Offer[Any]]:
+        yield self._offer("localizer", "seer", lambda scene: Seer(self._where(scene)))
+
+    @hookimpl
+    def star_planners(self) -> Iterable[Offer[Any]]:
+        yield self._offer("planner", "dash", Dash)
+
+    @hookimpl
+    def star_avoiders(self) -> Iterable[Offer[Any]]:
+        idle = SimpleNamespace(avoid=lambda _estimate, wanted: wanted)
+        yield self._offer("avoider", "idle", lambda _scene: idle)
+
+    @hookimpl
+    def star_tasks(self) -> Iterable[Offer[Any]]:
+        return [self._offer(verb, verb, *how) for verb, how in VERBS.items()]
+
+    @hookimpl
+    def star_ticked(self, tick: star.Tick) -> None:
+        self.ticks.append(tick)
+
+    @hookimpl
+    def star_phase_changed(self, time: float, agent: str | None, phase: str) -> None:
+        self.phases.append((time, agent, phase))
+
+    @hookimpl
+    def star_event(self, event: star.Event) -> None:
+        self.events.append(event)
+
+    @hookimpl
+    def star_mission_ended(self, summary: Mapping[str, Any]) -> None:
+        self.summaries.append(summary)
+
+    def _offer(
+        self, role: str, name: str, make: Callable[..., Any], options: str = ""
+    ) -> Offer[Any]:
+        def furnished(*args: Any, **options: Any) -> Any:
+            part = make(*args, **options)
+            part.close = partial(self.closed.update, [role])
+            for (whose, method), wrong in self._wrong.items():
+                if whose == role and method != "make":
+                    setattr(part, method, partial(wrong, getattr(part, method)))
+            return part
+
+        def made(*args: Any, **options: Any) -> Any:
+            wrong = self._wrong.get((role, "make"))
+            return wrong(furnished, *args, **options) if wrong else furnished(*args, **options)
+
+        schema = {"type": "object", "properties": {key: {} for key in options.split()}}
+        return Offer(name=name, summary=f"The stub {name}.", make=made, options=schema)
+
+    def _robots(self, scene: star.Scene) -> Robots:
+        self.robots = Robots(self._where(scene))
+        return self.robots
+
+    def _where(self, scene: star.Scene) -> star.Transform:
+        starts = np.array([agent.start for agent in scene.agents])
+        return self.frames or star.Transform(np.zeros(len(starts)), starts)
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    return Lab(tmp_path)

@@ -1,0 +1,347 @@
+"""The command line: what each command prints, where, and its exit status."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import pytest
+
+from star_core import Tick, cli, hookimpl
+from star_core.cli import main, run
+from star_core.registry import Registry, Source
+
+WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+MISSION = """\
+star: 1
+name: hop
+world: room.yaml
+seed: 7
+swarm:
+  cf1: {start: [-0.5, 0, 0]}
+  cf2: {start: [0.5, 0, 0]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.3, speed: 0.5}
+  - land: {speed: 0.5}
+"""
+LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # nobody is up by then
+WALL = ("wall_time_s", "realtime_factor")
+ENTER = "import sys; from star_core.cli import main; sys.exit(main())"
+Said: TypeAlias = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("room.yaml").write_text(WORLD)
+    Path("hop.yaml").write_text(MISSION)
+
+
+@pytest.fixture
+def said(capsys: Said) -> Said:
+    """What is printed, and where."""
+    return capsys
+
+
+@pytest.fixture
+def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
+    """Have ``star`` find one plugin more than is installed."""
+
+    def add(plugin: object) -> None:
+        registry = Registry()
+        registry.add(plugin, Source("their-dist:theirs", "1.2"))
+        monkeypatch.setattr(cli, "_registry", lambda: registry)
+
+    return add
+
+
+def flown(said: Said, *arguments: str) -> dict[str, Any]:
+    """Fly the mission and return the JSON that is printed, but for its wall time."""
+    assert main(["run", "hop.yaml", "--json", "--no-record", *arguments]) == 0
+    summary: dict[str, Any] = json.loads(said.readouterr().out)
+    return {key: value for key, value in summary.items() if key not in WALL}
+
+
+def recorded(file: str, folder: str = "out") -> Any:
+    return json.loads((Path(folder) / file).read_text())
+
+
+# Exit status
+
+
+def test_a_mission_that_completes_exits_with_0(said: Said) -> None:
+    assert main(["run", "hop.yaml"]) == 0
+    assert said.readouterr().out.startswith("hop: completed\n")
+
+
+def test_a_mission_that_fails_exits_with_1_and_tells_the_reason(said: Said) -> None:
+    assert main(["run", "hop.yaml", *LATE]) == 1
+    assert said.readouterr().out.startswith("hop: failed: hop.yaml:13:5: takeoff failed: timed out")
+
+
+def test_a_mission_that_is_wrong_exits_with_2_and_prints_nothing_on_standard_output(
+    said: Said,
+) -> None:
+    assert main(["run", "hop.yaml", "--seed", "x"]) == 2
+    assert said.readouterr().out == ""
+
+
+def test_star_run_is_star_then_run(said: Said) -> None:
+    assert run(["hop.yaml", "--json", "--no-record"]) == 0
+    summary = json.loads(said.readouterr().out)
+    assert {key: summary[key] for key in summary if key not in WALL} == flown(said)
+
+
+def test_both_commands_are_installed() -> None:
+    scripts = {script.name: script for script in entry_points(group="console_scripts")}
+    assert scripts["star"].load() is main
+    assert scripts["star-run"].load() is run
+
+
+def test_without_arguments_the_words_of_the_command_line_are_taken(
+    said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["star", "check", "hop.yaml"])
+    assert main() == 0
+    monkeypatch.setattr(sys, "argv", ["star-run", "hop.yaml", "--no-record"])
+    assert run() == 0
+    assert said.readouterr().out.startswith("hop.yaml: 'hop' can be flown, with 2 agents\nhop: ")
+
+
+# star check
+
+
+def test_a_mission_that_can_be_flown_is_told_so_in_a_line(said: Said) -> None:
+    assert main(["check", "hop.yaml"]) == 0
+    assert said.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
+
+
+def test_checking_flies_nothing() -> None:
+    before = sorted(Path().rglob("*"))
+    assert main(["check", "hop.yaml"]) == 0
+    assert sorted(Path().rglob("*")) == before
+
+
+# What is set
+
+
+@pytest.mark.parametrize(
+    ("arguments", "where", "value"),
+    [
+        (("--set", "avoider=none"), ("avoider",), "none"),
+        (("--set", "avoider.radius=0.1"), ("avoider",), {"use": "orca", "radius": 0.1}),
+        (("--set", "mission.0.takeoff.height=0.4"), ("mission", 0, "takeoff", "height"), 0.4),
+        (("--set", "mission=[{takeoff: {}}]"), ("mission",), [{"takeoff": {}}]),
+        (("--set", "swarm.cf3.start=[0, 1, 0]"), ("swarm", "cf3"), {"start": [0, 1, 0]}),
+        (("--set", "rate=10", "--set", "rate=50"), ("rate",), 50),
+        (("--seed", "3"), ("seed",), 3),
+        (("--speed", "1e6"), ("transport",), {"use": "sim", "speed": 1e6}),
+        (("--set", "seed=1", "--seed", "2"), ("seed",), 2),
+    ],
+)
+def test_what_is_set_is_what_is_flown_and_kept(
+    arguments: Sequence[str], where: Iterable[str | int], value: object
+) -> None:
+    assert main(["run", "hop.yaml", "--json", "--out", "out", *arguments]) == 0
+    found = recorded("manifest.json")["mission"]
+    for key in where:
+        found = found[key]
+    assert found == value
+
+
+def test_a_step_that_is_set_is_flown(said: Said) -> None:
+    low = flown(said)["path_length_m"]["total"]
+    high = flown(said, "--set", "mission.0.takeoff.height=1.2")["path_length_m"]["total"]
+    assert high > low + 2 * 2 * 0.8  # two agents, up and down, 0.9 m higher
+
+
+def test_a_seed_that_is_set_is_told_in_the_summary(said: Said) -> None:
+    assert flown(said, "--seed", "3")["seed"] == 3
+
+
+def test_a_speed_changes_the_pace_and_nothing_else(said: Said) -> None:
+    assert flown(said, "--speed", "1e6") == flown(said)
+
+
+# Signals
+
+
+class Signaller:
+    """A plugin that sends signals, all in one tick, and notes what would be done about each."""
+
+    def __init__(self, *numbers: int) -> None:
+        self._numbers = list(numbers)
+        self.handlers: dict[int, Any] = {}
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        self.handlers = {number: signal.getsignal(number) for number in signal.Signals}
+        while self._numbers:
+            signal.raise_signal(self._numbers.pop())
+
+
+def test_being_asked_to_terminate_lands_everybody(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Signaller(signal.SIGTERM))
+    assert main(["run", "hop.yaml"]) == 1
+    out, err = said.readouterr()
+    assert out.startswith("hop: aborted: interrupted by the operator\n")
+    assert "star: SIGTERM: landing; again stops the motors\n" in err
+
+
+def test_a_third_interrupt_ends_a_flight_that_hangs(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Signaller(signal.SIGINT, signal.SIGINT, signal.SIGINT))
+    assert main(["run", "hop.yaml"]) == 1
+    assert said.readouterr().err.splitlines()[-1] == "interrupted"
+
+
+def test_after_a_flight_signals_do_what_they_did_before(
+    with_plugin: Callable[[object], None],
+) -> None:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    with_plugin(watcher := Signaller())
+    main(["run", "hop.yaml", "--json", "--no-record"])
+    assert all(watcher.handlers[number] != handler for number, handler in before.items())
+    assert all(signal.getsignal(number) == handler for number, handler in before.items())
+
+
+def test_a_terminal_that_is_closed_lands_everybody(with_plugin: Callable[[object], None]) -> None:
+    with_plugin(watcher := Signaller())
+    main(["run", "hop.yaml", "--json", "--no-record"])
+    assert watcher.handlers[signal.SIGHUP] == watcher.handlers[signal.SIGTERM]
+
+
+# What goes wrong in a plugin
+
+
+def test_verbose_shows_where_a_plugin_raised() -> None:
+    huge = "avoider={use: orca, max_neighbours: 18446744073709551615}"
+    command = [sys.executable, "-c", ENTER, "run", "hop.yaml", "--verbose", "--set", huge]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Traceback (most recent call last):" in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("avoider 'orca' (star-swarm ")
+
+
+# What is refused
+
+FENCE = "is outside the fence, from [-2, -2, 0] to [2, 2, 2]"
+
+
+@pytest.fixture
+def refused(said: Said) -> Callable[..., list[str]]:
+    """Run ``star``, see that it refuses and leaves nothing behind, and return what it says."""
+
+    def star(*arguments: str) -> list[str]:
+        before = sorted(Path().rglob("*"))
+        try:
+            status = main(arguments)
+        except SystemExit as error:  # argparse's way to return
+            status = int(error.code or 0)
+        out, err = said.readouterr()
+        assert (status, out) == (2, "")
+        assert sorted(Path().rglob("*")) == before
+        return err.splitlines()
+
+    return star
+
+
+def test_an_option_that_is_set_again_and_misspelt_is_told_which_was_meant(
+    refused: Callable[..., list[str]],
+) -> None:
+    (line,) = refused("run", "hop.yaml", "--set", "avoider.radius=0.3", "--set", "avoider.radus=1")
+    assert line.endswith("unknown option 'radus'; did you mean 'radius'?")
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ("avoider.horizn=1", "avoider 'orca': unknown option 'horizn'; did you mean 'horizon'?"),
+        ("avoider.radius=-1", "avoider 'orca': radius: -1 is less than or equal to the minimum of"),
+        ("avoider.radius=big", "avoider 'orca': radius: 'big' is a string, expected a number"),
+        ("transport=radio2", "no transport named 'radio2'; installed: "),
+        ("mission.9.land={}", "'mission' has no item 9; the last is 1"),
+        ("mission.first={}", "'mission' is a list: expected an index in place of 'first'"),
+        ("mission.0.takeoff.height=9", "9 m is outside the heights to fly at, from 0.2 to 1.8 m"),
+        ("swarm.cf1.start=[9, 9, 9]", f"start [9, 9, 9] {FENCE}"),
+        ("world=no.yaml", "no file 'no.yaml' in the mission's folder"),
+        ("seed", "has no '=', expected path=value such as avoider.radius=0.3"),
+        ("seed=", "has no value after the '='"),
+        ("seed=[1", "not YAML: expected ',' or ']', but got '<stream end>'"),
+    ],
+)
+def test_a_value_that_cannot_be_set_is_told_with_the_assignment(
+    refused: Callable[..., list[str]], given: str, line: str
+) -> None:
+    (found,) = refused("run", "hop.yaml", "--set", given)
+    assert found.startswith(f"--set {given}: {line}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("--seed", "x"), "--set seed=x: seed: 'x' is a string, expected a whole number"),
+        (("--seed", "1.5"), "--set seed=1.5: seed: 1.5 is not a whole number"),
+        (("--seed", "-1"), "--set seed=-1: seed: -1 is less than the minimum of 0"),
+        (("--seed", ""), "--set seed=: has no value after the '='"),
+        (("--speed", "fast"), "--set transport.speed=fast: transport 'sim': speed: 'fast' is a "),
+        (("--speed", "0"), "--set transport.speed=0: transport 'sim': speed: 0 is less than or "),
+    ],
+)
+def test_a_seed_or_a_speed_that_is_none_is_refused(
+    refused: Callable[..., list[str]], arguments: tuple[str, ...], line: str
+) -> None:
+    (found,) = refused("run", "hop.yaml", *arguments)
+    assert found.startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("command", "hint"),
+    [
+        ("chekc", "did you mean 'check'?"),
+        ("rnu", "did you mean 'run'?"),
+        ("fly", "there are: run, check, plugins, schema"),
+        ("", "there are: run, check, plugins, schema"),
+    ],
+)
+def test_an_unknown_command_is_told_what_there_is(
+    refused: Callable[..., list[str]], command: str, hint: str
+) -> None:
+    (line,) = refused(command, "hop.yaml")
+    assert line.startswith(f"star has no command {command!r}; {hint}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("run", "hop.yaml", "--sed", "3"), "--sed"),
+        (("check", "hop.yaml", "--no-record"), "--no-record"),
+        (("run",), "mission"),
+        (("run", "hop.yaml", "--set"), "--set"),
+        (("schema", "wrold"), "'wrold'"),
+        ((), "COMMAND"),
+    ],
+)
+def test_what_the_command_line_has_too_much_or_lacks_is_named(
+    refused: Callable[..., list[str]], arguments: tuple[str, ...], named: str
+) -> None:
+    assert named in refused(*arguments)[-1]
+
+
+def test_an_option_of_a_command_that_is_misspelt_is_told_which_was_meant(
+    refused: Callable[..., list[str]],
+) -> None:
+    assert "did you mean '--seed'?" in refused("run", "hop.yaml", "--sed", "3")[-1]

@@ -1,0 +1,59 @@
+"""The front door: everything a plugin needs, and nothing heavy until it is used."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import star_core
+
+HEAVY = ("numpy", "scipy", "numba", "transitions", "jsonschema", "rich", "ruamel")
+
+
+def imported_after(statement: str) -> set[str]:
+    """Return which heavy packages a fresh interpreter has imported after a statement."""
+    ask = f"import sys\n{statement}\nprint(*sorted({{*{HEAVY!r}}} & {{*sys.modules}}))"
+    answer = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
+    return set(answer.stdout.split())
+
+
+@pytest.mark.parametrize("name", star_core.__all__)
+def test_every_name_resolves_and_a_class_is_called_that(name: str) -> None:
+    found = getattr(star_core, name)
+    assert not isinstance(found, type) or found.__name__ == name
+
+
+def test_every_name_stands_once_and_in_order() -> None:
+    assert star_core.__all__ == sorted(set(star_core.__all__))
+
+
+def test_everything_can_be_imported_at_once() -> None:
+    names: dict[str, object] = {}
+    exec("from star_core import *", names)  # noqa: S102 -- what a newcomer may write
+    assert set(star_core.__all__) <= set(names)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match=r"^module 'star_core' has no attribute 'Drone'$"):
+        star_core.Drone  # noqa: B018 -- looking is what raises
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import star_core",
+        "from star_core import Offer, hookimpl",
+        "from star_core import Agent, Fence, Limits, Obstacle, Scene, World",
+        "from star_core import Problem, StarError, Status",
+    ],
+)
+def test_what_a_plugin_needs_to_announce_itself_and_to_check_costs_nothing_heavy(
+    statement: str,
+) -> None:
+    assert imported_after(statement) == set()
+
+
+def test_a_table_brings_numpy() -> None:
+    assert "numpy" in imported_after("from star_core import Setpoint")

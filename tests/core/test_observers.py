@@ -1,0 +1,204 @@
+"""Observers: told in order, dropped when they raise, and never in the way of a flight."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from star_core import Event, Flight, Tick, hookimpl
+from star_core.registry import Source
+from tests.core.conftest import Lab
+
+WATCHING = (
+    "star_mission_started",
+    "star_ticked",
+    "star_phase_changed",
+    "star_event",
+    "star_mission_ended",
+)
+
+
+class Watcher:
+    """Writes down what it is told, and raises when it is told by one hook."""
+
+    def __init__(self, hook: str = "", error: BaseException | None = None) -> None:
+        self.told: list[tuple[str, Any]] = []
+        self._hook = hook
+        self._error = error or RuntimeError("boom")
+
+    def _note(self, hook: str, news: Any) -> None:
+        self.told.append((hook, news))
+        if hook == self._hook:
+            raise self._error
+
+    @property
+    def hooks(self) -> list[str]:
+        return [hook for hook, _ in self.told]
+
+    @hookimpl
+    def star_mission_started(self, flight: Flight) -> None:
+        self._note("star_mission_started", flight)
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        self._note("star_ticked", tick)
+
+    @hookimpl
+    def star_phase_changed(self, time: float, agent: str | None, phase: str) -> None:
+        self._note("star_phase_changed", (time, agent, phase))
+
+    @hookimpl
+    def star_event(self, event: Event) -> None:
+        self._note("star_event", event)
+
+    @hookimpl
+    def star_mission_ended(self, summary: Mapping[str, Any]) -> None:
+        self._note("star_mission_ended", summary)
+
+
+def watched(lab: Lab, watcher: object, name: str = "watch") -> None:
+    lab.registry.add(watcher, Source(f"its-dist:{name}"))
+
+
+@pytest.mark.parametrize("hook", WATCHING)
+@pytest.mark.parametrize("error", [RuntimeError("boom"), SystemExit("boom")], ids=["raise", "exit"])
+def test_an_observer_that_raises_is_dropped_and_the_flight_goes_on(
+    lab: Lab, hook: str, error: BaseException, caplog: pytest.LogCaptureFixture
+) -> None:
+    watcher = Watcher(hook, error)
+    watched(lab, watcher)
+    assert lab.fly()["outcome"] == "completed"
+    why = f"{hook} raised {type(error).__name__}: boom"
+    assert watcher.hooks.index(hook) == len(watcher.hooks) - 1  # told of nothing after that
+    assert lab.said("observer") == [f"its-dist:watch is dropped: {why}"]
+    logged = [record.message for record in caplog.records if record.levelno == logging.WARNING]
+    assert logged == [f"observer its-dist:watch is dropped for this flight: {why}"]
+
+
+def test_the_drop_of_an_observer_is_in_the_summary(lab: Lab) -> None:
+    watched(lab, Watcher("star_ticked"))
+    events = lab.fly()["events"]
+    assert [event["kind"] for event in events].count("observer") == 1
+
+
+def test_an_observer_is_dropped_at_the_time_it_raised(lab: Lab) -> None:
+    class Late(Watcher):
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            if tick.time > 2.55:
+                raise RuntimeError("boom")
+
+    watched(lab, Late())
+    lab.fly()
+    (event,) = (event for event in lab.events if event.kind == "observer")
+    assert event.time == pytest.approx(2.6)
+
+
+def test_the_others_are_told_what_an_observer_raised_at(lab: Lab) -> None:
+    before, after = Watcher(), Watcher()
+    watched(lab, before, "before")
+    watched(lab, Watcher("star_ticked"), "bad")
+    watched(lab, after, "after")
+    lab.fly()
+    ticks = len(lab.ticks)
+    assert before.hooks.count("star_ticked") == after.hooks.count("star_ticked") == ticks
+
+
+def test_each_of_two_observers_that_raise_at_one_event_is_dropped_once(lab: Lab) -> None:
+    watchers = [Watcher("star_event"), Watcher("star_event")]
+    for i, watcher in enumerate(watchers):
+        watched(lab, watcher, f"watch{i}")
+    lab.fly()
+    assert [watcher.hooks.count("star_event") for watcher in watchers] == [1, 1]
+    assert len(lab.said("observer")) == 2
+
+
+def test_the_start_is_told_first_and_the_end_last_and_each_once(lab: Lab) -> None:
+    watcher = Watcher()
+    watched(lab, watcher)
+    lab.fly()
+    assert watcher.hooks[0] == "star_mission_started"
+    assert watcher.hooks[-1] == "star_mission_ended"
+    assert watcher.hooks.count("star_mission_started") == 1
+    assert watcher.hooks.count("star_mission_ended") == 1
+
+
+def test_nothing_has_moved_when_the_start_is_told(lab: Lab) -> None:
+    seen: list[Any] = []
+
+    class Early:
+        @hookimpl
+        def star_mission_started(self, flight: Flight) -> None:
+            seen.extend([flight.mission, lab.robots.commands + lab.robots.sent, lab.ticks])
+
+    watched(lab, Early())
+    mission = lab.load()
+    lab.fly()
+    assert seen[0] == mission.name
+    assert seen[1] == []
+
+
+@pytest.mark.parametrize("broken", [None, "planner"])
+def test_the_end_is_told_when_everybody_is_down_and_the_links_are_closed(
+    lab: Lab, broken: str | None
+) -> None:
+    seen: list[Any] = []
+
+    class Last:
+        @hookimpl
+        def star_mission_ended(self) -> None:
+            seen.extend([lab.closed["transport"], lab.went("cf1")[-1], lab.went(None)[-1]])
+
+    if broken:
+        lab.spoil(broken, "plan", RuntimeError("boom"), range(20, 10**6))
+    watched(lab, Last())
+    lab.fly()
+    assert seen == [1, "landed", "failed" if broken else "completed"]
+
+
+def test_the_end_is_told_with_what_a_flight_returns(lab: Lab) -> None:
+    watcher = Watcher()
+    watched(lab, watcher)
+    summary = lab.fly()
+    assert watcher.told[-1][1] == summary
+
+
+def test_every_event_is_told_in_order_and_is_in_the_summary(lab: Lab) -> None:
+    watcher = Watcher()
+    watched(lab, watcher)
+    summary = lab.fly()
+    told = [news for hook, news in watcher.told if hook == "star_event"]
+    assert [event.text for event in told] == [event["text"] for event in summary["events"]]
+    assert [event.time for event in told] == sorted(event.time for event in told)
+
+
+def test_phases_are_told_before_the_tick_they_are_seen_in(lab: Lab) -> None:
+    watcher = Watcher()
+    watched(lab, watcher)
+    lab.fly()
+    at = watcher.told.index(("star_phase_changed", (lab.phases[3][0], "cf1", "flying")))
+    _, tick = next(item for item in watcher.told[at:] if item[0] == "star_ticked")
+    assert tick.time == lab.phases[3][0]
+    assert tick.health.phase[0] == 2
+
+
+def test_an_observer_names_what_it_wants_to_be_told_only(lab: Lab) -> None:
+    seen: list[str] = []
+
+    class Brief:
+        @hookimpl
+        def star_phase_changed(self, phase: str) -> None:
+            seen.append(phase)
+
+    watched(lab, Brief())
+    lab.fly()
+    assert seen == [phase for _, _, phase in lab.phases]
+
+
+def test_an_interrupt_of_python_passes_through_an_observer(lab: Lab) -> None:
+    watched(lab, Watcher("star_ticked", KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        lab.fly()

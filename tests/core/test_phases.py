@@ -1,0 +1,265 @@
+"""Phases: every row of the two tables, and nothing beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from star_core import AgentPhase, Supervisor
+from star_core.phases import MissionPhase, Phases
+
+GROUNDED, TAKING_OFF, FLYING, LANDING, LANDED, LOST, EMERGENCY = AgentPhase
+IDLE, IN_FLIGHT, COMING_DOWN, COMPLETED, FAILED, ABORTED = MissionPhase
+
+WAYS = {  # triggers that lead to a phase
+    GROUNDED: [],
+    TAKING_OFF: ["take_off"],
+    FLYING: ["take_off", "climbed"],
+    LANDING: ["take_off", "climbed", "land"],
+    LANDED: ["take_off", "climbed", "land", "down"],
+    LOST: ["take_off", "climbed", "lose"],
+    EMERGENCY: ["fail"],
+}
+LEADS = {
+    ("take_off", GROUNDED): TAKING_OFF,
+    ("take_off", LANDED): TAKING_OFF,
+    ("climbed", TAKING_OFF): FLYING,
+    ("lose", TAKING_OFF): LOST,
+    ("lose", FLYING): LOST,
+    ("find", LOST): FLYING,
+    ("land", TAKING_OFF): LANDING,
+    ("land", FLYING): LANDING,
+    ("land", LOST): LANDING,
+    ("down", LANDING): LANDED,
+} | {("fail", phase): EMERGENCY for phase in AgentPhase}
+TRIGGERS = sorted({trigger for trigger, _ in LEADS})
+
+MISSION_WAYS = {
+    IDLE: [],
+    IN_FLIGHT: ["start"],
+    COMING_DOWN: ["start", "land"],
+    COMPLETED: ["start", "land", "complete"],
+    FAILED: ["fail"],
+    ABORTED: ["abort"],
+}
+MISSION_LEADS = (
+    {
+        ("start", IDLE): IN_FLIGHT,
+        ("land", IN_FLIGHT): COMING_DOWN,
+        ("complete", COMING_DOWN): COMPLETED,
+    }
+    | {("fail", phase): FAILED for phase in MissionPhase}
+    | {("abort", phase): ABORTED for phase in MissionPhase}
+)
+MISSION_TRIGGERS = sorted({trigger for trigger, _ in MISSION_LEADS})
+
+
+def agent_in(phase: AgentPhase) -> Phases:
+    """One agent that went into a phase."""
+    phases = Phases(("cf1",))
+    for trigger in WAYS[phase]:
+        phases.fire(trigger, [0])
+    assert phases.of_agents().tolist() == [phase]
+    list(phases.changes())
+    return phases
+
+
+@pytest.mark.parametrize("phase", AgentPhase)
+@pytest.mark.parametrize("trigger", TRIGGERS)
+def test_a_trigger_leads_an_agent_where_the_table_says_or_nowhere(
+    trigger: str, phase: AgentPhase
+) -> None:
+    phases = agent_in(phase)
+    phases.fire(trigger, [0])
+    there = LEADS.get((trigger, phase), phase)
+    assert phases.of_agents().tolist() == [there]
+    assert list(phases.changes()) == ([] if there is phase else [("cf1", there.name.lower())])
+
+
+@pytest.mark.parametrize("phase", MissionPhase)
+@pytest.mark.parametrize("trigger", MISSION_TRIGGERS)
+def test_a_trigger_leads_the_mission_where_the_table_says_or_nowhere(
+    trigger: str, phase: MissionPhase
+) -> None:
+    phases = Phases(())
+    for way in MISSION_WAYS[phase]:
+        phases.fire_mission(way)
+    list(phases.changes())
+    phases.fire_mission(trigger)
+    there = MISSION_LEADS.get((trigger, phase), phase)
+    assert phases.mission is there
+    assert list(phases.changes()) == ([] if there is phase else [(None, str(there))])
+
+
+def observed(
+    phase: AgentPhase, state: Supervisor, *, heard: bool = True, located: bool = True
+) -> AgentPhase:
+    phases = agent_in(phase)
+    phases.observe(np.array([int(state)]), np.array([heard]), np.array([located]))
+    return AgentPhase(phases.of_agents()[0])
+
+
+AT_REST = Supervisor(0)
+UP = Supervisor.FLYING
+DONE = Supervisor.COMMANDER_FINISHED
+
+
+@pytest.mark.parametrize(
+    ("before", "state", "after"),
+    [
+        (GROUNDED, AT_REST, GROUNDED),
+        (GROUNDED, UP | DONE, GROUNDED),
+        (TAKING_OFF, UP, TAKING_OFF),
+        (TAKING_OFF, DONE, TAKING_OFF),
+        (TAKING_OFF, UP | DONE, FLYING),
+        (FLYING, UP, FLYING),
+        (FLYING, DONE, FLYING),
+        (LANDING, UP | DONE, LANDING),
+        (LANDING, AT_REST, LANDING),
+        (LANDING, DONE, LANDED),
+        (LANDED, UP | DONE, LANDED),
+        (LOST, UP, FLYING),
+        (EMERGENCY, UP | DONE, EMERGENCY),
+    ],
+)
+def test_what_an_agent_reports_moves_it_on(
+    before: AgentPhase, state: Supervisor, after: AgentPhase
+) -> None:
+    assert observed(before, state) is after
+
+
+@pytest.mark.parametrize("bit", [Supervisor.TUMBLED, Supervisor.LOCKED, Supervisor.CRASHED])
+@pytest.mark.parametrize("phase", AgentPhase)
+def test_an_agent_that_has_fallen_is_in_an_emergency(phase: AgentPhase, bit: Supervisor) -> None:
+    assert observed(phase, bit | DONE) is EMERGENCY
+
+
+@pytest.mark.parametrize("state", [Supervisor.CRASHED, UP | DONE])
+@pytest.mark.parametrize("phase", [GROUNDED, LANDING, LANDED, LOST])
+def test_what_an_agent_said_long_ago_means_nothing(phase: AgentPhase, state: Supervisor) -> None:
+    assert observed(phase, state, heard=False) is phase
+
+
+@pytest.mark.parametrize(("heard", "located"), [(False, True), (True, False), (False, False)])
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (GROUNDED, GROUNDED),
+        (TAKING_OFF, LOST),
+        (FLYING, LOST),
+        (LANDING, LANDING),
+        (LANDED, LANDED),
+        (LOST, LOST),
+        (EMERGENCY, EMERGENCY),
+    ],
+)
+def test_who_flies_and_is_not_heard_or_not_located_is_lost(
+    before: AgentPhase,
+    after: AgentPhase,
+    heard: bool,  # noqa: FBT001 -- what is reported
+    located: bool,  # noqa: FBT001
+) -> None:
+    assert observed(before, UP, heard=heard, located=located) is after
+
+
+@pytest.mark.parametrize(("heard", "located"), [(False, True), (True, False)])
+def test_who_is_lost_while_it_says_the_same_is_lost_all_the_same(
+    heard: bool,  # noqa: FBT001 -- what is reported
+    located: bool,  # noqa: FBT001
+) -> None:
+    phases = agent_in(FLYING)
+    state, yes = np.array([int(UP)]), np.array([True])
+    phases.observe(state, yes, yes)
+    phases.observe(state, np.array([heard]), np.array([located]))
+    assert phases.of_agents().tolist() == [LOST]
+
+
+def test_each_agent_goes_its_own_way() -> None:
+    phases = Phases(("cf1", "cf2", "cf3"))
+    phases.fire("take_off", [0, 2])
+    state = np.array([int(UP | DONE)] * 3)
+    phases.observe(state, np.array([True, True, False]), np.array([True] * 3))
+    assert phases.of_agents().tolist() == [FLYING, GROUNDED, LOST]
+    assert list(phases.changes()) == [
+        ("cf1", "taking_off"),
+        ("cf3", "taking_off"),
+        ("cf1", "flying"),
+        ("cf3", "lost"),
+    ]
+
+
+def test_changes_are_told_once() -> None:
+    phases = Phases(("cf1",))
+    phases.fire("take_off", [0])
+    list(phases.changes())
+    assert list(phases.changes()) == []
+
+
+def test_an_answer_stays_as_it_was_when_agents_move_on() -> None:
+    phases = Phases(("cf1",))
+    before = phases.of_agents()
+    phases.fire("take_off", [0])
+    assert before.tolist() == [GROUNDED]
+
+
+def test_agents_are_found_by_any_of_some_phases() -> None:
+    phases = Phases(("cf1", "cf2", "cf3"))
+    phases.fire("take_off", [1])
+    phases.fire("fail", [2])
+    assert phases.among(TAKING_OFF, EMERGENCY).tolist() == [False, True, True]
+
+
+BITS = [0, *(int(bit) for bit in Supervisor)]
+
+
+class Flight(RuleBasedStateMachine):
+    """Whatever is fired and reported, agents and mission move along the tables only."""
+
+    names = ("cf1", "cf2")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.phases = Phases(self.names)
+        self.agents = dict.fromkeys(self.names, GROUNDED)
+        self.mission = IDLE
+
+    @rule(trigger=st.sampled_from(TRIGGERS), rows=st.lists(st.sampled_from([0, 1]), max_size=3))
+    def fire(self, trigger: str, rows: list[int]) -> None:
+        self.phases.fire(trigger, rows)
+
+    @rule(trigger=st.sampled_from(MISSION_TRIGGERS))
+    def fire_mission(self, trigger: str) -> None:
+        self.phases.fire_mission(trigger)
+
+    @rule(
+        bits=st.lists(st.lists(st.sampled_from(BITS), max_size=3), min_size=2, max_size=2),
+        heard=st.lists(st.booleans(), min_size=2, max_size=2),
+        located=st.lists(st.booleans(), min_size=2, max_size=2),
+    )
+    def observe(self, bits: list[list[int]], heard: list[bool], located: list[bool]) -> None:
+        state = np.array([int(np.bitwise_or.reduce([0, *some])) for some in bits])
+        self.phases.observe(state, np.array(heard), np.array(located))
+
+    @invariant()
+    def every_change_is_in_a_table(self) -> None:
+        for name, phase in self.phases.changes():
+            if name is None:
+                there = MissionPhase(phase)
+                assert any(
+                    MISSION_LEADS.get((trigger, self.mission)) is there
+                    for trigger in MISSION_TRIGGERS
+                )
+                self.mission = there
+            else:
+                to = AgentPhase[phase.upper()]
+                assert any(LEADS.get((trigger, self.agents[name])) is to for trigger in TRIGGERS)
+                self.agents[name] = to
+        assert self.phases.of_agents().tolist() == list(self.agents.values())
+        assert self.phases.mission is self.mission
+
+
+TestFlight = Flight.TestCase
+TestFlight.settings = settings(max_examples=50, stateful_step_count=30, deadline=None)

@@ -1,0 +1,283 @@
+"""How a flight is shown while it goes, and summed up when it is over."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from star_core import (
+    AgentPhase,
+    Event,
+    Flight,
+    Goals,
+    Paths,
+    Plan,
+    Setpoint,
+    Telemetry,
+    Tick,
+    hookimpl,
+)
+from star_core.cli import main
+from star_core.mission import load
+from star_core.progress import Progress
+from star_core.registry import Registry, Source
+from star_core.runner import fly
+from star_core.running import told
+from star_core.testing import estimate, health, scene
+
+WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+MISSION = """\
+star: 1
+name: hop
+world: room.yaml
+swarm:
+  cf1: {start: [-0.5, 0, 0]}
+  cf2: {start: [0.5, 0, 0]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.3, speed: 0.5}
+  - land: {speed: 0.5}
+"""
+HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("room.yaml").write_text(WORLD)
+    Path("m.yaml").write_text(MISSION)
+
+
+def paper() -> tuple[Console, Callable[[], str]]:
+    """A console into a file or a pipe, and what was written to it."""
+    file = io.StringIO()
+    return Console(file=file, width=30), file.getvalue
+
+
+def screen() -> tuple[Console, Callable[[], str]]:
+    """A console on a terminal, and what was written to it."""
+    file = io.StringIO()
+    return Console(file=file, width=100, force_terminal=True, color_system=None), file.getvalue
+
+
+def flown(console: Console, *plugins: object) -> list[str]:
+    """Fly the mission and return its events, a line each."""
+    registry = Registry()
+    registry.add(Progress(console), Source("star-swarm:progress"))
+    for number, plugin in enumerate(plugins):
+        registry.add(plugin, Source(f"their-dist:{number}"))
+    return lines(fly(load(Path("m.yaml"), registry), registry))
+
+
+def lines(summary: Mapping[str, Any]) -> list[str]:
+    """The events of a flight as they should be told."""
+    return [f"{event['time']:8.2f} s  {event['text']}" for event in summary["events"]]
+
+
+def flight(n: int) -> Flight:
+    return Flight("hop", scene(n), manifest={}, folder=None)
+
+
+def tick(n: int, **changes: float) -> Tick:
+    """A tick of `n` agents that hover at z = 1 m."""
+    position = np.array([[row, -row, 1.0] for row in range(n)], np.float64)
+    nothing, zero = np.zeros((n, 3)), np.zeros(n)
+    still = Setpoint(nothing, zero, np.ones(n, np.bool_))
+    return Tick(
+        time=changes.get("time", 1.25),
+        telemetry=Telemetry(0.0, nothing, nothing, np.zeros((n, 4)), zero, zero.astype(int), zero),
+        estimate=estimate(position),
+        health=health(n, AgentPhase.TAKING_OFF),
+        goals=Goals.none(n),
+        plan=Plan(still, Paths(np.zeros(0, np.int64), nothing[:0]), np.zeros(n, np.bool_)),
+        sent=still,
+        truth=None,
+        doing="takeoff cf1",
+    )
+
+
+# Into a file or a pipe
+
+
+def test_off_a_terminal_every_event_is_one_plain_line() -> None:
+    console, written = paper()
+    events = flown(console)
+    assert written().splitlines() == events
+    assert events[0] == "    0.00 s  m.yaml:12:5: takeoff begins for cf1, cf2"
+
+
+def test_a_line_is_not_broken_however_narrow_the_console() -> None:
+    console, written = paper()
+    text = "m.yaml:3:5: goto begins for " + ", ".join(f"cf{i}" for i in range(40))
+    Progress(console).star_event(Event(12.5, "step", text))
+    assert written() == f"   12.50 s  {text}\n"
+
+
+def test_what_looks_like_markup_is_shown_as_it_is() -> None:
+    console, written = paper()
+    Progress(console).star_event(Event(1.0, "step", "[red]stop[/red] [1, 2] 'cf1'"))
+    assert written() == "    1.00 s  [red]stop[/red] [1, 2] 'cf1'\n"
+
+
+def test_the_hundredth_line_of_a_mission_is_named_as_it_is() -> None:
+    console, written = paper()
+    Progress(console).star_event(Event(1.0, "step", "m.yaml:100:5: land is done"))
+    assert written() == "    1.00 s  m.yaml:100:5: land is done\n"
+
+
+def test_off_a_terminal_ticks_write_nothing() -> None:
+    console, written = paper()
+    progress = Progress(console)
+    progress.star_mission_started(flight(2))
+    progress.star_ticked(tick(2))
+    progress.star_mission_ended({})
+    assert written() == ""
+
+
+# On a terminal
+
+
+def test_on_a_terminal_every_agent_has_a_row() -> None:
+    console, written = screen()
+    progress = Progress(console)
+    progress.star_mission_started(flight(2))
+    progress.star_ticked(tick(2))
+    progress.star_mission_ended({})
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in written().splitlines()]
+    assert ["cf1", "taking off", "0.00", "0.00", "1.00", "4.00"] in rows
+    assert ["cf2", "taking off", "1.00", "-1.00", "1.00", "4.00"] in rows
+    assert "hop  1.2 s  takeoff cf1" in written()
+
+
+def test_the_table_is_drawn_again_once_it_is_a_tenth_of_a_second_old(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = iter([100.0, 100.05, 100.15])
+    monkeypatch.setattr("star_core.progress.time.monotonic", lambda: next(clock))
+    console, written = screen()
+    progress = Progress(console)
+    progress.star_mission_started(flight(1))
+    for now in (1.0, 2.0, 3.0):
+        progress.star_ticked(tick(1, time=now))
+    drawn = [now for now in ("1.0 s", "2.0 s", "3.0 s") if f"hop  {now}" in written()]
+    assert drawn == ["1.0 s", "3.0 s"]
+    progress.star_mission_ended({})
+
+
+def test_agents_that_are_not_shown_are_counted() -> None:
+    console, written = screen()
+    progress = Progress(console)
+    progress.star_mission_started(flight(25))
+    progress.star_ticked(tick(25))
+    progress.star_mission_ended({})
+    assert "cf25" in written() or "5 more" in written()
+
+
+def test_after_a_flight_the_table_is_gone_and_the_cursor_is_back() -> None:
+    console, written = screen()
+    flown(console)
+    assert written().count(HIDE_CURSOR) == written().count(SHOW_CURSOR) == 1
+    assert written().rindex(SHOW_CURSOR) > written().rindex("agent")
+
+
+def test_on_a_terminal_events_stay_above_the_table() -> None:
+    console, written = screen()
+    events = flown(console)
+    assert [line for line in events if line in written()] == events
+
+
+def test_a_flight_that_is_cut_short_gives_the_cursor_back() -> None:
+    class Breaker:
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            raise KeyboardInterrupt
+
+    console, written = screen()
+    with pytest.raises(KeyboardInterrupt):
+        flown(console, Breaker())
+    assert written().count(HIDE_CURSOR) == written().count(SHOW_CURSOR)
+
+
+# From the command line
+
+
+def test_progress_goes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "m.yaml", "--out", "out"]) == 0
+    out, err = capsys.readouterr()
+    assert err.splitlines() == lines(json.loads(Path("out/summary.json").read_text()))
+    assert "takeoff" not in out
+
+
+def test_json_is_shown_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "m.yaml", "--no-record", "--json"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_summary_is_printed_though_nobody_reads_the_events() -> None:
+    code = "import sys; from star_core.cli import main; sys.exit(main())"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, "run", "m.yaml", "--no-record"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stderr.close()
+        out = process.stdout.read()
+    assert out.startswith("hop: completed\n")
+    assert process.returncode == 0
+
+
+# When it is over
+
+
+def summary(**changes: Any) -> dict[str, Any]:
+    return {
+        "outcome": "completed",
+        "reason": "",
+        "mission": "hop",
+        "agents": ["cf1"],
+        "flight_time_s": 12.34,
+        "realtime_factor": None,
+        "collisions": {"agent_agent": 0, "agent_obstacle": 2},
+        "min_separation_m": None,
+        "min_clearance_m": None,
+        "position_rmse_m": None,
+        "path_length_m": {"total": 1.25},
+    } | changes
+
+
+def test_what_cannot_be_known_is_left_out() -> None:
+    assert told(summary(), None).splitlines() == [
+        "hop: completed",
+        "  flight      12.3 s with 1 agents",
+        "  collisions  0 between agents, 2 with obstacles",
+        "  flown       1.2 m in all",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"outcome": "failed", "reason": "cf1 fell"}, "hop: failed: cf1 fell"),
+        ({"realtime_factor": 41.7}, "  flight      12.3 s with 1 agents, 42 times real time"),
+        ({"min_separation_m": 0.456}, "  separation  0.46 m at least"),
+        ({"min_clearance_m": 0.0}, "  clearance   0.00 m at least"),
+        ({"position_rmse_m": 0.0321}, "  estimate    0.032 m RMS from the truth"),
+    ],
+)
+def test_what_is_known_is_told_with_its_unit(changes: Mapping[str, Any], line: str) -> None:
+    assert line in told(summary(**changes), None).splitlines()

@@ -1,0 +1,238 @@
+"""Plugins that are found, and those that are left out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from star_core import Offer, PluginError, Tick, hookimpl
+from star_core.registry import KINDS, Registry, Source
+
+
+def offer(name: str) -> Offer[Any]:
+    return Offer(name=name, summary=f"The {name}.", make=object)
+
+
+class Planners:
+    """A plugin that offers planners of some names."""
+
+    def __init__(self, *names: str) -> None:
+        self._offers = [offer(name) for name in names]
+
+    @hookimpl
+    def star_planners(self) -> Iterable[Offer[Any]]:
+        return self._offers
+
+
+class Ticking:
+    """An observer."""
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None: ...
+
+
+@pytest.fixture
+def registry() -> Registry:
+    return Registry(installed=False)
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """Install a distribution ``<module>-dist`` 1.0 whose entry point is a module of that text."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def installed(module: str, text: str) -> None:
+        (tmp_path / f"{module}.py").write_text(text)
+        info = tmp_path / f"{module}_dist-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Name: {module}-dist\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[star.plugins]\n{module} = {module}\n")
+        monkeypatch.delitem(sys.modules, module, raising=False)
+
+    return installed
+
+
+GOOD = """
+from star_core import Offer, hookimpl
+
+@hookimpl
+def star_planners():
+    yield Offer(name="theirs", summary="Theirs.", make=object)
+"""
+IMPORTS = "from star_core import Offer, hookimpl\n@hookimpl\n"
+
+
+def test_an_installed_plugin_is_found_with_its_distribution_and_version(
+    install: Callable[[str, str], None],
+) -> None:
+    install("good_star", GOOD)
+    found = Registry().find("planner", "theirs")
+    assert str(found.source) == "good_star-dist 1.0:good_star"
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("raise SystemExit('bye')", "SystemExit: bye"),
+        ("def f(:", "SyntaxError: invalid syntax"),
+        (
+            IMPORTS + "def star_planners():\n    yield 'orca'",
+            "PluginError: star_planners() yields str, expected Offer",
+        ),
+        (IMPORTS + "def star_planners():\n    1 / 0", "ZeroDivisionError: division by zero"),
+        (
+            IMPORTS + "def star_planner(): ...",
+            "PluginError: no hook named 'star_planner'; did you mean 'star_planners'?",
+        ),
+    ],
+    ids=["import", "raise", "exit", "syntax", "no offer", "hook raises", "no hook"],
+)
+def test_a_broken_plugin_is_left_out_and_grounds_no_other(
+    install: Callable[[str, str], None], text: str, why: str
+) -> None:
+    install("good_star", GOOD)
+    install("bad_star", text)
+    registry = Registry()
+    assert "theirs" in registry.names("planner")
+    assert "straight" in registry.names("planner")
+    assert registry.broken[Source("bad_star-dist:bad_star", "1.0")].startswith(why)
+
+
+def test_a_plugin_that_was_left_out_is_named_where_its_offer_is_missed(
+    install: Callable[[str, str], None],
+) -> None:
+    install("bad_star", "1 / 0")
+    with pytest.raises(PluginError) as caught:
+        Registry().find("planner", "theirs")
+    assert str(caught.value).startswith("no planner named 'theirs'; ")
+    assert (
+        "; plugin bad_star-dist 1.0:bad_star was left out: ZeroDivisionError: division by zero"
+        in str(caught.value)
+    )
+
+
+def test_a_plugin_that_is_refused_leaves_nothing_behind(registry: Registry) -> None:
+    class Half(Planners):
+        @hookimpl
+        def star_tasks(self) -> Iterable[Any]:
+            return ["fly"]
+
+    with pytest.raises(PluginError) as caught:
+        registry.add(Half("mine"), Source("my-dist:half"))
+    assert str(caught.value) == "star_tasks() yields str, expected Offer"
+    assert registry.names("planner") == ()
+    assert registry.manager.get_plugins() == set()
+
+
+def test_a_hook_that_does_not_exist_is_refused_with_a_hint(registry: Registry) -> None:
+    class Misspelt:
+        @hookimpl
+        def star_tick(self, tick: Tick) -> None: ...
+
+    with pytest.raises(PluginError) as caught:
+        registry.add(Misspelt(), Source("my-dist:misspelt"))
+    assert str(caught.value) == "no hook named 'star_tick'; did you mean 'star_ticked'?"
+
+
+def test_a_hook_that_asks_for_what_nobody_tells_is_refused(registry: Registry) -> None:
+    class Wrong:
+        @hookimpl
+        def star_ticked(self, tock: Tick) -> None: ...
+
+    with pytest.raises(PluginError, match=r"star_ticked.*tock"):
+        registry.add(Wrong(), Source("my-dist:wrong"))
+    assert registry.manager.get_plugins() == set()
+
+
+def test_a_plugin_that_is_added_twice_is_refused_and_stays(registry: Registry) -> None:
+    registry.add(Planners("mine"), Source("my-dist:mine"))
+    with pytest.raises(PluginError, match="my-dist:mine"):
+        registry.add(Ticking(), Source("my-dist:mine"))
+    assert registry.manager.has_plugin("my-dist:mine")
+
+
+def test_modules_that_are_given_are_told_apart() -> None:
+    first, second = ModuleType("first"), ModuleType("second")
+    first.star_planners = hookimpl(lambda: [offer("mine")])  # type: ignore[attr-defined]
+    second.star_planners = hookimpl(lambda: [offer("yours")])  # type: ignore[attr-defined]
+    assert Registry(first, second, installed=False).names("planner") == ("mine", "yours")
+
+
+def test_two_plugins_of_one_name_are_refused_when_it_is_used(registry: Registry) -> None:
+    registry.add(Planners("stay", "mine"), Source("star-stay:stay", "1.0"))
+    registry.add(Planners("stay"), Source("their-stay:stay"))
+    who = "star-stay 1.0:stay and their-stay:stay; uninstall one"
+    with pytest.raises(PluginError, match=rf"^two plugins offer .*planner .*'stay': {who}$"):
+        registry.find("planner", "stay")
+    assert registry.find("planner", "mine").offer.name == "mine"
+
+
+def test_one_name_may_stand_for_several_kinds(registry: Registry) -> None:
+    class Both(Planners):
+        @hookimpl
+        def star_avoiders(self) -> Iterable[Offer[Any]]:
+            yield offer("stay")
+
+    registry.add(Both("stay"), Source("my-dist:both"))
+    assert [kind for kind, found in registry if found.offer.name == "stay"] == [
+        "planner",
+        "avoider",
+    ]
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_one(registry: Registry) -> None:
+    registry.add(Planners("repulsion", "stay"), Source("my-dist:mine"))
+    with pytest.raises(PluginError) as caught:
+        registry.find("planner", "repulsoin")
+    assert str(caught.value) == "no planner named 'repulsoin'; did you mean 'repulsion'?"
+
+
+def test_an_unknown_name_that_is_like_none_is_answered_with_all(registry: Registry) -> None:
+    registry.add(Planners("stay", "repulsion"), Source("my-dist:mine"))
+    with pytest.raises(PluginError) as caught:
+        registry.find("planner", "xyz")
+    assert str(caught.value) == "no planner named 'xyz'; there are: repulsion, stay"
+
+
+def test_a_name_of_a_kind_that_nobody_offers_is_refused_plainly(registry: Registry) -> None:
+    with pytest.raises(PluginError) as caught:
+        registry.find("planner", "stay")
+    assert str(caught.value) == "no planner named 'stay'"
+
+
+def test_every_offer_is_listed_those_of_one_name_too(registry: Registry) -> None:
+    registry.add(Planners("stay", "go"), Source("a:a"))
+    registry.add(Planners("stay"), Source("b:b"))
+    listed = [(kind, found.offer.name, str(found.source)) for kind, found in registry]
+    assert listed == [
+        ("planner", "go", "a:a"),
+        ("planner", "stay", "a:a"),
+        ("planner", "stay", "b:b"),
+    ]
+
+
+def test_two_of_one_name_are_one_name_in_a_mission(registry: Registry) -> None:
+    registry.add(Planners("stay"), Source("a:a"))
+    registry.add(Planners("stay"), Source("b:b"))
+    assert [*registry.offers()["planner"]] == ["stay"]
+
+
+def test_an_observer_offers_nothing(registry: Registry) -> None:
+    registry.add(Ticking(), Source("my-dist:ticking"))
+    assert [registry.names(kind) for kind in KINDS] == [()] * len(KINDS)
+
+
+def test_a_hook_may_offer_nothing(registry: Registry) -> None:
+    class Shy:
+        @hookimpl
+        def star_planners(self) -> None: ...
+
+    registry.add(Shy(), Source("my-dist:shy"))
+    assert registry.names("planner") == ()

@@ -1,0 +1,338 @@
+"""Flights: what is sent to whom, and everybody down at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Estimate, Order, Plan, Supervisor, Telemetry
+from star_core.pilot import LAND_PATIENCE, LAND_SPEED
+from star_core.runner import outcome_of
+from tests.core.conftest import Lab
+
+FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st
+BOOM = RuntimeError("boom")
+EVERYBODY = np.array([True, True])
+FIRST = np.array([True, False])
+IN_THE_AIR = """
+  - climb: {}
+  - wait: {seconds: 2}
+"""
+PLACES = """
+  - climb: {}
+  - visit: {agents: cf1, to: [1, 0, 1]}
+  - visit: {agents: cf2, to: [0, 1, 1.5]}
+  - descend: {}
+"""
+
+
+def bits(row: int, state: Supervisor, since: float = 2.0) -> Callable[..., Telemetry]:
+    """Report bits of an agent's supervisor beside its own from a mission time on, s."""
+
+    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        own = np.arange(len(telemetry.state)) == row
+        raised = telemetry.state | int(state)
+        return replace(
+            telemetry, state=np.where(own & (telemetry.time > since), raised, telemetry.state)
+        )
+
+    return wrong
+
+
+def active(right: Callable[..., Any], *args: Any) -> Any:
+    """Answer with every row of the setpoint active."""
+    answer = right(*args)
+    if isinstance(answer, Plan):
+        return replace(answer, setpoint=replace(answer.setpoint, active=EVERYBODY))
+    return replace(answer, active=EVERYBODY)
+
+
+def sent_outside(lab: Lab, *phases: AgentPhase) -> list[tuple[float, int]]:
+    """Times and rows at which something was sent to an agent that was in none of the phases."""
+    sent = dict(lab.robots.sent)
+    return [
+        (tick.time, row)
+        for tick in lab.ticks
+        if tick.time in sent
+        for row in np.flatnonzero(sent[tick.time].active).tolist()
+        if tick.health.phase[row] not in phases
+    ]
+
+
+def test_a_mission_that_goes_well_is_completed(lab: Lab) -> None:
+    summary = lab.fly(PLACES)
+    assert (summary["outcome"], summary["reason"], outcome_of(summary)) == ("completed", "", 0)
+    assert lab.went(None) == ["flying", "landing", "completed"]
+    assert lab.said("failure") == []
+
+
+def test_agents_that_a_mission_leaves_in_the_air_are_landed(lab: Lab) -> None:
+    summary = lab.fly(IN_THE_AIR)
+    assert summary["outcome"] == "completed"
+    assert sorted(lab.ordered(Order.LAND)) == [0, 1]
+    assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
+
+
+def test_the_core_lands_at_its_own_speed(lab: Lab) -> None:
+    lab.fly(IN_THE_AIR)
+    _, landing = lab.robots.commands[-1]
+    assert landing.duration == pytest.approx([1.0 / LAND_SPEED] * 2)
+    assert landing.position[:, 2] == pytest.approx([0.0, 0.0])
+
+
+def test_agents_that_never_left_the_ground_are_not_told_to_land(lab: Lab) -> None:
+    lab.fly("\n  - climb: {agents: cf1}\n  - wait: {seconds: 1}")
+    assert lab.ordered(Order.LAND) == [0]
+    assert lab.went("cf2") == []
+
+
+def test_a_dead_transport_is_closed_though_nobody_could_be_landed(lab: Lab) -> None:
+    for method, calls in (("wait", FLYING), ("send", FLYING), ("command", range(1, 10**6))):
+        lab.spoil("transport", method, BOOM, calls)
+    summary = lab.fly()
+    assert summary["outcome"] == "failed"
+    assert "; nobody could be landed: transport 'robots'" in summary["reason"]
+    assert lab.said("failure")[-1].startswith("nobody could be landed: transport 'robots'")
+    assert lab.closed["transport"] == 1
+
+
+def test_a_transport_that_obeys_orders_lands_everybody_though_it_sends_nothing(lab: Lab) -> None:
+    lab.spoil("transport", "send", BOOM, FLYING)
+    lab.fly()
+    assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
+
+
+def test_everybody_lands_without_a_localizer_that_is_broken(lab: Lab) -> None:
+    lab.spoil("localizer", "locate", BOOM, FLYING)
+    lab.fly()
+    blind = [tick for tick in lab.ticks if tick.time > 2.0]
+    assert blind
+    assert not any(tick.estimate.valid.any() for tick in blind)
+    assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
+
+
+def test_nothing_is_sent_once_a_planner_is_broken(lab: Lab) -> None:
+    lab.spoil("planner", "plan", BOOM, FLYING)
+    lab.fly()
+    assert max(time for time, _ in lab.robots.sent) == pytest.approx(1.9)
+
+
+def test_agents_that_do_not_report_to_be_down_are_named_and_not_waited_for_for_ever(
+    lab: Lab,
+) -> None:
+    lab.spoil("transport", "receive", bits(1, Supervisor.FLYING))
+    summary = lab.fly(IN_THE_AIR)
+    assert summary["outcome"] == "failed"
+    assert summary["reason"] == "cf2 did not report to be on the ground"
+    assert summary["reason"] in lab.said("failure")
+    assert lab.ticks[-1].time == pytest.approx(3.0 + 1.0 / LAND_SPEED + LAND_PATIENCE, abs=0.3)
+    assert lab.closed["transport"] == 1
+
+
+@pytest.mark.parametrize("bit", [Supervisor.TUMBLED, Supervisor.LOCKED, Supervisor.CRASHED])
+def test_an_agent_in_an_emergency_fails_its_step_and_the_others_land(
+    lab: Lab, bit: Supervisor
+) -> None:
+    lab.spoil("transport", "receive", bits(1, bit))
+    summary = lab.fly()
+    assert summary["outcome"] == "failed"
+    assert summary["reason"].endswith(": wait failed: cf2 is emergency")
+    assert lab.went("cf1")[-1] == "landed"
+    assert lab.went("cf2")[-1] == "emergency"
+    assert lab.ordered(Order.LAND) == [0]
+
+
+def test_a_mission_is_not_completed_when_an_agent_ended_in_an_emergency(lab: Lab) -> None:
+    lab.spoil("transport", "receive", bits(1, Supervisor.CRASHED, since=3.5))
+    summary = lab.fly(IN_THE_AIR)
+    assert (summary["outcome"], summary["reason"]) == ("failed", "cf2 ended in emergency")
+    assert lab.went(None)[-1] == "failed"
+
+
+@pytest.mark.parametrize(("role", "method"), [("planner", "plan"), ("avoider", "avoid")])
+def test_only_flying_agents_are_sent_anything(lab: Lab, role: str, method: str) -> None:
+    lab.spoil(role, method, active)
+    lab.spoil("transport", "receive", bits(1, Supervisor.TUMBLED))
+    lab.fly(TAKE_TURNS)
+    assert {row for _, sent in lab.robots.sent for row in np.flatnonzero(sent.active)} == {0, 1}
+    assert sent_outside(lab, AgentPhase.FLYING) == []
+
+
+TAKE_TURNS = """
+  - climb: {agents: cf1}
+  - climb: {agents: cf2}
+  - wait: {seconds: 2, agents: cf1}
+  - descend: {agents: cf1}
+  - descend: {agents: cf2, on_failure: continue}
+"""
+
+
+def test_agents_that_are_not_heard_are_not_sent_anything(lab: Lab) -> None:
+    def deaf(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        return replace(telemetry, age=np.array([0.0, 0.6 * (2.0 < telemetry.time < 2.6)]))
+
+    lab.spoil("planner", "plan", active)
+    lab.spoil("avoider", "avoid", active)
+    lab.spoil("transport", "receive", deaf)
+    lab.fly("\n  - climb: {}\n  - wait: {seconds: 3, agents: cf1}\n  - descend: {}")
+    assert "lost" in lab.went("cf2")
+    assert sent_outside(lab, AgentPhase.FLYING) == []
+
+
+def test_agents_that_are_not_located_are_not_sent_anything(lab: Lab) -> None:
+    def blind(right: Callable[..., Estimate], telemetry: Telemetry) -> Estimate:
+        return replace(right(telemetry), valid=np.array([True, not 2.0 < telemetry.time < 2.6]))
+
+    lab.spoil("planner", "plan", active)
+    lab.spoil("avoider", "avoid", active)
+    lab.spoil("localizer", "locate", blind)
+    lab.fly("\n  - climb: {}\n  - wait: {seconds: 3, agents: cf1}\n  - descend: {}")
+    assert [sent.active.tolist() for time, sent in lab.robots.sent if 2.05 < time < 2.55] == [
+        [True, False]
+    ] * 5
+
+
+def test_an_agent_that_flies_to_a_place_on_its_own_is_not_sent_anything(lab: Lab) -> None:
+    lab.spoil("planner", "plan", active)
+    lab.spoil("avoider", "avoid", active)
+    lab.fly("\n  - climb: {}\n  - ride: {agents: cf2, to: [0, 2, 1], seconds: 2}\n  - descend: {}")
+    ((ordered, _),) = (item for item in lab.robots.commands if item[1].order is Order.GOTO)
+    riding = [
+        sent.active.tolist()
+        for time, sent in lab.robots.sent
+        if ordered - 0.01 < time < ordered + 1.95
+    ]
+    assert riding == [[True, False]] * 20
+
+
+def test_an_agent_that_arrived_on_its_own_is_sent_setpoints_again(lab: Lab) -> None:
+    lab.fly(
+        "\n  - climb: {}\n  - ride: {agents: cf2, to: [0, 2, 1]}"
+        "\n  - visit: {agents: cf2, to: [0, 3, 1]}"
+    )
+    assert lab.ticks[-1].estimate.position[1] == pytest.approx([0.0, 3.0, 0.0])
+
+
+def test_rows_that_the_avoider_adds_are_not_sent(lab: Lab) -> None:
+    lab.spoil("planner", "plan", lambda right, *args: only_first(right(*args)))
+    lab.spoil("avoider", "avoid", active)
+    lab.fly(IN_THE_AIR)
+    assert any(sent.active[0] for _, sent in lab.robots.sent)
+    assert not any(sent.active[1] for _, sent in lab.robots.sent)
+
+
+def only_first(plan: Plan) -> Plan:
+    return replace(plan, setpoint=replace(plan.setpoint, active=plan.setpoint.active & FIRST))
+
+
+def test_rows_that_the_avoider_takes_away_are_not_sent(lab: Lab) -> None:
+    lab.spoil("avoider", "avoid", lambda _right, _now, wanted: replace(wanted, active=[False] * 2))
+    lab.fly(IN_THE_AIR)
+    assert not any(sent.active.any() for _, sent in lab.robots.sent)
+
+
+def test_nobody_is_sent_faster_than_the_limit(lab: Lab) -> None:
+    lab.fly(PLACES)
+    speeds = np.array([np.linalg.norm(sent.velocity, axis=1) for _, sent in lab.robots.sent])
+    assert speeds.max() == pytest.approx(0.5)
+
+
+def test_an_avoider_that_is_too_fast_is_limited_and_keeps_its_direction(lab: Lab) -> None:
+    lab.spoil(
+        "avoider", "avoid", lambda _r, _now, wanted: replace(wanted, velocity=[[3, 0, 4]] * 2)
+    )
+    lab.fly(IN_THE_AIR)
+    sent = next(sent for _, sent in lab.robots.sent if sent.active.all())
+    assert sent.velocity == pytest.approx(np.array([[0.3, 0.0, 0.4]] * 2))
+
+
+def test_ticks_that_are_missed_are_left_out(lab: Lab) -> None:
+    asked: list[float] = []
+
+    def oversleep(right: Callable[[float], float], until: float) -> float:
+        asked.append(until)
+        return right(until + 0.25 if len(asked) == 15 else until)
+
+    lab.spoil("transport", "wait", oversleep)
+    lab.fly()
+    late = asked[14]
+    assert asked[15:17] == pytest.approx([late + 0.3, late + 0.4])
+    assert np.diff(asked).min() == pytest.approx(0.1)
+
+
+def test_who_is_located_no_more_is_told_to_land_at_a_height_that_is_a_number(
+    lab: Lab,
+) -> None:
+    lab.spoil("localizer", "locate", lambda right, *args: nowhere(right(*args)), FLYING)
+    lab.fly()
+    landings = [command for _, command in lab.robots.commands if command.order is Order.LAND]
+    assert sorted(lab.ordered(Order.LAND)) == [0, 1]
+    assert all(np.isfinite(landing.position).all() for landing in landings)
+
+
+def nowhere(estimate: Estimate) -> Estimate:
+    """Say of the second agent that nothing is known."""
+    gone = np.array([0.0, np.nan])
+    frames = estimate.map_from_odom
+    return replace(
+        estimate,
+        position=estimate.position + gone[:, None],
+        velocity=estimate.velocity + gone[:, None],
+        yaw=estimate.yaw + gone,
+        valid=FIRST,
+        map_from_odom=replace(frames, yaw=frames.yaw + gone),
+    )
+
+
+def test_whose_height_is_not_known_is_given_time_to_land_from_the_greatest(lab: Lab) -> None:
+    def lower(right: Callable[..., Estimate], telemetry: Telemetry) -> Estimate:
+        unknown = np.array([0.0, np.nan])[:, None]
+        estimate = right(telemetry)
+        return replace(estimate, position=estimate.position + unknown, valid=FIRST)
+
+    lab.spoil("localizer", "locate", lower, FLYING)
+    mission = lab.load()
+    lab.fly()
+    (landing,) = (c for _, c in lab.robots.commands if c.order is Order.LAND and 1 in c.agent)
+    (duration,) = landing.duration[landing.agent == 1]
+    assert duration >= mission.scene.limits.height[1] / LAND_SPEED - 1e-9
+
+
+def test_everybody_is_told_to_land_when_python_itself_is_interrupted(lab: Lab) -> None:
+    lab.spoil("planner", "plan", KeyboardInterrupt(), FLYING)
+    with pytest.raises(KeyboardInterrupt):
+        lab.fly()
+    assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
+    assert lab.closed["transport"] == 1
+
+
+def test_observers_are_told_of_the_end_when_python_itself_is_interrupted(lab: Lab) -> None:
+    lab.spoil("planner", "plan", KeyboardInterrupt(), FLYING)
+    with pytest.raises(KeyboardInterrupt):
+        lab.fly()
+    assert len(lab.summaries) == 1
+
+
+def test_a_flight_that_fails_at_once_has_a_summary(lab: Lab) -> None:
+    lab.spoil("transport", "receive", BOOM)
+    summary = lab.fly()
+    assert summary["outcome"] == "failed"
+    assert summary["flight_time_s"] == 0.0
+    assert summary["path_length_m"]["total"] == 0.0
+    assert summary["min_separation_m"] is None
+    assert summary["position_mse_m2"] is None
+
+
+@pytest.mark.xfail(strict=True, reason="the mission's phase is fired only once everybody is down")
+def test_the_end_has_an_outcome_when_python_is_interrupted_again_while_landing(lab: Lab) -> None:
+    lab.spoil("transport", "receive", KeyboardInterrupt(), FLYING)
+    with pytest.raises(KeyboardInterrupt):
+        lab.fly()
+    assert [summary["outcome"] for summary in lab.summaries] == ["aborted"]
+    assert lab.closed["transport"] == 1

@@ -1,0 +1,149 @@
+"""Tags in the world and cameras on agents, from the files to what plugins are told."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from star_core.camera import Camera
+from star_core.errors import ContractError, InputError
+from star_core.mission import Mission, load
+from star_core.quaternion import moved, product, turned
+from star_core.registry import Registry
+from star_core.sight import Detections, Frames, Sightings
+
+WORLD = """\
+star: 1
+name: lab
+fence: {low: [-3, -3, 0], high: [3, 3, 3]}
+landmarks:
+  floor: {tags: [0, 1], at: [1.0, 2.0, 0.0], yaw_deg: 90}
+  wall: {tags: [7], at: [0.0, 2.5, 1.0], roll_deg: 90, size: 0.1}
+targets:
+  survivor: {tags: [200], at: [-1.0, 0.0, 0.0]}
+"""
+MISSION = """\
+star: 1
+name: look
+world: world.yaml
+cameras: {front: {pitch_deg: 0, rate: 5, matrix: [100, 100, 80, 60], width: 160, height: 120}}
+swarm:
+  cf1: {start: [0, 0, 0], camera: front}
+  cf2: {start: [1, 0, 0], camera: aideck}
+  cf3: {start: [2, 0, 0]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: none
+mission: [{land: {}}]
+"""
+ANGLE = st.floats(-math.pi, math.pi)
+
+
+def mission(folder: Path, *changes: tuple[str, str]) -> Mission:
+    """The mission in its world, with some changes to either text."""
+    texts = {"world.yaml": WORLD, "m.yaml": MISSION}
+    for old, new in changes:
+        assert any(old in text for text in texts.values())
+        texts = {name: text.replace(old, new) for name, text in texts.items()}
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return load(folder / "m.yaml", Registry())
+
+
+def refusal(folder: Path, *changes: tuple[str, str]) -> str:
+    with pytest.raises(InputError) as raised:
+        mission(folder, *changes)
+    (problem,) = raised.value.problems
+    return problem.rpartition("/")[2]
+
+
+def test_the_tags_of_a_sheet_stand_in_a_row_along_its_own_x_axis(tmp_path: Path) -> None:
+    first, second, wall = mission(tmp_path).scene.world.landmarks
+    assert (first.id, second.id, wall.id) == (0, 1, 7)
+    assert first.position == pytest.approx((1.0, 2.0 - 0.105, 0.0))  # x of the sheet is y here
+    assert second.position == pytest.approx((1.0, 2.0 + 0.105, 0.0))
+    assert (first.size, wall.size) == (0.168, 0.1)
+    assert (first.of, wall.of) == ("floor", "wall")
+
+
+def test_a_sheet_that_is_rolled_by_a_quarter_stands_up_and_faces_south(tmp_path: Path) -> None:
+    *_, wall = mission(tmp_path).scene.world.landmarks
+    assert moved(wall.rotation, (0.0, 0.0, 1.0)) == pytest.approx((0.0, -1.0, 0.0))
+    assert moved(wall.rotation, (0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))
+
+
+def test_targets_are_kept_apart_from_landmarks(tmp_path: Path) -> None:
+    (target,) = mission(tmp_path).scene.world.targets
+    assert (target.id, target.of) == (200, "survivor")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            ("tags: [7]", "tags: [1]"),
+            "world.yaml:6:17: tag 1 belongs to 'floor' already; give each",
+        ),
+        (("tags: [200]", "tags: [7]"), "world.yaml:8:21: tag 7 belongs to 'wall' already"),
+        (("[-1.0, 0.0, 0.0]", "[1.0, 1.9, 0.0]"), "world.yaml:8:21: tag 200 overlaps tag 0 of 'f"),
+        (("yaw_deg: 90}", "spacing: 0.1}"), "world.yaml:5:21: tag 1 overlaps tag 0 of 'floor'"),
+        (("size: 0.1", "size: 0"), "world.yaml:6:62: landmarks.wall.size: 0 is less than or equal"),
+        (("tags: [7]", "tags: [587]"), "world.yaml:6:17: landmarks.wall.tags.0: 587 is greater"),
+        (("tags: [7]", "tags: []"), "world.yaml:6:16: landmarks.wall.tags: is empty, expected"),
+        (("at: [0.0, 2.5, 1.0]", "at: [0.0, .nan, 1.0]"), "world.yaml:6:31: .nan is not"),
+        (("camera: aideck", "camera: aidek"), "m.yaml:7:35: no camera named 'aidek'; did you mean"),
+        (("rate: 5", "rate: 0"), "m.yaml:4:39: cameras.front.rate: 0 is less than or equal to the"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_where_it_stands(
+    tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
+    assert refusal(tmp_path, change).startswith(message)
+
+
+def test_each_agent_has_the_camera_that_the_mission_names(tmp_path: Path) -> None:
+    front, aideck, none = (agent.camera for agent in mission(tmp_path).scene.agents)
+    assert front == Camera(160, 120, (100.0, 100.0, 80.0, 60.0), pitch=0.0, rate=5)
+    assert aideck == Camera()
+    assert none is None
+
+
+def test_a_camera_without_a_turn_looks_ahead_the_right_way_up() -> None:
+    camera = Camera(pitch=0.0)
+    assert moved(camera.rotation, (0.0, 0.0, 1.0)) == pytest.approx((1.0, 0.0, 0.0))
+    assert moved(camera.rotation, (1.0, 0.0, 0.0)) == pytest.approx((0.0, -1.0, 0.0))
+
+
+def test_a_camera_that_is_pitched_looks_down() -> None:
+    ahead = moved(Camera(pitch=math.radians(30)).rotation, (0.0, 0.0, 1.0))
+    assert ahead == pytest.approx((math.cos(math.pi / 6), 0.0, -0.5))
+
+
+@given(ANGLE, ANGLE, ANGLE)
+def test_a_turn_is_roll_then_pitch_then_yaw(roll: float, pitch: float, yaw: float) -> None:
+    expected = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
+    columns = [moved(turned(roll, pitch, yaw), axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+    assert np.allclose(np.array(columns).T, expected, atol=1e-12)
+
+
+@given(ANGLE, ANGLE, ANGLE)
+def test_a_product_of_turns_does_one_after_the_other(a: float, b: float, c: float) -> None:
+    first, second = turned(a, b, c), turned(c, a, b)
+    both = moved(second, moved(first, (0.3, -0.2, 1.0)))
+    assert moved(product(second, first), (0.3, -0.2, 1.0)) == pytest.approx(both)
+
+
+def test_there_is_an_image_for_every_row_of_frames() -> None:
+    with pytest.raises(ContractError, match=r"^Frames\.image has 0 images, expected 1$"):
+        Frames(np.zeros(1, np.int64), np.zeros(1), np.zeros(1), ())
+
+
+def test_nothing_seen_is_an_empty_table() -> None:
+    assert len(Frames.none().agent) == len(Detections.none().tag) == len(Sightings.none().tag) == 0

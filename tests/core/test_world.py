@@ -1,0 +1,234 @@
+"""The geofence, the obstacles, and why nobody can be at a point."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from star_core.document import Document
+from star_core.errors import InputError
+from star_core.world import Fence, Obstacle, World, wall
+from star_core.world_file import world
+from star_core.yaml_text import parse
+
+Corner: TypeAlias = tuple[float, float]
+Point: TypeAlias = tuple[float, float, float]
+
+WORLD = """\
+star: 1
+name: room
+fence: {low: [-2, -2, 0], high: [2, 2, 2]}
+obstacles:
+  pillar: {polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]], height: [0, 2]}
+"""
+TRIANGLE_AND_BACK = "[[-0.5, -1], [0.5, -1], [0, -0.5], [-0.5, -1]]"
+metres = st.floats(-10, 10)
+points: st.SearchStrategy[Point] = st.tuples(metres, metres, metres)
+corners: st.SearchStrategy[Corner] = st.tuples(metres, metres)
+
+ROOM = Fence((-2, -2, 0), (2, 2, 2.5))
+PILLAR = Obstacle("pillar", (((0, 0), (1, 0), (1, 1), (0, 1)),), (0, 2))
+U_TURN = ((0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3))
+
+
+@st.composite
+def stars(draw: st.DrawFn) -> tuple[Corner, ...]:
+    """A polygon around the origin, seldom convex, whose corners go once round."""
+    count = draw(st.integers(3, 9))
+    reach = draw(st.lists(st.floats(0.5, 5), min_size=count, max_size=count))
+    return tuple(
+        (r * math.cos(2 * math.pi * i / count), r * math.sin(2 * math.pi * i / count))
+        for i, r in enumerate(reach)
+    )
+
+
+def side(a: Corner, b: Corner, point: Corner) -> float:
+    """Twice the area of a triangle, negative if it turns clockwise, m²."""
+    return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
+
+
+def in_a_triangle_of(star: tuple[Corner, ...], point: Corner) -> bool:
+    """Whether a point is in one of the triangles from the origin to an edge of a star."""
+    centre = (0.0, 0.0)
+    return any(
+        side(centre, a, point) >= 0 and side(a, b, point) >= 0 and side(b, centre, point) >= 0
+        for a, b in pairwise((*star, star[0]))
+    )
+
+
+def to_segment(a: Corner, b: Corner, point: Corner) -> float:
+    """Distance from a point to a stretch of a line, m."""
+    length = math.dist(a, b)
+    along = ((point[0] - a[0]) * (b[0] - a[0]) + (point[1] - a[1]) * (b[1] - a[1])) / length**2
+    along = min(1.0, max(0.0, along))
+    return math.dist(point, (a[0] + along * (b[0] - a[0]), a[1] + along * (b[1] - a[1])))
+
+
+# The fence
+
+
+@given(points)
+def test_the_fence_holds_what_lies_between_its_corners(point: Point) -> None:
+    x, y, z = point
+    assert ROOM.contains(point) is (abs(x) <= 2 and abs(y) <= 2 and 0 <= z <= 2.5)
+
+
+@pytest.mark.parametrize("point", [ROOM.low, ROOM.high, (2, -2, 0), (0, 0, 0)])
+def test_a_point_on_the_fence_is_inside(point: Point) -> None:
+    assert ROOM.contains(point)
+
+
+# Obstacles
+
+
+@given(stars(), corners)
+def test_a_point_is_inside_a_polygon_when_it_is_inside_one_of_its_triangles(
+    star: tuple[Corner, ...], point: Corner
+) -> None:
+    assume(all(abs(side(a, b, point)) > 1e-6 for a, b in pairwise((*star, star[0]))))
+    assert Obstacle("star", (star,), (0, 1)).contains((*point, 0.5)) is in_a_triangle_of(
+        star, point
+    )
+
+
+@given(stars(), corners, st.integers(0, 8), st.sampled_from([1, -1]))
+def test_where_a_polygon_begins_and_which_way_round_it_goes_does_not_matter(
+    star: tuple[Corner, ...], point: Corner, begin: int, step: int
+) -> None:
+    assume(all(abs(side(a, b, point)) > 1e-6 for a, b in pairwise((*star, star[0]))))
+    first = begin % len(star)
+    again = (star[first:] + star[:first])[::step]
+    one, other = Obstacle("one", (star,), (0, 1)), Obstacle("other", (again,), (0, 1))
+    assert one.contains((*point, 0.5)) is other.contains((*point, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("point", "inside"), [((0.5, 2.0), True), ((1.5, 2.0), False), ((1.5, 0.5), True)]
+)
+def test_the_bay_of_a_concave_polygon_is_free(point: Corner, *, inside: bool) -> None:
+    assert Obstacle("u", (U_TURN,), (0, 1)).contains((*point, 0.5)) is inside
+
+
+@pytest.mark.parametrize(("z", "inside"), [(-0.1, False), (0, True), (2, True), (2.1, False)])
+def test_an_obstacle_reaches_from_its_foot_to_its_top(z: float, *, inside: bool) -> None:
+    assert PILLAR.contains((0.5, 0.5, z)) is inside
+
+
+# Walls
+
+
+@given(corners, corners, st.floats(0.01, 1), st.floats(0, 1), st.floats(-1, 1))
+def test_a_wall_covers_what_is_nearer_to_its_line_than_half_its_thickness(
+    a: Corner, b: Corner, thickness: float, along: float, across: float
+) -> None:
+    length = math.dist(a, b)
+    assume(length > 0.01)
+    ahead, left = (b[0] - a[0]) / length, (b[1] - a[1]) / length
+    out = across * thickness / 2 * 0.99
+    point = (a[0] + along * (b[0] - a[0]) - out * left, a[1] + along * (b[1] - a[1]) + out * ahead)
+    assert Obstacle("wall", wall([a, b], thickness), (0, 1)).contains((*point, 0.5))
+
+
+@given(st.lists(corners, min_size=2, max_size=5), st.floats(0.01, 1), corners)
+def test_a_wall_covers_nothing_farther_from_its_line_than_its_corners_reach(
+    line: list[Corner], thickness: float, point: Corner
+) -> None:
+    assume(all(math.dist(a, b) > 0.01 for a, b in pairwise(line)))
+    away = min(to_segment(a, b, point) for a, b in pairwise(line))
+    assume(away > thickness / 2 * math.sqrt(2) + 1e-6)
+    assert not Obstacle("wall", wall(line, thickness), (0, 1)).contains((*point, 0.5))
+
+
+def test_the_corner_of_a_wall_is_closed() -> None:
+    corner = Obstacle("corner", wall([(0, 0), (1, 0), (1, 1)], 0.2), (0, 2))
+    assert corner.contains((1.09, -0.09, 1.0))
+
+
+def test_a_wall_has_a_piece_for_every_stretch() -> None:
+    assert len(wall([(0, 0), (1, 0), (1, 1), (2, 1)], 0.1)) == 3
+
+
+# Why nobody can be at a point
+
+
+def test_nothing_is_wrong_with_a_free_point() -> None:
+    assert World("room", ROOM, (PILLAR,)).fault((-1.0, -1.0, 1.0)) is None
+
+
+def test_a_point_outside_the_fence_is_shown_with_the_fence() -> None:
+    assert World("room", ROOM).fault((0.0, 0.0, 3.125)) == (
+        "[0, 0, 3.125] is outside the fence, from [-2, -2, 0] to [2, 2, 2.5]"
+    )
+
+
+def test_a_point_inside_an_obstacle_is_shown_with_the_name_of_the_obstacle() -> None:
+    assert World("room", ROOM, (PILLAR,)).fault((0.5, 0.5, 1.0)) == (
+        "[0.5, 0.5, 1] is inside obstacle 'pillar'"
+    )
+
+
+# World files
+
+
+def problems(text: str) -> list[str]:
+    """What is wrong with a world that fits its schema."""
+    parsed = parse(text)
+    try:
+        world(Document(parsed.data, Path("room.yaml"), parsed.places))
+    except InputError as error:
+        return list(error.problems)
+    return []
+
+
+def test_a_good_world_is_made_of_its_fence_and_its_obstacles() -> None:
+    parsed = parse(WORLD)
+    made = world(Document(parsed.data, Path("room.yaml"), parsed.places))
+    assert made.fence == Fence((-2, -2, 0), (2, 2, 2))
+    assert [obstacle.name for obstacle in made.obstacles] == ["pillar"]
+
+
+@pytest.mark.parametrize("high", ["[2, 2, 0]", "[2, -2, 2]", "[-3, 2, 2]"])
+def test_a_fence_that_is_empty_in_any_direction_is_refused(high: str) -> None:
+    assert problems(WORLD.replace("[2, 2, 2]", high)) == [
+        f"room.yaml:3:8: low [-2, -2, 0] is not below high {high} in x, y and z"
+    ]
+
+
+@pytest.mark.parametrize("height", ["[2, 2]", "[2, 1]"])
+def test_an_obstacle_whose_foot_is_not_below_its_top_is_refused(height: str) -> None:
+    foot, top = parse(height).data
+    assert problems(WORLD.replace("[0, 2]", height)) == [
+        f"room.yaml:5:65: foot {foot} is not below top {top}"
+    ]
+
+
+@pytest.mark.parametrize(
+    "shape", ["polygon: [[0, 0], [1, 1], [1, 1.0]]", "polyline: [[0, 0], [0, 0]], thickness: 1"]
+)
+def test_a_stretch_of_no_length_is_refused(shape: str) -> None:
+    world = f"{WORLD}  wall: {{{shape}, height: [0, 1]}}\n"
+    assert problems(world) == ["room.yaml:6:9: has the same point twice in a row"]
+
+
+def test_a_polygon_that_repeats_its_first_corner_at_the_end_is_refused() -> None:
+    box = f"polygon: {TRIANGLE_AND_BACK}, height: [0, 1]"
+    (found,) = problems(f"{WORLD}  box: {{{box}}}\n")
+    assert found.startswith("room.yaml:6:8: ")
+
+
+def test_a_line_may_come_back_to_where_it_began() -> None:
+    ring = f"polyline: {TRIANGLE_AND_BACK}, thickness: 0.1, height: [0, 1]"
+    assert problems(f"{WORLD}  ring: {{{ring}}}\n") == []
+
+
+def test_everything_wrong_with_a_world_is_listed_in_the_order_of_the_file() -> None:
+    world = WORLD.replace("high: [2,", "high: [-2,").replace("[0, 2]", "[3, 2]") + (
+        "  bar: {polyline: [[0, 0], [0, 0]], thickness: 0.1, height: [0, 1]}\n"
+    )
+    assert [found.split(":")[1] for found in problems(world)] == ["3", "5", "6"]

@@ -1,0 +1,88 @@
+"""A fresh environment with this project's wheel and a third party's plugin, and `star` in it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeAlias
+from venv import EnvBuilder
+
+import pytest
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+DISTRIBUTIONS = sorted(path.parent for path in HERE.glob("*/pyproject.toml"))
+OWN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")  # what would lead out of the fresh environment
+PIP = (sys.executable, "-m", "pip", "--quiet")
+
+Run: TypeAlias = Callable[..., subprocess.CompletedProcess[str]]
+
+collect_ignore = [str(path) for path in DISTRIBUTIONS]  # theirs: not importable from here
+
+
+def pip(*arguments: object) -> None:
+    """Run this environment's pip; what it says goes into the error if it fails."""
+    done = subprocess.run([*PIP, *map(str, arguments)], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"pip {arguments[0]} failed: {done.stderr}")
+
+
+@pytest.fixture(scope="session")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The wheels of this project and of the third parties, by distribution."""
+    folder = tmp_path_factory.mktemp("wheels")
+    pip("wheel", "--no-deps", "--no-build-isolation", "-w", folder, ROOT, *DISTRIBUTIONS)
+    return {path.name.split("-")[0].replace("_", "-"): path for path in folder.glob("*.whl")}
+
+
+@pytest.fixture(scope="session")
+def bin_folder(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The commands of the fresh environment, in which only star-outside is installed beside us."""
+    home = tmp_path_factory.mktemp("environment")
+    EnvBuilder(symlinks=True).create(home)
+    ours = (wheels["star-swarm"], f"{wheels['star-outside']}[test]")
+    pip("--python", home, "install", "--no-compile", *ours)  # Python compiles what it imports
+    return home / "bin"
+
+
+@pytest.fixture(scope="module")
+def beside(wheels: dict[str, Path], bin_folder: Path) -> Iterator[Callable[[str], None]]:
+    """Installs a third party's distribution too, until the module is over."""
+    installed: list[str] = []
+
+    def install(name: str) -> None:
+        pip("--python", bin_folder.parent, "install", "--no-deps", wheels[name])
+        installed.append(name)
+
+    yield install
+    pip("--python", bin_folder.parent, "uninstall", "--yes", *installed)
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    """A copy of the small mission, alone in a folder with its world."""
+    for name in ("nod.yaml", "room.yaml"):
+        shutil.copy(HERE / name, tmp_path)
+    return tmp_path / "nod.yaml"
+
+
+@pytest.fixture
+def run(bin_folder: Path, mission: Path) -> Run:
+    """Runs a command of the fresh environment in the mission's folder."""
+    environment = {key: value for key, value in os.environ.items() if key not in OWN}
+
+    def command(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [bin_folder / name, *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=mission.parent,
+            env=environment,
+        )
+
+    return command

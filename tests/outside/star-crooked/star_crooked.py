@@ -1,0 +1,25 @@
+"""A plugin whose avoider `bent` has options that are no JSON Schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from star_core import Offer, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Avoider, Estimate, Scene, Setpoint
+
+
+class Bent:
+    """Avoids nobody."""
+
+    def __init__(self, scene: Scene) -> None: ...
+
+    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+        return wanted
+
+
+@hookimpl
+def star_avoiders() -> Iterable[Offer[Avoider]]:
+    yield Offer(name="bent", summary="No schema.", make=Bent, options={"type": "objekt"})

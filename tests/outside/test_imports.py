@@ -1,0 +1,59 @@
+"""What is heavy is imported by who needs it, with a third party's plugin installed too."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from subprocess import CompletedProcess
+from typing import TypeAlias
+
+import pytest
+
+Run: TypeAlias = Callable[..., CompletedProcess[str]]
+
+# Runs `star`, and then prints the top-level name of every module that anything asked for, whether
+# it is installed or not: an import that is tried and forgiven counts.
+WATCH = """
+import json, sys
+
+class Watch:
+    def find_spec(name, path=None, target=None):
+        asked.add(name.partition(".")[0])
+
+asked = set()
+sys.meta_path.insert(0, Watch)
+from star_core.cli import main
+try:
+    status = main()
+except SystemExit as end:
+    status = end.code
+print(json.dumps([status, sorted(asked)]))
+"""
+
+
+def imported(run: Run, *arguments: str) -> set[str]:
+    """Return what ``star`` with these arguments imports, given that it exits with 0."""
+    done = run("python", "-c", WATCH, *arguments)
+    status, names = json.loads(done.stdout.splitlines()[-1])
+    assert status == 0, done.stderr
+    return set(names)
+
+
+def test_help_imports_neither_numpy_nor_a_plugin(run: Run) -> None:
+    names = imported(run, "--help")
+    assert "argparse" in names
+    assert not names & {"numpy", "star_outside", "star_sim", "pluggy", "jsonschema"}
+
+
+@pytest.mark.parametrize("arguments", [["plugins"], ["schema"], ["check", "nod.yaml"]])
+def test_what_does_not_fly_imports_plugins_but_no_numpy(run: Run, arguments: list[str]) -> None:
+    names = imported(run, *arguments)
+    assert "star_outside" in names
+    assert "numpy" not in names
+
+
+def test_a_simulated_flight_imports_no_vision_and_no_radio(run: Run, mission: Path) -> None:
+    names = imported(run, "run", mission.name, "--no-record")
+    assert "numpy" in names
+    assert not names & {"gtsam", "cv2", "cflib"}

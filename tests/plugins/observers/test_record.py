@@ -1,0 +1,332 @@
+"""What a run leaves behind, and that recording costs no flight."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import shutil
+from collections.abc import Iterable, Mapping
+from itertools import combinations
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Array, Offer, Tick, Truth, hookimpl
+from star_core.mission import load
+from star_core.registry import Registry, Source
+from star_core.runner import fly
+from star_sim.transport import Simulator
+
+WORLD = """\
+star: 1
+name: room
+fence: {low: [-2, -2, 0], high: [2, 2, 2]}
+obstacles:
+  pillar: {polygon: [[0.8, 0.8], [1.2, 0.8], [1.2, 1.2], [0.8, 1.2]], height: [0, 2]}
+"""
+MISSION = """\
+star: 1
+name: kept
+world: room.yaml
+seed: 4
+limits: {speed: 0.4}
+swarm:
+  cf1: {start: [-0.5, 0, 0], yaw_deg: 90}
+  cf2: {start: [0.5, 0.2, 0]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {agents: cf1, height: 0.4, speed: 0.5}
+  - goto: {agents: cf1, by: [0, -0.3, 0]}
+  - land: {speed: 0.5}
+"""
+TRUTH = {"truth_position": (3,), "truth_attitude": (4,)}
+COLUMNS: Mapping[str, tuple[int, ...]] = {  # what one row of each agent holds
+    "estimate_position": (3,),
+    "estimate_velocity": (3,),
+    "estimate_yaw": (),
+    "estimate_valid": (),
+    "goal_position": (3,),
+    "goal_active": (),
+    "setpoint_velocity": (3,),
+    "setpoint_yaw": (),
+    "setpoint_active": (),
+    "phase": (),
+    "battery": (),
+}
+
+Run: TypeAlias = tuple[Path, dict[str, Any], list[Tick]]
+
+
+class Watcher:
+    """An observer that keeps the ticks it is told of."""
+
+    def __init__(self) -> None:
+        self.ticks: list[Tick] = []
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        self.ticks.append(tick)
+
+
+class Blind(Simulator):
+    """A simulator that does not know where its drones are."""
+
+    def truth(self) -> Truth | None:
+        return None
+
+
+class Blinds:
+    """A plugin that offers the transport ``blind``."""
+
+    @hookimpl
+    def star_transports(self) -> Iterable[Offer[Any]]:
+        return [Offer(name="blind", summary="Knows no truth.", make=_blind)]
+
+
+def _blind(scene: Any, **options: Any) -> Blind:
+    return Blind(scene, **options)
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("room.yaml").write_text(WORLD)
+    Path("m.yaml").write_text(MISSION)
+
+
+def flown(*plugins: object, folder: Path | None, assignments: Iterable[str] = ()) -> dict[str, Any]:
+    """Fly the mission, watched by more plugins, and return the summary."""
+    registry = Registry()
+    for number, plugin in enumerate(plugins):
+        registry.add(plugin, Source(f"their-dist:{number}"))
+    return fly(load(Path("m.yaml"), registry, list(assignments)), registry, folder=folder)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A folder of a run, the summary of its flight, and the ticks it was made of."""
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "room.yaml").write_text(WORLD)
+    (folder / "m.yaml").write_text(MISSION)
+    registry, watcher = Registry(), Watcher()
+    registry.add(watcher, Source("their-dist:watcher"))
+    out = folder / "runs" / "one"
+    summary = fly(load(folder / "m.yaml", registry), registry, folder=out)
+    return out, summary, watcher.ticks
+
+
+@pytest.fixture(scope="module")
+def trajectory(run: Run) -> dict[str, Any]:
+    with np.load(run[0] / "trajectory.npz", allow_pickle=False) as file:
+        return dict(file)
+
+
+# The folder
+
+
+def test_a_run_leaves_a_manifest_a_summary_and_a_trajectory(run: Run) -> None:
+    assert sorted(path.name for path in run[0].iterdir()) == [
+        "manifest.json",
+        "summary.json",
+        "trajectory.npz",
+    ]
+
+
+def test_the_summary_is_what_the_flight_returned(run: Run) -> None:
+    folder, summary, _ = run
+    assert json.loads((folder / "summary.json").read_text()) == summary
+
+
+def test_the_manifest_is_there_before_anything_moves() -> None:
+    class Early:
+        seen: bool | None = None
+
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            if self.seen is None:
+                self.seen = json.loads(Path("out/manifest.json").read_text())["seed"] == 4
+
+    flown(early := Early(), folder=Path("out"))
+    assert early.seen
+
+
+def test_without_a_folder_nothing_is_kept() -> None:
+    before = sorted(Path().rglob("*"))
+    flown(folder=None)
+    assert sorted(Path().rglob("*")) == before
+
+
+def test_a_second_flight_is_kept_apart_from_the_first() -> None:
+    highest = []
+    for name, height in (("a", 0.3), ("b", 0.6)):
+        change = [f"mission.0.takeoff.height={height}"]
+        flown(folder=Path(name), assignments=change)
+        with np.load(f"{name}/trajectory.npz") as file:
+            highest.append(file["truth_position"][:, 0, 2].max())
+    assert highest == pytest.approx([0.3, 0.6], abs=0.1)
+
+
+# The columns
+
+
+def test_the_trajectory_holds_these_columns_and_no_others(trajectory: dict[str, Any]) -> None:
+    assert set(trajectory) == {"agents", "time", *COLUMNS, *TRUTH}
+
+
+@pytest.mark.parametrize(("column", "shape"), [*COLUMNS.items(), *TRUTH.items()])
+def test_a_column_has_a_row_for_every_tick_and_every_agent(
+    run: Run, trajectory: dict[str, Any], column: str, shape: tuple[int, ...]
+) -> None:
+    assert trajectory[column].shape == (len(run[2]), 2, *shape)
+
+
+def test_agents_stand_in_the_order_of_the_swarm(trajectory: dict[str, Any]) -> None:
+    assert trajectory["agents"].tolist() == ["cf1", "cf2"]
+
+
+def test_time_begins_at_0_and_goes_on_by_a_period(trajectory: dict[str, Any]) -> None:
+    assert trajectory["time"] == pytest.approx(np.arange(len(trajectory["time"])) / 20)
+
+
+@pytest.mark.parametrize(
+    ("column", "told"),
+    [
+        ("time", lambda tick: tick.time),
+        ("truth_position", lambda tick: tick.truth.position),
+        ("truth_attitude", lambda tick: tick.truth.attitude),
+        ("estimate_position", lambda tick: tick.estimate.position),
+        ("estimate_velocity", lambda tick: tick.estimate.velocity),
+        ("estimate_yaw", lambda tick: tick.estimate.yaw),
+        ("estimate_valid", lambda tick: tick.estimate.valid),
+        ("goal_position", lambda tick: tick.goals.position),
+        ("goal_active", lambda tick: tick.goals.active),
+        ("setpoint_velocity", lambda tick: tick.sent.velocity),
+        ("setpoint_yaw", lambda tick: tick.sent.yaw),
+        ("setpoint_active", lambda tick: tick.sent.active),
+        ("phase", lambda tick: tick.health.phase),
+        ("battery", lambda tick: tick.health.battery),
+    ],
+)
+def test_a_column_holds_what_the_ticks_were_made_of(
+    run: Run, trajectory: dict[str, Any], column: str, told: Any
+) -> None:
+    expected = np.array([told(tick) for tick in run[2]])
+    assert np.array_equal(trajectory[column], expected)
+    assert trajectory[column].dtype == expected.dtype
+
+
+# Units and frames
+
+
+def test_positions_are_metres_in_the_map(trajectory: dict[str, Any]) -> None:
+    starts = [[-0.5, 0.0, 0.0], [0.5, 0.2, 0.0]]
+    assert trajectory["truth_position"][0] == pytest.approx(np.array(starts), abs=0.05)
+    flying = trajectory["phase"][:, 0] == AgentPhase.FLYING
+    assert trajectory["truth_position"][flying, 0, 2].max() == pytest.approx(0.4, abs=0.1)
+
+
+def test_yaws_are_radians_in_the_map(trajectory: dict[str, Any]) -> None:
+    assert trajectory["estimate_yaw"][0] == pytest.approx([math.pi / 2, 0.0], abs=0.05)
+    _, _, z, w = trajectory["truth_attitude"][0, 0]
+    assert 2 * math.atan2(z, w) == pytest.approx(math.pi / 2, abs=0.05)
+
+
+def test_velocities_are_metres_per_second_in_the_map(trajectory: dict[str, Any]) -> None:
+    active = trajectory["setpoint_active"][:, 0]
+    velocity = trajectory["setpoint_velocity"][active, 0]
+    assert np.linalg.norm(velocity, axis=1).max() <= 0.4 + 1e-9
+    assert velocity[:, 1].min() < -0.2  # it flies towards -y, though it looks along y
+    assert np.abs(velocity[:, 0]).max() < 0.2
+
+
+def test_batteries_are_volts(trajectory: dict[str, Any]) -> None:
+    battery = trajectory["battery"]
+    assert ((battery > 3.0) & (battery < 4.3)).all()  # a lithium cell
+
+
+def test_phases_are_those_of_the_agents(trajectory: dict[str, Any]) -> None:
+    first = [AgentPhase(number) for number in dict.fromkeys(trajectory["phase"][:, 0].tolist())]
+    assert first[:3] == [AgentPhase.GROUNDED, AgentPhase.TAKING_OFF, AgentPhase.FLYING]
+    assert set(trajectory["phase"][:, 1].tolist()) == {AgentPhase.GROUNDED}
+
+
+# Truth
+
+
+def test_the_truth_is_kept_apart_from_what_is_believed(trajectory: dict[str, Any]) -> None:
+    truth, belief = trajectory["truth_position"], trajectory["estimate_position"]
+    assert np.abs(truth - belief)[-1].max() > 0.001  # odometry drifts
+
+
+def test_where_there_is_no_truth_none_is_kept() -> None:
+    summary = flown(Blinds(), folder=Path("out"), assignments=["transport=blind"])
+    with np.load("out/trajectory.npz") as file:
+        assert set(file) == {"agents", "time", *COLUMNS}
+    assert summary["position_rmse_m"] is None
+
+
+def apart(a: Array, b: Array) -> Array:
+    return np.asarray(np.linalg.norm(a - b, axis=-1))
+
+
+def test_the_figures_of_the_summary_follow_from_the_trajectory(
+    run: Run, trajectory: dict[str, Any]
+) -> None:
+    _, summary, _ = run
+    truth, flying = trajectory["truth_position"], trajectory["phase"] == AgentPhase.FLYING
+    length = apart(truth[1:], truth[:-1]).sum(axis=0)
+    error = apart(truth, trajectory["estimate_position"])[flying]
+    pairs = [apart(truth[:, i], truth[:, j]).min() for i, j in combinations(range(2), 2)]
+    assert summary["path_length_m"]["per_agent"] == pytest.approx(
+        dict(zip(["cf1", "cf2"], length, strict=True))
+    )
+    assert summary["position_rmse_m"] == pytest.approx(math.sqrt(np.mean(error**2)))
+    assert summary["min_separation_m"] == pytest.approx(min(pairs))
+    assert summary["flight_time_s"] == pytest.approx(trajectory["time"][-1])
+
+
+# When it cannot be written
+
+
+def test_a_folder_that_cannot_be_made_is_an_event_and_the_flight_goes_on() -> None:
+    summary = flown(folder=Path("m.yaml/out"))
+    assert summary["outcome"] == "completed"
+    (told,) = [event for event in summary["events"] if event["kind"] == "observer"]
+    assert told["text"].startswith("star-swarm:record is dropped: star_mission_started raised ")
+    assert "m.yaml/out" in told["text"]
+
+
+def test_a_folder_that_is_gone_at_the_end_is_told_and_costs_no_flight(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    class Vandal:
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            shutil.rmtree("out", ignore_errors=True)
+
+    with caplog.at_level(logging.WARNING):
+        summary = flown(Vandal(), folder=Path("out"))
+    assert summary["outcome"] == "completed"
+    assert (
+        "observer star-swarm:record is dropped for this flight: star_mission_ended" in caplog.text
+    )
+
+
+def test_what_was_flown_until_python_was_interrupted_is_kept() -> None:
+    class Breaker(Watcher):
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            self.ticks.append(tick)
+            if len(self.ticks) == 20:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        flown(Breaker(), folder=Path("out"))
+    with np.load("out/trajectory.npz") as file:
+        assert len(file["time"]) >= 19

@@ -1,0 +1,150 @@
+"""Where ``star run`` records, what it refuses to record into, and what it says of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import pytest
+
+from star_core import Flight, cli, hookimpl
+from star_core.cli import main
+from star_core.registry import Registry, Source
+
+WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+MISSION = """\
+star: 1
+name: hop
+world: room.yaml
+swarm:
+  cf1: {start: [-0.5, 0, 0]}
+  cf2: {start: [0.5, 0, 0]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.3, speed: 0.5}
+  - land: {speed: 0.5}
+"""
+Said: TypeAlias = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("room.yaml").write_text(WORLD)
+    Path("hop.yaml").write_text(MISSION)
+
+
+@pytest.fixture
+def said(capsys: Said) -> Said:
+    """What is printed, and where."""
+    return capsys
+
+
+@pytest.fixture
+def refused(said: Said) -> Callable[[str], str]:
+    """Run ``star run`` with ``--out``, see that nothing is flown, and return what is said."""
+
+    def run(out: str) -> str:
+        before = sorted(Path().rglob("*"))
+        assert main(["run", "hop.yaml", "--out", out]) == 2
+        assert sorted(Path().rglob("*")) == before
+        told = said.readouterr()
+        assert told.out == ""
+        return told.err
+
+    return run
+
+
+def recorded(file: str, folder: str = "out") -> Any:
+    return json.loads((Path(folder) / file).read_text())
+
+
+def test_json_is_all_that_is_printed_and_is_what_is_recorded(said: Said) -> None:
+    assert main(["run", "hop.yaml", "--json", "--out", "out"]) == 0
+    out, err = said.readouterr()
+    assert json.loads(out) == recorded("summary.json")
+    assert err == ""
+
+
+def test_a_run_is_recorded_below_runs_by_time_and_name(said: Said) -> None:
+    assert main(["run", "hop.yaml"]) == 0
+    (folder,) = Path("runs").iterdir()
+    assert folder.name[10] == "T"
+    assert folder.name.endswith("-hop")
+    assert said.readouterr().out.endswith(f"  record      {folder}\n")
+
+
+def test_runs_of_one_second_are_recorded_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("time.strftime", lambda _form: "2026-01-02T030405")
+    for _ in range(3):
+        assert main(["run", "hop.yaml", "--json"]) == 0
+    assert sorted(folder.name for folder in Path("runs").iterdir()) == [
+        "2026-01-02T030405-hop",
+        "2026-01-02T030405-hop-2",
+        "2026-01-02T030405-hop-3",
+    ]
+
+
+def test_out_names_the_folder_of_the_record_and_makes_those_above_it() -> None:
+    assert main(["run", "hop.yaml", "--out", "a/b"]) == 0
+    assert recorded("manifest.json", "a/b")["mission"]["name"] == "hop"
+    assert not Path("runs").exists()
+
+
+def test_an_empty_folder_can_be_recorded_into() -> None:
+    Path("out").mkdir()
+    assert main(["run", "hop.yaml", "--out", "out"]) == 0
+    assert recorded("summary.json")["outcome"] == "completed"
+
+
+def test_no_record_leaves_nothing_behind(said: Said) -> None:
+    before = sorted(Path().rglob("*"))
+    assert main(["run", "hop.yaml", "--no-record"]) == 0
+    assert sorted(Path().rglob("*")) == before
+    assert "record" not in said.readouterr().out
+
+
+class Thief:
+    """A plugin that puts a file where the record should go."""
+
+    @hookimpl
+    def star_mission_started(self, flight: Flight) -> None:
+        assert flight.folder is not None
+        flight.folder.parent.mkdir()
+        flight.folder.touch()
+
+
+def test_a_record_that_was_not_written_is_not_told(
+    said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registry = Registry()
+    registry.add(Thief(), Source("their-dist:thief"))
+    monkeypatch.setattr(cli, "_registry", lambda: registry)
+    main(["run", "hop.yaml", "--out", "a/b"])
+    assert "a/b\n" not in said.readouterr().out
+
+
+# What cannot be recorded into
+
+
+def test_a_file_cannot_be_recorded_into(refused: Callable[[str], str]) -> None:
+    assert refused("hop.yaml") == "--out hop.yaml: is no folder\n"
+
+
+def test_a_folder_that_holds_a_record_is_not_written_over(refused: Callable[[str], str]) -> None:
+    Path("old").mkdir()
+    Path("old/manifest.json").touch()
+    assert refused("old") == ("--out old: holds the record of a run already; name another folder\n")
+
+
+def test_a_folder_that_cannot_be_made_is_refused(refused: Callable[[str], str]) -> None:
+    assert refused("hop.yaml/runs").startswith("--out hop.yaml/runs: ")
+
+
+def test_no_folder_at_all_is_refused(refused: Callable[[str], str]) -> None:
+    assert refused("").startswith("--out ")
