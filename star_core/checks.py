@@ -125,7 +125,7 @@ def _own(
         return
     try:
         problems: list[Problem] = list(found.offer.check(*arguments, **options))
-    except Exception as error:  # noqa: BLE001 -- whatever a third party's check may raise
+    except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever a check may raise
         yield path, f"the check of {kind} {name!r} ({found.source}) raised {error!r}"
         return
     for problem in problems:

@@ -87,7 +87,7 @@ def parser() -> argparse.ArgumentParser:
     schema = commands.add_parser(
         "schema", help="write the schema of missions for an editor", allow_abbrev=False
     )
-    schema.add_argument("of", nargs="?", default="mission", choices=["mission", "world"])
+    schema.add_argument("of", nargs="?", default="mission", choices=["mission", "world", "study"])
     schema.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
     for command in (fly, check, plugins, schema):
         command.set_defaults(usage=command.format_usage)
@@ -115,7 +115,8 @@ def _check(options: argparse.Namespace) -> int:
 
     mission = load(Path(options.mission), _registry(), _assignments(options))
     agents = len(mission.scene.agents)
-    print(f"{options.mission}: {mission.name!r} can be flown, with {agents} agents")
+    many = "agents" if agents > 1 else "agent"
+    print(f"{options.mission}: {mission.name!r} can be flown, with {agents} {many}")
     return 0
 
 
@@ -134,7 +135,7 @@ def _schema(options: argparse.Namespace) -> int:
     from star_core import schema
 
     content = (
-        schema.compose(_registry().offers()) if options.of == "mission" else schema.load("world")
+        schema.compose(_registry().offers()) if options.of == "mission" else schema.load(options.of)
     )
     text = json.dumps(content, indent=2)
     if options.out:

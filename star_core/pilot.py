@@ -114,19 +114,20 @@ class Pilot:
         """Fly to the end, land everybody, and return why it did not complete, if so."""
         try:
             end, reason = self._steps()
-            if end != "stop":
-                reason = self._bring_down(end) or reason
+            reason = self._bring_down(end) or reason
         except PluginError as error:
             end, reason = "fail", str(error)
             self.event("failure", reason)
             reason += self._bring_down_broken()
         except BaseException as error:
             self.reason = f"Python was interrupted: {type(error).__name__}"
-            self._bring_down_broken()
-            self._phases.fire_mission("abort")
-            self._tell_phases()
+            try:
+                self._bring_down_broken()
+            finally:  # it may be interrupted again
+                self._phases.fire_mission("abort")
+                self._tell_phases()
             raise
-        self._phases.fire_mission("abort" if end == "stop" else end)
+        self._phases.fire_mission(end)
         if self._phases.mission is MissionPhase.COMPLETED and reason:
             self._phases.fire_mission("fail")
         self._tell_phases()

@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -46,8 +46,8 @@ def run_mission(
         format="star: %(message)s",
         stream=sys.stderr,
     )
-    for noisy in ("numba", "transitions"):
-        logging.getLogger(noisy).setLevel(logging.WARNING)
+    logging.getLogger("numba").setLevel(logging.WARNING)
+    logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger that means nothing is none
     mission = load(Path(path), registry, assignments)
     folder = _folder(out, mission.name) if keep else None
     if not as_json:
@@ -67,7 +67,7 @@ def told(summary: Mapping[str, Any], folder: Path | None) -> str:
     lines = [
         f"{summary['mission']}: {summary['outcome']}"
         + (f": {summary['reason']}" if summary["reason"] else ""),
-        f"  flight      {summary['flight_time_s']:.1f} s with {len(summary['agents'])} agents"
+        f"  flight      {summary['flight_time_s']:.1f} s with {_many(summary['agents'])}"
         + (f", {factor:.0f} times real time" if factor else ""),
         f"  collisions  {collisions['agent_agent']} between agents, "
         f"{collisions['agent_obstacle']} with obstacles",
@@ -78,6 +78,10 @@ def told(summary: Mapping[str, Any], folder: Path | None) -> str:
         f"  record      {folder}" if folder and (folder / "summary.json").exists() else "",
     ]
     return "\n".join(line for line in lines if line)
+
+
+def _many(agents: Sequence[str]) -> str:
+    return "1 agent" if len(agents) == 1 else f"{len(agents)} agents"
 
 
 def _folder(out: str | None, name: str) -> Path:
@@ -96,7 +100,7 @@ def _folder(out: str | None, name: str) -> Path:
         return folder
     folder = Path(out)
     if not out or (folder.exists() and not folder.is_dir()):
-        raise InputError([f"--out {out}: is no folder"])
+        raise InputError([f"--out {out}: is a file; name a folder" if out else "--out: is empty"])
     above = next(path for path in (folder, *folder.parents) if path.exists())
     if not (above.is_dir() and os.access(above, os.W_OK)):
         raise InputError([f"--out {out}: cannot be made: nothing can be written in '{above}'"])
@@ -114,7 +118,8 @@ def _signals(interrupts: Interrupts) -> Iterator[None]:
         if interrupts.count >= HARD:
             raise KeyboardInterrupt
         what = "landing; again stops the motors" if interrupts.count == 1 else "stopping"
-        print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
+        with suppress(OSError):  # the terminal may be gone
+            print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
 
     caught = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}
     before = {number: signal.signal(number, count) for number in caught}

@@ -83,7 +83,7 @@ def limited(safe: Setpoint, wanted: Setpoint, speed: float) -> Setpoint:
     active = safe.active & wanted.active
     velocity = np.where(active[:, None], safe.velocity, 0.0)
     square = np.einsum("ij,ij->i", velocity, velocity)
-    if square.max() > speed**2:
+    if square.max() > speed * speed:
         velocity *= (speed / np.maximum(np.sqrt(square), speed))[:, None]
     return replace(safe, velocity=velocity, active=active)
 

@@ -109,6 +109,6 @@ def inside(folder: Path, name: str) -> Path:
     if is_file:
         return path
     if there:
-        raise InputError([f"{name!r} is not a file"])
+        raise InputError([f"{name!r} is no file; name a file in the mission's folder"])
     beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
     raise InputError([f"no file {name!r} in the mission's folder{instead(name, beside)}"])

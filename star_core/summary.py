@@ -26,7 +26,9 @@ class Meter:
 
     Separation, clearance and collisions are those of the truth where there is one, else of the
     estimate, at the ticks. The position error is the distance from estimate to truth in space, not
-    aligned, from the end of an agent's take-off to the start of its landing.
+    aligned, from the end of an agent's take-off to the start of its landing. NEES, the mean of that
+    error squared over the covariance the localizer gave it, a degree of freedom, is 1 where the
+    covariance is right; more means that the localizer is too sure.
 
     Args:
         scene: Agents and obstacles.
@@ -44,6 +46,8 @@ class Meter:
         self._length = np.zeros(n)
         self._last: Array | None = None
         self._errors: list[tuple[Mask, Array]] = []
+        self._nees = 0.0
+        self._judged = 0
         self._begun: float | None = None
         self._time = 0.0
 
@@ -62,6 +66,7 @@ class Meter:
         if truth is not None and flying.any():
             offset = tick.estimate.position - truth.position
             self._errors.append((flying, np.einsum("ij,ij->i", offset, offset)))
+            self._surprise(offset[flying], tick.estimate.covariance[flying])
         self._begun = tick.time if self._begun is None else self._begun
         self._time = tick.time
 
@@ -89,6 +94,7 @@ class Meter:
             "min_clearance_m": _known(self._clearance),
             "position_mse_m2": mse,
             "position_rmse_m": None if mse is None else float(np.sqrt(mse["mean"])),
+            "position_nees": self._nees / self._judged if self._judged else None,
             "path_length_m": {
                 "total": float(self._length.sum()),
                 "per_agent": dict(zip(names, self._length.tolist(), strict=True)),
@@ -115,6 +121,21 @@ class Meter:
                 for i, name in enumerate(self._scene.names)
             },
         }
+
+    def _surprise(self, offset: Array, covariance: Array) -> None:
+        """Take in the error squared over what the estimate says it is, a degree of freedom (NEES).
+
+        Args:
+            offset: (K, 3) estimate less truth, m.
+            covariance: (K, 3, 3) of the estimate, m².
+        """
+        known = np.isfinite(offset.sum(axis=1) + covariance.sum(axis=(1, 2)))
+        known &= np.linalg.det(covariance) > 0
+        if known.any():
+            offset = offset[known][..., None]
+            squares = offset.transpose(0, 2, 1) @ np.linalg.solve(covariance[known], offset)
+            self._nees += float(squares.sum()) / 3
+            self._judged += int(known.sum())
 
     def _apart(self, position: Array) -> None:
         """Take in how near the agents are to each other: (N, 3) m."""

@@ -209,7 +209,7 @@ class Course:
                 why = step.reason or "failed and gave no reason"
                 break
             if self._estimate.time - begun >= limit:
-                why = f"timed out after {limit:.1f} s"
+                why = f"timed out after {limit:.3g} s"
                 break
             yield Status.RUNNING
         yield self._failed(action, rows, why)

@@ -43,6 +43,9 @@ mission:
   - hold: {for: 0.5}
   - land: {}
 """
+BOMB = "a0: &a0 [x]\n" + "".join(
+    f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)
+)
 
 
 @pytest.fixture(autouse=True)
@@ -94,14 +97,13 @@ def test_the_mission_that_is_spoilt_below_is_good(capsys: pytest.CaptureFixture[
     [
         (b"", "1:1: the file is empty, expected a map such as `star: 1`"),
         (b"- star: 1\n", "1:1: the file holds a list, expected a map such as `star: 1`"),
-        (b"takeoff", "1:1: the file holds 'takeoff', expected a map such as `star: 1`"),
         (b"star: 1\nname: [\n", "3:1: not YAML: expected the node content, but found '<stream"),
         (b"star: 1\n\tname: x\n", "2:1: a tab stands here; YAML is indented with spaces"),
-        (b"a: &a [x]\nb: 1\n", "1:4: anchor '&a' is refused; write the value out"),
+        (BOMB.encode(), "1:5: anchor '&a0' is refused; write the value out"),
         (b"a: !!python/name:os.system\n", "1:4: tag 'tag:yaml.org,2002:python/name:os.system' is"),
         (b"star: 1\nname: a\nstar: 1\n", "3:1: key 'star' is already there at line 1, column 1; "),
         (b"seed: .nan\n", "1:7: .nan is not a finite number"),
-        (b"seed: -.inf\n", "1:7: -.inf is not a finite number"),
+        (b"rate: -.inf\n", "1:7: -.inf is not a finite number"),
         (b"a: " + b"[" * 500 + b"]" * 500, "1:35: nested deeper than 32 levels"),
         (b"".join(b" " * i + b"-\n" for i in range(500)), "33:33: nested deeper than 32 levels"),
         (b"star: 1\nname: caf\xe9\n", "2:10: byte 0xe9 is not UTF-8; save the file as UTF-8"),
@@ -117,16 +119,6 @@ def test_a_file_that_is_no_mission_is_refused_at_its_place(
 ) -> None:
     Path("m.yaml").write_bytes(content)
     assert refused(command, "m.yaml")[0].startswith(f"m.yaml:{line}")
-
-
-def test_an_alias_bomb_is_refused_anchor_by_anchor(refused: Callable[..., list[str]]) -> None:
-    levels = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)]
-    Path("m.yaml").write_text("a0: &a0 [lol]\n" + "".join(levels))
-    lines = refused("run", "m.yaml")
-    assert lines[:2] == [
-        "m.yaml:1:5: anchor '&a0' is refused; write the value out",
-        "m.yaml:2:5: anchor '&a1' is refused; write the value out",
-    ]
 
 
 # What is no file
@@ -204,7 +196,7 @@ worlds/room.yaml  ->  ../room.yaml
 worlds/room.yaml  ->  /etc/passwd
     3:8: '/etc/passwd' is outside the mission's folder; name a file inside it
 worlds/room.yaml  ->  worlds
-    3:8: 'worlds' is not a file
+    3:8: 'worlds' is no file; name a file in the mission's folder
 worlds/room.yaml  ->  worlds/rom.yaml
     3:8: no file 'worlds/rom.yaml' in the mission's folder; did you mean 'worlds/room.yaml'?
 hold: {for: 0.5}  ->  follow: {file: ../path.csv}
@@ -212,7 +204,7 @@ hold: {for: 0.5}  ->  follow: {file: ../path.csv}
 hold: {for: 0.5}  ->  follow: {file: /etc/passwd}
     15:20: '/etc/passwd' is outside the mission's folder; name a file inside it
 hold: {for: 0.5}  ->  follow: {file: worlds}
-    15:20: 'worlds' is not a file
+    15:20: 'worlds' is no file; name a file in the mission's folder
 hold: {for: 0.5}  ->  follow: {file: path.csv}
     15:20: no file 'path.csv' in the mission's folder
 """
@@ -245,7 +237,9 @@ def test_a_world_that_is_a_socket_is_not_waited_for(refused: Callable[..., list[
     with socket.socket(socket.AF_UNIX) as plug:
         plug.bind("plug.yaml")
         change("worlds/room.yaml", "plug.yaml")
-        assert refused("run", "m.yaml") == ["m.yaml:3:8: 'plug.yaml' is not a file"]
+        assert refused("run", "m.yaml") == [
+            "m.yaml:3:8: 'plug.yaml' is no file; name a file in the mission's folder"
+        ]
 
 
 @pytest.mark.parametrize("name", ["loop.yaml", "w" * 300])
@@ -321,7 +315,7 @@ def answer(*arguments: str) -> tuple[int, list[str]]:
 
 
 fuzz = settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

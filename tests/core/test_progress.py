@@ -263,7 +263,7 @@ def summary(**changes: Any) -> dict[str, Any]:
 def test_what_cannot_be_known_is_left_out() -> None:
     assert told(summary(), None).splitlines() == [
         "hop: completed",
-        "  flight      12.3 s with 1 agents",
+        "  flight      12.3 s with 1 agent",
         "  collisions  0 between agents, 2 with obstacles",
         "  flown       1.2 m in all",
     ]
@@ -273,7 +273,7 @@ def test_what_cannot_be_known_is_left_out() -> None:
     ("changes", "line"),
     [
         ({"outcome": "failed", "reason": "cf1 fell"}, "hop: failed: cf1 fell"),
-        ({"realtime_factor": 41.7}, "  flight      12.3 s with 1 agents, 42 times real time"),
+        ({"realtime_factor": 41.7}, "  flight      12.3 s with 1 agent, 42 times real time"),
         ({"min_separation_m": 0.456}, "  separation  0.46 m at least"),
         ({"min_clearance_m": 0.0}, "  clearance   0.00 m at least"),
         ({"position_rmse_m": 0.0321}, "  estimate    0.032 m RMS from the truth"),

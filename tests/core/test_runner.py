@@ -329,7 +329,6 @@ def test_a_flight_that_fails_at_once_has_a_summary(lab: Lab) -> None:
     assert summary["position_mse_m2"] is None
 
 
-@pytest.mark.xfail(strict=True, reason="the mission's phase is fired only once everybody is down")
 def test_the_end_has_an_outcome_when_python_is_interrupted_again_while_landing(lab: Lab) -> None:
     lab.spoil("transport", "receive", KeyboardInterrupt(), FLYING)
     with pytest.raises(KeyboardInterrupt):

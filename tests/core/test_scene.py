@@ -54,7 +54,7 @@ def test_a_file_that_is_not_there_is_named_with_what_was_perhaps_meant(missions:
 
 
 def test_a_folder_is_no_file(missions: Path) -> None:
-    assert refusal(missions, "inner") == "'inner' is not a file"
+    assert refusal(missions, "inner") == "'inner' is no file; name a file in the mission's folder"
 
 
 @pytest.mark.parametrize("name", ["a\0b", "loop"])

@@ -34,6 +34,7 @@ _OPTIONS: dict[str, Any] = {
         "max_neighbours": {
             "type": "integer",
             "minimum": 1,
+            "maximum": 1000,
             "default": 10,
             "description": "No more than so many neighbours are avoided, the nearest",
         },

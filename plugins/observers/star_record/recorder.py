@@ -57,12 +57,12 @@ class Recorder:
             self._columns.setdefault(name, []).append(value)
 
     def close(self, summary: Mapping[str, Any]) -> None:
-        """Write what was kept."""
+        """Write what was kept; the summary first, for the disk may be full."""
+        self._write("summary.json", summary)
         columns: dict[str, Any] = {name: np.array(rows) for name, rows in self._columns.items()}
         np.savez_compressed(
             self._folder / "trajectory.npz", agents=np.array(self._agents), **columns
         )
-        self._write("summary.json", summary)
 
     def _write(self, name: str, content: Mapping[str, Any]) -> None:
         text = json.dumps(content, indent=2, allow_nan=False)

@@ -66,7 +66,7 @@ def _company(options: dict[str, Any]) -> Iterable[Problem]:
     for key in ("size", "centre"):
         if "path" in options and key not in options:
             yield Problem((), f"path {options['path']!r} needs {key!r}")
-    for key in ("size", "centre", "laps"):
+    for key in ("size", "width", "centre", "laps"):
         if "file" in options and key in options:
             yield Problem((key,), f"{key!r} goes with 'path' only, not with 'file'")
 
@@ -81,7 +81,7 @@ def _room(options: dict[str, Any], agents: int) -> Iterable[Problem]:
     if "path" not in options or agents == 1:
         return
     spacing = options.get("spacing", SPACING)
-    nearest = least_distance(options["path"], options["size"], agents)
+    nearest = least_distance(options["path"], options["size"], agents, options.get("width"))
     if nearest < spacing:
         yield Problem(
             ("size",),

@@ -201,9 +201,13 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "Give this or 'file'.",
                 },
                 "size": _positive(
-                    "Side of the box, diameter of the circle, length of the figure 8 (half as "
-                    "wide), m. Needed with 'path'.",
+                    "Side of the box, diameter of the circle, length of the figure 8 along x, m. "
+                    "Needed with 'path'.",
                     examples=[2.4],
+                ),
+                "width": _positive(
+                    "Of the path along y, m; the size if not given, half of it for the figure 8.",
+                    examples=[1.2],
                 ),
                 "centre": _point(
                     "Middle of the path, [x, y, z] in the map, m. Needed with 'path'.",

@@ -41,13 +41,14 @@ class Route:
     beside: tuple[Point, ...]
 
 
-def route(
+def route(  # noqa: PLR0913 -- a mission's own options
     scene: Scene,
     agents: int,
     *,
     file: str | None = None,
     path: str | None = None,
     size: float = 0.0,
+    width: float | None = None,
     centre: Sequence[float] = (),
     laps: int = 1,
     spacing: float = 0.6,
@@ -71,7 +72,7 @@ def route(
             beside=tuple(slots(agents, (0.0, 0.0, 0.0), spacing)),
         )
     name = str(path)
-    point = shape(name, size, centre)
+    point = shape(name, size, centre, width)
     lap = polyline.length(point)
     return Route(
         point=point,
@@ -83,7 +84,7 @@ def route(
     )
 
 
-def least_distance(name: str, size: float, agents: int) -> float:
+def least_distance(name: str, size: float, agents: int, width: float | None = None) -> float:
     """Return how near two of the agents that fly a named path evenly apart come, m.
 
     Looked at in 40 steps from one agent's place to the next.
@@ -92,7 +93,7 @@ def least_distance(name: str, size: float, agents: int) -> float:
     2.0
     """
     steps, parts = 40, places(name, agents)
-    ring = polyline.evenly(shape(name, size, (0.0, 0.0, 0.0)), steps * parts)
+    ring = polyline.evenly(shape(name, size, (0.0, 0.0, 0.0), width), steps * parts)
     return min(
         math.dist(here, ring[(i + steps * apart) % len(ring)])
         for apart in range(1, agents)

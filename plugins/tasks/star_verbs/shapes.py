@@ -36,22 +36,27 @@ SHAPES: dict[str, Callable[[float], list[tuple[float, float]]]] = {
 }
 
 
-def shape(name: str, size: float, centre: Sequence[float]) -> tuple[Point, ...]:
+def shape(
+    name: str, size: float, centre: Sequence[float], width: float | None = None
+) -> tuple[Point, ...]:
     """Return the points of one lap of a named path around `centre`; the last equals the first.
 
     Args:
         name: Key of `SHAPES`.
         size: Side, diameter or length, m.
         centre: x, y, z of its middle, m; the path is level.
+        width: Along y, m; the path's own if not given.
 
     Example:
-        >>> shape("box", 2.0, (1, 1, 0.8))[:2]
-        ((0.0, 0.0, 0.8), (2.0, 0.0, 0.8))
+        >>> shape("box", 2.0, (1, 1, 0.8), width=1.0)[:2]
+        ((0.0, 0.5, 0.8), (2.0, 0.5, 0.8))
     """
     x, y, z = (float(value) for value in centre)
     corners = SHAPES[name](size)
     corners[-1] = corners[0]  # closed to the last bit
-    return tuple((x + u, y + v, z) for u, v in corners)
+    own = size / 2 if name == "figure8" else size
+    stretch = 1.0 if width is None else width / own
+    return tuple((x + u, y + stretch * v, z) for u, v in corners)
 
 
 def places(name: str, agents: int) -> int:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer, hookimpl
+from star_core import Offer, Problem, hookimpl
+from star_sim import camera_options
 
 if TYPE_CHECKING:
     from star_core import Scene, Transport
@@ -33,17 +34,42 @@ OPTIONS: dict[str, Any] = {
             "description": "Mission seconds per second of the clock on the wall: 1 is real time; "
             "null is as fast as possible.",
         },
+        "camera": camera_options.OPTIONS,
     },
 }
 
 
 def make(
-    scene: Scene, *, noise: bool = True, battery: float = 1.0, speed: float | None = None
+    scene: Scene,
+    *,
+    noise: bool = True,
+    battery: float = 1.0,
+    speed: float | None = None,
+    camera: Mapping[str, Any] | None = None,
 ) -> Transport:
     """Return the simulator of a scene's agents."""
     from star_sim.transport import Simulator
 
-    return Simulator(scene, noise=noise, battery=battery, speed=speed)
+    wanted = camera_options.CameraOptions.of(camera or {})
+    return Simulator(
+        scene,
+        noise=noise,
+        battery=battery,
+        speed=speed,
+        camera=None if wanted.mode == "off" else wanted,
+    )
+
+
+def check(
+    scene: Scene, *, camera: Mapping[str, Any] | None = None, **_others: Any
+) -> Iterable[Problem]:
+    """Say which landmarks and targets that should be covered there are not."""
+    known = {tag.of for tag in (*scene.world.landmarks, *scene.world.targets)}
+    for i, name in enumerate((camera or {}).get("covered", ())):
+        if name not in known:
+            yield Problem(
+                ("camera", "covered", i), f"world {scene.world.name!r} has no landmark {name!r}"
+            )
 
 
 @hookimpl
@@ -53,4 +79,5 @@ def star_transports() -> Iterable[Offer[Transport]]:
         summary="Simulated Crazyflies with Flow decks that drift as real ones do.",
         make=make,
         options=OPTIONS,
+        check=check,
     )

@@ -11,6 +11,8 @@ from star_core import (
     Array,
     Command,
     ContractError,
+    Detections,
+    Frames,
     Odometry,
     Scene,
     Setpoint,
@@ -19,6 +21,7 @@ from star_core import (
 )
 from star_sim import commander
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
+from star_sim.camera_options import CameraOptions
 from star_sim.contact import SWEEP, prisms
 from star_sim.drone import standing
 from star_sim.kernel import BLOCK, advance
@@ -38,6 +41,7 @@ class Simulator:
         noise: Whether the estimators err; then a drone also starts a little beside its place.
         battery: Charge at the start, as a fraction of full.
         speed: Mission seconds per second of real time; None is as fast as possible.
+        camera: How cameras err; None switches them off.
     """
 
     def __init__(
@@ -47,8 +51,14 @@ class Simulator:
         noise: bool = True,
         battery: float = 1.0,
         speed: float | None = None,
+        camera: CameraOptions | None = None,
     ) -> None:
         n = len(scene.agents)
+        self._cameras = None
+        if camera is not None and any(agent.camera for agent in scene.agents):
+            from star_sim.cameras import Cameras
+
+            self._cameras = Cameras(scene, camera)
         self._scene = scene
         self._noise = noise
         self._speed = speed
@@ -81,12 +91,16 @@ class Simulator:
         """Simulate whole steps of 2 ms up to mission time `until`, s, or the next step after it."""
         end = math.ceil(until / STEP - 1e-6)
         while self._step < end:
+            due = end
+            if self._cameras is not None:
+                self._cameras.take(self.drones, self._step)
+                due = min(end, self._cameras.next_step)
             cycle = self._step // STEPS_PER_CYCLE
             if self._noise and self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
                 for row, stream in enumerate(self._streams):
                     self._normals[:, row] = stream.standard_normal((BLOCK, 4))
             full = (cycle // BLOCK + 1) * BLOCK * STEPS_PER_CYCLE
-            steps = min(end, full) - self._step
+            steps = min(due, full) - self._step
             self._advance(steps)
             self._step += steps
             rows = self._step // STEPS_PER_CYCLE - cycle
@@ -102,6 +116,9 @@ class Simulator:
         drones, n = self.drones, len(self.drones)
         attitude, state = np.empty((n, 4)), np.empty(n, np.int64)
         report(drones, self._step * STEP, attitude, state)
+        frames, detections = Frames.none(), Detections.none()
+        if self._cameras is not None:
+            frames, detections = self._cameras.arrived(self._step * STEP)
         return Telemetry(
             time=self._step // STEPS_PER_CYCLE * STEPS_PER_CYCLE * STEP,
             position=drones["believed_position"],
@@ -111,6 +128,8 @@ class Simulator:
             state=state,
             age=np.zeros(n),
             odometry=self._odometry(),
+            frames=frames,
+            detections=detections,
         )
 
     def command(self, command: Command) -> None:

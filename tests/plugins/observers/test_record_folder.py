@@ -133,7 +133,7 @@ def test_a_record_that_was_not_written_is_not_told(
 
 
 def test_a_file_cannot_be_recorded_into(refused: Callable[[str], str]) -> None:
-    assert refused("hop.yaml") == "--out hop.yaml: is no folder\n"
+    assert refused("hop.yaml") == "--out hop.yaml: is a file; name a folder\n"
 
 
 def test_a_folder_that_holds_a_record_is_not_written_over(refused: Callable[[str], str]) -> None:
@@ -147,4 +147,4 @@ def test_a_folder_that_cannot_be_made_is_refused(refused: Callable[[str], str]) 
 
 
 def test_no_folder_at_all_is_refused(refused: Callable[[str], str]) -> None:
-    assert refused("").startswith("--out ")
+    assert refused("").startswith("--out")

@@ -15,6 +15,8 @@ from jsonschema import Draft202012Validator
 import star_sim
 from star_core import Setpoint, Transport
 from star_core.testing import scene
+from star_sim import camera_options
+from star_sim.camera_options import CameraOptions
 
 Flying = Callable[..., Any]
 
@@ -135,9 +137,18 @@ def test_closing_twice_is_harmless(start: Flying) -> None:
 
 def test_the_options_are_a_schema_whose_defaults_are_those_of_make() -> None:
     Draft202012Validator.check_schema(star_sim.OPTIONS)
-    defaults = {name: option["default"] for name, option in star_sim.OPTIONS["properties"].items()}
-    assert defaults == {"noise": True, "battery": 1.0, "speed": None}
+    defaults = {
+        name: option.get("default") for name, option in star_sim.OPTIONS["properties"].items()
+    }
+    assert defaults == {"noise": True, "battery": 1.0, "speed": None, "camera": None}
     assert defaults == star_sim.make.__kwdefaults__
+
+
+def test_the_options_of_cameras_have_the_defaults_that_are_flown() -> None:
+    described = {
+        name: option["default"] for name, option in camera_options.OPTIONS["properties"].items()
+    }
+    assert CameraOptions.of(described) == CameraOptions()
 
 
 def test_the_entry_point_imports_nothing_heavy() -> None:

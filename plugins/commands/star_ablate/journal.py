@@ -1,0 +1,63 @@
+"""Keeps every run as soon as it is done, so that an unfinished study can go on."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from star_ablate.flight import Result
+from star_ablate.study import Run
+
+
+class Journal:
+    """A file of one line of JSON a run, with all of its summary, in the order they were done.
+
+    Args:
+        path: The file; made if it is not there.
+
+    Attributes:
+        done: What came of the runs that left a summary, by their key. Those that raised or crashed
+            are not there: they are to be flown again.
+    """
+
+    def __init__(self, path: Path) -> None:
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        self.done = dict(kept for line in text.splitlines() if (kept := _kept(line)) is not None)
+        self._file = path.open("a", encoding="utf-8")
+        if text and not text.endswith("\n"):  # whoever wrote was ended in the middle of a line
+            self._file.write("\n")
+
+    def add(self, run: Run, result: Result) -> None:
+        """Keep what came of a run."""
+        about = {
+            "key": run.key,
+            "mission": run.condition.file,
+            "levels": dict(run.condition.levels),
+            "seed": run.seed,
+        }
+        self._file.write(json.dumps(about | asdict(result)) + "\n")
+        self._file.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+
+def _kept(line: str) -> tuple[str, Result] | None:
+    """Return the key and result of a run that left a summary; None for any other line."""
+    try:
+        found = json.loads(line)
+        result = Result(*(found[name] for name in Result.__slots__))
+        return (found["key"], result) if result.summary is not None else None
+    except (ValueError, KeyError, TypeError):
+        return None

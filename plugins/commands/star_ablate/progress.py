@@ -1,0 +1,80 @@
+"""Shows how far a study is: a bar that is kept fresh, or a line a run into a pipe."""
+
+from __future__ import annotations
+
+from collections import Counter
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.progress import Progress as Bar
+
+from star_ablate.flight import Result
+from star_ablate.study import Run
+
+
+class Progress:
+    """Writes to standard error.
+
+    Args:
+        title: The study's name.
+        total: How many runs it has.
+        done: How many of them are there already.
+        console: Where to write.
+
+    Attributes:
+        outcomes: How many runs came to each outcome since the start.
+    """
+
+    def __init__(self, title: str, total: int, done: int, console: Console | None = None) -> None:
+        self._console = console or Console(stderr=True)
+        self._total = total
+        self._done = done
+        self.outcomes: Counter[str] = Counter()
+        self._bar = Bar(
+            TextColumn(title),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[others]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+            transient=True,
+            disable=not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task("", total=total, completed=done, others="")
+
+    def add(self, run: Run, result: Result) -> None:
+        """Tell of a run that is done; beside a bar, only of one that did not complete."""
+        self._done += 1
+        self.outcomes[result.outcome] += 1
+        because = f": {result.reason}" if result.reason else ""
+        line = f"{run}: {result.outcome}{because}"
+        if not self._console.is_terminal:
+            self._say(f"[{self._done}/{self._total}] {line}, in {result.wall_time:.1f} s")
+        elif result.outcome != "completed":
+            self._say(line)
+        others = (f"{n} {name}" for name, n in self.outcomes.items() if name != "completed")
+        self._bar.update(self._task, completed=self._done, others=", ".join(others))
+
+    def _say(self, line: str) -> None:
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._bar.stop()

@@ -1,0 +1,67 @@
+"""``star tags`` as its user sees it: reads a world, writes its tags."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from star_core import InputError
+from star_tags.page import Page
+from star_tags.pdf import pdf
+from star_tags.sheet import PAPERS
+from star_tags.svg import svg
+from star_tags.world import pages
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the tags of a world and return the exit status, 0.
+
+    Raises:
+        InputError: They cannot be printed, or the file cannot be written.
+    """
+    options = parser().parse_args(arguments)
+    world = Path(options.world)
+    out = Path(options.out or f"{world.stem}-tags.pdf")
+    if out.suffix not in {".pdf", ".svg"}:
+        raise InputError([f"--out {out}: expected a name that ends in .pdf or .svg"])
+    found = pages(world, options.paper)
+    try:
+        files = _write(found, out)
+    except OSError as error:
+        raise InputError([f"--out {out}: cannot be written: {error.strerror}"]) from error
+    sys.stdout.write(f"{len(found)} tags on {options.paper}: {', '.join(map(str, files))}\n")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line, apart so that the docs and the tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star tags",
+        description="Write the tags of a world as sheets to print in true size, a page each.",
+        allow_abbrev=False,
+    )
+    star.add_argument("world", help="world file (YAML)")
+    star.add_argument(
+        "--out",
+        metavar="FILE",
+        help="FILE.pdf, or FILE.svg for a file each: FILE-NUMBER.svg (WORLD-tags.pdf)",
+    )
+    star.add_argument("--paper", choices=list(PAPERS), default="a4", help="%(default)s")
+    return star
+
+
+def _write(found: Sequence[tuple[int, Page]], out: Path) -> list[Path]:
+    """Write what was found and return the files.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    if out.suffix == ".pdf":
+        out.write_bytes(pdf([page for _, page in found]))
+        return [out]
+    files = [out.with_name(f"{out.stem}-{number}.svg") for number, _ in found]
+    for file, (_, page) in zip(files, found, strict=True):
+        file.write_text(svg(page), encoding="utf-8")
+    return files

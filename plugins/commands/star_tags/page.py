@@ -1,0 +1,76 @@
+"""What can stand on a page: filled shapes and lines of text, in millimetres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+Point: TypeAlias = tuple[float, float]
+"""x to the right and y up from the lower left corner of the page, mm."""
+
+Outline: TypeAlias = tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Fill:
+    """An area of one grey.
+
+    Its outlines are filled at once, so that no hairline shows where two of them meet.
+
+    Attributes:
+        outlines: Corners of polygons, all anticlockwise.
+        grey: 0 is black, 1 is white.
+    """
+
+    outlines: tuple[Outline, ...]
+    grey: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A line of text.
+
+    Attributes:
+        at: Where its base line begins.
+        size: Height of the font, mm.
+        content: What it says.
+    """
+
+    at: Point
+    size: float
+    content: str
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One side of paper.
+
+    Attributes:
+        width: mm.
+        height: mm.
+        marks: What stands on it.
+    """
+
+    width: float
+    height: float
+    marks: tuple[Fill | Text, ...]
+
+
+def rectangle(low: Point, width: float, height: float) -> Outline:
+    """Return a rectangle by its lower left corner.
+
+    >>> rectangle((1, 2), 3, 4)
+    ((1, 2), (4, 2), (4, 6), (1, 6))
+    """
+    x, y = low
+    return ((x, y), (x + width, y), (x + width, y + height), (x, y + height))
+
+
+def number(value: float) -> str:
+    """Return a coordinate to a tenth of a micrometre, as both formats write it.
+
+    >>> number(21.0), number(0.25), number(-0.00001)
+    ('21', '0.25', '0')
+    """
+    text = f"{value:.4f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text

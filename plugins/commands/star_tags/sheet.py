@@ -1,0 +1,141 @@
+"""Lays a tag out on paper, in true size, with what is needed to print and place it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+from star_core import InputError
+from star_tags.page import Fill, Outline, Page, Point, Text, rectangle
+
+PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}
+"""Width and height, mm, from the narrowest on."""
+
+MODULES: Final = 8  # of a tag of family 36h11 in a row: six for its number, two for its border
+RIM: Final = 1.25  # width of a tag with its white rim of one module over that of its black square
+STRIP: Final = 44.0  # mm at the foot of the page for the text, the bar and the arrow
+MARGIN: Final = 14.0  # mm beside the text: more than printers leave white
+BAR: Final = 100.0  # mm
+CLOSE: Final = 1e-6  # mm, a difference that is none: 1.25 times 0.168 m just fills an A4 sheet
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """What is known of a tag.
+
+    Attributes:
+        number: Of the tag.
+        size: Edge of its black square, m.
+        about: What to say of it, a line each.
+    """
+
+    number: int
+    size: float
+    about: tuple[str, ...]
+
+    @property
+    def width(self) -> float:
+        """Width of the tag with its white rim, mm."""
+        return 1000 * self.size * RIM
+
+
+def lay_out(sheet: Sheet, paper: str) -> Page:
+    """Return the page for a tag. Its up side is that of the page.
+
+    Raises:
+        InputError: It does not fit the paper; a paper that it does fit is named.
+    """
+    width, height = PAPERS[paper]
+    if not _fits(sheet, paper):
+        raise InputError([_too_large(sheet, paper)])
+    centre = (width / 2, (STRIP + height) / 2)
+    about = (Text((MARGIN, 28 - 5.5 * i), 3.5, line) for i, line in enumerate(sheet.about))
+    edge = f"{1000 * sheet.size:g}"
+    return Page(
+        width,
+        height,
+        (
+            Fill(_modules(sheet, centre)),
+            Fill(_frame(sheet, centre), grey=0.7),
+            Text((MARGIN, 35), 7, f"tag {sheet.number}"),
+            *about,
+            Fill(_bar((MARGIN, 11))),
+            Text((MARGIN, 6), 3.5, f"The bar is {BAR:g} mm, the black square {edge} mm wide:"
+                 " print at 100 %, not fitted to the paper."),
+            Fill(_arrow((width - MARGIN - 6, 13))),
+            Text((width - MARGIN - 8, 35), 3.5, "up"),
+        ),
+    )  # fmt: skip
+
+
+def _fits(sheet: Sheet, paper: str) -> bool:
+    width, height = PAPERS[paper]
+    return sheet.width <= min(width, height - STRIP) + CLOSE
+
+
+def _too_large(sheet: Sheet, paper: str) -> str:
+    wide = f"tag {sheet.number} is {sheet.width:g} mm wide with its white rim, too wide for {paper}"
+    larger = next((name for name in PAPERS if _fits(sheet, name)), None)
+    return f"{wide}; " + (f"use --paper {larger}" if larger else "no paper known here is larger")
+
+
+def _modules(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
+    """Return the black modules of a tag, those beside each other in one."""
+    edge = 1000 * sheet.size
+    side = edge / MODULES
+    left, top = centre[0] - edge / 2, centre[1] + edge / 2
+    return tuple(
+        rectangle((left + first * side, top - (row + 1) * side), (last - first) * side, side)
+        for row, first, last in _black(sheet.number)
+    )
+
+
+def _black(number: int) -> list[tuple[int, int, int]]:
+    """Return the runs of black modules of a tag: row from the top, first column, last column + 1.
+
+    The pattern is OpenCV's, the way up in which it draws and detects it. (The AprilTag library
+    holds the same pattern to be turned by 180°.)
+    """
+    import cv2
+
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    image = family.generateImageMarker(number, MODULES)  # a pixel for each module
+    runs = []
+    for row, line in enumerate(image):
+        edges = [0, *(i for i in range(1, MODULES) if line[i] != line[i - 1]), MODULES]
+        runs += [(row, first, last) for first, last in pairwise(edges) if line[first] == 0]
+    return runs
+
+
+def _frame(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
+    """Return a thin frame around the white rim: where to cut."""
+    thin = 0.2
+    edge = sheet.width
+    x, y = centre[0] - edge / 2, centre[1] - edge / 2
+    return (
+        rectangle((x - thin, y - thin), edge + 2 * thin, thin),
+        rectangle((x - thin, y + edge), edge + 2 * thin, thin),
+        rectangle((x - thin, y), thin, edge),
+        rectangle((x + edge, y), thin, edge),
+    )
+
+
+def _bar(low: Point) -> tuple[Outline, ...]:
+    """Return a bar with a foot at each end, its outer edges `BAR` apart."""
+    x, y = low
+    thin = 0.5
+    return (
+        rectangle((x, y), thin, 4),
+        rectangle((x + thin, y + 1.75), BAR - 2 * thin, thin),
+        rectangle((x + BAR - thin, y), thin, 4),
+    )
+
+
+def _arrow(low: Point) -> tuple[Outline, ...]:
+    """Return an arrow that points up: a shaft and a head."""
+    x, y = low
+    return (
+        rectangle((x - 1, y), 2, 12),
+        ((x - 4, y + 12), (x + 4, y + 12), (x, y + 20)),
+    )

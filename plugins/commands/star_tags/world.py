@@ -1,0 +1,74 @@
+"""The tags of a world file, as sheets to print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from star_core import InputError, read_as
+from star_tags.page import Page
+from star_tags.sheet import RIM, Sheet, lay_out
+
+SIZE: Final = 0.168
+"""Edge of the black square of a tag whose size is not given, m: as the schema of worlds says."""
+
+KINDS: Final = {"landmarks": "landmark", "targets": "target"}
+
+
+def pages(path: Path, paper: str) -> list[tuple[int, Page]]:
+    """Return the number and the page of every tag in the world at `path`.
+
+    Raises:
+        InputError: It cannot be read, has no tags or two of one number, or a tag does not fit the
+            paper; every reason found is listed.
+    """
+    document = read_as(path, "world")
+    problems = []
+    found: dict[int, tuple[Page, str]] = {}
+    for place, name, sheet in _sheets(document.data):
+        try:
+            page = lay_out(sheet, paper)
+        except InputError as error:
+            problems += [document.problem(place, problem) for problem in error.problems]
+            continue
+        if sheet.number in found:
+            other = found[sheet.number][1]
+            wrong = f"tag {sheet.number} belongs to {other!r} already; give each its own number"
+            problems.append(document.problem(place, wrong))
+        found[sheet.number] = (page, name)
+    if not problems and not found:
+        problems = [f"{path}: has neither landmarks nor targets: there is no tag to print"]
+    if problems:
+        raise InputError(problems)
+    return [(number, page) for number, (page, _) in found.items()]
+
+
+def _sheets(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], str, Sheet]]:
+    """Every tag with its place in the file and the name of what it belongs to."""
+    for kind, one in KINDS.items():
+        for name, given in data.get(kind, {}).items():
+            size = float(given.get("size", SIZE))
+            about = f"{name}, a {one} of {data['name']}"
+            for i, number in enumerate(given["tags"]):
+                row = _row(i, given, size)
+                sheet = Sheet(number, size, (f"{about}{row}", _pose(given)))
+                yield (kind, name, "tags", i), name, sheet
+
+
+def _row(i: int, given: Mapping[str, Any], size: float) -> str:
+    """Say where a tag stands among those beside it."""
+    n = len(given["tags"])
+    apart = 1000 * given.get("spacing", RIM * size)
+    return f": {i + 1} of {n} from the left, middles {apart:g} mm apart" if n > 1 else ""
+
+
+def _pose(given: Mapping[str, Any]) -> str:
+    """Say where a sheet belongs."""
+    turns = (f"{turn} {given.get(f'{turn}_deg', 0):g}°" for turn in ("roll", "pitch", "yaw"))
+    middle = "middle of the row" if len(given["tags"]) > 1 else "middle"
+    return f"{middle} at {_point(given['at'])} m in the map, {', '.join(turns)}"
+
+
+def _point(values: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{value:g}" for value in values) + "]"

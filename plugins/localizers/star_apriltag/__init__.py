@@ -1,0 +1,110 @@
+"""Localizer ``apriltag``: AprilTags whose places are known correct the drift of odometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from star_core import Offer, Problem, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Localizer, Scene
+
+OPTIONS: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "tags_per_landmark": {
+            "type": "integer",
+            "minimum": 0,
+            "default": 2,
+            "description": "Of each landmark no more than so many tags are used, for ablations.",
+        },
+        "latency": {
+            "type": "number",
+            "minimum": 0,
+            "maximum": 2,
+            "default": 0.15,
+            "description": "From taking an image to its arrival, for images that do not say when "
+            "they were taken, s.",
+        },
+        "camera_deviation_deg": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "maximum": 15,
+            "default": 1.0,
+            "description": "How wrong a camera's mounting angles may be, degrees, one deviation; "
+            "they are estimated in flight.",
+        },
+        "survey": {
+            "type": "number",
+            "minimum": 0,
+            "default": 0.005,
+            "description": "What the places of the landmarks are good for, m, one deviation; part "
+            "of the covariance that is reported.",
+        },
+        "lag": {
+            "type": "number",
+            "minimum": 1,
+            "maximum": 20,
+            "default": 2.5,
+            "description": "For how long poses are optimised again, s.",
+        },
+        "worst": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 1.0,
+            "description": "Deviation of the position up to which an agent is fit to fly, m.",
+        },
+        "stale": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 0.5,
+            "description": "Age past which an agent's report is not flown on, s.",
+        },
+    },
+}
+
+
+def make(
+    scene: Scene,
+    *,
+    tags_per_landmark: int = 2,
+    latency: float = 0.15,
+    camera_deviation_deg: float = 1.0,
+    survey: float = 0.005,
+    lag: float = 2.5,
+    worst: float = 1.0,
+    stale: float = 0.5,
+) -> Localizer:
+    from star_apriltag.localizer import AprilTag
+
+    return AprilTag(
+        scene,
+        tags_per_landmark=tags_per_landmark,
+        latency=latency,
+        camera_deviation=math.radians(camera_deviation_deg),
+        survey=survey,
+        lag=lag,
+        worst=worst,
+        stale=stale,
+    )
+
+
+def check(scene: Scene, **_options: Any) -> Iterable[Problem]:
+    """Say what would leave this localizer blind."""
+    if not scene.world.landmarks:
+        yield Problem((), f"world {scene.world.name!r} has no landmarks; use 'flow' without them")
+    elif not any(agent.camera for agent in scene.agents):
+        yield Problem((), "no agent has a camera; give agents `camera: aideck`, or use 'flow'")
+
+
+@hookimpl
+def star_localizers() -> Iterable[Offer[Localizer]]:
+    yield Offer(
+        name="apriltag",
+        summary="Odometry, corrected by AprilTags whose places are known.",
+        make=make,
+        options=OPTIONS,
+        check=check,
+    )

@@ -1,0 +1,1 @@
+"""From a grey image to tags that can be believed: lens, detector, pose and gate."""

@@ -1,0 +1,162 @@
+"""Where the body is, from tags whose places are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from star_apriltag.vision.rigid import Pose, cross
+from star_core import Array
+
+LEVEL_DEVIATION: Final = math.radians(2.0)
+"""What the on-board estimator's roll and pitch are good for, rad; loose, for its errors last."""
+
+HEIGHT_DEVIATION: Final = 0.02
+"""What its height is good for, m."""
+
+MOST_STEPS: Final = 10
+SETTLED: Final = 1e-4  # rad and m: after a step that small, the next is below 1e-6
+NEAREST: Final = 0.02  # m, ahead of the camera: nearer than any lens focuses
+
+
+class View(NamedTuple):
+    """One tag in one image.
+
+    Attributes:
+        corners: (4, 3) its corners in the map, m.
+        rays: (4, 2) where they were seen: undistorted, over the depth.
+        deviation: Of each number in `rays`.
+        delay: (4,) when each corner was read, from the image's middle row on, s.
+    """
+
+    corners: Array
+    rays: Array
+    deviation: float
+    delay: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """What the on-board estimator says beside the tags.
+
+    Attributes:
+        up: (3,) the map's z axis in the body frame.
+        height: z of the body in the map, m.
+    """
+
+    up: Array
+    height: float
+
+    @classmethod
+    def of(cls, roll: float, pitch: float, height: float) -> Level:
+        """Return it for a body rolled and pitched (nose down positive), rad."""
+        up = [
+            -math.sin(pitch),
+            math.cos(pitch) * math.sin(roll),
+            math.cos(pitch) * math.cos(roll),
+        ]
+        return cls(np.array(up), height)
+
+
+class Motion(NamedTuple):
+    """How the body moves while the rows of an image are read, in its own frame.
+
+    Attributes:
+        velocity: (3,) m/s.
+        rates: (3,) rad/s.
+    """
+
+    velocity: Array
+    rates: Array
+
+
+AT_REST: Final = Motion(np.zeros(3), np.zeros(3))
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A pose that was found, and how sure it is.
+
+    Attributes:
+        pose: Of the body in the map.
+        covariance: (6, 6), of a turn and then a shift in the body's own frame, rad and m: the
+            tangent of gtsam's `Pose3`. It holds what tilt and height were taken to be good for.
+        misfit: Root mean square of the corners' residuals, in deviations.
+    """
+
+    pose: Pose
+    covariance: Array
+    misfit: float
+
+
+def refine(
+    pose: Pose,
+    views: Sequence[View],
+    mounting: Pose,
+    level: Level | None = None,
+    motion: Motion = AT_REST,
+) -> Fix | None:
+    """Return the body pose at which the tags look most as they were seen, or None.
+
+    All six degrees of freedom are sought, by Gauss-Newton; tilt and height are held by `level`
+    as far as it is good for.
+
+    Args:
+        pose: Of the body in the map, to begin from.
+        views: At least one.
+        mounting: Camera in the body.
+        level: None to use the tags alone.
+        motion: Of the body.
+    """
+    corners = np.concatenate([view.corners for view in views])
+    rays = np.concatenate([view.rays for view in views])
+    weight = np.repeat([1 / view.deviation for view in views], 4)
+    delay = np.concatenate([view.delay for view in views])[:, None]
+    spin = cross(motion.rates)
+    for _ in range(MOST_STEPS):
+        body = (corners - pose.position) @ pose.rotation
+        seen = body + delay * (body @ spin - motion.velocity)  # when its own row is read
+        camera = (seen - mounting.position) @ mounting.rotation
+        if not camera[:, 2].min() > NEAREST:
+            return None
+        point = camera[:, :2] / camera[:, 2:]
+        residual = ((rays - point) * weight[:, None]).ravel()
+        project = mounting.rotation.T[:2] - point[:, :, None] * mounting.rotation.T[2]
+        project *= (weight / camera[:, 2])[:, None, None]  # by the corner in the body
+        jacobian = np.concatenate([project @ cross(body), -project], axis=2).reshape(-1, 6)
+        information = jacobian.T @ jacobian
+        slope = jacobian.T @ residual
+        if level is not None:
+            more, pull = _held(pose, level)
+            information += more
+            slope += pull
+        try:
+            covariance = np.linalg.inv(information)
+        except np.linalg.LinAlgError:
+            return None
+        step = covariance @ slope
+        pose = pose.moved(step)
+        if np.abs(step).max() < SETTLED:
+            break
+    else:
+        return None
+    if not np.isfinite(covariance).all():
+        return None
+    return Fix(pose, covariance, float(np.sqrt(residual @ residual / len(residual))))
+
+
+def _held(pose: Pose, level: Level) -> tuple[Array, Array]:
+    """Return the (6, 6) information and the (6,) slope that tilt and height add."""
+    up = pose.rotation[2]
+    x, y, z = (up / LEVEL_DEVIATION).tolist()
+    jacobian = np.zeros((3, 6))
+    jacobian[0, 1:3] = -z, y
+    jacobian[1, 0:3:2] = z, -x
+    jacobian[2, 3:] = up / HEIGHT_DEVIATION
+    off = (level.up - up) / LEVEL_DEVIATION
+    off[2] = (level.height - pose.position[2]) / HEIGHT_DEVIATION
+    return jacobian.T @ jacobian, off @ jacobian

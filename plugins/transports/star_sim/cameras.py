@@ -1,0 +1,123 @@
+"""The agents' cameras: when they take images, and when those arrive."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from star_core import Array, Camera, Detections, Frames, Image, Rows, Scene
+from star_sim.airframe import STEP
+from star_sim.camera_options import CameraOptions
+from star_sim.drone import Drones
+from star_sim.eye.errors import real_camera, real_tags
+from star_sim.eye.floor import floor
+from star_sim.eye.geometric import Spotter
+from star_sim.eye.renderer import Renderer
+from star_sim.eye.shot import Shot
+
+NEVER: Final = 1 << 62  # steps
+_STREAM, _SURVEY_STREAM, _MOUNTING_STREAM = 7341, 7342, 7343
+
+
+class Cameras:
+    """Every camera of the swarm.
+
+    Cameras take images at their own rate from mission time 0 on, one agent's after another's.
+
+    Args:
+        scene: Agents with their cameras, tags, obstacles, seed.
+        options: How they err.
+
+    Attributes:
+        next_step: The simulator's step at which the next image is due.
+    """
+
+    def __init__(self, scene: Scene, options: CameraOptions) -> None:
+        self._options = options
+        seen = [
+            tag
+            for tag in (*scene.world.landmarks, *scene.world.targets)
+            if tag.of not in options.covered
+        ]
+        self._numbers = np.array([tag.id for tag in seen] or [0])
+        rng = np.random.default_rng([scene.seed, _SURVEY_STREAM])
+        tags = real_tags(seen, rng, position=options.survey, turn=options.survey_yaw)
+        self._cameras: dict[int, Camera] = {}
+        self._streams: dict[int, np.random.Generator] = {}
+        self._eyes: dict[int, Renderer | Spotter] = {}
+        ground = floor(scene.seed) if options.mode == "rendered" else None
+        for row, agent in enumerate(scene.agents):
+            if agent.camera is None:
+                continue
+            rng = np.random.default_rng([scene.seed, _MOUNTING_STREAM, row])
+            camera = real_camera(agent.camera, rng, position=options.lever, turn=options.mounting)
+            self._cameras[row] = camera
+            self._streams[row] = np.random.default_rng([scene.seed, _STREAM, row])
+            self._eyes[row] = (
+                Spotter(camera, tags, scene.world, noise=options.corner_noise)
+                if ground is None
+                else Renderer(camera, tags, scene.world, ground, noise=options.noise)
+            )
+        self._queue = [
+            (round((i + 1) / len(self._cameras) / camera.rate / STEP), row)
+            for i, (row, camera) in enumerate(self._cameras.items())
+        ]
+        heapq.heapify(self._queue)
+        self._flying: list[tuple[float, int, float, Any]] = []  # arrival, row, taken, what
+
+    @property
+    def next_step(self) -> int:
+        return self._queue[0][0] if self._queue else NEVER
+
+    def take(self, drones: Drones, step: int) -> None:
+        """Take the images that are due at `step`, from where the drones really are."""
+        while self._queue and self._queue[0][0] <= step:
+            _, row = heapq.heappop(self._queue)
+            camera, stream = self._cameras[row], self._streams[row]
+            later = step + max(1, round(1 / camera.rate / STEP))
+            heapq.heappush(self._queue, (later, row))
+            late = self._options.latency + self._options.jitter * stream.standard_normal()
+            lost = stream.random() < self._options.drops
+            drone = drones[row]
+            shot = Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])
+            eye = self._eyes[row]
+            what: Any
+            if isinstance(eye, Renderer):
+                what = eye.render(shot, stream)
+            else:
+                tags, points = eye.spot(shot, stream)
+                what = (self._mistaken(tags, stream), points)
+            if not lost:
+                self._flying.append((step * STEP + max(0.0, late), row, step * STEP, what))
+
+    def _mistaken(self, tags: Rows, stream: np.random.Generator) -> Rows:
+        """Take some tags for others."""
+        wrong = stream.random(len(tags)) < self._options.wrong_ids
+        return np.where(wrong, stream.choice(self._numbers, len(tags)), tags)
+
+    def arrived(self, now: float) -> tuple[Frames, Detections]:
+        """Return what arrived up to `now`, s, since the last call."""
+        here = sorted(
+            (one for one in self._flying if one[0] <= now), key=lambda one: (one[0], one[1])
+        )
+        self._flying = [one for one in self._flying if one[0] > now]
+        if not here:
+            return Frames.none(), Detections.none()
+        agent = np.array([row for _, row, _, _ in here])
+        arrival = np.array([time for time, _, _, _ in here])
+        taken = np.array([time if self._options.stamped else math.nan for _, _, time, _ in here])
+        if self._options.mode == "rendered":
+            images: tuple[Image, ...] = tuple(image for _, _, _, image in here)
+            return Frames(agent, taken, arrival, images), Detections.none()
+        found: list[tuple[Rows, Array]] = [what for _, _, _, what in here]
+        times = [len(ids) for ids, _ in found]
+        return Frames.none(), Detections(
+            agent=np.repeat(agent, times),
+            tag=np.concatenate([ids for ids, _ in found]),
+            corners=np.concatenate([points for _, points in found]),
+            taken=np.repeat(taken, times),
+            arrived=np.repeat(arrival, times),
+        )

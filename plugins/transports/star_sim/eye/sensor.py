@@ -1,0 +1,105 @@
+"""From light to grey values: the lens's spread of light, its falling off outwards, and noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from star_core import Camera, Image
+from star_sim.compiled import Record, compiled, kernel
+
+FALL_OFF = 0.3  # of the light, at the corner that is farthest from the axis; chosen
+
+# A standard normal number is made of the four bytes of a random one: they are uniform, so their sum
+# has this mean and this scale, and is near enough to a normal one up to 3.45 deviations.
+BYTES_MEAN = np.float32(4 * 255 / 2)
+BYTES_SCALE = np.float32(1 / math.sqrt(4 * (256**2 - 1) / 12))
+GOLDEN = np.uint32(0x9E3779B9)  # 2³² over the golden ratio: far apart for neighbours
+
+
+def spread(deviation: float) -> NDArray[np.float32]:
+    """Return how much light goes to the pixels around: a Gaussian of a deviation in px, cut."""
+    radius = math.ceil(3 * deviation - 0.5) if deviation > 0 else 0
+    away = np.arange(-radius, radius + 1)
+    weights = np.exp(-0.5 * (away / deviation) ** 2) if radius else np.ones(1)
+    return np.asarray(weights / weights.sum(), np.float32)
+
+
+def vignette(camera: Camera) -> NDArray[np.float32]:
+    """Return the share of light that reaches each pixel, (height, width)."""
+    fx, fy, cx, cy = camera.matrix
+    x, y = (np.arange(camera.width) - cx) / fx, (np.arange(camera.height) - cy) / fy
+    square = x**2 + y[:, None] ** 2
+    return np.asarray(1 - FALL_OFF * square / square.max(), np.float32)
+
+
+@kernel
+def develop(
+    light: Record, weights: Record, share: Record, read: float, shot: float, key: int
+) -> Image:
+    """Return the image that a sensor makes of light.
+
+    Each step is a loop of its own over a row, for the compiler to do several pixels at once.
+
+    Args:
+        light: (H, W) float32 grey values.
+        weights: (2 R + 1,) of `spread`.
+        share: (H, W) of `vignette`.
+        read: Deviation of the noise of reading out, grey values.
+        shot: Variance of the noise of light for each grey value of it.
+        key: What the noise follows from, less than 2³².
+    """
+    height, width = light.shape
+    radius = len(weights) // 2
+    image = np.empty((height, width), np.uint8)
+    padded = np.empty(width + 2 * radius, np.float32)
+    row, normal = np.empty(width, np.float32), np.zeros(width, np.float32)
+    variance, slope, half = np.float32(read * read), np.float32(shot), np.float32(0.5)
+    black, white = np.float32(0.0), np.float32(255.0)
+    for v in range(height):
+        padded[:] = black
+        for k in range(len(weights)):
+            weight, source = weights[k], light[min(max(v + k - radius, 0), height - 1)]
+            for u in range(width):
+                padded[radius + u] += weight * source[u]
+        for k in range(radius):
+            padded[k], padded[radius + width + k] = padded[radius], padded[radius + width - 1]
+        row[:] = black
+        for k in range(len(weights)):
+            weight, source = weights[k], padded[k:]
+            for u in range(width):
+                row[u] += weight * source[u]
+        if read > 0.0 or shot > 0.0:
+            _normals(_mixed(np.uint32(np.uint32(key) + np.uint32(v) * GOLDEN)), normal)
+        passed, shown = share[v], image[v]
+        for u in range(width):
+            grey = row[u] * passed[u]
+            grey += np.sqrt(variance + slope * grey) * normal[u]
+            row[u] = min(max(grey + half, black), white)
+        for u in range(width):
+            shown[u] = np.uint8(np.int32(row[u]))
+    return image
+
+
+@compiled
+def _normals(start: np.uint32, normal: Record) -> None:
+    """Fill an array with float32 numbers that look standard normal and follow from `start`."""
+    byte = np.uint32(255)
+    for u in range(len(normal)):
+        bits = _mixed(np.uint32(start + np.uint32(u) * GOLDEN))
+        total = np.int32(bits & byte) + np.int32((bits >> np.uint32(8)) & byte)
+        total += np.int32((bits >> np.uint32(16)) & byte) + np.int32(bits >> np.uint32(24))
+        normal[u] = (np.float32(total) - BYTES_MEAN) * BYTES_SCALE
+
+
+@compiled
+def _mixed(x: np.uint32) -> np.uint32:
+    """Return 32 bits that look random and follow from `x`: the finaliser of MurmurHash3."""
+    x ^= x >> np.uint32(16)
+    x = np.uint32(x * np.uint32(0x85EBCA6B))
+    x ^= x >> np.uint32(13)
+    x = np.uint32(x * np.uint32(0xC2B2AE35))
+    x ^= x >> np.uint32(16)
+    return np.uint32(x)

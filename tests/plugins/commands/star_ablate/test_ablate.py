@@ -1,0 +1,215 @@
+"""``star ablate`` flies everything, whatever becomes of single runs, and tabulates it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import star_ablate
+from star_ablate.command import main
+from star_core import InputError, Registry
+
+Study = Callable[[str], Path]
+Rows = Callable[[Path], list[dict[str, str]]]
+
+HOP = "missions: [../hop.yaml]\nmeasures: [path_length_m.total, flight_time_s]\n"
+SLOW = "factors: {rate: {slow: {rate: 10}}}\n"
+ENTER = "import sys; from star_ablate.command import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.fixture(scope="module")
+def flown(laid_out: Callable[[Path], Study], tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """Writes studies of a mission whose first two seeds have been flown and recorded in ``out``."""
+    study = laid_out(tmp_path_factory.mktemp("flown"))
+    ablate(study(HOP + SLOW + "seeds: 2\n"), "--record", "--workers", "2")
+    return study
+
+
+def ablate(path: Path, *arguments: str) -> Path:
+    """Fly a study to its end and return the folder of its results."""
+    out = path.parents[1] / "out"
+    assert main([str(path), "--out", str(out), *arguments]) == 0
+    return out
+
+
+def test_the_plugin_offers_the_command_ablate(capsys: pytest.CaptureFixture[str]) -> None:
+    offer = Registry(star_ablate, installed=False).find("command", "ablate").offer
+    with pytest.raises(SystemExit):
+        offer.make(["--help"])
+    assert "--workers" in capsys.readouterr().out
+
+
+def test_the_example_flies_and_shows_that_orca_keeps_drones_apart(
+    missions: Path, tmp_path: Path, rows: Rows, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = missions / "studies" / "avoiders.yaml"
+    assert main([str(path), "--out", str(tmp_path / "a"), "--seeds", "1"]) == 0
+    found = rows(tmp_path / "a")
+    assert [(row["avoider"], row["seed"]) for row in found] == [
+        (level, "0") for level in ("none", "orca 0.25", "orca 0.3")
+    ]
+    hits = {row["avoider"]: int(row["collisions.agent_agent"]) for row in found}
+    assert hits["none"] > hits["orca 0.25"] == hits["orca 0.3"] == 0
+    assert (tmp_path / "a" / "results.md").read_text() in capsys.readouterr().out
+
+
+def test_one_worker_and_two_leave_the_same_results_but_for_wall_times(
+    flown: Study, rows: Rows
+) -> None:
+    with_two = rows(flown("").parents[1] / "out")
+    out = flown("").parents[1] / "alone"
+    assert main([str(flown(HOP + SLOW + "seeds: 2\n")), "--out", str(out), "--workers", "1"]) == 0
+    times = {"wall_time_s": ""}
+    assert [row | times for row in rows(out)] == [row | times for row in with_two]
+    assert len({row["path_length_m.total"] for row in with_two}) == 2
+
+
+@pytest.mark.usefixtures("wrecker")
+def test_runs_that_raise_or_die_are_results_and_the_rest_is_flown(study: Study, rows: Rows) -> None:
+    path = study(
+        HOP + "seeds: 1\n"
+        "factors:\n"
+        "  harm:\n"
+        "    exit: {avoider: {use: wrecker, made: exit}}\n"
+        "    segfault: {avoider: {use: wrecker, used: segfault}}\n"
+        "    make: {avoider: {use: wrecker, made: raise}}\n"
+        "    quit: {avoider: {use: wrecker, made: quit}}\n"
+        "    use: {avoider: {use: wrecker, used: raise}}\n"
+        "    nothing: {avoider: wrecker}\n"
+    )
+    out = ablate(path, "--workers", "2")
+    found = {row["harm"]: row for row in rows(out)}
+    ends = {harm: (row["outcome"], row["reason"]) for harm, row in found.items()}
+    assert ends["exit"] == ("crashed", "its process ended with exit status 3")
+    assert ends["segfault"] == ("crashed", "its process ended with SIGSEGV")
+    for harm in ("make", "quit", "use"):
+        outcome, reason = ends[harm]
+        assert outcome == "failed"
+        assert "wrecker" in reason
+        assert "harm" in reason
+    assert ends["nothing"] == ("completed", "")
+    assert found["use"]["flight_time_s"] != ""  # it flew, and was brought down
+    assert found["make"]["flight_time_s"] == found["exit"]["flight_time_s"] == ""
+    assert "Segmentation fault" in (out / "log.txt").read_text()
+    page = (out / "results.md").read_text()
+    assert "| hop | exit | 1 | 0% | - | - |" in page
+    assert "| hop, harm: exit, seed 0 | crashed | its process ended with exit status 3 |" in page
+
+
+@pytest.mark.usefixtures("wrecker")
+def test_a_run_that_hangs_is_ended_when_its_time_is_over(study: Study, rows: Rows) -> None:
+    harm = "harm: {hang: {avoider: {use: wrecker, made: hang}}}"
+    path = study(HOP + f"seeds: 1\ntime_limit: 1\nfactors: {{{harm}}}\n")
+    (row,) = rows(ablate(path))
+    assert (row["outcome"], row["reason"]) == ("crashed", "took longer than 1 s")
+    assert float(row["wall_time_s"]) >= 1
+
+
+def test_a_study_goes_on_where_it_stopped(
+    flown: Study, rows: Rows, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = rows(flown("").parents[1] / "out")
+    after = rows(ablate(flown(HOP + SLOW + "seeds: [0, 3, 1]\n"), "--record"))
+    (told,) = capsys.readouterr().err.splitlines()
+    assert told.startswith("[3/3] hop, rate: slow, seed 3: completed")
+    assert [row["seed"] for row in after] == ["0", "3", "1"]
+    assert [after[0], after[2]] == before  # even their wall times
+
+
+def test_measures_that_are_asked_for_later_need_no_flight(
+    flown: Study, rows: Rows, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = SLOW + "missions: [../hop.yaml]\nseeds: 1\nmeasures: "
+    ablate(flown(text + "[flight_time]\n"))
+    assert capsys.readouterr().err == (
+        "star: no run has the measure 'flight_time'; did you mean 'flight_time_s'?\n"
+    )
+    (row,) = rows(ablate(flown(text + "[seed, position_rmse_m]\n")))
+    assert float(row["position_rmse_m"]) > 0
+    assert capsys.readouterr().err == ""
+
+
+def test_records_are_kept_when_asked_for(flown: Study) -> None:
+    record = flown("").parents[1] / "out" / "runs" / "hop" / "rate=slow" / "seed=1"
+    assert json.loads((record / "manifest.json").read_text())["mission"]["seed"] == 1
+    with np.load(record / "trajectory.npz") as trajectory:
+        assert np.diff(trajectory["time"]).mean() == pytest.approx(0.1)
+
+
+@pytest.mark.usefixtures("wrecker")
+def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
+    study: Study, rows: Rows, tmp_path: Path, wrecker: Path
+) -> None:
+    path = study(
+        HOP + "seeds: 1\nfactors:\n"
+        "  harm: {a: {avoider: wrecker}, b: {avoider: {use: wrecker, made: hang}}}\n"
+    )
+    out = tmp_path / "out"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(wrecker), *sys.path])}
+    command = [sys.executable, "-c", ENTER, str(path), "--out", str(out), "--workers", "1"]
+    with subprocess.Popen(
+        command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stderr is not None
+        assert "harm: a, seed 0: completed" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        try:
+            said, err = process.communicate(timeout=60)  # Python waits for processes left
+        finally:
+            process.kill()
+    assert process.returncode == 1
+    assert err == f"star: interrupted; to go on, add `--out {out}`\n"
+    assert "1 of 2 runs" in said
+    (row,) = rows(out)
+    assert (row["harm"], row["outcome"]) == ("a", "completed")
+
+
+def test_nothing_is_written_when_the_study_is_wrong(study: Study, tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        main([str(study("missions: []\n")), "--out", str(tmp_path / "out")])
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda out: out.write_text(""), "is no folder"),
+        (
+            lambda out: (out / "thesis").mkdir(parents=True),
+            "holds something else than a study; name another folder",
+        ),
+    ],
+)
+def test_results_do_not_go_where_something_else_is(
+    make: Callable[[Path], object], why: str, study: Study, tmp_path: Path
+) -> None:
+    make(out := tmp_path / "out")
+    with pytest.raises(InputError) as caught:
+        main([str(study(HOP)), "--out", str(out)])
+    assert caught.value.problems == (f"--out {out}: {why}",)
+
+
+def test_a_folder_that_cannot_be_made_is_told(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "out"
+    with pytest.raises(InputError) as caught:
+        main([str(study(HOP)), "--out", str(out)])
+    assert caught.value.problems == (f"{out}: cannot be written: Not a directory",)
+
+
+@pytest.mark.parametrize("arguments", [["--workers", "0"], ["--seeds", "-1"], ["--seeds", "x"]])
+def test_numbers_on_the_command_line_are_positive(
+    arguments: Sequence[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["study.yaml", *arguments])
+    assert caught.value.code == 2
+    assert "invalid positive whole number value" in capsys.readouterr().err

@@ -1,0 +1,234 @@
+"""A study is read, checked and laid out before anything flies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from star_ablate.study import COLUMNS, MEASURES, SEEDS, read
+from star_core import InputError, Registry
+from star_core import schema as schemas
+
+HOP = "missions: [../hop.yaml]\n"
+
+
+@pytest.fixture(scope="module")
+def registry() -> Registry:
+    return Registry()
+
+
+def problems(path: Path, registry: Registry) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        read(path, registry)
+    return [problem.removeprefix(f"{path}:") for problem in caught.value.problems]
+
+
+def test_every_combination_of_missions_and_levels_is_a_condition(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study("""\
+        missions: [../hop.yaml, ../jump.yaml]
+        seeds: 1
+        factors:
+          avoider: {none: {}, orca: {avoider: orca}}
+          rate: {slow: {rate: 10}, fast: {rate: 20}}
+        """)
+    names = [condition.names for condition in read(path, registry).conditions]
+    assert names == [
+        (mission, avoider, rate)
+        for mission in ("hop", "jump")
+        for avoider in ("none", "orca")
+        for rate in ("slow", "fast")
+    ]
+
+
+def test_a_level_sets_what_it_says_and_nothing_else(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    factors = "factors: {radius: {small: {avoider: {use: orca, radius: 0.2}, rate: 10}}}\n"
+    (plain,) = read(study(HOP), registry).conditions
+    (small,) = read(study(HOP + factors), registry).conditions
+    expected = plain.mission.document.data | {"avoider": {"use": "orca", "radius": 0.2}, "rate": 10}
+    assert small.mission.document.data == expected
+
+
+def test_a_later_factor_sets_an_option_of_what_an_earlier_one_chose(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study(
+        HOP + "factors:\n  avoider: {orca: {avoider: orca}}\n  radius: {a: {avoider.radius: 0.2}}\n"
+    )
+    (condition,) = read(path, registry).conditions
+    assert dict(condition.mission.parts["avoider"].options) == {"radius": 0.2}
+
+
+def test_without_factors_the_missions_are_flown_as_they_are(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    found = read(study(HOP), registry)
+    assert [condition.names for condition in found.conditions] == [("hop",)]
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted", "seeds"),
+    [
+        ("3", None, (0, 1, 2)),
+        ("{count: 2}", None, (0, 1)),
+        ("{first: 7, count: 2}", None, (7, 8)),
+        ("[5, 3]", None, (5, 3)),
+        ("[5, 3, 4]", 2, (5, 3)),
+        ("[5, 3]", 4, (5, 3, 6, 7)),
+    ],
+)
+def test_seeds_are_counted_or_listed(
+    given: str,
+    wanted: int | None,
+    seeds: tuple[int, ...],
+    study: Callable[[str], Path],
+    registry: Registry,
+) -> None:
+    assert read(study(f"{HOP}seeds: {given}\n"), registry, wanted).seeds == seeds
+
+
+def test_a_run_flies_with_its_seed(study: Callable[[str], Path], registry: Registry) -> None:
+    (run,) = read(study(f"{HOP}seeds: [41]\n"), registry).runs()
+    assert run.mission().scene.seed == run.mission().document.data["seed"] == 41
+
+
+def test_every_run_has_a_key_of_its_own_that_is_the_same_when_read_again(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    text = HOP + "seeds: 3\nfactors: {same: {a: {}, b: {}}}\n"
+    keys = [run.key for run in read(study(text), registry).runs()]
+    assert len(set(keys)) == 6
+    assert keys == [run.key for run in read(study(text), registry).runs()]
+
+
+@pytest.mark.parametrize("file", ["hop.yaml", "room.yaml"])
+def test_a_change_of_the_mission_or_its_world_changes_the_key(
+    file: str, study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study(f"{HOP}seeds: 1\n")
+    (before,) = read(path, registry).runs()
+    changed = path.parents[1] / file
+    changed.write_text(changed.read_text().replace("name: ", "name: other-"))
+    (after,) = read(path, registry).runs()
+    assert before.key != after.key
+
+
+def test_another_version_of_a_plugin_changes_the_key(
+    study: Callable[[str], Path], wrecker: Path
+) -> None:
+    path = study(f"{HOP}seeds: 1\nfactors: {{avoider: {{wrecker: {{avoider: wrecker}}}}}}\n")
+    (before,) = read(path, Registry()).runs()
+    about = wrecker / "star_wrecker-1.0.dist-info" / "METADATA"
+    about.write_text(about.read_text().replace("1.0", "1.1"))
+    (after,) = read(path, Registry()).runs()
+    assert before.key != after.key
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (
+            "missions: [../hip.yaml]\n",
+            "3:12: there is no file '../hip.yaml' from the study's folder",
+        ),
+        (
+            "missions: [../../x.yaml]\n",
+            "3:12: '../../x.yaml' is outside the folder above the study's; name a file inside it",
+        ),
+        (
+            "missions: [/etc/hosts]\n",
+            "3:12: '/etc/hosts' is outside the folder above the study's; name a file inside it",
+        ),
+        (
+            HOP + "factors: {seed: {a: {}}}\n",
+            "4:17: a factor cannot be called 'seed': the results have that column",
+        ),
+        (
+            HOP + "factors: {noise: {a: {seed: 3}}}\n",
+            "4:29: the seed is no level; set `seeds`",
+        ),
+        (
+            HOP + "factors: {a: {b: {avoider.radius: 1}}, c: {d: {avoider: none}}}\n",
+            "4:57: 'avoider' would undo what factor 'a' sets; write 'c' first or make one factor"
+            " of both",
+        ),
+        (
+            HOP + "factors: {a: {b: {rate: 1}}, c: {d: {rate: 2}}}\n",
+            "4:44: 'rate' would undo what factor 'a' sets; write 'c' first or make one factor"
+            " of both",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_its_place(
+    text: str, found: str, study: Callable[[str], Path], registry: Registry
+) -> None:
+    assert problems(study(text), registry) == [found]
+
+
+def test_a_link_does_not_lead_out_of_the_folder(
+    study: Callable[[str], Path], registry: Registry, tmp_path: Path
+) -> None:
+    path = study("missions: [link.yaml]\n")
+    (tmp_path / "elsewhere.yaml").write_text("star: 1\n")
+    (path.parent / "link.yaml").symlink_to(tmp_path / "elsewhere.yaml")
+    (found,) = problems(path, registry)
+    assert "'link.yaml' is outside the folder above the study's" in found
+
+
+def test_two_missions_of_one_name_cannot_be_told_apart(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study("missions: [../hop.yaml, hop.yaml]\n")
+    (path.parent / "hop.yaml").write_text("star: 1\n")
+    first = path.parent / "../hop.yaml"
+    assert problems(path, registry) == [
+        f"3:25: 'hop.yaml' cannot be told from {str(first)!r} in the results; rename one"
+    ]
+
+
+def test_what_a_level_sets_wrongly_is_located_in_the_study(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study(HOP + "factors: {radius: {odd: {avoider: {use: orca, radius: -1}}, even: {}}}\n")
+    (found,) = problems(path, registry)
+    assert found.startswith("4:35: ")
+    assert found.endswith("; with radius: odd")
+    assert "-1" in found
+
+
+def test_what_is_wrong_with_a_mission_at_every_level_is_told_once(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study(HOP + "factors: {rate: {a: {rate: 10}, b: {rate: 20}}}\n")
+    (path.parents[1] / "hop.yaml").write_text("star: 1\nname: hop\n")
+    found = problems(path, registry)
+    assert len(found) == len(set(found)) > 0
+    assert all("hop.yaml:1:1: " in problem and "; with" not in problem for problem in found)
+
+
+def test_the_schema_tells_the_defaults_that_are_used() -> None:
+    properties = schemas.load("study")["properties"]
+    assert properties["measures"]["default"] == list(MEASURES)
+    assert properties["seeds"]["default"] == SEEDS
+
+
+def test_every_property_of_the_schema_is_described() -> None:
+    waiting = [schemas.load("study")]
+    described = 0
+    while waiting:
+        schema = waiting.pop()
+        for part in schema.get("properties", {}).values():
+            assert part["description"]
+            described += 1
+            waiting.append(part)
+        waiting += [p for p in [schema.get("additionalProperties")] if isinstance(p, dict)]
+    assert described >= 9
+
+
+def test_the_columns_of_the_results_are_no_names_of_factors() -> None:
+    assert {"mission", "seed", "outcome", "reason", "wall_time_s"} == set(COLUMNS)

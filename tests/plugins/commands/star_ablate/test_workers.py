@@ -1,0 +1,96 @@
+"""Workers are replaced when they die, and leave nothing behind when they end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from star_ablate.flight import Task, flown
+from star_ablate.workers import Worker, fly_all
+from star_core import Mission, Registry, load
+
+pytestmark = pytest.mark.usefixtures("wrecker")
+
+
+@pytest.fixture
+def hop(study: Callable[[str], Path]) -> Callable[[str], Mission]:
+    """Loads the mission with an avoider that does harm when it is made."""
+    folder = study("").parents[1]
+
+    def loaded(harm: str) -> Mission:
+        options = f"avoider={{use: wrecker, made: '{harm}'}}"
+        return load(folder / "hop.yaml", Registry(), [options])
+
+    return loaded
+
+
+@pytest.fixture
+def worker(tmp_path: Path) -> Iterator[Worker]:
+    worker = Worker(tmp_path / "log.txt", None)
+    yield worker
+    worker.end()
+
+
+def alive(process: int) -> bool:
+    """Whether a process runs; one that has ended and that nobody asked after does not."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+def eventually(question: Callable[[], Any], patience: float = 20.0) -> Any:
+    """The answer to a question, asked until it is true."""
+    given_up = time.monotonic() + patience
+    while not (answer := question()) and time.monotonic() < given_up:
+        time.sleep(0.02)
+    return answer
+
+
+def test_a_worker_that_died_idle_is_replaced(worker: Worker, hop: Callable[[str], Mission]) -> None:
+    worker.give(0, Task(hop("raise")))
+    assert worker.take()[1].outcome == "failed"
+    (process,) = [worker._process]
+    assert process is not None
+    os.kill(process.pid or 0, signal.SIGKILL)
+    process.join()
+    worker.give(1, Task(hop("raise")))
+    index, result = worker.take()
+    assert (index, result.outcome) == (1, "failed")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks Linux who is alive")
+def test_ending_a_worker_ends_what_its_plugins_started(
+    worker: Worker, hop: Callable[[str], Mission], tmp_path: Path
+) -> None:
+    log = tmp_path / "log.txt"
+    worker.give(0, Task(hop("breed")))
+    started = eventually(lambda: log.exists() and log.read_text().strip())
+    assert alive(int(started))
+    worker.end()
+    assert eventually(lambda: not alive(int(started)))
+
+
+def test_an_error_of_our_own_fails_its_run_and_is_logged(
+    hop: Callable[[str], Mission], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("star_ablate.flight.fly", broken)
+    result = flown(Task(hop("")), Registry())
+    assert (result.outcome, result.summary) == ("failed", None)
+    assert result.reason == "ZeroDivisionError: division by zero"
+    assert "Traceback" in caplog.text
+
+
+def test_without_tasks_nothing_is_started(tmp_path: Path) -> None:
+    assert list(fly_all([], 4, tmp_path / "log.txt")) == []
+    assert not (tmp_path / "log.txt").exists()

@@ -1,0 +1,275 @@
+"""Sheets that ``star tags`` writes show the right tag, the right way up, in true size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+import pytest
+
+import star_tags
+from star_core import InputError, Registry
+from star_core import schema as schemas
+from star_core.world_file import RIM as WORLD_RIM
+from star_core.world_file import SIZE as WORLD_SIZE
+from star_tags.command import main
+from star_tags.page import Fill, Text, number, rectangle
+from star_tags.sheet import BAR, PAPERS, RIM, STRIP, Sheet, lay_out
+from star_tags.world import SIZE, pages
+
+Areas: TypeAlias = list[tuple[float, list[list[tuple[float, float]]]]]
+Sheets: TypeAlias = Callable[..., list[tuple[tuple[float, float], Areas, list[str]]]]
+
+HEAD = "star: 1\nname: lab\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+TAGS = """\
+landmarks:
+  corner: {tags: [0, 1], at: [1.4, 1.4, 0.0], yaw_deg: 90}
+  wall (é): {tags: [17], at: [0, 2, 1.0], roll_deg: 90, size: 0.1}
+targets:
+  survivor & co: {tags: [586], at: [0.5, -1.0, 0.0], size: 0.05}
+"""
+EDGES = {0: 168.0, 1: 168.0, 17: 100.0, 586: 50.0}  # mm
+FINE = 4  # pixels a millimetre
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Callable[[str], Path]:
+    def write(text: str) -> Path:
+        path = tmp_path / "lab.yaml"
+        path.write_text(HEAD + text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def printed(size: tuple[float, float], areas: Areas) -> np.ndarray:
+    """The page as a picture of `FINE` pixels a millimetre."""
+    picture = np.full([round(FINE * length) for length in reversed(size)], 255, np.uint8)
+    for grey, outlines in areas:
+        for outline in outlines:  # shifted by half a pixel: that is where OpenCV has its edges
+            corners = np.round((FINE * np.array(outline) - 0.5) * 16).astype(np.int32)
+            cv2.fillPoly(picture, [corners], int(255 * grey), shift=4)
+    return picture
+
+
+def seen(picture: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """The tags that OpenCV finds, and the corners of each in mm, from its upper left clockwise."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    corners, found, _ = cv2.aruco.ArucoDetector(family).detectMarkers(picture)
+    return [int(n) for n in np.ravel(found)], (np.array(corners).reshape(-1, 4, 2) + 0.5) / FINE
+
+
+# The sheets
+
+
+@pytest.mark.parametrize("form", ["pdf", "svg"])
+def test_each_page_shows_its_tag_upright_and_in_true_size(
+    form: str, world: Callable[[str], Path], sheets: Sheets
+) -> None:
+    for (tag, edge), (size, areas, _) in zip(EDGES.items(), sheets(world(TAGS), form), strict=True):
+        found, corners = seen(printed(size, areas))
+        assert found == [tag]
+        left, top = corners[0].min(axis=0)
+        upright = [[left, top], [left + edge, top], [left + edge, top + edge], [left, top + edge]]
+        assert corners[0] == pytest.approx(np.array(upright), abs=2 / FINE)
+
+
+@pytest.mark.parametrize("form", ["pdf", "svg"])
+def test_the_black_square_has_the_very_size(
+    form: str, world: Callable[[str], Path], sheets: Sheets
+) -> None:
+    for edge, (_, areas, _) in zip(EDGES.values(), sheets(world(TAGS), form), strict=True):
+        tag = np.array([corner for outline in areas[0][1] for corner in outline])
+        assert np.ptp(tag, axis=0) == pytest.approx([edge, edge], abs=1e-3)
+
+
+@pytest.mark.parametrize("form", ["pdf", "svg"])
+@pytest.mark.parametrize("paper", PAPERS)
+def test_a_page_is_as_large_as_the_paper(
+    form: str, paper: str, world: Callable[[str], Path], sheets: Sheets
+) -> None:
+    for size, _, _ in sheets(world(TAGS), form, paper):
+        assert size == pytest.approx(PAPERS[paper], abs=1e-3)
+
+
+@pytest.mark.parametrize("form", ["pdf", "svg"])
+def test_the_rim_is_white(form: str, world: Callable[[str], Path], sheets: Sheets) -> None:
+    for edge, (size, areas, _) in zip(EDGES.values(), sheets(world(TAGS), form), strict=True):
+        picture = printed(size, areas)
+        tag = FINE * np.array([corner for outline in areas[0][1] for corner in outline])
+        (left, top), (right, bottom) = tag.min(axis=0), tag.max(axis=0)
+        rim = FINE * edge / 8 - 2  # less two pixels of the frame and of the edge
+        rows = slice(round(top - rim), round(bottom + rim))
+        columns = slice(round(left - rim), round(right + rim))
+        around = picture[rows, columns].copy()
+        inner = slice(round(rim) - 2, -round(rim) + 2)
+        around[inner, inner] = 255
+        assert around.min() == 255
+
+
+@pytest.mark.parametrize("form", ["pdf", "svg"])
+def test_a_page_has_a_bar_of_100_mm_and_an_arrow_that_points_up(
+    form: str, world: Callable[[str], Path], sheets: Sheets
+) -> None:
+    for _, areas, _ in sheets(world(TAGS), form):
+        _, _, (_, bar), (_, (shaft, head)) = areas
+        ends = np.array([x for outline in bar for x, _ in outline])
+        assert np.ptp(ends) == pytest.approx(BAR) == 100
+        foot, tip = np.array(shaft), np.array(head)
+        assert len(head) == 3
+        widest = np.ptp(tip[tip[:, 1] == tip[:, 1].max()][:, 0])
+        assert tip[:, 1].min() < foot[:, 1].min()  # y is down
+        assert widest > np.ptp(foot[:, 0])
+
+
+@pytest.mark.parametrize("form", ["pdf", "svg"])
+def test_a_page_says_which_tag_it_is_and_where_it_belongs(
+    form: str, world: Callable[[str], Path], sheets: Sheets
+) -> None:
+    texts = [page[2] for page in sheets(world(TAGS), form)]
+    assert [said[0] for said in texts] == [f"tag {number}" for number in EDGES]
+    assert texts[1][1] == "corner, a landmark of lab: 2 of 2 from the left, middles 210 mm apart"
+    assert texts[1][2] == (
+        "middle of the row at [1.4, 1.4, 0] m in the map, roll 0°, pitch 0°, yaw 90°"
+    )
+    assert texts[2][1] == "wall (é), a landmark of lab"
+    assert texts[3][1] == "survivor & co, a target of lab"
+    assert texts[3][3].startswith("The bar is 100 mm, the black square 50 mm wide: ")
+
+
+def test_nothing_overlaps_the_tag_with_its_rim() -> None:
+    for paper, (width, height) in PAPERS.items():
+        largest = min(width, height - STRIP) / 1000 / RIM
+        page = lay_out(Sheet(3, largest, ("a", "b")), paper)
+        tag, _, *others = page.marks
+        assert isinstance(tag, Fill)
+        lowest = min(y for outline in tag.outlines for _, y in outline) - 1000 * largest / 8
+        tops = [mark.at[1] + mark.size for mark in others if isinstance(mark, Text)]
+        tops += [y for m in others if isinstance(m, Fill) for o in m.outlines for _, y in o]
+        assert max(tops) <= lowest + 1e-6
+
+
+def test_every_outline_goes_round_the_same_way() -> None:
+    """Else outlines of one area would cut holes into each other."""
+    for mark in lay_out(Sheet(3, 0.1, ()), "a4").marks:
+        for outline in mark.outlines if isinstance(mark, Fill) else ():
+            x, y = np.array(outline).T
+            assert np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0
+
+
+def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
+    tag = lay_out(Sheet(5, 0.08, ()), "a4").marks[0]
+    assert isinstance(tag, Fill)
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    black = np.count_nonzero(family.generateImageMarker(5, 8) == 0)
+    area = sum((o[1][0] - o[0][0]) * (o[2][1] - o[1][1]) for o in tag.outlines)
+    assert area == pytest.approx(black * 10.0**2)
+
+
+# What cannot be printed
+
+
+@pytest.mark.parametrize(
+    ("tags", "paper", "found"),
+    [
+        (
+            "landmarks:\n  big: {tags: [4], at: [0, 0, 0], size: 0.2}\n",
+            "a4",
+            "5:16: tag 4 is 250 mm wide with its white rim, too wide for a4; use --paper a3",
+        ),
+        (
+            "landmarks:\n  big: {tags: [4], at: [0, 0, 0], size: 0.17}\n",
+            "a4",
+            "5:16: tag 4 is 212.5 mm wide with its white rim, too wide for a4; use --paper letter",
+        ),
+        (
+            "targets:\n  huge: {tags: [3, 4], at: [0, 0, 0], size: 0.3}\n",
+            "a3",
+            "5:17: tag 3 is 375 mm wide with its white rim, too wide for a3;"
+            " no paper known here is larger\n"
+            "5:20: tag 4 is 375 mm wide with its white rim, too wide for a3;"
+            " no paper known here is larger",
+        ),
+        (
+            "landmarks:\n  a: {tags: [4], at: [0, 0, 0]}\n  b: {tags: [4], at: [1, 0, 0]}\n",
+            "a4",
+            "6:14: tag 4 belongs to 'a' already; give each its own number",
+        ),
+    ],
+)
+def test_what_cannot_be_printed_is_told_with_its_place(
+    tags: str, paper: str, found: str, world: Callable[[str], Path]
+) -> None:
+    path = world(tags)
+    with pytest.raises(InputError) as caught:
+        pages(path, paper)
+    assert str(caught.value).replace(f"{path}:", "") == found
+
+
+def test_a_world_without_tags_is_told_so(world: Callable[[str], Path]) -> None:
+    path = world("")
+    with pytest.raises(InputError) as caught:
+        main([str(path)])
+    assert caught.value.problems == (
+        f"{path}: has neither landmarks nor targets: there is no tag to print",
+    )
+
+
+@pytest.mark.parametrize(
+    ("out", "why"),
+    [
+        ("tags.png", "expected a name that ends in .pdf or .svg"),
+        ("nowhere/tags.pdf", "cannot be written: No such file or directory"),
+    ],
+)
+def test_where_sheets_cannot_go_is_told(
+    out: str,
+    why: str,
+    world: Callable[[str], Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError) as caught:
+        main([str(world(TAGS)), "--out", out])
+    assert caught.value.problems == (f"--out {out}: {why}",)
+
+
+def test_without_a_name_the_file_is_called_after_the_world(
+    world: Callable[[str], Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([str(world(TAGS))]) == 0
+    assert (tmp_path / "lab-tags.pdf").read_bytes().startswith(b"%PDF-1.4\n")
+    assert capsys.readouterr().out == "4 tags on a4: lab-tags.pdf\n"
+
+
+# Constants that are written down elsewhere too
+
+
+def test_the_size_and_the_rim_are_those_of_worlds() -> None:
+    sheet = schemas.load("world")["$defs"]["sheet"]["properties"]
+    assert sheet["size"]["default"] == SIZE == WORLD_SIZE
+    assert RIM == WORLD_RIM
+
+
+def test_the_plugin_offers_the_command_tags(capsys: pytest.CaptureFixture[str]) -> None:
+    offer = Registry(star_tags, installed=False).find("command", "tags").offer
+    with pytest.raises(SystemExit):
+        offer.make(["--help"])
+    assert "--paper" in capsys.readouterr().out
+
+
+def test_a_rectangle_goes_round_anticlockwise() -> None:
+    assert rectangle((0, 0), 2, 1) == ((0, 0), (2, 0), (2, 1), (0, 1))
+
+
+@pytest.mark.parametrize(("value", "text"), [(1e-9, "0"), (-1e-9, "0"), (10.0, "10"), (0.1, "0.1")])
+def test_a_number_is_written_without_exponent_or_idle_noughts(value: float, text: str) -> None:
+    assert number(value) == text

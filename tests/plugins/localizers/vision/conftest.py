@@ -1,0 +1,100 @@
+"""A painter of tags as a camera sees them, and corners without an image."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+import pytest
+
+from star_apriltag.vision.lens import Lens
+from star_apriltag.vision.prediction import Prediction
+from star_apriltag.vision.rigid import Pose, matrix
+from star_apriltag.vision.square import HALVES
+from star_core import Array, Camera, Image, Tag
+from star_core.quaternion import turned
+
+FINE = 4  # by which images are painted larger than they are, along each side
+BLUR, NOISE = 0.7, 4.0  # px and grey values
+INK, PAPER, FLOOR = 35.0, 205.0, 115.0
+
+Paint = Callable[[Pose, Sequence[Tag]], Image]
+
+
+@pytest.fixture(scope="session")
+def lens() -> Lens:
+    return Lens(Camera())
+
+
+@pytest.fixture(scope="session")
+def paint(lens: Lens) -> Paint:
+    """Returns what the default camera sees of tags with their white rims, on a plain floor."""
+    height, width = lens.shape
+    v, u = np.mgrid[: height * FINE, : width * FINE]
+    pixels = (np.stack([u, v], axis=-1) + 0.5) / FINE - 0.5
+    rays = np.dstack([lens.undistort(pixels), np.ones(u.shape)])
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+
+    def painted(body: Pose, tags: Sequence[Tag]) -> Image:
+        camera = body @ lens.mounting
+        image = np.full(u.shape, FLOOR)
+        for tag in tags:
+            bits = cv2.aruco.generateImageMarker(family, tag.id, 8) > 0
+            bits = np.pad(bits, 1, constant_values=True)
+            to_tag = in_map(tag).inverse() @ camera
+            ahead = rays @ to_tag.rotation.T
+            times = -to_tag.position[2] / ahead[..., 2]
+            x, y = ((to_tag.position[i] + times * ahead[..., i]) / tag.size * 8 for i in (0, 1))
+            inside = (np.abs(x) < 5) & (np.abs(y) < 5) & (times > 0)
+            row, column = np.floor(5 - y[inside]).astype(int), np.floor(x[inside] + 5).astype(int)
+            image[inside] = np.where(bits[row, column], PAPER, INK)
+        image = cv2.GaussianBlur(image, (0, 0), BLUR * FINE)
+        image = image.reshape(height, FINE, width, FINE).mean(axis=(1, 3))
+        noise = np.random.default_rng(len(tags)).normal(0, NOISE, image.shape)
+        taken: Image = np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+        return taken
+
+    return painted
+
+
+def in_map(tag: Tag) -> Pose:
+    return Pose(matrix(tag.rotation), np.array(tag.position))
+
+
+def on_floor(number: int, x: float, y: float, yaw: float = 0.0, size: float = 0.168) -> Tag:
+    return Tag(number, size, (x, y, 0.0), turned(0, 0, yaw), "here")
+
+
+def on_wall(number: int, x: float, y: float, z: float, facing: float) -> Tag:
+    """Upright; its normal points along `facing`, rad."""
+    return Tag(number, 0.168, (x, y, z), turned(math.pi / 2, 0, facing + math.pi / 2), "here")
+
+
+def hovering(
+    x: float = 0.0, y: float = 0.0, yaw: float = 0.0, roll: float = 0.0, pitch: float = 0.0
+) -> Pose:
+    return Pose(matrix(turned(roll, pitch, yaw)), np.array([x, y, 0.8]))
+
+
+def seen(lens: Lens, body: Pose, tag: Tag) -> Array | None:
+    """Returns the (4, 2) corners of a tag, or None if it is not wholly in the image."""
+    camera = (body @ lens.mounting).inverse().apply(in_map(tag).apply(HALVES * tag.size))
+    if camera[:, 2].min() < 0.1:
+        return None
+    pixels = lens.project(camera)
+    inside = (pixels > 4).all() and (pixels < np.array(lens.shape[::-1]) - 5).all()
+    return pixels if inside else None
+
+
+def predicted(body: Pose, deviation: float = 0.1, yaw_deviation: float = 0.07) -> Prediction:
+    """Returns a prediction that is right."""
+    r = body.rotation
+    return Prediction(
+        pose=body,
+        covariance=np.diag([deviation, deviation, yaw_deviation]) ** 2,
+        roll=math.atan2(r[2, 1], r[2, 2]),
+        pitch=-math.asin(r[2, 0]),
+        height=float(body.position[2]),
+    )

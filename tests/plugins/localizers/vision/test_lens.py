@@ -1,0 +1,64 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from star_apriltag.vision.lens import Lens
+from star_core import Camera
+
+LENS = Lens(Camera())
+columns, rows = st.floats(30, 323), st.floats(30, 243)
+
+
+def test_points_are_seen_where_opencv_sees_them() -> None:
+    points = np.random.default_rng(0).uniform([-1, -1, 1], [1, 1, 3], (50, 3))
+    still = np.zeros(3)
+    expected, _ = cv2.projectPoints(points, still, still, LENS.matrix, LENS.distortion)
+    np.testing.assert_allclose(LENS.project(points), expected[:, 0], atol=1e-9)
+
+
+@given(columns, rows)
+def test_a_ray_is_seen_at_its_pixel(u: float, v: float) -> None:
+    ray = LENS.undistort(np.array([u, v]))
+    np.testing.assert_allclose(LENS.project(np.append(ray, 1.0)), [u, v], atol=1e-4)
+
+
+@given(columns, rows)
+def test_the_magnification_is_how_much_pixels_move_with_rays(u: float, v: float) -> None:
+    ray = LENS.undistort(np.array([u, v]))
+    step = 1e-5
+    ahead = [LENS.project(np.append(ray + d, 1.0)) for d in step * np.eye(2)]
+    here = LENS.project(np.append(ray, 1.0))
+    stretched = np.linalg.det(np.stack([(p - here) / step for p in ahead]))
+    assert LENS.magnification(ray) == pytest.approx(math.sqrt(stretched), rel=0.02)
+
+
+def test_a_pixel_that_the_model_of_the_lens_does_not_reach_has_no_ray() -> None:
+    inside, outside = LENS.undistort(np.array([[20.0, 20.0], [0.0, 0.0]]))
+    assert np.isfinite(inside).all()
+    assert np.isnan(outside).all()
+
+
+def test_a_lens_without_distortion_reaches_everywhere() -> None:
+    straight = Lens(Camera(distortion=(0.0, 0.0, 0.0, 0.0, 0.0)))
+    far = np.array([1e4, -1e4])
+    np.testing.assert_allclose(straight.project(np.append(straight.undistort(far), 1.0)), far)
+
+
+def test_no_pixel_is_no_ray() -> None:
+    assert LENS.undistort(np.zeros((0, 4, 2))).shape == (0, 4, 2)
+
+
+def test_the_middle_row_is_read_half_a_readout_after_the_first() -> None:
+    delay = LENS.delay(np.array([[5.0, 0.0], [9.0, 121.5], [0.0, 243.0]]))
+    np.testing.assert_allclose(delay, [-0.015, 0.0, 0.015], atol=1e-12)
+
+
+def test_a_camera_pitched_down_looks_ahead_and_down() -> None:
+    mounting = LENS.mounting.rotation
+    root = math.sqrt(0.5)
+    np.testing.assert_allclose(mounting[:, 2], [root, 0, -root], atol=1e-12)  # ahead of the lens
+    np.testing.assert_allclose(mounting[:, 0], [0, -1, 0], atol=1e-12)  # right in the image
