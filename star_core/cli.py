@@ -80,6 +80,7 @@ def parser() -> argparse.ArgumentParser:
         )
     fly.add_argument("--out", metavar="DIR", help="record into DIR (runs/TIME-MISSION)")
     fly.add_argument("--no-record", action="store_true", help="leave nothing behind")
+    fly.add_argument("--save-frames", action="store_true", help="keep the cameras' images too")
     fly.add_argument("--json", action="store_true", help="print the summary as JSON, only")
     fly.add_argument("--verbose", action="store_true", help="show the tracebacks of plugins")
     plugins = commands.add_parser("plugins", help="list what is installed", allow_abbrev=False)
@@ -103,6 +104,7 @@ def _run(options: argparse.Namespace) -> int:
         _registry(),
         out=options.out,
         keep=not options.no_record,
+        save_frames=options.save_frames,
         as_json=options.json,
         verbose=options.verbose,
     )

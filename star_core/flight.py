@@ -23,12 +23,14 @@ class Flight:
         manifest: What to keep to fly it again: the mission and world as flown, plugins with their
             distributions and versions, seed, packages, platform.
         folder: Where records go; None keeps none.
+        save_frames: Whether to keep the cameras' images too.
     """
 
     mission: str
     scene: Scene
     manifest: Mapping[str, Any]
     folder: Path | None
+    save_frames: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ def fly(
     registry: Registry,
     *,
     folder: Path | None = None,
+    save_frames: bool = False,
     interrupts: Interrupts | None = None,
 ) -> dict[str, Any]:
     """Fly `mission` and return its summary, as ``summary.json`` keeps it.
@@ -28,6 +29,7 @@ def fly(
         mission: What to fly.
         registry: Where its plugins are found; its observers watch.
         folder: Where observers may leave records.
+        save_frames: Whether those should hold the cameras' images.
         interrupts: Raised from outside to land (1) or to stop (2 and more).
 
     Raises:
@@ -40,7 +42,7 @@ def fly(
         crew.connect()
         pilot.observers.tell(
             "star_mission_started",
-            flight=Flight(mission.name, mission.scene, manifest(mission), folder),
+            flight=Flight(mission.name, mission.scene, manifest(mission), folder, save_frames),
         )
         pilot.fly()
     finally:

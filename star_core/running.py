@@ -32,6 +32,7 @@ def run_mission(
     *,
     out: str | None,
     keep: bool,
+    save_frames: bool,
     as_json: bool,
     verbose: bool,
 ) -> int:
@@ -54,7 +55,9 @@ def run_mission(
         registry.add(Progress(), Source("star-swarm:progress"))
     interrupts = Interrupts()
     with _signals(interrupts):
-        summary = fly(mission, registry, folder=folder, interrupts=interrupts)
+        summary = fly(
+            mission, registry, folder=folder, save_frames=save_frames, interrupts=interrupts
+        )
     print(json.dumps(summary, indent=2) if as_json else told(summary, folder))
     return outcome_of(summary)
 

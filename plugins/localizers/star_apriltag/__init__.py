@@ -14,6 +14,12 @@ if TYPE_CHECKING:
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
+        "method": {
+            "enum": ["smoother", "batch"],
+            "default": "smoother",
+            "description": "smoother: fixed-lag, gated, with odometry calibrated in flight; batch: "
+            "the original STAR's graph of every pose since take-off, for comparison.",
+        },
         "tags_per_landmark": {
             "type": "integer",
             "minimum": 0,
@@ -66,9 +72,10 @@ OPTIONS: dict[str, Any] = {
 }
 
 
-def make(
+def make(  # noqa: PLR0913 -- a mission's own options
     scene: Scene,
     *,
+    method: str = "smoother",
     tags_per_landmark: int = 2,
     latency: float = 0.15,
     camera_deviation_deg: float = 1.0,
@@ -81,6 +88,7 @@ def make(
 
     return AprilTag(
         scene,
+        method=method,
         tags_per_landmark=tags_per_landmark,
         latency=latency,
         camera_deviation=math.radians(camera_deviation_deg),

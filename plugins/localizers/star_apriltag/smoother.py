@@ -82,6 +82,7 @@ class Smoother:
         parameters = gtsam.ISAM2Params()
         parameters.setRelinearizeThreshold(RELINEARIZE)
         parameters.relinearizeSkip = 1
+        parameters.findUnusedFactorSlots = True  # else the list of factors grows without end
         self._isam = gtsam.IncrementalFixedLagSmoother(self._lag, parameters)
         self._count += 1
         key = X(self._count)

@@ -69,8 +69,9 @@ class Track:
                 odometry.height[rows],
             ]
         )
+        table = table[np.isfinite(table).all(axis=1)]
         newer = np.maximum.accumulate(np.append(self.newest, table[:-1, 0])) < table[:, 0]
-        table = table[newer & np.isfinite(table).all(axis=1)]
+        table = table[newer][-ROOM:]
         if self._end + len(table) > len(self._rows):
             kept = self._rows[max(self._first, self._end - ROOM) : self._end].copy()
             self._first, self._end = 0, len(kept)

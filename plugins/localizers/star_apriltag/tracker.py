@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -21,13 +22,15 @@ START_DEVIATION: Final = 0.05  # m: how well an agent is put where the mission s
 START_YAW: Final = math.radians(3.0)  # rad
 
 # What odometry is good for between two nodes.
-WAY: Final = 0.03  # m/√m
-SWAY: Final = 0.010  # m/√s
+WAY: Final = 0.025  # m/√m
+SWAY: Final = 0.008  # m/√s
 LEAST: Final = 0.0005  # m
 RISE: Final = 0.01  # m/√s
-YAW: Final = math.radians(0.25)  # rad/√s
+YAW: Final = math.radians(0.2)  # rad/√s
 TILT: Final = math.radians(0.3)  # rad/√s
 LEAST_TILT: Final = math.radians(0.06)  # rad
+
+NOWHERE: Final = Motion(0j, 0.0, 0.0, 0.0)
 
 
 class Belief(NamedTuple):
@@ -88,25 +91,7 @@ class Tracker:
 
     def at(self, time: float) -> Belief:
         """Return where it is at `time`, s, no earlier than the newest node."""
-        node = self._smoother.node
-        motion = self._motion(node.time, time)
-        stance = self.track.at(time)
-        yaw = node.pose.rotation().yaw()
-        way = motion.shift * complex(math.cos(yaw), math.sin(yaw))
-        x, y, _ = node.pose.translation()
-        ahead = complex(stance.velocity[0], stance.velocity[1]) * self.calibration.scale
-        now = yaw + motion.turn
-        ahead *= complex(math.cos(now), math.sin(now))
-        return Belief(
-            time=time,
-            position=np.array([x + way.real, y + way.imag, self._ground + stance.height]),
-            yaw=now,
-            roll=stance.roll,
-            pitch=stance.pitch,
-            velocity=np.array([ahead.real, ahead.imag, stance.velocity[2]]),
-            yaw_rate=stance.yaw_rate - self.calibration.yaw_bias,
-            covariance=_carried(node, way, motion),
-        )
+        return carry(self._smoother.node, time, self.track, self._ground, self.calibration)
 
     def see(self, time: float, views: Sequence[View], moving: BodyMotion) -> None:
         """Take in the tags that passed the gate in an image taken at `time`, s.
@@ -119,7 +104,7 @@ class Tracker:
         if views:
             node = self._smoother.node
             x, y, _ = node.pose.translation()
-            spread = _carried(node, 0j, Motion(0j, 0.0, 0.0, 0.0))
+            spread = _carried(node, 0j, NOWHERE)
             self.calibration.learn(
                 Place(
                     time,
@@ -141,24 +126,54 @@ class Tracker:
         self._smoother.start(time, pose, covariance)
         self.calibration.forget_places()
 
-    def _motion(self, begin: float, end: float) -> Motion:
-        return self.track.between(
-            begin, end, scale=self.calibration.scale, yaw_bias=self.calibration.yaw_bias
-        )
-
     def _add(self, time: float, views: Sequence[View], moving: BodyMotion) -> None:
-        begin = self.node.time
-        motion = self._motion(begin, time)
-        first, last = self.track.at(begin), self.track.at(time)
-        before = gtsam.Pose3(
-            gtsam.Rot3.Ypr(0.0, first.pitch, first.roll), np.array([0.0, 0.0, first.height])
-        )
-        after = gtsam.Pose3(
-            gtsam.Rot3.Ypr(motion.turn, last.pitch, last.roll),
-            np.array([motion.shift.real, motion.shift.imag, last.height]),
-        )
-        leg = Leg(before.between(after), _deviations(motion))
-        self._smoother.add(time, leg, after.rotation(), self._ground + last.height, views, moving)
+        leg = travel(self.node.time, time, self.track, self.calibration)
+        stance = self.track.at(time)
+        level = gtsam.Rot3.Ypr(0.0, stance.pitch, stance.roll)
+        self._smoother.add(time, leg, level, self._ground + stance.height, views, moving)
+
+
+def carry(node: Node, time: float, track: Track, ground: float, calibration: Calibration) -> Belief:
+    """Return where an agent is at `time`, s, that was at a node and then followed its odometry.
+
+    Args:
+        node: Where it was.
+        time: No earlier than the node's, s.
+        track: Its odometry.
+        ground: z of its odometry frame in the map, m.
+        calibration: Of that odometry.
+    """
+    motion = track.between(node.time, time, scale=calibration.scale, yaw_bias=calibration.yaw_bias)
+    stance = track.at(time)
+    yaw = node.pose.rotation().yaw()
+    way = motion.shift * cmath.rect(1.0, yaw)
+    x, y, _ = node.pose.translation()
+    ahead = complex(stance.velocity[0], stance.velocity[1]) * calibration.scale
+    ahead *= cmath.rect(1.0, yaw + motion.turn)
+    return Belief(
+        time=time,
+        position=np.array([x + way.real, y + way.imag, ground + stance.height]),
+        yaw=yaw + motion.turn,
+        roll=stance.roll,
+        pitch=stance.pitch,
+        velocity=np.array([ahead.real, ahead.imag, stance.velocity[2]]),
+        yaw_rate=stance.yaw_rate - calibration.yaw_bias,
+        covariance=_carried(node, way, motion),
+    )
+
+
+def travel(begin: float, end: float, track: Track, calibration: Calibration) -> Leg:
+    """Return what odometry says of the way from `begin` to `end`, s."""
+    motion = track.between(begin, end, scale=calibration.scale, yaw_bias=calibration.yaw_bias)
+    first, last = track.at(begin), track.at(end)
+    before = gtsam.Pose3(
+        gtsam.Rot3.Ypr(0.0, first.pitch, first.roll), np.array([0.0, 0.0, first.height])
+    )
+    after = gtsam.Pose3(
+        gtsam.Rot3.Ypr(motion.turn, last.pitch, last.roll),
+        np.array([motion.shift.real, motion.shift.imag, last.height]),
+    )
+    return Leg(before.between(after), _deviations(motion))
 
 
 def _deviations(motion: Motion) -> Array:

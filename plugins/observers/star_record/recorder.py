@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Array, Flight, Tick
+from star_core import Array, Flight, Frames, Tick
 
 
 class Recorder:
@@ -20,7 +20,7 @@ class Recorder:
     there is a truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
     ``setpoint_velocity`` (T, N, 3), ``estimate_yaw``, ``setpoint_yaw`` and ``battery`` (T, N),
     ``goal_active``, ``setpoint_active`` and ``estimate_valid`` (T, N), and ``phase`` (T, N), the
-    numbers of `star_core.AgentPhase`.
+    numbers of `star_core.AgentPhase`. Images are kept where the flight asks for it.
 
     Args:
         flight: What is flown.
@@ -31,6 +31,7 @@ class Recorder:
         self._folder = folder
         self._agents = flight.scene.names
         self._columns: dict[str, list[Array]] = {}
+        self._save_frames = flight.save_frames
         folder.mkdir(parents=True, exist_ok=True)
         self._write("manifest.json", flight.manifest)
 
@@ -53,8 +54,20 @@ class Recorder:
         if tick.truth is not None:
             row["truth_position"] = tick.truth.position
             row["truth_attitude"] = tick.truth.attitude
+        if self._save_frames:
+            self._keep(tick.telemetry.frames)
         for name, value in row.items():
             self._columns.setdefault(name, []).append(value)
+
+    def _keep(self, frames: Frames) -> None:
+        """Write images as ``frames/AGENT/TIME.png``, with the mission time in milliseconds."""
+        import cv2
+
+        times = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived)
+        for row, time, image in zip(frames.agent, times, frames.image, strict=True):
+            folder = self._folder / "frames" / self._agents[row]
+            folder.mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(folder / f"{round(1000 * time):07d}.png"), image)
 
     def close(self, summary: Mapping[str, Any]) -> None:
         """Write what was kept; the summary first, for the disk may be full."""

@@ -1,0 +1,111 @@
+"""The original STAR's localisation, to compare with: a pose graph, optimised whole every time.
+
+As its paper has it: a node for each image with tags, at 6 Hz; between nodes the motion that the
+on-board estimator reports; from node to landmark the pose that the image shows; a prior on each
+landmark; Levenberg and Marquardt over all of it since take-off. One deviation serves all of them,
+as in the released code, and nothing is gated. Kinder than that code, images carry the time they
+were taken, corners are those of ``method: smoother``, and the camera's lever arm counts.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import L, X
+
+from star_apriltag.calibration import Calibration
+from star_apriltag.follower import Sight
+from star_apriltag.smoother import Node
+from star_apriltag.track import Track
+from star_apriltag.tracker import Belief, carry, travel
+from star_apriltag.vision.detector import Detector
+from star_apriltag.vision.landmark import Place
+from star_apriltag.vision.lens import Lens
+from star_apriltag.vision.look import Look
+from star_apriltag.vision.rigid import Pose
+from star_apriltag.vision.square import solve
+from star_core import Agent, Odometry, Rows, Tag
+
+PERIOD: Final = 1 / 6  # s from one node to the next, at least
+DEVIATION: Final = 0.03  # m and rad, of every factor
+
+
+class Batched:
+    """Follows one agent with a graph of every pose since take-off.
+
+    Args:
+        agent: With its camera, or without: then it has odometry only.
+        landmarks: The map.
+    """
+
+    def __init__(self, agent: Agent, landmarks: tuple[Tag, ...]) -> None:
+        self._track = Track()
+        self._as_it_is = Calibration()  # the paper's odometry is not calibrated
+        self._ground = float(agent.start[2])
+        self._lens = None if agent.camera is None else Lens(agent.camera)
+        self._detector = None if self._lens is None else Detector(self._lens)
+        self._places = {tag.id: Place(tag) for tag in landmarks}
+        self._noise = gtsam.noiseModel.Isotropic.Sigma(6, DEVIATION)
+        self._graph = gtsam.NonlinearFactorGraph()
+        self._values = gtsam.Values()
+        self._count = 0
+        start = gtsam.Pose3(gtsam.Rot3.Yaw(agent.yaw), np.array(agent.start, float))
+        self._graph.add(gtsam.PriorFactorPose3(X(0), start, self._noise))
+        self._values.insert(X(0), start)
+        self._node = Node(0.0, start, np.eye(6) * DEVIATION**2)
+
+    def hear(self, odometry: Odometry, rows: Rows) -> None:
+        """Take in those samples of the odometry that are this agent's."""
+        self._track.add(odometry, rows)
+
+    def at(self, now: float) -> Belief:
+        """Return where it is at `now`, s."""
+        time = max(now, self._node.time)
+        return carry(self._node, time, self._track, self._ground, self._as_it_is)
+
+    def look(self, sight: Sight) -> tuple[Look, Belief] | None:
+        """Take in an image, if it is time for a node; targets are not looked for."""
+        if self._lens is None or self._detector is None:
+            return None
+        if sight.taken < self._node.time + PERIOD:
+            return None
+        tags, corners = sight.tags, sight.corners
+        if sight.image is not None:
+            found = self._detector.detect(sight.image)
+            tags, corners = found.tag, found.corners
+        seen = {}
+        for tag, pixels in zip(tags.tolist(), corners, strict=True):
+            place = self._places.get(tag)
+            if place is None:
+                continue
+            square = solve(pixels, self._lens.undistort(pixels), place.size, self._lens)
+            if square is not None:
+                best = min(square.solutions, key=lambda solution: solution.surprise)
+                seen[tag] = _as_gtsam(self._lens.mounting @ best.pose)
+        if seen:
+            self._optimise(sight.taken, seen)
+        return None
+
+    def _optimise(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:
+        """Add a node with the tags seen from it, in the body, and optimise everything."""
+        leg = travel(self._node.time, time, self._track, self._as_it_is)
+        last, key = X(self._count), X(self._count + 1)
+        self._count += 1
+        self._graph.add(gtsam.BetweenFactorPose3(last, key, leg.delta, self._noise))
+        self._values.insert(key, self._node.pose.compose(leg.delta))
+        for tag, pose in seen.items():
+            if not self._values.exists(L(tag)):
+                known = _as_gtsam(self._places[tag].pose)
+                self._graph.add(gtsam.PriorFactorPose3(L(tag), known, self._noise))
+                self._values.insert(L(tag), known)
+            self._graph.add(gtsam.BetweenFactorPose3(key, L(tag), pose, self._noise))
+        optimiser = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values)
+        self._values = optimiser.optimize()
+        covariance = gtsam.Marginals(self._graph, self._values).marginalCovariance(key)
+        self._node = Node(time, self._values.atPose3(key), covariance)
+
+
+def _as_gtsam(pose: Pose) -> gtsam.Pose3:
+    return gtsam.Pose3(gtsam.Rot3(pose.rotation), pose.position)

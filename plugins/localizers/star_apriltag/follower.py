@@ -1,0 +1,128 @@
+"""Follows one agent: what it hears and sees, and where it is then."""
+
+from __future__ import annotations
+
+import logging
+from typing import Final, NamedTuple, Protocol
+
+import gtsam
+import numpy as np
+
+from star_apriltag.relocation import Claim, Relocation
+from star_apriltag.smoother import Smoother
+from star_apriltag.tracker import Belief, Tracker
+from star_apriltag.vision.look import Eye, Look
+from star_apriltag.vision.prediction import Prediction
+from star_apriltag.vision.rigid import Pose
+from star_core import Agent, Array, Image, Odometry, Rows, Tag
+
+log = logging.getLogger(__name__)
+
+BEHIND: Final = 0.5  # s, by which the graph trails where nothing is seen: images may still come
+
+
+class Sight(NamedTuple):
+    """An image, or the tags found in one on board."""
+
+    row: int
+    taken: float
+    image: Image | None
+    tags: Rows
+    corners: Array
+
+
+class Follower(Protocol):
+    """What the localizer asks of a way to follow one agent."""
+
+    def hear(self, odometry: Odometry, rows: Rows) -> None:
+        """Take in those samples of the odometry that are this agent's."""
+
+    def look(self, sight: Sight) -> tuple[Look, Belief] | None:
+        """Take in an image; return what it said and where the agent was believed to be then."""
+
+    def at(self, now: float) -> Belief:
+        """Return where it is at `now`, s."""
+
+
+class Smoothed:
+    """Follows one agent with a fixed-lag smoother.
+
+    Args:
+        agent: With its camera, or without: then it has odometry only.
+        landmarks: The map.
+        targets: Tags to be found; only their numbers and sizes are used.
+        camera_deviation: How wrong the camera's rotation may be, rad.
+        lag: For how long poses stay in the graph, s.
+    """
+
+    def __init__(
+        self,
+        agent: Agent,
+        landmarks: tuple[Tag, ...],
+        targets: tuple[Tag, ...],
+        *,
+        camera_deviation: float,
+        lag: float,
+    ) -> None:
+        self._eye = None
+        mounting = Pose(np.eye(3), np.zeros(3))
+        if agent.camera is not None:
+            self._eye = Eye(
+                agent.camera,
+                {tag.id: tag for tag in landmarks},
+                {tag.id: tag.size for tag in targets},
+            )
+            mounting = self._eye.lens.mounting
+        smoother = Smoother(mounting, camera_deviation=camera_deviation, lag=lag)
+        self.tracker = Tracker(agent.start, agent.yaw, smoother)
+        self._relocation = Relocation()
+
+    def hear(self, odometry: Odometry, rows: Rows) -> None:
+        """Take in those samples of the odometry that are this agent's."""
+        self.tracker.track.add(odometry, rows)
+
+    def at(self, now: float) -> Belief:
+        """Return where it is at `now`, s."""
+        self.tracker.go_on(now - BEHIND)
+        return self.tracker.at(max(now, self.tracker.node.time))
+
+    def look(self, sight: Sight) -> tuple[Look, Belief] | None:
+        """Take in an image; return what it said and where the agent was believed to be then."""
+        tracker = self.tracker
+        if self._eye is None or not sight.taken > tracker.node.time:
+            return None
+        belief = tracker.at(sight.taken)
+        prediction = _prediction(belief, tracker.camera_turn)
+        if sight.image is None:
+            look = self._eye.consider(sight.tags, sight.corners, prediction)
+        else:
+            try:
+                look = self._eye.look(sight.image, prediction)
+            except ValueError as error:
+                log.warning("an image is passed over: %s", error)
+                return None
+        accepted = [seen.view for seen in look.accepted if seen.view is not None]
+        if accepted:
+            self._relocation.forget()
+            tracker.see(sight.taken, accepted, prediction.motion)
+        elif look.other is not None:
+            pose = gtsam.Pose3(gtsam.Rot3(look.other.pose.rotation), look.other.pose.position)
+            claim = Claim(sight.taken, pose, look.other.covariance)
+            if (agreed := self._relocation.consider(claim, tracker.track)) is not None:
+                log.info("an agent is found again elsewhere at %.2f s", sight.taken)
+                tracker.restart(agreed.time, agreed.pose, agreed.covariance)
+        return look, belief
+
+
+def _prediction(belief: Belief, camera_turn: Array) -> Prediction:
+    rotation = gtsam.Rot3.Ypr(belief.yaw, belief.pitch, belief.roll).matrix()
+    return Prediction(
+        pose=Pose(rotation, belief.position),
+        covariance=belief.covariance[np.ix_([0, 1, 3], [0, 1, 3])],
+        roll=belief.roll,
+        pitch=belief.pitch,
+        height=float(belief.position[2]),
+        velocity=belief.velocity @ rotation,
+        rates=np.array([0.0, 0.0, belief.yaw_rate]),
+        camera_turn=camera_turn,
+    )

@@ -1,0 +1,55 @@
+"""The cameras' images are kept when that is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import pytest
+
+from star_core.cli import main
+
+WORLD = """\
+star: 1
+name: room
+fence: {low: [-2, -2, 0], high: [2, 2, 2]}
+landmarks: {mark: {tags: [3], at: [0.8, 0, 0]}}
+"""
+MISSION = """\
+star: 1
+name: look
+world: room.yaml
+cameras: {slow: {rate: 4}}
+swarm:
+  cf1: {start: [0, 0, 0], camera: slow}
+  cf2: {start: [0, 1, 0]}
+transport: {use: sim, camera: {latency: 0.1, jitter: 0}}
+localizer: flow
+planner: straight
+avoider: none
+mission:
+  - takeoff: {height: 0.3, speed: 0.5}
+  - land: {speed: 0.5}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_text(MISSION)
+    Path("room.yaml").write_text(WORLD)
+
+
+def test_every_image_is_a_file_named_by_the_time_it_was_taken() -> None:
+    assert main(["run", "m.yaml", "--json", "--out", "out", "--save-frames"]) == 0
+    files = sorted(Path("out/frames").rglob("*.png"))
+    assert {file.parent.name for file in files} == {"cf1"}
+    assert [file.stem for file in files[:3]] == ["0000250", "0000500", "0000750"]
+    image = cv2.imread(str(files[0]), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    assert image.shape == (244, 324)
+
+
+def test_no_image_is_kept_unless_asked_for() -> None:
+    assert main(["run", "m.yaml", "--json", "--out", "out"]) == 0
+    assert not Path("out/frames").exists()
