@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from star_core.mission import Mission, load
     from star_core.registry import Registry
     from star_core.runner import fly
+    from star_core.runs import new_folder
     from star_core.scene import Agent, Limits, Scene
     from star_core.schema import read_as
     from star_core.sight import Detections, Frames, Image, Sightings
@@ -63,6 +64,7 @@ _HOME = {
     "star_core.mission": ("Mission", "load"),
     "star_core.registry": ("Registry",),
     "star_core.runner": ("fly",),
+    "star_core.runs": ("new_folder",),
     "star_core.schema": ("read_as",),
     "star_core.scene": ("Agent", "Limits", "Scene"),
     "star_core.sight": ("Detections", "Frames", "Image", "Sightings"),
@@ -127,6 +129,7 @@ __all__ = [
     "fly",
     "hookimpl",
     "load",
+    "new_folder",
     "read_as",
 ]
 

@@ -7,7 +7,6 @@ import logging
 import os
 import signal
 import sys
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,6 +19,7 @@ from star_core.pilot import Interrupts
 from star_core.progress import Progress
 from star_core.registry import Registry, Source
 from star_core.runner import fly, outcome_of
+from star_core.runs import new_folder
 
 HARD = 3
 """Interrupts after which Python itself is interrupted: a plugin may hang."""
@@ -94,13 +94,7 @@ def _folder(out: str | None, name: str) -> Path:
         InputError: It does, or it is no folder.
     """
     if out is None:
-        stamp = time.strftime("%Y-%m-%dT%H%M%S")
-        folder = Path("runs") / f"{stamp}-{name}"
-        again = 2
-        while folder.exists():
-            folder = Path("runs") / f"{stamp}-{name}-{again}"
-            again += 1
-        return folder
+        return new_folder(name)
     folder = Path(out)
     if not out or (folder.exists() and not folder.is_dir()):
         raise InputError([f"--out {out}: is a file; name a folder" if out else "--out: is empty"])

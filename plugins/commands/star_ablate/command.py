@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from difflib import get_close_matches
@@ -22,7 +21,7 @@ from star_ablate.measures import paths
 from star_ablate.progress import Progress
 from star_ablate.study import COLUMNS, Run, Study, read
 from star_ablate.workers import fly_all
-from star_core import InputError, Registry
+from star_core import InputError, Registry, new_folder
 
 JOURNAL: Final = "runs.jsonl"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
@@ -155,13 +154,7 @@ def _folder(out: str | None, name: str) -> Path:
         InputError: It is no folder, or holds something else than a study.
     """
     if out is None:
-        stamp = time.strftime("%Y-%m-%dT%H%M%S")
-        folder = Path("runs") / f"{stamp}-{name}"
-        again = 2
-        while folder.exists():
-            folder = Path("runs") / f"{stamp}-{name}-{again}"
-            again += 1
-        return folder
+        return new_folder(name)
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise InputError([f"--out {out}: is no folder"])
