@@ -28,7 +28,7 @@ def world(document: Document) -> World:
         InputError: It makes no sense; every reason found is listed.
     """
     data = document.data
-    faults = [*_fence(data), *_obstacles(data), *_tags(data)]
+    faults = [*_fence(data), *_obstacles(data), *_offsets(data), *_tags(data)]
     if faults:
         raise InputError(document.told(faults))
     return World(
@@ -63,10 +63,13 @@ def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | in
         )
         size = float(given.get("size", SIZE))
         spacing = given.get("spacing", RIM * size)
+        middle = (len(given["tags"]) - 1) / 2
+        row = [((i - middle) * spacing, 0.0) for i in range(len(given["tags"]))]
         x, y, z = given["at"]
-        for i, number in enumerate(given["tags"]):
-            along = (i - (len(given["tags"]) - 1) / 2) * spacing
-            dx, dy, dz = moved(rotation, (along, 0.0, 0.0))
+        for i, (number, (right, up)) in enumerate(
+            zip(given["tags"], given.get("offsets", row), strict=False)
+        ):
+            dx, dy, dz = moved(rotation, (right, up, 0.0))
             at = (x + dx, y + dy, z + dz)
             yield (kind, name, "tags", i), Tag(number, size, at, rotation, name)
 
@@ -85,6 +88,16 @@ def _obstacles(data: Mapping[str, Any]) -> Iterator[Fault]:
         closed = [*obstacle["polygon"], obstacle["polygon"][0]] if "polygon" in obstacle else None
         if any(a == b for a, b in pairwise(closed or obstacle["polyline"])):
             yield ("obstacles", name), "has the same point twice in a row"
+
+
+def _offsets(data: Mapping[str, Any]) -> Iterator[Fault]:
+    for kind in ("landmarks", "targets"):
+        for name, given in data.get(kind, {}).items():
+            n, m = len(given.get("offsets", given["tags"])), len(given["tags"])
+            if n != m:
+                yield (kind, name, "offsets"), f"has {n} offsets for {m} tags, expected one each"
+            if "offsets" in given and "spacing" in given:
+                yield (kind, name, "spacing"), "'spacing' does not go with 'offsets'"
 
 
 def _tags(data: Mapping[str, Any]) -> Iterator[Fault]:

@@ -79,6 +79,13 @@ def test_a_sheet_that_is_rolled_by_a_quarter_stands_up_and_faces_south(tmp_path:
     assert moved(wall.rotation, (0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))
 
 
+def test_the_tags_of_a_sheet_may_stand_anywhere_on_it(tmp_path: Path) -> None:
+    offsets = "yaw_deg: 90, offsets: [[0.1, 0.2], [-0.1, 0.3]]}"
+    first, second, _ = mission(tmp_path, ("yaw_deg: 90}", offsets)).scene.world.landmarks
+    assert first.position == pytest.approx((1.0 - 0.2, 2.0 + 0.1, 0.0))
+    assert second.position == pytest.approx((1.0 - 0.3, 2.0 - 0.1, 0.0))
+
+
 def test_targets_are_kept_apart_from_landmarks(tmp_path: Path) -> None:
     (target,) = mission(tmp_path).scene.world.targets
     assert (target.id, target.of) == (200, "survivor")
@@ -94,6 +101,14 @@ def test_targets_are_kept_apart_from_landmarks(tmp_path: Path) -> None:
         (("tags: [200]", "tags: [7]"), "world.yaml:8:21: tag 7 belongs to 'wall' already"),
         (("[-1.0, 0.0, 0.0]", "[1.0, 1.9, 0.0]"), "world.yaml:8:21: tag 200 overlaps tag 0 of 'f"),
         (("yaw_deg: 90}", "spacing: 0.1}"), "world.yaml:5:21: tag 1 overlaps tag 0 of 'floor'"),
+        (
+            ("yaw_deg: 90}", "offsets: [[0, 0]]}"),
+            "world.yaml:5:55: has 1 offsets for 2 tags, expected",
+        ),
+        (
+            ("yaw_deg: 90}", "spacing: 1, offsets: [[0, 0], [1, 1]]}"),
+            "world.yaml:5:55: 'spacing' does",
+        ),
         (("size: 0.1", "size: 0"), "world.yaml:6:62: landmarks.wall.size: 0 is less than or equal"),
         (("tags: [7]", "tags: [587]"), "world.yaml:6:17: landmarks.wall.tags.0: 587 is greater"),
         (("tags: [7]", "tags: []"), "world.yaml:6:16: landmarks.wall.tags: is empty, expected"),

@@ -59,6 +59,11 @@ def _sheets(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], st
 def _row(i: int, given: Mapping[str, Any], size: float) -> str:
     """Say where a tag stands among those beside it."""
     n = len(given["tags"])
+    if "offsets" in given:
+        right, up = (1000 * value for value in given["offsets"][i])
+        return (
+            f": {i + 1} of {n}, middle {right:g} mm right and {up:g} mm up from where it is placed"
+        )
     apart = 1000 * given.get("spacing", RIM * size)
     return f": {i + 1} of {n} from the left, middles {apart:g} mm apart" if n > 1 else ""
 
@@ -66,7 +71,8 @@ def _row(i: int, given: Mapping[str, Any], size: float) -> str:
 def _pose(given: Mapping[str, Any]) -> str:
     """Say where a sheet belongs."""
     turns = (f"{turn} {given.get(f'{turn}_deg', 0):g}°" for turn in ("roll", "pitch", "yaw"))
-    middle = "middle of the row" if len(given["tags"]) > 1 else "middle"
+    row = len(given["tags"]) > 1 and "offsets" not in given
+    middle = "middle of the row" if row else "placed" if "offsets" in given else "middle"
     return f"{middle} at {_point(given['at'])} m in the map, {', '.join(turns)}"
 
 
