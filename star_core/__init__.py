@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from star_core.runs import new_folder
     from star_core.scene import Agent, Limits, Scene
     from star_core.schema import read_as
-    from star_core.sight import Detections, Frames, Image, Sightings
+    from star_core.sight import Corrections, Detections, Frames, Image, Sightings
     from star_core.swarm import (
         AgentPhase,
         Command,
@@ -67,7 +67,7 @@ _HOME = {
     "star_core.runs": ("new_folder",),
     "star_core.schema": ("read_as",),
     "star_core.scene": ("Agent", "Limits", "Scene"),
-    "star_core.sight": ("Detections", "Frames", "Image", "Sightings"),
+    "star_core.sight": ("Corrections", "Detections", "Frames", "Image", "Sightings"),
     "star_core.swarm": (
         "AgentPhase", "Command", "Estimate", "Goals", "Health", "Odometry",
         "Order", "Paths", "Plan", "Setpoint", "Supervisor", "Telemetry",
@@ -86,6 +86,7 @@ __all__ = [
     "Camera",
     "Command",
     "ContractError",
+    "Corrections",
     "Detections",
     "Estimate",
     "Event",

@@ -15,6 +15,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
+    from star_core.sight import Corrections
     from star_core.swarm import (
         Command,
         Estimate,
@@ -52,6 +53,10 @@ class Transport(Protocol):
 
     def command(self, command: Command) -> None:
         """Give an order to on-board commanders; positions are in each agent's odometry frame."""
+        ...
+
+    def correct(self, corrections: Corrections) -> None:
+        """Tell on-board estimators where their agents are; called only if somebody is meant."""
         ...
 
     def send(self, setpoint: Setpoint) -> Setpoint:

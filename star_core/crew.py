@@ -11,6 +11,7 @@ from star_core.errors import ContractError
 from star_core.mission import PARTS, Mission
 from star_core.registry import Registry
 from star_core.safety import checked_estimate, checked_plan, checked_setpoint, expect, keeps
+from star_core.sight import Corrections
 from star_core.swarm import (
     Command,
     Estimate,
@@ -106,6 +107,11 @@ class Crew:
         """Give an order, already in odometry frames."""
         with self._blame["transport"]:
             self._parts["transport"].command(command)
+
+    def correct(self, corrections: Corrections) -> None:
+        """Tell on-board estimators where their agents are."""
+        with self._blame["transport"]:
+            self._parts["transport"].correct(corrections)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
         """Send a setpoint, already in odometry frames, and return what was sent."""

@@ -179,6 +179,8 @@ class Pilot:
             estimate = replace(self._estimate, time=telemetry.time, valid=nobody)
         else:
             estimate = self._located(self._crew.locate(telemetry))
+            if len(estimate.corrections.agent):
+                self._crew.correct(estimate.corrections)
         self._estimate = estimate
         heard = telemetry.age <= STALE_AFTER
         self._phases.observe(telemetry.state, heard, estimate.valid)

@@ -51,6 +51,12 @@ def checked_estimate(answer: object, n: int) -> Estimate:
     _finite("Estimate.yaw", estimate.yaw, valid)
     _finite("Estimate.map_from_odom.yaw", estimate.map_from_odom.yaw, valid)
     _finite("Estimate.map_from_odom.translation", estimate.map_from_odom.translation, valid)
+    for name in ("position", "attitude", "position_deviation", "attitude_deviation"):
+        values = getattr(estimate.corrections, name)
+        _finite(f"Estimate.corrections.{name}", values, np.ones(len(values), np.bool_))
+    if not set(estimate.corrections.agent.tolist()) <= set(range(n)):
+        agents = estimate.corrections.agent.tolist()
+        raise ContractError(f"Estimate.corrections.agent is {agents!r}, expected rows below {n}")
     return estimate
 
 

@@ -106,3 +106,34 @@ class Sightings:
         """No tag."""
         nobody, nothing = np.zeros(0, np.int64), np.zeros(0)
         return cls(nobody, nobody, nothing, np.zeros((0, 3)), nothing, np.zeros((0, 3, 3)))
+
+
+@dataclass(frozen=True, slots=True)
+class Corrections:
+    """Where agents are, for their on-board estimators, in their own odometry frames.
+
+    Attributes:
+        agent: (K,) row of the agent that is meant.
+        position: (K, 3) m.
+        attitude: (K, 4) unit quaternion x, y, z, w from the body to the odometry frame.
+        position_deviation: (K,) along each axis, m.
+        attitude_deviation: (K,) about each axis, rad.
+    """
+
+    agent: Rows
+    position: Array
+    attitude: Array
+    position_deviation: Array
+    attitude_deviation: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.agent)
+        settle(self, np.int64, agent=(k,))
+        settle(self, position=(k, 3), attitude=(k, 4))
+        settle(self, position_deviation=(k,), attitude_deviation=(k,))
+
+    @classmethod
+    def none(cls) -> Self:
+        """Nobody is corrected."""
+        nothing = np.zeros(0)
+        return cls(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), nothing, nothing)

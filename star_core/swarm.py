@@ -15,7 +15,7 @@ import numpy as np
 
 from star_core.errors import ContractError
 from star_core.frames import Transform
-from star_core.sight import Detections, Frames, Sightings
+from star_core.sight import Corrections, Detections, Frames, Sightings
 from star_core.table import Array, Mask, Rows, settle
 
 
@@ -133,6 +133,7 @@ class Estimate:
         valid: (N,) False where the row must not be flown on.
         map_from_odom: Where each agent's odometry frame lies in the map.
         sightings: Tags seen since the last tick that are no landmarks.
+        corrections: What to tell the agents' own estimators.
     """
 
     time: float
@@ -143,6 +144,7 @@ class Estimate:
     valid: Mask
     map_from_odom: Transform
     sightings: Sightings = field(default_factory=Sightings.none)
+    corrections: Corrections = field(default_factory=Corrections.none)
 
     def __post_init__(self) -> None:
         n = len(self.position)

@@ -48,12 +48,14 @@ class Robots:
     Attributes:
         commands: Every command, with the mission time it came at.
         sent: Every setpoint, with the mission time it came at.
+        corrected: What on-board estimators were told.
     """
 
     def __init__(self, frames: star.Transform) -> None:
         n = len(frames.yaw)
         self.commands: list[tuple[float, star.Command]] = []
         self.sent: list[tuple[float, star.Setpoint]] = []
+        self.corrected: list[star.Corrections] = []
         self._frames = frames
         self._waits = 0
         self._time = 0.0
@@ -66,6 +68,9 @@ class Robots:
         self._over = np.full(n, np.inf)  # s, when that is
 
     def connect(self) -> None: ...
+
+    def correct(self, corrections: star.Corrections) -> None:
+        self.corrected.append(corrections)
 
     def wait(self, until: float) -> float:
         self._waits += 1

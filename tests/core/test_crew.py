@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from star_core import Command, Goals, Order, PluginError, Setpoint, Step, Truth
+from star_core import Command, Corrections, Goals, Order, PluginError, Setpoint, Step, Truth
 from tests.core.conftest import Lab
 
 Wrong: TypeAlias = BaseException | Callable[..., Any]
@@ -281,3 +281,25 @@ def test_every_task_is_made_before_anything_moves(lab: Lab, around: str) -> None
     with pytest.raises(PluginError):
         lab.fly(f"\n  - climb: {{}}\n  - {around.replace('STEP', 'wait: {seconds: 1}')}")
     assert lab.ticks == []
+
+
+def corrections(position: float, agent: int = 1) -> Corrections:
+    one = np.array([0.1])
+    attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
+    return Corrections(np.array([agent]), np.full((1, 3), position), attitude, one, one)
+
+
+def test_what_a_localizer_corrects_reaches_the_transport_and_nobody_else_is_told(lab: Lab) -> None:
+    lab.spoil("localizer", "locate", change(corrections=corrections(0.5)), ONCE)
+    assert lab.fly()["outcome"] == "completed"
+    (told,) = lab.robots.corrected
+    assert (told.agent.tolist(), told.position.tolist()) == ([1], [[0.5, 0.5, 0.5]])
+
+
+@pytest.mark.parametrize("wrong", [corrections(np.nan), corrections(0.5, agent=2)])
+def test_a_correction_of_nobody_or_to_nowhere_names_the_localizer(
+    lab: Lab, wrong: Corrections
+) -> None:
+    lab.spoil("localizer", "locate", change(corrections=wrong), ONCE)
+    assert lab.fly()["reason"].startswith(f"{NAMED['localizer']}: Estimate.corrections.")
+    assert lab.robots.corrected == []

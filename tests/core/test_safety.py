@@ -70,7 +70,7 @@ def test_a_part_that_lacks_methods_is_told_which() -> None:
         def receive(self) -> None: ...
         def send(self, setpoint: Setpoint) -> None: ...
 
-    assert refused(keeps, Half(), Transport) == "Half has no command(), truth(), close()"
+    assert refused(keeps, Half(), Transport) == "Half has no command(), correct(), truth(), close()"
 
 
 def test_a_part_keeps_its_contract_by_its_shape() -> None:

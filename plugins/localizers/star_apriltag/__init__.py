@@ -26,6 +26,12 @@ OPTIONS: dict[str, Any] = {
             "default": 2,
             "description": "Of each landmark no more than so many tags are used, for ablations.",
         },
+        "feedback": {
+            "enum": ["none", "extpose"],
+            "default": "none",
+            "description": "none: drones fly in their own odometry frames, which the core turns "
+            "into the map; extpose: new fixes are sent to their estimators as well.",
+        },
         "latency": {
             "type": "number",
             "minimum": 0,
@@ -77,6 +83,7 @@ def make(  # noqa: PLR0913 -- a mission's own options
     *,
     method: str = "smoother",
     tags_per_landmark: int = 2,
+    feedback: str = "none",
     latency: float = 0.15,
     camera_deviation_deg: float = 1.0,
     survey: float = 0.005,
@@ -90,6 +97,7 @@ def make(  # noqa: PLR0913 -- a mission's own options
         scene,
         method=method,
         tags_per_landmark=tags_per_landmark,
+        feedback=feedback,
         latency=latency,
         camera_deviation=math.radians(camera_deviation_deg),
         survey=survey,

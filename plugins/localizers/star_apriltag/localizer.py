@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import gtsam
 import numpy as np
 
 from star_apriltag.batch import Batched
+from star_apriltag.feedback import Feedback
 from star_apriltag.follower import Follower, Sight, Smoothed
 from star_apriltag.reports import Reports, heading
 from star_apriltag.tracker import Belief
@@ -22,12 +24,14 @@ AHEAD: Final = 0.02  # s, by which an image may be newer than the newest report
 class AprilTag:
     """Follows every agent, and says where its odometry frame lies in the map.
 
-    Nothing is sent to the drones: each flies in its own odometry frame, and `map_from_odom` moves.
+    Nothing is sent to the drones unless asked for: each flies in its own odometry frame, and
+    `map_from_odom` moves.
 
     Args:
         scene: Agents with their cameras, the map.
         method: ``smoother``, or ``batch`` as the original STAR has it.
         tags_per_landmark: Of each landmark so many tags are used.
+        feedback: ``none``, or ``extpose`` to correct the agents' own estimators.
         latency: From taking an image to its arrival, for images that do not say when, s.
         camera_deviation: How wrong the cameras' rotations may be, rad.
         survey: What the map's places are good for, m: no estimate is surer than that.
@@ -43,6 +47,7 @@ class AprilTag:
         *,
         method: str,
         tags_per_landmark: int,
+        feedback: str,
         latency: float,
         camera_deviation: float,
         survey: float,
@@ -68,18 +73,25 @@ class AprilTag:
             np.array([agent.yaw for agent in scene.agents]),
             np.array([agent.start for agent in scene.agents]),
         )
+        self._feedback = Feedback(self._frames) if feedback == "extpose" else None
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         odometry = self._reports.complete(telemetry)
         for row, follower in enumerate(self._followers):
             follower.hear(odometry, np.flatnonzero(odometry.agent == row))
         sightings = []
+        fixed = set()
         for sight in _sights(telemetry, self._latency):
             looked = self._followers[sight.row].look(sight)
             if looked is not None:
                 sightings += _sightings(sight, *looked)
+                fixed |= {sight.row} if looked[0].accepted else set()
         beliefs = [follower.at(telemetry.time) for follower in self._followers]
-        return self._estimate(telemetry, beliefs, sightings)
+        estimate = self._estimate(telemetry, beliefs, sightings)
+        if self._feedback is None or not fixed:
+            return estimate
+        told = self._feedback.corrections(fixed, beliefs, estimate.map_from_odom, telemetry)
+        return replace(estimate, corrections=told)
 
     def _estimate(
         self, telemetry: Telemetry, beliefs: list[Belief], sightings: list[Sightings]

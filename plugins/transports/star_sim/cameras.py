@@ -42,7 +42,7 @@ class Cameras:
             for tag in (*scene.world.landmarks, *scene.world.targets)
             if tag.of not in options.covered
         ]
-        self._numbers = np.array([tag.id for tag in seen] or [0])
+        self._numbers = np.array(sorted(tag.id for tag in seen) or [0])
         rng = np.random.default_rng([scene.seed, _SURVEY_STREAM])
         tags = real_tags(seen, rng, position=options.survey, turn=options.survey_yaw)
         self._cameras: dict[int, Camera] = {}
@@ -61,10 +61,10 @@ class Cameras:
                 if ground is None
                 else Renderer(camera, tags, scene.world, ground, noise=options.noise)
             )
-        self._queue = [
-            (round((i + 1) / len(self._cameras) / camera.rate / STEP), row)
-            for i, (row, camera) in enumerate(self._cameras.items())
-        ]
+        self._periods = {  # of each camera, from mission time 0 to its next image
+            row: (i + 1) / len(self._cameras) for i, row in enumerate(self._cameras)
+        }
+        self._queue = [(self._due(row), row) for row in self._cameras]
         heapq.heapify(self._queue)
         self._flying: list[tuple[float, int, float, Any]] = []  # arrival, row, taken, what
 
@@ -76,9 +76,9 @@ class Cameras:
         """Take the images that are due at `step`, from where the drones really are."""
         while self._queue and self._queue[0][0] <= step:
             _, row = heapq.heappop(self._queue)
-            camera, stream = self._cameras[row], self._streams[row]
-            later = step + max(1, round(1 / camera.rate / STEP))
-            heapq.heappush(self._queue, (later, row))
+            stream = self._streams[row]
+            self._periods[row] += 1.0
+            heapq.heappush(self._queue, (max(step + 1, self._due(row)), row))
             late = self._options.latency + self._options.jitter * stream.standard_normal()
             lost = stream.random() < self._options.drops
             drone = drones[row]
@@ -93,10 +93,17 @@ class Cameras:
             if not lost:
                 self._flying.append((step * STEP + max(0.0, late), row, step * STEP, what))
 
+    def _due(self, row: int) -> int:
+        """The step nearest to when an agent's next image is due: rates hold on average."""
+        return round(self._periods[row] / self._cameras[row].rate / STEP)
+
     def _mistaken(self, tags: Rows, stream: np.random.Generator) -> Rows:
         """Take some tags for others."""
+        n = len(self._numbers)
         wrong = stream.random(len(tags)) < self._options.wrong_ids
-        return np.where(wrong, stream.choice(self._numbers, len(tags)), tags)
+        further = stream.integers(1, max(n, 2), len(tags))
+        others = self._numbers[(np.searchsorted(self._numbers, tags) + further) % n]
+        return np.where(wrong, others, tags)
 
     def arrived(self, now: float) -> tuple[Frames, Detections]:
         """Return what arrived up to `now`, s, since the last call."""

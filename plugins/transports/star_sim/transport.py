@@ -11,6 +11,7 @@ from star_core import (
     Array,
     Command,
     ContractError,
+    Corrections,
     Detections,
     Frames,
     Odometry,
@@ -24,6 +25,7 @@ from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.camera_options import CameraOptions
 from star_sim.contact import SWEEP, prisms
 from star_sim.drone import standing
+from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance
 from star_sim.report import report
 from star_sim.sensors import TEXTURE_POINTS, draw_errors, draw_texture, noise_streams
@@ -77,6 +79,7 @@ class Simulator:
             self._streams = noise_streams(scene.seed, n)
         self._order = np.argsort(self.drones["position"] @ SWEEP, kind="stable")
         self._keys = np.zeros(n)
+        self._fusion = Fusion(n)
         self._normals = np.zeros((BLOCK, n, 4))
         self._samples = np.zeros((BLOCK, n, 8))
         self._arrived: list[Array] = []  # (cycles, N, 8) since the last call of `receive`
@@ -134,6 +137,11 @@ class Simulator:
 
     def command(self, command: Command) -> None:
         commander.obey(self.drones, command, self._step * STEP)
+
+    def correct(self, corrections: Corrections) -> None:
+        """Let the drones' estimators take poses in; without noise they know better."""
+        if self._noise:
+            self._fusion.take(self.drones, corrections, self._step * STEP)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
         """Fly the active rows; nothing is clipped, as the firmware clips no velocity setpoint.
