@@ -22,8 +22,13 @@ OWN: Final = {"task": ("parallel", "repeat"), "command": ("run", "check", "plugi
 """Names that STAR has taken itself."""
 
 
-def sound(kind: str, offer: Offer[Any]) -> Offer[Any]:
+def sound(kind: str, offer: Offer[Any], *, trusted: bool = False) -> Offer[Any]:
     """Return `offer` with its options as plain JSON.
+
+    Args:
+        kind: Of plugin.
+        offer: To be held to the rules.
+        trusted: Do not look whether its options are a JSON Schema, which takes a while.
 
     Raises:
         PluginError: Its name is none, or is one that STAR has itself; or its options are no JSON
@@ -34,7 +39,7 @@ def sound(kind: str, offer: Offer[Any]) -> Offer[Any]:
         raise PluginError(f"{who}: a name is lower-case letters, digits, '_' and '-'")
     if offer.name in OWN.get(kind, ()):
         raise PluginError(f"{who}: STAR has a {kind} of that name itself")
-    options = _plain(who, offer.options)
+    options = _plain(who, offer.options, trusted=trusted)
     properties = options.setdefault("properties", {})
     for name in RESERVED.get(kind, ("use",)):
         if name in properties:
@@ -61,21 +66,29 @@ def references(schema: Any) -> Iterator[dict[str, Any]]:
             waiting += value
 
 
-def _plain(who: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(who: str, options: Mapping[str, Any], *, trusted: bool) -> dict[str, Any]:
     """Return a copy of a plugin's options as plain JSON."""
-    from jsonschema import Draft202012Validator, SchemaError
-
     try:
         copy = json.loads(json.dumps(options, default=dict, allow_nan=False))
-        Draft202012Validator.check_schema(copy)
-    except SchemaError as error:
-        where = ".".join(str(part) for part in ("options", *error.absolute_path))
-        raise PluginError(f"{who}: {where} is no JSON Schema: {error.message}") from error
     except (TypeError, ValueError, RecursionError) as error:
         raise PluginError(f"{who}: options are no JSON: {error}") from error
+    if not trusted:
+        _must_be_schema(who, copy)
     if not isinstance(copy, dict) or copy.get("type", "object") != "object":
         raise PluginError(f"{who}: options are no schema of an object, expected type: object")
     return {key: value for key, value in copy.items() if key not in {"$schema", "$id"}}
+
+
+def _must_be_schema(who: str, options: Any) -> None:
+    from jsonschema import Draft202012Validator, SchemaError
+
+    try:
+        Draft202012Validator.check_schema(options)
+    except SchemaError as error:
+        where = ".".join(str(part) for part in ("options", *error.absolute_path))
+        raise PluginError(f"{who}: {where} is no JSON Schema: {error.message}") from error
+    except RecursionError as error:
+        raise PluginError(f"{who}: options are no JSON: {error}") from error
 
 
 def _is_there(reference: str, schema: Any) -> bool:

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from star_core.errors import ContractError
+from star_core.sight import Corrections
 from star_core.swarm import Estimate, Plan, Setpoint
 
 Table = TypeVar("Table")
@@ -51,12 +52,8 @@ def checked_estimate(answer: object, n: int) -> Estimate:
     _finite("Estimate.yaw", estimate.yaw, valid)
     _finite("Estimate.map_from_odom.yaw", estimate.map_from_odom.yaw, valid)
     _finite("Estimate.map_from_odom.translation", estimate.map_from_odom.translation, valid)
-    for name in ("position", "attitude", "position_deviation", "attitude_deviation"):
-        values = getattr(estimate.corrections, name)
-        _finite(f"Estimate.corrections.{name}", values, np.ones(len(values), np.bool_))
-    if not set(estimate.corrections.agent.tolist()) <= set(range(n)):
-        agents = estimate.corrections.agent.tolist()
-        raise ContractError(f"Estimate.corrections.agent is {agents!r}, expected rows below {n}")
+    if len(estimate.corrections.agent):
+        _corrections(estimate.corrections, n)
     return estimate
 
 
@@ -92,6 +89,15 @@ def limited(safe: Setpoint, wanted: Setpoint, speed: float) -> Setpoint:
     if square.max() > speed * speed:
         velocity *= (speed / np.maximum(np.sqrt(square), speed))[:, None]
     return replace(safe, velocity=velocity, active=active)
+
+
+def _corrections(corrections: Corrections, n: int) -> None:
+    agents = corrections.agent.tolist()
+    if not all(0 <= agent < n for agent in agents):
+        raise ContractError(f"Estimate.corrections.agent is {agents!r}, expected rows below {n}")
+    for name in ("position", "attitude", "position_deviation", "attitude_deviation"):
+        values = getattr(corrections, name)
+        _finite(f"Estimate.corrections.{name}", values, np.ones(len(values), np.bool_))
 
 
 def _rows(what: str, given: int, expected: int) -> None:

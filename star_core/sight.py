@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Self, TypeAlias
 
 import numpy as np
@@ -40,6 +41,7 @@ class Frames:
             raise ContractError(f"Frames.image has {len(self.image)} images, expected {k}")
 
     @classmethod
+    @cache  # nobody can write to it
     def none(cls) -> Self:
         """No image."""
         return cls(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), ())
@@ -70,6 +72,7 @@ class Detections:
         settle(self, corners=(k, 4, 2), taken=(k,), arrived=(k,))
 
     @classmethod
+    @cache  # nobody can write to it
     def none(cls) -> Self:
         """No tag."""
         nobody = np.zeros(0, np.int64)
@@ -102,6 +105,7 @@ class Sightings:
         settle(self, time=(k,), position=(k, 3), yaw=(k,), covariance=(k, 3, 3))
 
     @classmethod
+    @cache  # nobody can write to it
     def none(cls) -> Self:
         """No tag."""
         nobody, nothing = np.zeros(0, np.int64), np.zeros(0)
@@ -133,6 +137,7 @@ class Corrections:
         settle(self, position_deviation=(k,), attitude_deviation=(k,))
 
     @classmethod
+    @cache  # nobody can write to it
     def none(cls) -> Self:
         """Nobody is corrected."""
         nothing = np.zeros(0)

@@ -17,6 +17,9 @@ from star_core.table import Array, Mask, Rows
 from star_core.world import Obstacle
 
 FLYING = int(AgentPhase.FLYING)
+AT_ONCE = 64
+"""Ticks whose errors are judged together: one call costs as much as for one."""
+
 MANY = 64
 """Agents from which on neighbours are found by a tree; below, by all pairs."""
 
@@ -46,6 +49,7 @@ class Meter:
         self._length = np.zeros(n)
         self._last: Array | None = None
         self._errors: list[tuple[Mask, Array]] = []
+        self._offsets: list[tuple[Array, Array]] = []  # with their covariances, to be judged
         self._nees = 0.0
         self._judged = 0
         self._begun: float | None = None
@@ -66,7 +70,9 @@ class Meter:
         if truth is not None and flying.any():
             offset = tick.estimate.position - truth.position
             self._errors.append((flying, np.einsum("ij,ij->i", offset, offset)))
-            self._surprise(offset[flying], tick.estimate.covariance[flying])
+            self._offsets.append((offset[flying], tick.estimate.covariance[flying]))
+            if len(self._offsets) == AT_ONCE:
+                self._judge()
         self._begun = tick.time if self._begun is None else self._begun
         self._time = tick.time
 
@@ -75,6 +81,7 @@ class Meter:
     ) -> dict[str, Any]:
         """Return what ``summary.json`` holds; figures that cannot be known are None."""
         names = self._scene.names
+        self._judge()
         flight_time = self._time - (self._begun or 0.0)
         mse = self._position_mse()
         return {
@@ -122,13 +129,12 @@ class Meter:
             },
         }
 
-    def _surprise(self, offset: Array, covariance: Array) -> None:
-        """Take in the error squared over what the estimate says it is, a degree of freedom (NEES).
-
-        Args:
-            offset: (K, 3) estimate less truth, m.
-            covariance: (K, 3, 3) of the estimate, m².
-        """
+    def _judge(self) -> None:
+        """Take in errors squared over what the estimate says they are, a degree of freedom."""
+        if not self._offsets:
+            return
+        offset, covariance = (np.concatenate(column) for column in zip(*self._offsets, strict=True))
+        self._offsets.clear()
         known = np.isfinite(offset.sum(axis=1) + covariance.sum(axis=(1, 2)))
         known &= np.linalg.det(covariance) > 0
         if known.any():

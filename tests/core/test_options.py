@@ -10,7 +10,7 @@ from star_core.cli import COMMANDS
 from star_core.contracts import Offer
 from star_core.errors import PluginError
 from star_core.options import sound
-from star_core.registry import Registry, Source
+from star_core.registry import Found, Registry, Source
 
 
 def offer(name: str, properties: dict[str, Any] | None = None, **rules: Any) -> Offer[Any]:
@@ -64,6 +64,11 @@ def test_nothing_can_be_called_like_one_of_stars_own(kind: str, name: str) -> No
 def test_a_name_is_plain(name: Any) -> None:
     with pytest.raises(PluginError, match=r"^avoider .*: a name is lower-case letters, digits"):
         sound("avoider", offer(name))
+
+
+@pytest.mark.parametrize(("kind", "found"), list(Registry()), ids=str)
+def test_what_star_offers_itself_is_sound(kind: str, found: Found) -> None:
+    assert sound(kind, found.offer) == found.offer
 
 
 def test_a_plugin_with_an_unsound_offer_is_left_out_whole() -> None:
