@@ -18,7 +18,7 @@ from star_core import Agent, Array, Image, Odometry, Rows, Tag
 
 log = logging.getLogger(__name__)
 
-BEHIND: Final = 0.5  # s, by which the graph trails where nothing is seen: images may still come
+BEHIND: Final = 0.35  # s beyond the latency, by which the graph trails where nothing is seen
 
 
 class Sight(NamedTuple):
@@ -53,6 +53,7 @@ class Smoothed:
         targets: Tags to be found; only their numbers and sizes are used.
         camera_deviation: How wrong the camera's rotation may be, rad.
         lag: For how long poses stay in the graph, s.
+        latency: How long images are under way, s.
     """
 
     def __init__(
@@ -63,7 +64,9 @@ class Smoothed:
         *,
         camera_deviation: float,
         lag: float,
+        latency: float,
     ) -> None:
+        self._behind = latency + BEHIND
         self._eye = None
         mounting = Pose(np.eye(3), np.zeros(3))
         if agent.camera is not None:
@@ -83,7 +86,7 @@ class Smoothed:
 
     def at(self, now: float) -> Belief:
         """Return where it is at `now`, s."""
-        self.tracker.go_on(now - BEHIND)
+        self.tracker.go_on(now - self._behind)
         return self.tracker.at(max(now, self.tracker.node.time))
 
     def look(self, sight: Sight) -> tuple[Look, Belief] | None:

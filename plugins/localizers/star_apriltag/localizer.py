@@ -60,7 +60,12 @@ class AprilTag:
             Batched(agent, landmarks)
             if method == "batch"
             else Smoothed(
-                agent, landmarks, scene.world.targets, camera_deviation=camera_deviation, lag=lag
+                agent,
+                landmarks,
+                scene.world.targets,
+                camera_deviation=camera_deviation,
+                lag=max(lag, latency + 1.0),
+                latency=latency,
             )
             for agent in scene.agents
         ]

@@ -1,0 +1,327 @@
+"""The localizer on a flight whose images are exact, and on telemetry that is not right."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from star_core import Detections, Estimate, Frames, Image, Odometry, Telemetry
+from tests.plugins.localizers.apriltag.conftest import (
+    HEIGHT,
+    RADIUS,
+    TICK,
+    Circle,
+    blank,
+    flown,
+    localizer,
+    off,
+    room,
+    sheets,
+    telemetry,
+    ticks,
+)
+
+TAGS = sheets()
+SCALE = complex(1.1, 0.0)  # odometry that is a tenth short
+
+
+def spread(estimates: list[Estimate], row: int = 0) -> list[float]:
+    """Deviation of the place along its worst direction, m."""
+    return [math.sqrt(np.linalg.eigvalsh(e.covariance[row])[-1]) for e in estimates]
+
+
+def same(one: list[Estimate], other: list[Estimate], row: int = 0, its: int = 0) -> bool:
+    """Whether a row of one flight's estimates is a row of another's, to the last bit."""
+    return all(
+        np.array_equal(a.position[row], b.position[its])
+        and np.array_equal(a.covariance[row], b.covariance[its])
+        and a.yaw[row] == b.yaw[its]
+        and a.valid[row] == b.valid[its]
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def framed(heard: Telemetry, *images: Image) -> Telemetry:
+    """With images that were taken just then."""
+    when = np.full(len(images), heard.time - 0.15)
+    frames = Frames(np.zeros(len(images), np.int64), when, when + 0.15, images)
+    return replace(heard, frames=frames)
+
+
+def finite(estimate: Estimate) -> bool:
+    parts = (estimate.position, estimate.velocity, estimate.yaw, estimate.covariance)
+    return all(np.isfinite(part).all() for part in parts)
+
+
+def test_it_stays_on_the_truth_though_odometry_drifts() -> None:
+    circle = Circle(20, scale=SCALE)
+    estimates = flown(localizer(room([circle], TAGS)), [circle], 20.0, TAGS)
+    assert off(estimates, circle)[100:].max() < 0.03
+    assert all(e.valid.all() for e in estimates)
+
+
+def test_without_tags_in_sight_it_goes_on_by_odometry_ever_less_sure() -> None:
+    circle = Circle(10)
+    estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0)
+    assert off(estimates, circle).max() < 1e-3
+    assert (np.diff(spread(estimates)[::20]) > 0).all()
+
+
+def test_an_agent_without_a_camera_has_odometry_only() -> None:
+    circle = Circle(10, scale=SCALE)
+    blind = flown(localizer(room([circle], TAGS, camera=None)), [circle], 10.0, TAGS)
+    nothing = flown(localizer(room([circle], TAGS)), [circle], 10.0)
+    assert same(blind, nothing)
+    assert (np.diff(spread(blind)[::20]) > 0).all()
+
+
+def test_with_no_tag_of_a_landmark_in_use_it_is_blind() -> None:
+    circle = Circle(10, scale=SCALE)
+    blind = flown(localizer(room([circle], TAGS), tags_per_landmark=0), [circle], 10.0, TAGS)
+    assert same(blind, flown(localizer(room([circle], TAGS)), [circle], 10.0))
+
+
+def test_with_one_tag_of_each_landmark_the_others_do_not_matter() -> None:
+    circle = Circle(10, scale=SCALE)
+    one = flown(localizer(room([circle], TAGS), tags_per_landmark=1), [circle], 10.0, TAGS)
+    fewer = flown(localizer(room([circle], TAGS)), [circle], 10.0, TAGS[::2])
+    assert same(one, fewer)
+
+
+def test_where_its_odometry_frame_lies_makes_up_for_drift() -> None:
+    circle = Circle(5)
+    made = localizer(room([circle], TAGS))
+    for heard in ticks([circle], 5.0, TAGS):
+        moved = replace(heard, position=heard.position + np.array([0.3, -0.2, 0.0]))
+        estimate = made.locate(moved)
+        assert estimate.map_from_odom.apply(moved.position) == pytest.approx(estimate.position)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        blank(),
+        blank(255),
+        blank(128)[:100],
+        blank(128)[:, :100],
+        blank(0, 1, 1),
+        np.zeros((244, 324), np.float64),
+        np.zeros((244, 324, 3), np.uint8),
+        np.zeros((0, 0), np.uint8),
+        np.random.default_rng(0).integers(0, 256, (244, 324), np.uint8),
+    ],
+    ids=["black", "white", "cut", "narrow", "a pixel", "floats", "colours", "empty", "noise"],
+)
+def test_an_image_that_shows_nothing_changes_nothing(image: Image) -> None:
+    circle = Circle(3)
+    spoilt = flown(
+        localizer(room([circle], TAGS)), [circle], 3.0, change=lambda heard: framed(heard, image)
+    )
+    assert same(spoilt, flown(localizer(room([circle], TAGS)), [circle], 3.0))
+
+
+def test_an_image_of_a_wrong_size_is_told_of(caplog: pytest.LogCaptureFixture) -> None:
+    circle = Circle(1)
+    localizer(room([circle], TAGS)).locate(framed(telemetry([circle], 0.5), blank(0, 9, 9)))
+    assert "image is (9, 9) of uint8, expected (244, 324) of uint8" in caplog.text
+
+
+def test_an_image_of_an_agent_without_a_camera_is_passed_over() -> None:
+    circle = Circle(1)
+    made = localizer(room([circle], TAGS, camera=None))
+    assert finite(made.locate(framed(telemetry([circle], 0.5), blank())))
+
+
+def unstamped(heard: Telemetry) -> Telemetry:
+    found = heard.detections
+    return replace(heard, detections=replace(found, taken=np.full(len(found.tag), np.nan)))
+
+
+def test_tags_without_a_time_stamp_were_taken_the_latency_before_they_came() -> None:
+    circle = Circle(8, scale=SCALE)
+    stamped = flown(localizer(room([circle], TAGS)), [circle], 8.0, TAGS)
+    without = flown(
+        localizer(room([circle], TAGS), latency=0.15), [circle], 8.0, TAGS, change=unstamped
+    )
+    assert np.abs(off(stamped, circle) - off(without, circle)).max() < 1e-6
+
+
+def test_a_latency_that_is_not_so_shifts_the_agent_along_its_way() -> None:
+    circle = Circle(8)
+    wrong = localizer(room([circle], TAGS), latency=0.45)
+    assert off(flown(wrong, [circle], 8.0, TAGS, change=unstamped), circle)[-1] > 0.05
+
+
+def test_images_that_come_in_another_order_than_they_were_taken_in_do_no_harm() -> None:
+    circle = Circle(10, scale=SCALE)
+    made = localizer(room([circle], TAGS))
+    estimates = []
+    for k in range(1, 200):
+        taken = k * TICK - (0.35 if k % 4 == 0 else 0.15)
+        heard = telemetry([circle], k * TICK, TAGS, taken=max(taken, 0.0))
+        estimates.append(made.locate(heard))
+    assert off(estimates, circle)[100:].max() < 0.03
+
+
+def restamped(by: float, heard: Telemetry) -> Telemetry:
+    found = heard.detections
+    return replace(heard, detections=replace(found, taken=found.taken + by))
+
+
+@pytest.mark.parametrize("by", [-100.0, 100.0, 1e9])
+def test_images_whose_clock_is_wrong_are_passed_over(by: float) -> None:
+    circle = Circle(4)
+    wrong = flown(
+        localizer(room([circle], TAGS)), [circle], 4.0, TAGS, change=partial(restamped, by)
+    )
+    assert same(wrong, flown(localizer(room([circle], TAGS)), [circle], 4.0))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e6, 1e9])
+def test_corners_that_make_no_sense_change_nothing(value: float) -> None:
+    circle = Circle(4)
+
+    def spoilt(heard: Telemetry) -> Telemetry:
+        found = heard.detections
+        return replace(heard, detections=replace(found, corners=0 * found.corners + value))
+
+    with np.errstate(invalid="ignore"):
+        nonsense = flown(localizer(room([circle], TAGS)), [circle], 4.0, TAGS, change=spoilt)
+    assert all(finite(estimate) for estimate in nonsense)
+    assert off(nonsense, circle).max() < 1e-3
+
+
+def test_tags_that_nobody_knows_change_nothing() -> None:
+    circle = Circle(4)
+
+    def strange(heard: Telemetry) -> Telemetry:
+        found = heard.detections
+        return replace(heard, detections=replace(found, tag=found.tag + 300))
+
+    wrong = flown(localizer(room([circle], TAGS)), [circle], 4.0, TAGS, change=strange)
+    assert same(wrong, flown(localizer(room([circle], TAGS)), [circle], 4.0))
+
+
+def test_an_agent_that_reports_no_position_keeps_its_odometry_frame() -> None:
+    circle = Circle(6, scale=SCALE)
+    made = localizer(room([circle], TAGS))
+    estimates = []
+    for heard in ticks([circle], 6.0, TAGS):
+        if heard.time > 3.0:
+            estimates.append(made.locate(replace(heard, position=heard.position * np.nan)))
+        else:
+            frames = made.locate(heard).map_from_odom
+    for estimate in estimates:
+        assert np.array_equal(estimate.map_from_odom.yaw, frames.yaw)
+        assert np.array_equal(estimate.map_from_odom.translation, frames.translation)
+        assert finite(estimate)
+        assert not estimate.valid[0]
+
+
+def test_before_it_reports_anything_its_frame_lies_where_it_starts() -> None:
+    circle = Circle(1)
+    heard = telemetry([circle], 0.05)
+    frames = (
+        localizer(room([circle], TAGS))
+        .locate(replace(heard, position=heard.position * np.nan, odometry=Odometry.none()))
+        .map_from_odom
+    )
+    assert frames.translation[0] == pytest.approx([RADIUS, 0.0, HEIGHT])
+    assert frames.yaw[0] == pytest.approx(math.pi / 2)
+
+
+def test_a_report_that_is_stale_is_not_flown_on() -> None:
+    circle = Circle(1)
+    made = localizer(room([circle], TAGS), stale=0.5)
+    heard = telemetry([circle], 0.5)
+    assert made.locate(replace(heard, age=np.array([0.5]))).valid[0]
+    assert not made.locate(replace(heard, age=np.array([0.51]))).valid[0]
+    assert not made.locate(replace(heard, age=np.array([np.nan]))).valid[0]
+
+
+def test_it_is_no_longer_fit_to_fly_on_once_its_deviation_exceeds_the_worst() -> None:
+    circle = Circle(20)
+    estimates = flown(localizer(room([circle], TAGS), worst=0.08), [circle], 20.0)
+    fit = np.array([e.valid[0] for e in estimates])
+    assert np.array_equal(fit, np.array(spread(estimates)) <= 0.08)
+    assert fit[0]
+    assert not fit[-1]
+
+
+def test_no_estimate_is_surer_than_the_map() -> None:
+    circle = Circle(10)
+    estimates = flown(localizer(room([circle], TAGS), survey=0.05), [circle], 10.0, TAGS)
+    assert min(np.linalg.eigvalsh(e.covariance[0])[0] for e in estimates) >= 0.05**2
+
+
+def found_again(seconds: float, aside: float, turned_by: float) -> tuple[float, list[Estimate]]:
+    """A flight that begins elsewhere than the mission says: when it saw a tag, and estimates."""
+    circle = Circle(seconds)
+    scene = room([circle], TAGS)
+    (agent,) = scene.agents
+    x, y, z = agent.start
+    moved = replace(agent, start=(x + aside, y, z), yaw=agent.yaw + turned_by)
+    made, estimates, first = localizer(replace(scene, agents=(moved,))), [], math.inf
+    for heard in ticks([circle], seconds, TAGS):
+        if len(heard.detections.tag):
+            first = min(first, heard.time)
+        estimates.append(made.locate(heard))
+    return first, estimates
+
+
+@pytest.mark.parametrize(("aside", "turned_by"), [(1.0, 25.0), (-1.0, -25.0), (0.0, 180.0)])
+def test_a_wrong_start_is_put_right_within_three_seconds_of_the_first_tag(
+    aside: float, turned_by: float
+) -> None:
+    first, estimates = found_again(8.0, aside, math.radians(turned_by))
+    far = off(estimates, Circle(8.0))
+    after = [error for e, error in zip(estimates, far, strict=True) if e.time > first + 3.0]
+    assert max(after) < 0.25
+
+
+def test_one_agents_estimate_does_not_depend_on_another() -> None:
+    one, other = Circle(8, scale=SCALE), Circle(8, seed=3, centre=(6.0, 0.0))
+    there = sheets(centre=(6.0, 0.0), first=50)
+    both = flown(localizer(room([one, other], TAGS + there)), [one, other], 8.0, TAGS + there)
+    alone = flown(localizer(room([one], TAGS)), [one], 8.0, TAGS)
+    its = flown(localizer(room([other], there)), [other], 8.0, there)
+    assert same(both, alone)
+    assert same(both, its, row=1)
+
+
+def test_two_flights_are_the_same_to_the_last_bit() -> None:
+    circle = Circle(5, seed=1)
+    first, second = (flown(localizer(room([circle], TAGS)), [circle], 5.0, TAGS) for _ in range(2))
+    assert same(first, second)
+
+
+@pytest.mark.parametrize("taken", [math.nan, -1.0, 0.0])
+def test_a_camera_that_saw_before_the_mission_began_is_passed_over(taken: float) -> None:
+    circle = Circle(1)
+    heard = telemetry([circle], 0.1, TAGS, taken=0.0)
+    n = len(heard.detections.tag)
+    old = replace(heard.detections, taken=np.full(n, taken), arrived=np.full(n, 0.05))
+    assert finite(localizer(room([circle], TAGS)).locate(replace(heard, detections=old)))
+
+
+def test_a_flight_that_hears_nothing_at_all_stands_where_it_starts() -> None:
+    circle = Circle(1)
+    made = localizer(room([circle], TAGS))
+    heard = telemetry([circle], 5.0)
+    nothing = replace(
+        heard,
+        position=heard.position * np.nan,
+        velocity=heard.velocity * np.nan,
+        attitude=heard.attitude * np.nan,
+        odometry=Odometry.none(),
+        detections=Detections.none(),
+        age=np.array([np.inf]),
+    )
+    estimate = made.locate(nothing)
+    assert finite(estimate)
+    assert estimate.position[0] == pytest.approx([RADIUS, 0.0, HEIGHT])
+    assert not estimate.valid[0]

@@ -1,0 +1,52 @@
+"""How the localizer is offered: its options, and what it says of a mission that leaves it blind."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import star_apriltag
+from star_core import Localizer
+from star_core.registry import Registry
+from tests.plugins.localizers.apriltag.conftest import Circle, room, sheets
+
+SCENE = room([Circle(1)], sheets())
+
+
+def test_it_is_a_localizer() -> None:
+    assert isinstance(star_apriltag.make(SCENE), Localizer)
+
+
+def test_it_is_offered_by_its_name() -> None:
+    (offer,) = star_apriltag.star_localizers()
+    assert offer.name == "apriltag"
+    assert "apriltag" in Registry().offers()["localizer"]
+
+
+def test_the_defaults_that_are_described_are_those_of_make() -> None:
+    described = {
+        name: option["default"] for name, option in star_apriltag.OPTIONS["properties"].items()
+    }
+    assert described == star_apriltag.make.__kwdefaults__
+
+
+def test_a_world_without_landmarks_leaves_it_blind() -> None:
+    (problem,) = star_apriltag.check(room([Circle(1)], []))
+    assert problem.message == "world 'room' has no landmarks; use 'flow' without them"
+
+
+def test_agents_without_a_camera_leave_it_blind() -> None:
+    (problem,) = star_apriltag.check(room([Circle(1)], sheets(), camera=None))
+    assert problem.message == "no agent has a camera; give agents `camera: aideck`, or use 'flow'"
+
+
+def test_one_agent_with_a_camera_is_enough() -> None:
+    (seeing,) = SCENE.agents
+    both = replace(SCENE, agents=(seeing, replace(seeing, name="cf2", camera=None)))
+    assert not list(star_apriltag.check(both))
+
+
+def test_its_entry_point_imports_nothing_heavy() -> None:
+    code = "import star_apriltag, sys; assert not {'numpy', 'cv2', 'gtsam'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,56 @@
+"""Agents that stream no odometry, or none for a while, are followed by what they report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from star_core import Odometry, Telemetry
+from tests.plugins.localizers.apriltag.conftest import (
+    TICK,
+    Circle,
+    flown,
+    localizer,
+    off,
+    room,
+    sheets,
+    telemetry,
+)
+
+TAGS = sheets()
+
+
+def silent(heard: Telemetry) -> Telemetry:
+    return replace(heard, odometry=Odometry.none())
+
+
+def test_an_agent_that_streams_no_odometry_is_followed_by_what_it_reports() -> None:
+    circle = Circle(10)
+    estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0, change=silent)
+    assert off(estimates, circle).max() < 0.03  # the first report tells no yaw rate
+    with_tags = flown(localizer(room([circle], TAGS)), [circle], 10.0, TAGS, change=silent)
+    assert off(with_tags, circle)[100:].max() < 0.01
+
+
+def test_a_stream_that_comes_every_few_ticks_is_what_counts() -> None:
+    circle = Circle(10)
+    made, since, estimates = localizer(room([circle], TAGS)), 0.0, []
+    for k in range(1, 200):
+        now = k * TICK
+        if k % 4:
+            heard = silent(telemetry([circle], now))
+            if now > 4 * TICK:
+                heard = replace(heard, velocity=5 * heard.velocity)  # which must not be used
+        else:
+            heard, since = telemetry([circle], now, since=since), now
+        estimates.append(made.locate(heard))
+    assert off(estimates, circle).max() < 0.03
+
+
+def test_a_stream_that_ends_is_made_up_for() -> None:
+    circle = Circle(10)
+
+    def until_three(heard: Telemetry) -> Telemetry:
+        return heard if heard.time < 3.0 else silent(heard)
+
+    estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0, change=until_three)
+    assert off(estimates, circle).max() < 0.03

@@ -1,0 +1,179 @@
+"""One agent: odometry between images, tags in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import gtsam
+import numpy as np
+import pytest
+
+from star_apriltag.smoother import Smoother
+from star_apriltag.tracker import NODE_EVERY, Belief, Tracker
+from star_apriltag.vision.pose import AT_REST
+from star_core import Tag
+from star_sim.eye.errors import real_tags
+from tests.plugins.localizers.apriltag.conftest import (
+    HEIGHT,
+    LENS,
+    RADIUS,
+    RATE,
+    SPEED,
+    TICK,
+    Circle,
+    sheets,
+    views,
+)
+
+TAGS = sheets(8)
+LATENCY = 0.15  # s
+
+
+class Flight:
+    """A tracker that hears odometry in each tick and sees every second one's tags."""
+
+    def __init__(
+        self, circle: Circle, *, noise: float = 0.0, survey: float = 0.0, seed: int = 0
+    ) -> None:
+        smoother = Smoother(LENS.mounting, camera_deviation=math.radians(1.0), lag=2.5)
+        self.tracker = Tracker([RADIUS, 0.0, HEIGHT], math.pi / 2, smoother)
+        self.circle = circle
+        self.now = 0.0
+        self._noise = noise
+        self._survey = survey
+        self._seed = seed
+        self._rng = np.random.default_rng(seed)
+
+    def hear(self, until: float) -> None:
+        stream = self.circle.odometry(self.now, until)
+        self.tracker.track.add(stream, np.arange(len(stream.agent)))
+        self.now = until
+
+    def see(self, taken: float, tags: Sequence[Tag] = TAGS) -> None:
+        real = tags
+        if self._survey:
+            survey = np.random.default_rng([self._seed, 1])
+            real = list(real_tags(tags, survey, position=self._survey, turn=self._survey))
+        found = [
+            view._replace(rays=view.rays + self._noise / 180 * self._rng.normal(size=(4, 2)))
+            for view in views(self.circle.body(taken), tags, real)
+        ]
+        if found:
+            self.tracker.see(taken, found, AT_REST)
+
+    def fly(self, seconds: float, tags: Sequence[Tag] = TAGS) -> list[Belief]:
+        beliefs = []
+        for k in range(round(seconds / TICK)):
+            self.hear(round(self.now + TICK, 9))
+            if k % 2 == 0 and self.now > LATENCY:
+                self.see(self.now - LATENCY, tags)
+            self.tracker.go_on(self.now - 0.5)
+            beliefs.append(self.tracker.at(self.now))
+        return beliefs
+
+    def nees(self, belief: Belief) -> float:
+        """Squared error in x and y over covariance, a degree of freedom; a map is good for 5 mm."""
+        error = (belief.position - self.circle.body(belief.time).position)[:2]
+        covariance = belief.covariance[:2, :2] + np.eye(2) * 0.005**2
+        return float(error @ np.linalg.solve(covariance, error)) / 2
+
+
+def test_exact_odometry_is_carried_on_exactly() -> None:
+    (*_, last) = Flight(circle := Circle(10)).fly(10.0, tags=())
+    body = circle.body(10.0)
+    assert last.position == pytest.approx(body.position, abs=1e-4)
+    assert math.remainder(last.yaw - body.yaw, math.tau) == pytest.approx(0, abs=1e-6)
+
+
+def test_velocity_and_yaw_rate_are_those_of_now() -> None:
+    (*_, last) = Flight(circle := Circle(10)).fly(10.0, tags=())
+    assert last.velocity == pytest.approx(SPEED * circle.body(10.0).rotation[:, 0], abs=1e-4)
+    assert last.yaw_rate == pytest.approx(RATE)
+
+
+def test_it_holds_the_place_that_tags_give_it_though_odometry_drifts() -> None:
+    scale = complex(1.08, 0.05)
+    blind = Flight(Circle(20, scale=scale)).fly(20.0, tags=())
+    flight = Flight(circle := Circle(20, scale=scale))
+    seeing = flight.fly(20.0)
+    far = [
+        np.linalg.norm(b.position - circle.body(b.time).position) for b in (seeing[-1], blind[-1])
+    ]
+    assert far[0] < 0.01
+    assert far[1] > 10 * far[0]
+    assert abs(flight.tracker.calibration.scale - scale) < 0.02
+
+
+def test_the_chain_is_whole_over_ten_seconds_without_a_tag() -> None:
+    flight = Flight(Circle(20))
+    flight.fly(3.0)
+    flight.hear(13.0)
+    flight.tracker.go_on(12.5)
+    assert 0 <= 12.5 - flight.tracker.node.time <= NODE_EVERY
+    assert flight.tracker._smoother.restarts == 0
+    flight.see(13.0 - LATENCY)
+    body = flight.circle.body(13.0)
+    assert flight.tracker.at(13.0).position == pytest.approx(body.position, abs=0.01)
+
+
+def test_one_leg_over_ten_seconds_is_survived_too() -> None:
+    flight = Flight(Circle(20))
+    flight.fly(3.0)
+    flight.hear(13.0)
+    flight.see(13.0)
+    assert flight.tracker._smoother.restarts == 0
+    assert flight.tracker.at(13.0).position == pytest.approx(
+        flight.circle.body(13.0).position, abs=0.01
+    )
+
+
+@pytest.mark.parametrize("late", [0.0, 0.3, 5.0])
+def test_an_image_no_later_than_the_newest_node_is_passed_over(late: float) -> None:
+    flight = Flight(Circle(10))
+    flight.fly(4.0)
+    node = flight.tracker.node
+    found = views(flight.circle.body(0.5), TAGS)
+    flight.tracker.see(node.time - late, found, AT_REST)
+    assert flight.tracker.node is node
+
+
+def test_covariance_grows_along_odometry() -> None:
+    flight = Flight(Circle(20))
+    flight.fly(5.0)
+    begin = flight.tracker.node.time
+    flight.hear(15.0)
+    spread = [flight.tracker.at(begin + k).covariance for k in range(10)]
+    for k in range(9):
+        assert (np.linalg.eigvalsh(spread[k + 1] - spread[k])[-1]) > 0
+    traces = [np.trace(one[:2, :2]) for one in spread]
+    assert (np.diff(traces) > 0).all()
+    assert (np.diff([one[3, 3] for one in spread]) > 0).all()
+
+
+def test_covariance_is_one_whether_the_way_is_one_leg_or_many() -> None:
+    whole, parts = Flight(Circle(10)), Flight(Circle(10))
+    for flight in (whole, parts):
+        flight.hear(6.0)
+    parts.tracker.go_on(6.0 - 1e-9)
+    one = np.sqrt(np.diag(whole.tracker.at(6.0).covariance))
+    many = np.sqrt(np.diag(parts.tracker.at(6.0).covariance))
+    assert many[[0, 1, 3]] == pytest.approx(one[[0, 1, 3]], rel=0.3)
+
+
+def test_its_covariance_is_honest_over_many_flights() -> None:
+    surprises = []
+    for seed in range(6):
+        flight = Flight(Circle(20, seed=seed), noise=0.3, survey=0.008, seed=seed)
+        surprises += [flight.nees(belief) for belief in flight.fly(20.0, sheets(2))[40:]]
+    assert 0.3 < np.mean(surprises) < 2.5
+
+
+def test_begun_anew_it_is_where_it_was_told() -> None:
+    flight = Flight(Circle(10))
+    flight.fly(4.0)
+    there = gtsam.Pose3(gtsam.Rot3.Yaw(1.0), np.array([5.0, 5.0, HEIGHT]))
+    flight.tracker.restart(4.0, there, np.eye(6) * 1e-4)
+    assert flight.tracker.calibration._place is None  # it makes no pair with one over there
+    assert flight.tracker.at(4.0).position == pytest.approx([5.0, 5.0, HEIGHT])
+    assert flight.tracker.at(4.0).yaw == pytest.approx(1.0)
