@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from star_core.flight import Event, Flight, Tick
     from star_core.frames import Transform
     from star_core.hookspecs import hookimpl
-    from star_core.mission import Mission, load
+    from star_core.mission import Mission, actions, load
     from star_core.registry import Registry
     from star_core.runner import fly
     from star_core.runs import new_folder
@@ -61,7 +61,7 @@ _HOME = {
     "star_core.flight": ("Event", "Flight", "Tick"),
     "star_core.frames": ("Transform",),
     "star_core.hookspecs": ("hookimpl",),
-    "star_core.mission": ("Mission", "load"),
+    "star_core.mission": ("Mission", "actions", "load"),
     "star_core.registry": ("Registry",),
     "star_core.runner": ("fly",),
     "star_core.runs": ("new_folder",),
@@ -127,6 +127,7 @@ __all__ = [
     "Transport",
     "Truth",
     "World",
+    "actions",
     "fly",
     "hookimpl",
     "load",

@@ -71,7 +71,10 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the links. The core has landed everybody before. Safe to call twice."""
+        """Release the links. Safe to call twice.
+
+        The core has landed everybody it could; who is still in the air is left to its own time-out.
+        """
         ...
 
 
@@ -100,7 +103,8 @@ class Avoider(Protocol):
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         """Return the setpoint nearest to `wanted` that keeps the agents apart.
 
-        Inactive rows stay inactive; they are in the way all the same.
+        Inactive rows stay inactive; they are in the way all the same. An active row that comes back
+        inactive brakes.
         """
         ...
 

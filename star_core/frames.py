@@ -51,6 +51,28 @@ class Transform:
         return Transform(self.yaw[rows], self.translation[rows])
 
 
+class Lying:
+    """Remembers where frames lay when that was last known.
+
+    Args:
+        first: Where they lie at the start.
+    """
+
+    def __init__(self, first: Transform) -> None:
+        self._last = first
+
+    def last_known(self, now: Transform) -> Transform:
+        """Return `now`, with what is not finite as it was last."""
+        known = np.isfinite(now.yaw) & np.isfinite(now.translation).all(axis=1)
+        if not known.all():
+            now = Transform(
+                np.where(known, now.yaw, self._last.yaw),
+                np.where(known[:, None], now.translation, self._last.translation),
+            )
+        self._last = now
+        return now
+
+
 def _turned(yaw: Array, vectors: Array) -> Array:
     """Turn (N, 3) vectors about z by (N,) angles, rad."""
     cos, sin = np.cos(yaw), np.sin(yaw)

@@ -84,4 +84,4 @@ def star_event(event: Event) -> None:
 
 @hookspec
 def star_mission_ended(summary: Mapping[str, Any]) -> None:
-    """Everybody is down and the links are closed. Called however the mission ended."""
+    """The flight is over and the links are closed; its ``reason`` says who did not come down."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from star_core.contracts import Status
 from star_core.crew import Crew
 from star_core.errors import PluginError
 from star_core.flight import Tick
-from star_core.frames import Transform
+from star_core.frames import Lying, Transform
+from star_core.interrupts import Interrupts
 from star_core.mission import Mission
 from star_core.observers import Observers
 from star_core.phases import AIRBORNE, MissionPhase, Phases
@@ -37,16 +38,10 @@ from star_core.table import Mask, Rows
 from star_core.tasks import Course
 
 STALE_AFTER = 0.5  # s, an agent not heard for longer is lost: the firmware's commander time-out
+LOST_PATIENCE = 1.0  # s; told nothing for 2 s, a Crazyflie stops its motors
 LAND_SPEED = 0.3  # m/s, when the core itself lands
 LAND_SHORTEST = 1.0  # s, the quickest landing the core asks for
 LAND_PATIENCE = 10.0  # s, beyond what a landing takes, before an agent counts as not landed
-
-
-@dataclass(slots=True)
-class Interrupts:
-    """How often the operator asked to end the flight: once to land, twice to stop the motors."""
-
-    count: int = 0
 
 
 class Pilot:
@@ -76,9 +71,13 @@ class Pilot:
         self._estimate: Estimate | None = None
         self._lost_localizer = False
         self._commanded = np.zeros(self._n, np.bool_)  # flies to a place on its own, on board
-        self._lies = Transform(
-            np.array([agent.yaw for agent in mission.scene.agents]),
-            np.array([agent.start for agent in mission.scene.agents]),
+        self._until = np.zeros(self._n)  # s, until when it does at least
+        self._lost_since = np.full(self._n, np.inf)  # s
+        self._lying = Lying(
+            Transform(
+                np.array([agent.yaw for agent in mission.scene.agents]),
+                np.array([agent.start for agent in mission.scene.agents]),
+            )
         )
         self._blind = False  # the truth cannot be had
         self._wall_time = 0.0
@@ -118,7 +117,7 @@ class Pilot:
         except PluginError as error:
             end, reason = "fail", str(error)
             self.event("failure", reason)
-            reason += self._bring_down_broken()
+            reason = "; ".join(filter(None, (reason, self._bring_down_broken())))
         except BaseException as error:
             self.reason = f"Python was interrupted: {type(error).__name__}"
             try:
@@ -153,6 +152,9 @@ class Pilot:
     def _tick(self) -> Status:
         """Receive, locate, run the steps, plan, avoid, limit, send: once, for the whole swarm."""
         telemetry, estimate, health = self._look()
+        if late := self._lost_too_long():
+            self._course.reason = late
+            return Status.FAILURE
         status, wishes = self._course.step(estimate, health)
         for command in wishes.commands:
             self._order(command, estimate)
@@ -162,12 +164,24 @@ class Pilot:
         self._course.hold(flying, estimate)
         goals = wishes.goals()
         plan = self._crew.plan(estimate, goals)
-        active = plan.setpoint.active & flying & estimate.valid & ~self._commanded
-        wanted = replace(plan.setpoint, active=active)
+        active = flying & estimate.valid & ~self._commanded
+        said = plan.setpoint.active  # who is left out brakes: told nothing, a drone would fall
+        wanted = Setpoint(
+            velocity=np.where(said[:, None], plan.setpoint.velocity, 0.0),
+            yaw=np.where(said, plan.setpoint.yaw, estimate.yaw),
+            active=active,
+        )
         safe = self._crew.avoid(estimate, wanted)
         sent = self._send(limited(safe, wanted, self._scene.limits.speed), estimate)
         self._record(telemetry, estimate, health, goals, plan, sent, ", ".join(wishes.doing))
         return status
+
+    def _lost_too_long(self) -> str:
+        """Say who was lost for so long, and is in no step that says what to do, that all land."""
+        lost = self._phases.among(AgentPhase.LOST)
+        self._lost_since = np.where(lost, np.fmin(self._lost_since, self._time), np.inf)
+        late = np.flatnonzero((self._time - self._lost_since > LOST_PATIENCE) & ~self._left())
+        return f"{self._scene.named(late)} is lost" if len(late) else ""
 
     def _look(self) -> tuple[Telemetry, Estimate, Health]:
         """Wait for the tick that is due, and see how things are."""
@@ -178,29 +192,21 @@ class Pilot:
             nobody = np.zeros(self._n, np.bool_)
             estimate = replace(self._estimate, time=telemetry.time, valid=nobody)
         else:
-            estimate = self._located(self._crew.locate(telemetry))
+            estimate = self._crew.locate(telemetry)
+            lies = self._lying.last_known(estimate.map_from_odom)
+            estimate = replace(estimate, map_from_odom=lies)
             if len(estimate.corrections.agent):
                 self._crew.correct(estimate.corrections)
         self._estimate = estimate
         heard = telemetry.age <= STALE_AFTER
         self._phases.observe(telemetry.state, heard, estimate.valid)
-        self._commanded &= telemetry.state & int(Supervisor.COMMANDER_FINISHED) == 0
+        finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
+        self._commanded &= ~(
+            finished & (self._time >= self._until)
+        )  # it may be of the order before
         health = Health(self._phases.of_agents(), telemetry.battery, telemetry.age)
         self._tell_phases()
         return telemetry, estimate, health
-
-    def _located(self, estimate: Estimate) -> Estimate:
-        """Keep the odometry frame of an agent that is located no more where it lay last."""
-        frames, last = estimate.map_from_odom, self._lies
-        known = np.isfinite(frames.yaw) & np.isfinite(frames.translation).all(axis=1)
-        if known.all():
-            self._lies = frames
-            return estimate
-        self._lies = Transform(
-            np.where(known, frames.yaw, last.yaw),
-            np.where(known[:, None], frames.translation, last.translation),
-        )
-        return replace(estimate, map_from_odom=self._lies)
 
     def _send(self, setpoint: Setpoint, estimate: Estimate) -> Setpoint:
         """Send a setpoint in the agents' odometry frames; return what was sent, in the map."""
@@ -232,6 +238,7 @@ class Pilot:
                 self._phases.fire("fail", command.agent)
             case Order.GOTO:
                 self._commanded[command.agent] = True
+                self._until[command.agent] = self._time + command.duration
         self._tell_phases()
 
     def _land(self, rows: Rows, estimate: Estimate) -> float:
@@ -259,7 +266,7 @@ class Pilot:
             return ""
         takes = self._land(np.arange(self._n), estimate)
         until = self._time + takes + LAND_PATIENCE
-        while (up := self._airborne()).any():
+        while (up := self._phases.among(*AIRBORNE)).any():
             if self._interrupts.count > 1:
                 self._stop(up)
                 return "stopped by the operator: motors off"
@@ -282,29 +289,20 @@ class Pilot:
     def _bring_down_broken(self) -> str:
         """Land everybody though a plugin is broken; return what went wrong, if anything."""
         try:
-            return self._with_comma(self._bring_down("fail"))
-        except PluginError as first:
-            if self._lost_localizer:
-                return f"; {first}"
-        self._lost_localizer = True  # it may be the localizer that raised: land without it
+            return self._bring_down("fail")
+        except PluginError:
+            self._lost_localizer = True  # it may be the localizer that raised: land without it
         try:
-            return self._with_comma(self._bring_down("fail"))
-        except PluginError as second:
-            self.event("failure", f"nobody could be landed: {second}")
-            return f"; nobody could be landed: {second}"
-
-    @staticmethod
-    def _with_comma(text: str) -> str:
-        return f"; {text}" if text else ""
+            return self._bring_down("fail")
+        except PluginError as error:
+            self.event("failure", f"nobody could be landed: {error}")
+            return f"nobody could be landed: {error}"
 
     def _left(self) -> Mask:
         """Agents whose failure the mission allowed."""
         left = np.zeros(self._n, np.bool_)
         left[sorted(self._course.left)] = True
         return left
-
-    def _airborne(self) -> Mask:
-        return self._phases.among(*AIRBORNE)
 
     def _stop(self, up: Mask) -> None:
         """Switch motors off, at once."""

@@ -8,10 +8,11 @@ from typing import Any
 
 from star_core.crew import Crew
 from star_core.flight import Flight
+from star_core.interrupts import Interrupts
 from star_core.manifest import manifest
 from star_core.mission import Mission
 from star_core.phases import MissionPhase
-from star_core.pilot import Interrupts, Pilot
+from star_core.pilot import Pilot
 from star_core.registry import Registry
 
 

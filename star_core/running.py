@@ -14,8 +14,8 @@ from types import FrameType
 from typing import Any
 
 from star_core.errors import InputError
+from star_core.interrupts import Interrupts
 from star_core.mission import load
-from star_core.pilot import Interrupts
 from star_core.progress import Progress
 from star_core.registry import Registry, Source
 from star_core.runner import fly, outcome_of

@@ -82,13 +82,17 @@ def checked_setpoint(answer: object, n: int) -> Setpoint:
 
 
 def limited(safe: Setpoint, wanted: Setpoint, speed: float) -> Setpoint:
-    """Return `safe` with no row faster than `speed`, m/s, and no row active that was not wanted."""
-    active = safe.active & wanted.active
-    velocity = np.where(active[:, None], safe.velocity, 0.0)
+    """Return what to send of `safe`: the rows of `wanted`, none of them faster than `speed`, m/s.
+
+    A row that `safe` leaves out brakes: a drone that is told nothing would fall.
+    """
+    said = safe.active & wanted.active
+    velocity = np.where(said[:, None], safe.velocity, 0.0)
     square = np.einsum("ij,ij->i", velocity, velocity)
     if square.max() > speed * speed:
         velocity *= (speed / np.maximum(np.sqrt(square), speed))[:, None]
-    return replace(safe, velocity=velocity, active=active)
+    yaw = np.where(said, safe.yaw, wanted.yaw)
+    return replace(safe, velocity=velocity, yaw=yaw, active=wanted.active)
 
 
 def _corrections(corrections: Corrections, n: int) -> None:

@@ -16,7 +16,7 @@ from star_core.swarm import AgentPhase
 from star_core.table import Array, Mask, Rows
 from star_core.world import Obstacle
 
-FLYING = int(AgentPhase.FLYING)
+FLYING, LOST = int(AgentPhase.FLYING), int(AgentPhase.LOST)
 AT_ONCE = 64
 """Ticks whose errors are judged together: one call costs as much as for one."""
 
@@ -47,6 +47,7 @@ class Meter:
         self._separation = np.inf
         self._clearance = np.inf
         self._length = np.zeros(n)
+        self._up = np.zeros(n, np.bool_)  # between take-off and landing, lost or not
         self._last: Array | None = None
         self._errors: list[tuple[Mask, Array]] = []
         self._offsets: list[tuple[Array, Array]] = []  # with their covariances, to be judged
@@ -66,7 +67,9 @@ class Meter:
             length = np.sqrt(np.einsum("ij,ij->i", step, step))
             self._length += np.where(np.isfinite(length), length, 0.0)
         self._last = position
-        flying = tick.health.phase == FLYING
+        phase = tick.health.phase
+        self._up = (self._up | (phase == FLYING)) & ((phase == FLYING) | (phase == LOST))
+        flying = self._up
         if truth is not None and flying.any():
             offset = tick.estimate.position - truth.position
             self._errors.append((flying, np.einsum("ij,ij->i", offset, offset)))

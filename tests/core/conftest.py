@@ -16,8 +16,8 @@ import pytest
 
 import star_core as star
 from star_core import AgentPhase, Offer, Order, Status, Step, Supervisor, hookimpl
+from star_core.interrupts import Interrupts
 from star_core.mission import Mission, load
-from star_core.pilot import Interrupts
 from star_core.registry import Registry, Source
 from star_core.runner import fly
 

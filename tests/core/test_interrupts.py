@@ -13,7 +13,7 @@ from threading import Timer
 import pytest
 
 from star_core import Order
-from star_core.pilot import Interrupts
+from star_core.interrupts import Interrupts
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab
 

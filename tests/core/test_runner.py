@@ -220,21 +220,29 @@ def test_an_agent_that_arrived_on_its_own_is_sent_setpoints_again(lab: Lab) -> N
 
 
 def test_rows_that_the_avoider_adds_are_not_sent(lab: Lab) -> None:
-    lab.spoil("planner", "plan", lambda right, *args: only_first(right(*args)))
     lab.spoil("avoider", "avoid", active)
-    lab.fly(IN_THE_AIR)
+    lab.fly("\n  - climb: {agents: cf1}\n  - wait: {agents: cf1, seconds: 1}")
     assert any(sent.active[0] for _, sent in lab.robots.sent)
     assert not any(sent.active[1] for _, sent in lab.robots.sent)
+
+
+def test_who_flies_and_is_left_out_by_the_planner_is_told_to_brake(lab: Lab) -> None:
+    lab.spoil("planner", "plan", lambda right, *args: only_first(right(*args)))
+    lab.fly(PLACES)
+    both = [sent for _, sent in lab.robots.sent if sent.active.all()]
+    assert any(sent.velocity[0].any() for sent in both)
+    assert not any(sent.velocity[1].any() for sent in both)
 
 
 def only_first(plan: Plan) -> Plan:
     return replace(plan, setpoint=replace(plan.setpoint, active=plan.setpoint.active & FIRST))
 
 
-def test_rows_that_the_avoider_takes_away_are_not_sent(lab: Lab) -> None:
+def test_who_flies_and_is_left_out_by_the_avoider_is_told_to_brake(lab: Lab) -> None:
     lab.spoil("avoider", "avoid", lambda _right, _now, wanted: replace(wanted, active=[False] * 2))
     lab.fly(IN_THE_AIR)
-    assert not any(sent.active.any() for _, sent in lab.robots.sent)
+    assert any(sent.active.all() for _, sent in lab.robots.sent)
+    assert not any(sent.velocity.any() for _, sent in lab.robots.sent)
 
 
 def test_nobody_is_sent_faster_than_the_limit(lab: Lab) -> None:

@@ -79,8 +79,6 @@ def serve(connection: Connection, output: Path) -> None:
         os.dup2(file, stream)
     faulthandler.enable()
     logging.basicConfig(format=f"worker {os.getpid()}: %(message)s", stream=sys.stderr)
-    for name in THREADS:
-        os.environ.setdefault(name, "1")
     registry = Registry()
     with suppress(EOFError, BrokenPipeError):  # nobody is at the other end any more
         while True:

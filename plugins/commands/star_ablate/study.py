@@ -10,7 +10,7 @@ from itertools import combinations, count, islice, product
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from star_core import InputError, Mission, Registry, load, read_as
+from star_core import InputError, Mission, Registry, actions, load, read_as
 
 MEASURES: Final = (
     "collisions.agent_agent",
@@ -279,6 +279,7 @@ def _digest(condition: Condition) -> str:
         "mission": mission.document.data,
         "world": mission.world.data,
         "plugins": {kind: str(part.source) for kind, part in mission.parts.items()},
+        "verbs": {action.verb: str(action.source) for action in actions(mission.steps)},
     }
     text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -6,17 +6,17 @@ all runs under way, and does not tell which one was to blame or how it died.
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from multiprocessing import connection, get_context
 from multiprocessing.process import BaseProcess
-from os import killpg
 from pathlib import Path
 from typing import Final
 
-from star_ablate.flight import Result, Task, serve
+from star_ablate.flight import THREADS, Result, Task, serve
 
 SPAWN: Final = get_context("spawn")
 LOOK: Final = 0.2  # s between two looks at whether to stop
@@ -129,6 +129,8 @@ class Worker:
     def _start(self) -> None:
         self.connection, theirs = SPAWN.Pipe()
         self._process = process = SPAWN.Process(target=serve, args=(theirs, self._output))
+        for name in THREADS:  # read when a library is loaded, so before the process is there
+            os.environ.setdefault(name, "1")
         process.start()
         theirs.close()  # so that its end can be read when the process is gone
 
@@ -149,7 +151,7 @@ class Worker:
         if process is None or process.pid is None:
             return 0
         with suppress(ProcessLookupError, PermissionError):  # it has not become a group yet
-            killpg(process.pid, signal.SIGKILL)
+            os.killpg(process.pid, signal.SIGKILL)
         process.kill()
         process.join()
         self.connection.close()

@@ -60,7 +60,7 @@ OPTIONS: dict[str, Any] = {
             "minimum": 1,
             "maximum": 20,
             "default": 2.5,
-            "description": "For how long poses are optimised again, s.",
+            "description": "For how long poses are optimised again, with method: smoother, s.",
         },
         "worst": {
             "type": "number",
@@ -107,8 +107,20 @@ def make(  # noqa: PLR0913 -- a mission's own options
     )
 
 
-def check(scene: Scene, **_options: Any) -> Iterable[Problem]:
-    """Say what would leave this localizer blind."""
+def check(
+    scene: Scene,
+    *,
+    method: str = "smoother",
+    feedback: str = "none",
+    lag: float = 2.5,
+    latency: float = 0.15,
+    **_others: Any,
+) -> Iterable[Problem]:
+    """Say what would leave this localizer blind, and which options do not go together."""
+    if method == "batch" and feedback != "none":
+        yield Problem(("feedback",), f"{feedback!r} goes with method: smoother only")
+    if lag < latency + 1.0:
+        yield Problem(("lag",), f"{lag:g} s is not 1 s more than the latency of {latency:g} s")
     if not scene.world.landmarks:
         yield Problem((), f"world {scene.world.name!r} has no landmarks; use 'flow' without them")
     elif not any(agent.camera for agent in scene.agents):

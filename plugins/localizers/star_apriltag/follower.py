@@ -38,7 +38,11 @@ class Follower(Protocol):
         """Take in those samples of the odometry that are this agent's."""
 
     def look(self, sight: Sight) -> tuple[Look, Belief] | None:
-        """Take in an image; return what it said and where the agent was believed to be then."""
+        """Take in an image; return what it said and where the agent was believed to be then.
+
+        Raises:
+            ValueError: It is no image of the agent's camera.
+        """
 
     def at(self, now: float) -> Belief:
         """Return where it is at `now`, s."""
@@ -99,11 +103,7 @@ class Smoothed:
         if sight.image is None:
             look = self._eye.consider(sight.tags, sight.corners, prediction)
         else:
-            try:
-                look = self._eye.look(sight.image, prediction)
-            except ValueError as error:
-                log.warning("an image is passed over: %s", error)
-                return None
+            look = self._eye.look(sight.image, prediction)
         accepted = [seen.view for seen in look.accepted if seen.view is not None]
         if accepted:
             self._relocation.forget()

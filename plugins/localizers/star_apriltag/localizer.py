@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,6 +18,8 @@ from star_apriltag.reports import Reports, heading
 from star_apriltag.tracker import Belief
 from star_apriltag.vision.look import Look
 from star_core import Estimate, Scene, Sightings, Tag, Telemetry, Transform
+
+log = logging.getLogger(__name__)
 
 AHEAD: Final = 0.02  # s, by which an image may be newer than the newest report
 
@@ -64,7 +67,7 @@ class AprilTag:
                 landmarks,
                 scene.world.targets,
                 camera_deviation=camera_deviation,
-                lag=max(lag, latency + 1.0),
+                lag=lag,
                 latency=latency,
             )
             for agent in scene.agents
@@ -87,7 +90,11 @@ class AprilTag:
         sightings = []
         fixed = set()
         for sight in _sights(telemetry, self._latency):
-            looked = self._followers[sight.row].look(sight)
+            try:
+                looked = self._followers[sight.row].look(sight)
+            except ValueError as error:
+                log.warning("an image of agent %d is passed over: %s", sight.row, error)
+                continue
             if looked is not None:
                 sightings += _sightings(sight, *looked)
                 fixed |= {sight.row} if looked[0].accepted else set()
@@ -95,6 +102,7 @@ class AprilTag:
         estimate = self._estimate(telemetry, beliefs, sightings)
         if self._feedback is None or not fixed:
             return estimate
+        fixed -= self._reports.silent  # their velocities would hold the correction
         told = self._feedback.corrections(fixed, beliefs, estimate.map_from_odom, telemetry)
         return replace(estimate, corrections=told)
 

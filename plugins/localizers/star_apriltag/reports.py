@@ -18,9 +18,13 @@ class Reports:
 
     Args:
         agents: How many there are.
+
+    Attributes:
+        silent: Rows of those for whom reports stood in last.
     """
 
     def __init__(self, agents: int) -> None:
+        self.silent: set[int] = set()
         self._streamed = np.full(agents, -np.inf)  # s, when there was a sample last
         self._time = np.full(agents, np.nan)  # s, of the last report with a heading
         self._heading = np.zeros(agents)
@@ -45,6 +49,7 @@ class Reports:
         self._time = np.where(newer, said, self._time)
         self._heading = np.where(newer, facing, self._heading)
         silent = np.flatnonzero(now - self._streamed > SILENT)
+        self.silent = set(silent.tolist())
         if not len(silent):
             return streamed
         still = np.zeros((len(silent), 3))

@@ -54,7 +54,6 @@ class Track:
 
     def __init__(self) -> None:
         self._rows = np.zeros((2 * ROOM, 8))
-        self._first = 0
         self._end = 0
 
     def add(self, odometry: Odometry, rows: Rows) -> None:
@@ -73,8 +72,8 @@ class Track:
         newer = np.maximum.accumulate(np.append(self.newest, table[:-1, 0])) < table[:, 0]
         table = table[newer][-ROOM:]
         if self._end + len(table) > len(self._rows):
-            kept = self._rows[max(self._first, self._end - ROOM) : self._end].copy()
-            self._first, self._end = 0, len(kept)
+            kept = self._rows[self._end - ROOM : self._end].copy()
+            self._end = len(kept)
             self._rows[: self._end] = kept
         self._rows[self._end : self._end + len(table)] = table
         self._end += len(table)
@@ -82,7 +81,7 @@ class Track:
     @property
     def newest(self) -> float:
         """Time of the newest sample, s; -inf if there is none."""
-        return float(self._rows[self._end - 1, 0]) if self._end > self._first else -np.inf
+        return float(self._rows[self._end - 1, 0]) if self._end else -np.inf
 
     def between(
         self, begin: float, end: float, *, scale: complex = 1.0, yaw_bias: float = 0.0
@@ -96,12 +95,12 @@ class Track:
                 says, and how it is turned in the body.
             yaw_bias: What to take from the yaw rate, rad/s.
         """
-        times = self._rows[self._first : self._end, 0]
+        times = self._rows[: self._end, 0]
         if end <= begin or not len(times):
             return Motion(0j, 0.0, 0.0, max(0.0, end - begin))
         first = min(int(np.searchsorted(times, begin, side="right")), len(times) - 1)
         last = min(int(np.searchsorted(times, end)), len(times) - 1)
-        rows = self._rows[self._first + first : self._first + last + 1]
+        rows = self._rows[first : last + 1]
         until = np.clip(rows[:, 0], begin, end)
         until[-1] = end
         took = np.diff(until, prepend=begin)
@@ -117,8 +116,8 @@ class Track:
 
     def at(self, time: float) -> Stance:
         """Return the sample that holds at `time`, s; level and at rest if there is none."""
-        times = self._rows[self._first : self._end, 0]
+        times = self._rows[: self._end, 0]
         if not len(times):
             return Stance(0.0, 0.0, 0.0, np.zeros(3), 0.0)
-        row = self._rows[self._first + min(int(np.searchsorted(times, time)), len(times) - 1)]
+        row = self._rows[min(int(np.searchsorted(times, time)), len(times) - 1)]
         return Stance(float(row[5]), float(row[6]), float(row[7]), row[1:4], float(row[4]))
