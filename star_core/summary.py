@@ -51,6 +51,7 @@ class Meter:
         self._last: Array | None = None
         self._errors: list[tuple[Mask, Array]] = []
         self._offsets: list[tuple[Array, Array]] = []  # with their covariances, to be judged
+        self._worst = 0.0  # m
         self._nees = 0.0
         self._judged = 0
         self._begun: float | None = None
@@ -69,13 +70,8 @@ class Meter:
         self._last = position
         phase = tick.health.phase
         self._up = (self._up | (phase == FLYING)) & ((phase == FLYING) | (phase == LOST))
-        flying = self._up
-        if truth is not None and flying.any():
-            offset = tick.estimate.position - truth.position
-            self._errors.append((flying, np.einsum("ij,ij->i", offset, offset)))
-            self._offsets.append((offset[flying], tick.estimate.covariance[flying]))
-            if len(self._offsets) == AT_ONCE:
-                self._judge()
+        if truth is not None:
+            self._err(tick.estimate.position - truth.position, tick.estimate.covariance)
         self._begun = tick.time if self._begun is None else self._begun
         self._time = tick.time
 
@@ -104,6 +100,7 @@ class Meter:
             "min_clearance_m": _known(self._clearance),
             "position_mse_m2": mse,
             "position_rmse_m": None if mse is None else float(np.sqrt(mse["mean"])),
+            "position_worst_m": self._worst if self._errors else None,
             "position_nees": self._nees / self._judged if self._judged else None,
             "path_length_m": {
                 "total": float(self._length.sum()),
@@ -131,6 +128,18 @@ class Meter:
                 for i, name in enumerate(self._scene.names)
             },
         }
+
+    def _err(self, offset: Array, covariance: Array) -> None:
+        """Take in how far estimates are off: (N, 3) m, with their (N, 3, 3) covariance, m²."""
+        counted = self._up & np.isfinite(offset.sum(axis=1))
+        if not counted.any():
+            return
+        squared = np.einsum("ij,ij->i", offset, offset)
+        self._errors.append((counted, squared))
+        self._worst = max(self._worst, float(np.sqrt(squared[counted].max())))
+        self._offsets.append((offset[counted], covariance[counted]))
+        if len(self._offsets) == AT_ONCE:
+            self._judge()
 
     def _judge(self) -> None:
         """Take in errors squared over what the estimate says they are, a degree of freedom."""

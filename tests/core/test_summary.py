@@ -219,6 +219,17 @@ def test_the_position_error_is_that_of_the_estimate_from_the_truth() -> None:
         "per_agent": {"cf1": 0.0, "cf2": pytest.approx(0.125)},
     }
     assert summary["position_rmse_m"] == pytest.approx(0.25)
+    assert summary["position_worst_m"] == pytest.approx(0.5)
+
+
+def test_the_position_error_of_an_agent_that_is_lost_in_the_air_counts_where_it_is_known() -> None:
+    truth = [[[0.0, 0.0, 1.0]]] * 5
+    unknown = [[np.nan, 0.0, 1.0]]
+    seen = [[[7.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[1.5, 0.0, 1.0]], unknown, [[9.0, 0.0, 1.0]]]
+    phases = [AgentPhase.LOST, FLYING, AgentPhase.LOST, AgentPhase.LOST, LANDING]
+    summary = measured(truth, seen=seen, phases=phases)
+    assert summary["position_mse_m2"]["mean"] == pytest.approx((0.25 + 2.25) / 2)
+    assert summary["position_worst_m"] == pytest.approx(1.5)
 
 
 def test_the_position_error_counts_from_the_end_of_take_off_to_the_start_of_landing() -> None:
