@@ -179,6 +179,9 @@ class Pilot:
     def _lost_too_long(self) -> str:
         """Say who was lost for so long, and is in no step that says what to do, that all land."""
         lost = self._phases.among(AgentPhase.LOST)
+        if not lost.any():
+            self._lost_since.fill(np.inf)
+            return ""
         self._lost_since = np.where(lost, np.fmin(self._lost_since, self._time), np.inf)
         late = np.flatnonzero((self._time - self._lost_since > LOST_PATIENCE) & ~self._left())
         return f"{self._scene.named(late)} is lost" if len(late) else ""
