@@ -204,9 +204,8 @@ class Pilot:
         heard = telemetry.age <= STALE_AFTER
         self._phases.observe(telemetry.state, heard, estimate.valid)
         finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
-        self._commanded &= ~(
-            finished & (self._time >= self._until)
-        )  # it may be of the order before
+        finished &= self._time >= self._until  # earlier it is the order before that is over
+        self._commanded &= ~finished
         health = Health(self._phases.of_agents(), telemetry.battery, telemetry.age)
         self._tell_phases()
         return telemetry, estimate, health

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import errno
-import io
 import os
-import re
 import socket
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from star_core.cli import main
 
@@ -278,75 +273,3 @@ def test_mistakes_in_a_mission_and_in_its_world_are_told_at_once(
     change("fence:", "fense:", "worlds/room.yaml")
     files = {line.split(":")[0] for line in refused("check", "m.yaml")}
     assert files == {"m.yaml", "worlds/room.yaml"}
-
-
-# Whatever the bytes are
-
-LINE = re.compile(r"(m\.yaml|worlds/[^:]*|--set .*?)(:\d+:\d+)?: \S.*")
-WORDS = b"""
-    -1 0 1e308 1e-300 .nan .inf 18446744073709551615 2026-01-01 null true [] {} '' [[0,0]] ../ /
-    all cf1 cf9 pair sim use: agents: file: parallel: repeat: land:{} ' " | > % @ ` &a *a !b <<: ---
-    # ? : , - \0 \xff \xef\xbb\xbf \xe2\x80\xa8
-""".split()
-BLANKS = [b" ", b"\n", b"\n  ", b"\t", b"- ", b": ", b"? ", b" #", b"\n---\n"]
-
-
-@st.composite
-def mutants(draw: st.DrawFn, original: bytes) -> bytes:
-    """Bytes with slices taken out, put in, moved or replaced."""
-    content = original
-    for _ in range(draw(st.integers(1, 4))):
-        at = draw(st.integers(0, len(content)))
-        gone = draw(st.sampled_from([0, 0, 1, 2, 5, 20, 100]))
-        begin = draw(st.integers(0, len(original)))
-        moved = original[begin : begin + draw(st.integers(1, 40))]
-        new = draw(st.sampled_from([b"", moved, *WORDS, *BLANKS]) | st.binary(max_size=4))
-        content = content[:at] + new + content[at + gone :]
-    return content
-
-
-def answer(*arguments: str) -> tuple[int, list[str]]:
-    """Check a mission, and return the exit status and what was said of what is wrong."""
-    out, err = io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(err):
-        status = main(["check", "m.yaml", *arguments])
-    assert bool(out.getvalue()) is (status == 0)
-    return status, err.getvalue().splitlines()
-
-
-fuzz = settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-
-
-@fuzz
-@given(content=mutants((MISSIONS / "first_flight.yaml").read_bytes()))
-def test_a_mission_of_any_bytes_is_good_or_refused_in_lines(content: bytes) -> None:
-    Path("worlds/lab_4x4.yaml").write_bytes((MISSIONS / "worlds" / "lab_4x4.yaml").read_bytes())
-    Path("m.yaml").write_bytes(content)
-    status, lines = answer()
-    assert status == (2 if lines else 0)
-    assert all(LINE.fullmatch(line) for line in lines), lines
-
-
-@fuzz
-@given(content=mutants(WORLD.encode()))
-def test_a_world_of_any_bytes_is_good_or_refused_in_lines(content: bytes) -> None:
-    Path("worlds/room.yaml").write_bytes(content)
-    status, lines = answer()
-    assert status == (2 if lines else 0)
-    assert all(LINE.fullmatch(line) for line in lines), lines
-
-
-@fuzz
-@given(
-    path=st.lists(
-        st.sampled_from(["mission", "swarm", "cf1", "start", "avoider", "radius", "0", "x", ""]),
-        max_size=5,
-    ).map(".".join),
-    value=st.sampled_from([word.decode(errors="replace") for word in WORDS]) | st.text(max_size=8),
-)
-def test_whatever_is_set_is_taken_or_refused_in_lines(path: str, value: str) -> None:
-    status, lines = answer(f"--set={path}={value}")
-    assert status == (2 if lines else 0)
-    assert all(LINE.fullmatch(line) for line in lines), lines

@@ -211,6 +211,19 @@ def test_an_agent_that_flies_to_a_place_on_its_own_is_not_sent_anything(lab: Lab
     assert riding == [[True, False]] * 20
 
 
+def test_a_report_of_the_order_before_does_not_end_a_flight_to_a_place(lab: Lab) -> None:
+    def late(right: Callable[[], Telemetry]) -> Telemetry:
+        over = int(Supervisor.COMMANDER_FINISHED)  # of the climb, as a slow link still tells it
+        telemetry = right()
+        return replace(telemetry, state=telemetry.state | over)
+
+    lab.spoil("transport", "receive", late, range(12, 25))
+    lab.fly("\n  - climb: {}\n  - ride: {agents: cf2, to: [0, 2, 1], seconds: 2}\n  - descend: {}")
+    ((ordered, _),) = (item for item in lab.robots.commands if item[1].order is Order.GOTO)
+    riding = [sent for time, sent in lab.robots.sent if ordered - 0.01 < time < ordered + 1.95]
+    assert not any(sent.active[1] for sent in riding)
+
+
 def test_an_agent_that_arrived_on_its_own_is_sent_setpoints_again(lab: Lab) -> None:
     lab.fly(
         "\n  - climb: {}\n  - ride: {agents: cf2, to: [0, 2, 1]}"

@@ -47,6 +47,17 @@ def test_one_agent_with_a_camera_is_enough() -> None:
     assert not list(star_apriltag.check(both))
 
 
+def test_a_batch_has_nothing_to_send_back() -> None:
+    (problem,) = star_apriltag.check(SCENE, method="batch", feedback="extpose")
+    assert problem == (("feedback",), "'extpose' goes with method: smoother only")
+
+
+def test_the_graph_reaches_back_beyond_images_that_are_under_way() -> None:
+    (problem,) = star_apriltag.check(SCENE, lag=1.0, latency=0.2)
+    assert problem == (("lag",), "1 s is not 1 s more than the latency of 0.2 s")
+    assert not list(star_apriltag.check(SCENE, lag=1.2, latency=0.2))
+
+
 def test_its_entry_point_imports_nothing_heavy() -> None:
     code = "import star_apriltag, sys; assert not {'numpy', 'cv2', 'gtsam'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

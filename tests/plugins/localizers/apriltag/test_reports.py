@@ -46,6 +46,15 @@ def test_a_stream_that_comes_every_few_ticks_is_what_counts() -> None:
     assert off(estimates, circle).max() < 0.03
 
 
+def test_an_agent_whose_motion_is_made_up_from_its_heading_is_not_corrected() -> None:
+    circle = Circle(10)
+    streams = localizer(room([circle], TAGS), feedback="extpose")
+    assert any(len(e.corrections.agent) for e in flown(streams, [circle], 5.0, TAGS))
+    reports = localizer(room([circle], TAGS), feedback="extpose")
+    told = flown(reports, [circle], 5.0, TAGS, change=silent)[20:]  # silent for more than 0.5 s
+    assert not any(len(estimate.corrections.agent) for estimate in told)
+
+
 def test_a_stream_that_ends_is_made_up_for() -> None:
     circle = Circle(10)
 

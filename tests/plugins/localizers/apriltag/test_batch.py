@@ -1,0 +1,50 @@
+"""The original's algorithm, which is there to compare with."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from star_core import Frames
+from tests.plugins.localizers.apriltag.conftest import (
+    Circle,
+    blank,
+    flown,
+    localizer,
+    off,
+    room,
+    sheets,
+    telemetry,
+)
+
+TAGS = sheets()
+
+
+def test_tags_correct_the_drift_of_odometry() -> None:
+    circle = Circle(20, seed=3)
+    alone = flown(localizer(room([circle], TAGS), method="batch"), [circle], 20.0)
+    seeing = flown(localizer(room([circle], TAGS), method="batch"), [circle], 20.0, TAGS)
+    assert off(seeing, circle)[200:].max() < 0.5 * off(alone, circle)[200:].max()
+
+
+def test_every_pose_since_the_start_stays_in_the_graph() -> None:
+    circle = Circle(10)
+    made = localizer(room([circle], TAGS), method="batch")
+    flown(made, [circle], 5.0, TAGS)
+    (follower,) = made._followers
+    nodes = follower._count  # type: ignore[attr-defined]  # of this method only
+    assert 20 <= nodes <= 31  # at 6 Hz at most
+
+
+def test_an_image_of_another_size_is_passed_over(caplog: pytest.LogCaptureFixture) -> None:
+    circle = Circle(10)
+    made = localizer(room([circle], TAGS), method="batch")
+    one = np.zeros(1)
+    image = Frames(np.zeros(1, np.int64), one + 0.9, one + 1.0, (blank(height=10),))
+    with caplog.at_level(logging.WARNING):
+        estimate = made.locate(replace(telemetry([circle], 1.0), frames=image))
+    assert estimate.valid.all()
+    assert "an image of agent 0 is passed over" in caplog.text
