@@ -33,7 +33,7 @@ bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
 	for topic in startup sim orca camera detector landmarks; do $(BIN)/python benchmarks/$$topic.py; done
 
-campaign: $(VENV)/.ready  ## the studies of docs/results.md (an hour)
+campaign: $(VENV)/.ready  ## the studies of docs/results.md; long
 	for study in paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
 
 lowest:  ## the tests with every dependency at its lower bound

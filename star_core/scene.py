@@ -33,7 +33,7 @@ class Agent:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What no agent may exceed.
+    """What no agent should exceed. The core holds the speed; the rest is for planners and verbs.
 
     Attributes:
         speed: Greatest speed, m/s.

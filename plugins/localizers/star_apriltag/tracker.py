@@ -13,12 +13,13 @@ import numpy as np
 from star_apriltag.calibration import Calibration, Place
 from star_apriltag.smoother import Leg, Node, Smoother
 from star_apriltag.track import Motion, Track
-from star_apriltag.vision.pose import AT_REST, View
+from star_apriltag.vision.pose import AT_REST, HEIGHT_DEVIATION, View
 from star_apriltag.vision.pose import Motion as BodyMotion
 from star_core import Array
 
 NODE_EVERY: Final = 0.5  # s: without tags the graph goes on all the same
 START_DEVIATION: Final = 0.05  # m: how well an agent is put where the mission says it starts
+START_TILT: Final = 0.05  # rad: a floor is not quite level
 START_YAW: Final = math.radians(3.0)  # rad
 
 # What odometry is good for between two nodes.
@@ -75,7 +76,8 @@ class Tracker:
         self.calibration = Calibration()
         self._smoother = smoother
         self._ground = float(start[2])  # z of the odometry frame, m
-        deviations = np.array([0.05, 0.05, START_YAW, *[START_DEVIATION] * 2, 0.02])
+        turn = [START_TILT, START_TILT, START_YAW]
+        deviations = np.array([*turn, START_DEVIATION, START_DEVIATION, HEIGHT_DEVIATION])
         pose = gtsam.Pose3(gtsam.Rot3.Yaw(yaw), np.array(start, float))
         smoother.start(0.0, pose, np.diag(deviations**2))
 
