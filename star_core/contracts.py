@@ -181,6 +181,8 @@ class Offer(Generic[Part_co]):
             listed are refused.
         check: ``check(scene, **options)`` (for a task ``check(scene, rows, **options)``) yields
             what is wrong that a schema cannot see. It runs in ``star check``: import nothing heavy.
+        realtime: Of a transport: whether mission time goes on by itself, as on hardware. Every part
+            reads it in `Scene.realtime`.
     """
 
     name: str
@@ -188,3 +190,4 @@ class Offer(Generic[Part_co]):
     make: Callable[..., Part_co]
     options: Mapping[str, Any] = field(default_factory=lambda: NO_OPTIONS)
     check: Callable[..., Iterable[Problem]] | None = None
+    realtime: bool = False

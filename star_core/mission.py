@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 from star_core import checks, schema, world_file
 from star_core.camera import Camera
 from star_core.document import Document, override, read
-from star_core.errors import InputError
+from star_core.errors import InputError, PluginError
 from star_core.options import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
@@ -125,7 +125,7 @@ def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mis
         raise InputError([*found, *error.problems]) from None
     if found:
         raise InputError(found)
-    scene = _scene(document, room)
+    scene = _scene(document, room, realtime=_realtime(document, registry))
     if found := checks.of_mission(document, scene, registry):
         raise InputError(found)
     groups = checks.agents_by_name(document.data, scene)
@@ -155,7 +155,7 @@ def _world_document(document: Document) -> Document:
     return schema.read_as(path, "world")
 
 
-def _scene(document: Document, world: World) -> Scene:
+def _scene(document: Document, world: World, *, realtime: bool) -> Scene:
     data = document.data
     cameras = {name: _camera(given) for name, given in data.get("cameras", {}).items()}
     limits = dict(data.get("limits", {}))
@@ -176,8 +176,19 @@ def _scene(document: Document, world: World) -> Scene:
         world=world,
         limits=Limits(**limits),
         seed=data.get("seed", 0),
+        realtime=realtime,
         folder=document.path.parent,
     )
+
+
+def _realtime(document: Document, registry: Registry) -> bool:
+    """Whether mission time goes on by itself with the transport that is named."""
+    transport = document.data["transport"]
+    use = transport if isinstance(transport, str) else transport["use"]
+    try:
+        return registry.find("transport", use).offer.realtime
+    except PluginError:  # `checks` says so, and where
+        return False
 
 
 def _camera(given: Mapping[str, Any]) -> Camera:

@@ -57,6 +57,7 @@ class Scene:
         limits: Speed, acceleration and heights.
         seed: Root of every random number: a plugin draws from
             ``numpy.random.default_rng([scene.seed, its own constant])`` and from nothing else.
+        realtime: Whether mission time goes on by itself, so that no part may wait for anything.
         folder: The mission's folder; files that a mission names are read from inside it.
         files: The files that were asked for through `file`, by the mission's name for them.
     """
@@ -66,6 +67,7 @@ class Scene:
     world: World
     limits: Limits = field(default_factory=Limits)
     seed: int = 0
+    realtime: bool = False
     folder: Path = field(default_factory=Path)
     files: dict[str, Path] = field(default_factory=dict, compare=False, repr=False)
 

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -142,6 +143,7 @@ class Lab:
     Attributes:
         swarm: Names of the agents; they start 1 m apart along the y axis.
         frames: Where odometry frames lie in the map; None: where the agents start.
+        realtime: Whether mission time goes on by itself.
         closed: How often parts were closed, by role: their kind, or the verb of a task.
         robots: The transport of the last flight.
     """
@@ -149,6 +151,7 @@ class Lab:
     def __init__(self, folder: Path) -> None:
         self.swarm = ("cf1", "cf2")
         self.frames: star.Transform | None = None
+        self.realtime = False
         self.closed: Counter[str] = Counter()
         self.robots: Robots
         self.ticks: list[star.Tick] = []
@@ -209,7 +212,7 @@ class Lab:
 
     @hookimpl
     def star_transports(self) -> Iterable[Offer[Any]]:
-        yield self._offer("transport", "robots", self._robots)
+        yield replace(self._offer("transport", "robots", self._robots), realtime=self.realtime)
 
     @hookimpl
     def star_localizers(self) -> Iterable[Offer[Any]]:

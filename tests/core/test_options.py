@@ -66,7 +66,11 @@ def test_a_name_is_plain(name: Any) -> None:
         sound("avoider", offer(name))
 
 
-@pytest.mark.parametrize(("kind", "found"), list(Registry()), ids=str)
+def _id(part: str | Found) -> str:
+    return part if isinstance(part, str) else part.offer.name
+
+
+@pytest.mark.parametrize(("kind", "found"), list(Registry()), ids=_id)
 def test_what_star_offers_itself_is_sound(kind: str, found: Found) -> None:
     assert sound(kind, found.offer) == found.offer
 

@@ -11,6 +11,7 @@ import pytest
 
 from star_core import AgentPhase, Estimate, Order, Plan, Supervisor, Telemetry
 from star_core.pilot import LAND_PATIENCE, LAND_SPEED
+from star_core.registry import Registry, Source
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab
 
@@ -69,6 +70,14 @@ def test_a_mission_that_goes_well_is_completed(lab: Lab) -> None:
     assert (summary["outcome"], summary["reason"], outcome_of(summary)) == ("completed", "", 0)
     assert lab.went(None) == ["flying", "landing", "completed"]
     assert lab.said("failure") == []
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_every_part_is_told_whether_time_goes_on_by_itself(lab: Lab, *, realtime: bool) -> None:
+    lab.realtime = realtime
+    lab.registry = Registry(installed=False)
+    lab.registry.add(lab, Source("their-dist:lab"))
+    assert lab.load().scene.realtime is realtime
 
 
 def test_agents_that_a_mission_leaves_in_the_air_are_landed(lab: Lab) -> None:

@@ -62,6 +62,14 @@ OPTIONS: dict[str, Any] = {
             "default": 2.5,
             "description": "For how long poses are optimised again, with method: smoother, s.",
         },
+        "processes": {
+            "type": ["integer", "null"],
+            "minimum": 0,
+            "maximum": 64,
+            "default": None,
+            "description": "How many processes look at images beside the tick; null: one for each "
+            "camera, but no more than cores. Results do not depend on it.",
+        },
         "worst": {
             "type": "number",
             "exclusiveMinimum": 0,
@@ -88,20 +96,25 @@ def make(  # noqa: PLR0913 -- a mission's own options
     camera_deviation_deg: float = 1.0,
     survey: float = 0.005,
     lag: float = 2.5,
+    processes: int | None = None,
     worst: float = 1.0,
     stale: float = 0.5,
 ) -> Localizer:
+    from star_apriltag.group import Settings
     from star_apriltag.localizer import AprilTag
 
     return AprilTag(
         scene,
-        method=method,
-        tags_per_landmark=tags_per_landmark,
+        Settings(
+            method=method,
+            tags_per_landmark=tags_per_landmark,
+            latency=latency,
+            camera_deviation=math.radians(camera_deviation_deg),
+            lag=lag,
+        ),
+        processes=processes,
         feedback=feedback,
-        latency=latency,
-        camera_deviation=math.radians(camera_deviation_deg),
         survey=survey,
-        lag=lag,
         worst=worst,
         stale=stale,
     )

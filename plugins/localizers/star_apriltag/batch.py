@@ -15,11 +15,10 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
-from star_apriltag.calibration import Calibration
 from star_apriltag.follower import Sight
+from star_apriltag.reckoning import Belief, Known, travel
 from star_apriltag.smoother import Node
 from star_apriltag.track import Track
-from star_apriltag.tracker import Belief, carry, travel
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.landmark import Place
 from star_apriltag.vision.lens import Lens
@@ -38,12 +37,13 @@ class Batched:
     Args:
         agent: With its camera, or without: then it has odometry only.
         landmarks: The map.
+
+    Attributes:
+        known: What is known of the agent by now.
     """
 
     def __init__(self, agent: Agent, landmarks: tuple[Tag, ...]) -> None:
         self._track = Track()
-        self._as_it_is = Calibration()  # the paper's odometry is not calibrated
-        self._ground = float(agent.start[2])
         self._lens = None if agent.camera is None else Lens(agent.camera)
         self._detector = None if self._lens is None else Detector(self._lens)
         self._places = {tag.id: Place(tag) for tag in landmarks}
@@ -54,22 +54,20 @@ class Batched:
         start = gtsam.Pose3(gtsam.Rot3.Yaw(agent.yaw), np.array(agent.start, float))
         self._graph.add(gtsam.PriorFactorPose3(X(0), start, self._noise))
         self._values.insert(X(0), start)
-        self._node = Node(0.0, start, np.eye(6) * DEVIATION**2)
+        self.known = Known(Node(0.0, start, np.eye(6) * DEVIATION**2))  # odometry as it is
 
     def hear(self, odometry: Odometry, rows: Rows) -> None:
         """Take in those samples of the odometry that are this agent's."""
         self._track.add(odometry, rows)
 
-    def at(self, now: float) -> Belief:
-        """Return where it is at `now`, s."""
-        time = max(now, self._node.time)
-        return carry(self._node, time, self._track, self._ground, self._as_it_is)
+    def go_on(self, now: float) -> None:
+        """Without tags there are no nodes."""
 
     def look(self, sight: Sight) -> tuple[Look, Belief] | None:
         """Take in an image, if it is time for a node; targets are not looked for."""
         if self._lens is None or self._detector is None:
             return None
-        if sight.taken < self._node.time + PERIOD:
+        if sight.taken < self.known.node.time + PERIOD:
             return None
         tags, corners = sight.tags, sight.corners
         if sight.image is not None:
@@ -90,11 +88,11 @@ class Batched:
 
     def _optimise(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:
         """Add a node with the tags seen from it, in the body, and optimise everything."""
-        leg = travel(self._node.time, time, self._track, self._as_it_is)
+        leg = travel(self.known, time, self._track)
         last, key = X(self._count), X(self._count + 1)
         self._count += 1
         self._graph.add(gtsam.BetweenFactorPose3(last, key, leg.delta, self._noise))
-        self._values.insert(key, self._node.pose.compose(leg.delta))
+        self._values.insert(key, self.known.node.pose.compose(leg.delta))
         for tag, pose in seen.items():
             if not self._values.exists(L(tag)):
                 known = _as_gtsam(self._places[tag].pose)
@@ -104,7 +102,7 @@ class Batched:
         optimiser = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values)
         self._values = optimiser.optimize()
         covariance = gtsam.Marginals(self._graph, self._values).marginalCovariance(key)
-        self._node = Node(time, self._values.atPose3(key), covariance)
+        self.known = Known(Node(time, self._values.atPose3(key), covariance))
 
 
 def _as_gtsam(pose: Pose) -> gtsam.Pose3:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.tracker import Belief
+from star_apriltag.reckoning import Belief
 from star_core import Array, Corrections, Telemetry, Transform
 
 # An estimator takes the errors of one correction after the other for independent ones, which they

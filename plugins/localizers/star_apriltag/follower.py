@@ -8,9 +8,10 @@ from typing import Final, NamedTuple, Protocol
 import gtsam
 import numpy as np
 
+from star_apriltag.reckoning import Belief, Known
 from star_apriltag.relocation import Claim, Relocation
 from star_apriltag.smoother import Smoother
-from star_apriltag.tracker import Belief, Tracker
+from star_apriltag.tracker import Tracker
 from star_apriltag.vision.look import Eye, Look
 from star_apriltag.vision.prediction import Prediction
 from star_apriltag.vision.rigid import Pose
@@ -44,8 +45,12 @@ class Follower(Protocol):
             ValueError: It is no image of the agent's camera.
         """
 
-    def at(self, now: float) -> Belief:
-        """Return where it is at `now`, s."""
+    def go_on(self, now: float) -> None:
+        """It is `now`, s, and there is nothing else to be seen."""
+
+    @property
+    def known(self) -> Known:
+        """What is known of the agent by now."""
 
 
 class Smoothed:
@@ -81,17 +86,21 @@ class Smoothed:
             )
             mounting = self._eye.lens.mounting
         smoother = Smoother(mounting, camera_deviation=camera_deviation, lag=lag)
-        self.tracker = Tracker(agent.start, agent.yaw, smoother)
+        self.tracker = Tracker(agent, smoother)
         self._relocation = Relocation()
 
     def hear(self, odometry: Odometry, rows: Rows) -> None:
         """Take in those samples of the odometry that are this agent's."""
         self.tracker.track.add(odometry, rows)
 
-    def at(self, now: float) -> Belief:
-        """Return where it is at `now`, s."""
+    def go_on(self, now: float) -> None:
+        """It is `now`, s, and there is nothing else to be seen."""
         self.tracker.go_on(now - self._behind)
-        return self.tracker.at(max(now, self.tracker.node.time))
+
+    @property
+    def known(self) -> Known:
+        """What is known of the agent by now."""
+        return self.tracker.known
 
     def look(self, sight: Sight) -> tuple[Look, Belief] | None:
         """Take in an image; return what it said and where the agent was believed to be then."""

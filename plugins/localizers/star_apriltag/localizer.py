@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-import gtsam
 import numpy as np
 
-from star_apriltag.batch import Batched
+from star_apriltag.beside import Beside, suited
 from star_apriltag.feedback import Feedback
-from star_apriltag.follower import Follower, Sight, Smoothed
+from star_apriltag.follower import Sight
+from star_apriltag.group import Heard, Settings
+from star_apriltag.reckoning import Belief, Reckoner
 from star_apriltag.reports import Reports, heading
-from star_apriltag.tracker import Belief
-from star_apriltag.vision.look import Look
-from star_core import Estimate, Scene, Sightings, Tag, Telemetry, Transform
-
-log = logging.getLogger(__name__)
+from star_core import Estimate, Scene, Sightings, Telemetry, Transform
 
 AHEAD: Final = 0.02  # s, by which an image may be newer than the newest report
 
@@ -32,48 +28,29 @@ class AprilTag:
 
     Args:
         scene: Agents with their cameras, the map.
-        method: ``smoother``, or ``batch`` as the original STAR has it.
-        tags_per_landmark: Of each landmark so many tags are used.
+        settings: How to follow them.
+        processes: In how many processes beside this one; None for what suits the machine.
         feedback: ``none``, or ``extpose`` to correct the agents' own estimators.
-        latency: From taking an image to its arrival, for images that do not say when, s.
-        camera_deviation: How wrong the cameras' rotations may be, rad.
         survey: What the map's places are good for, m: no estimate is surer than that.
-        lag: For how long poses stay in the graph, s.
         worst: Deviation of a position, along its worst direction, with which an agent is still fit
             to fly, m.
         stale: Age past which an agent's report is not flown on, s.
     """
 
-    def __init__(  # noqa: PLR0913 -- a mission's own options
+    def __init__(
         self,
         scene: Scene,
+        settings: Settings,
         *,
-        method: str,
-        tags_per_landmark: int,
+        processes: int | None,
         feedback: str,
-        latency: float,
-        camera_deviation: float,
         survey: float,
-        lag: float,
         worst: float,
         stale: float,
     ) -> None:
-        landmarks = _first_of_each(scene.world.landmarks, tags_per_landmark)
-        self._followers: list[Follower] = [
-            Batched(agent, landmarks)
-            if method == "batch"
-            else Smoothed(
-                agent,
-                landmarks,
-                scene.world.targets,
-                camera_deviation=camera_deviation,
-                lag=lag,
-                latency=latency,
-            )
-            for agent in scene.agents
-        ]
+        self._reckoners = [Reckoner(agent) for agent in scene.agents]
         self._reports = Reports(len(scene.agents))
-        self._latency = latency
+        self._latency = settings.latency
         self._survey = survey
         self._worst = worst
         self._stale = stale
@@ -82,32 +59,30 @@ class AprilTag:
             np.array([agent.start for agent in scene.agents]),
         )
         self._feedback = Feedback(self._frames) if feedback == "extpose" else None
+        self._beside = Beside(scene, settings, suited(scene) if processes is None else processes)
+
+    def close(self) -> None:
+        """End the processes."""
+        self._beside.close()
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         odometry = self._reports.complete(telemetry)
-        for row, follower in enumerate(self._followers):
-            follower.hear(odometry, np.flatnonzero(odometry.agent == row))
-        sightings = []
-        fixed = set()
-        for sight in _sights(telemetry, self._latency):
-            try:
-                looked = self._followers[sight.row].look(sight)
-            except ValueError as error:
-                log.warning("an image of agent %d is passed over: %s", sight.row, error)
-                continue
-            if looked is not None:
-                sightings += _sightings(sight, *looked)
-                fixed |= {sight.row} if looked[0].accepted else set()
-        beliefs = [follower.at(telemetry.time) for follower in self._followers]
-        estimate = self._estimate(telemetry, beliefs, sightings)
-        if self._feedback is None or not fixed:
+        heard = Heard(telemetry.time, odometry, tuple(sights(telemetry, self._latency)))
+        learnt = self._beside.tick(heard)
+        for row, known in learnt.known.items():
+            self._reckoners[row].known = known
+        for row, reckoner in enumerate(self._reckoners):
+            reckoner.hear(odometry, np.flatnonzero(odometry.agent == row))
+        beliefs = [reckoner.at(telemetry.time) for reckoner in self._reckoners]
+        estimate = self._estimate(telemetry, beliefs, learnt.sightings)
+        if self._feedback is None or not learnt.fixed:
             return estimate
-        fixed -= self._reports.silent  # their velocities would hold the correction
+        fixed = learnt.fixed - self._reports.silent  # their velocities would hold the correction
         told = self._feedback.corrections(fixed, beliefs, estimate.map_from_odom, telemetry)
         return replace(estimate, corrections=told)
 
     def _estimate(
-        self, telemetry: Telemetry, beliefs: list[Belief], sightings: list[Sightings]
+        self, telemetry: Telemetry, beliefs: list[Belief], sightings: Sequence[Sightings]
     ) -> Estimate:
         position = np.array([belief.position for belief in beliefs])
         yaw = np.array([math.remainder(belief.yaw, math.tau) for belief in beliefs])
@@ -121,6 +96,7 @@ class AprilTag:
             np.where(reported[:, None], position - turned, self._frames.translation),
         )
         fit = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]) <= self._worst
+        fit[self._beside.lost] = False
         return Estimate(
             time=telemetry.time,
             position=position,
@@ -133,18 +109,7 @@ class AprilTag:
         )
 
 
-def _first_of_each(tags: tuple[Tag, ...], most: int) -> tuple[Tag, ...]:
-    """The first few tags of each landmark."""
-    used: dict[str, int] = {}
-    kept = []
-    for tag in tags:
-        used[tag.of] = used.get(tag.of, 0) + 1
-        if used[tag.of] <= most:
-            kept.append(tag)
-    return tuple(kept)
-
-
-def _sights(telemetry: Telemetry, latency: float) -> Iterator[Sight]:
+def sights(telemetry: Telemetry, latency: float) -> Iterator[Sight]:
     """Every image and every batch of tags, in the order in which they were taken.
 
     One that says that it was taken later than now is left out: its clock is wrong.
@@ -163,31 +128,7 @@ def _sights(telemetry: Telemetry, latency: float) -> Iterator[Sight]:
     yield from sorted(known, key=lambda sight: (sight.taken, sight.row))
 
 
-def _sightings(sight: Sight, look: Look, belief: Belief) -> list[Sightings]:
-    """Targets seen in one image, in the map."""
-    rotation = gtsam.Rot3.Ypr(belief.yaw, belief.pitch, belief.roll).matrix()
-    seen = []
-    for target in look.targets:
-        away = rotation @ target.pose.position
-        turning = np.array([-away[1], away[0], 0.0])
-        covariance = rotation @ target.covariance @ rotation.T + belief.covariance[:3, :3]
-        cross = np.outer(belief.covariance[:3, 3], turning)
-        covariance += cross + cross.T + belief.covariance[3, 3] * np.outer(turning, turning)
-        ahead = rotation @ target.pose.rotation[:, 0]
-        seen.append(
-            Sightings(
-                agent=np.array([sight.row]),
-                tag=np.array([target.tag]),
-                time=np.array([sight.taken]),
-                position=(belief.position + away)[None],
-                yaw=np.array([math.atan2(ahead[1], ahead[0])]),
-                covariance=covariance[None],
-            )
-        )
-    return seen
-
-
-def _joined(sightings: list[Sightings]) -> Sightings:
+def _joined(sightings: Sequence[Sightings]) -> Sightings:
     if not sightings:
         return Sightings.none()
     return Sightings(

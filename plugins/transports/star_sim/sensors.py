@@ -20,7 +20,7 @@ from star_sim.drone import Drones
 SCALE = 0.05
 MISALIGNMENT = math.radians(1.0)
 VELOCITY_BIAS = 0.004  # m/s, along each axis of the body
-GYRO_BIAS = math.radians(0.17)  # rad/s, left over after the firmware's own calibration
+GYRO_BIAS = math.radians(0.20)  # rad/s, left over after the firmware's own calibration
 START_OFFSET = 0.02  # m, along each axis
 START_TURN = math.radians(1.0)
 LEVEL_ERROR = math.radians(0.25)  # of roll and of pitch

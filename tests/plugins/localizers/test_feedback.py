@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from star_apriltag.feedback import JUMP, LEAST, LEAST_YAW, Feedback
-from star_apriltag.tracker import Belief
+from star_apriltag.reckoning import Belief
 from star_core import (
     Array,
     Corrections,

@@ -154,7 +154,7 @@ def room(
 
 def localizer(scene: Scene, **changes: Any) -> AprilTag:
     """The localizer with its default options, but for some."""
-    made = star_apriltag.make(scene, **changes)
+    made = star_apriltag.make(scene, **({"processes": 0} | changes))
     assert isinstance(made, AprilTag)
     return made
 

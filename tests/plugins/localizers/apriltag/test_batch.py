@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from star_apriltag.batch import Batched
+from star_apriltag.localizer import sights
 from star_core import Frames
 from tests.plugins.localizers.apriltag.conftest import (
     Circle,
@@ -18,6 +20,7 @@ from tests.plugins.localizers.apriltag.conftest import (
     room,
     sheets,
     telemetry,
+    ticks,
 )
 
 TAGS = sheets()
@@ -32,11 +35,12 @@ def test_tags_correct_the_drift_of_odometry() -> None:
 
 def test_every_pose_since_the_start_stays_in_the_graph() -> None:
     circle = Circle(10)
-    made = localizer(room([circle], TAGS), method="batch")
-    flown(made, [circle], 5.0, TAGS)
-    (follower,) = made._followers
-    nodes = follower._count  # type: ignore[attr-defined]  # of this method only
-    assert 20 <= nodes <= 31  # at 6 Hz at most
+    follower = Batched(circle.agent(), tuple(TAGS))
+    for heard in ticks([circle], 5.0, TAGS):
+        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)))
+        for sight in sights(heard, 0.15):
+            follower.look(sight)
+    assert 20 <= follower._count <= 31  # at 6 Hz at most
 
 
 def test_an_image_of_another_size_is_passed_over(caplog: pytest.LogCaptureFixture) -> None:
@@ -47,4 +51,4 @@ def test_an_image_of_another_size_is_passed_over(caplog: pytest.LogCaptureFixtur
     with caplog.at_level(logging.WARNING):
         estimate = made.locate(replace(telemetry([circle], 1.0), frames=image))
     assert estimate.valid.all()
-    assert "an image of agent 0 is passed over" in caplog.text
+    assert "an image of cf0 is passed over" in caplog.text

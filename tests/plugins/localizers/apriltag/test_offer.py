@@ -15,7 +15,7 @@ SCENE = room([Circle(1)], sheets())
 
 
 def test_it_is_a_localizer() -> None:
-    assert isinstance(star_apriltag.make(SCENE), Localizer)
+    assert isinstance(star_apriltag.make(SCENE, processes=0), Localizer)
 
 
 def test_it_is_offered_by_its_name() -> None:

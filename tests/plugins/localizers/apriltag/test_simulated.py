@@ -65,7 +65,7 @@ def flight(seed: int, mode: str = "geometric", wrong_ids: float = 0.0, tags: int
         seed=seed,
     )
     simulator = star_sim.make(scene, camera={"mode": mode, "wrong_ids": wrong_ids})
-    localizer = star_apriltag.make(scene, tags_per_landmark=tags)
+    localizer = star_apriltag.make(scene, tags_per_landmark=tags, processes=0)
     simulator.connect()
     row, on = np.zeros(1, np.int64), np.ones(1, np.bool_)
     simulator.command(

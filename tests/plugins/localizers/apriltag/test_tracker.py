@@ -9,15 +9,15 @@ import gtsam
 import numpy as np
 import pytest
 
+from star_apriltag.reckoning import Belief
 from star_apriltag.smoother import Smoother
-from star_apriltag.tracker import NODE_EVERY, Belief, Tracker
+from star_apriltag.tracker import NODE_EVERY, Tracker
 from star_apriltag.vision.pose import AT_REST
 from star_core import Tag
 from star_sim.eye.errors import real_tags
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
     LENS,
-    RADIUS,
     RATE,
     SPEED,
     TICK,
@@ -37,7 +37,7 @@ class Flight:
         self, circle: Circle, *, noise: float = 0.0, survey: float = 0.0, seed: int = 0
     ) -> None:
         smoother = Smoother(LENS.mounting, camera_deviation=math.radians(1.0), lag=2.5)
-        self.tracker = Tracker([RADIUS, 0.0, HEIGHT], math.pi / 2, smoother)
+        self.tracker = Tracker(circle.agent(), smoother)
         self.circle = circle
         self.now = 0.0
         self._noise = noise
