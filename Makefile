@@ -31,10 +31,10 @@ check: $(VENV)/.ready  ## style, types, layers, tests
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
-	for topic in startup sim orca camera detector landmarks; do $(BIN)/python benchmarks/$$topic.py; done
+	for topic in startup sim orca planner camera detector landmarks; do $(BIN)/python benchmarks/$$topic.py; done
 
 campaign: $(VENV)/.ready  ## the studies of docs/results.md; long
-	for study in paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
+	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
 
 lowest:  ## the tests with every dependency at its lower bound
 	$(PYTHON) -m venv --clear $(VENV)-lowest

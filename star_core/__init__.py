@@ -23,8 +23,10 @@ if TYPE_CHECKING:
         Transport,
     )
     from star_core.errors import ContractError, InputError, PluginError, StarError
-    from star_core.flight import Event, Flight, Tick
+    from star_core.flight import Corrected, Event, Flight, Tick
     from star_core.frames import Transform
+    from star_core.ground import footprint
+    from star_core.homing import Homing
     from star_core.hookspecs import hookimpl
     from star_core.mission import Mission, actions, load
     from star_core.registry import Registry
@@ -58,8 +60,10 @@ _HOME = {
         "Transport",
     ),
     "star_core.errors": ("ContractError", "InputError", "PluginError", "StarError"),
-    "star_core.flight": ("Event", "Flight", "Tick"),
+    "star_core.flight": ("Corrected", "Event", "Flight", "Tick"),
     "star_core.frames": ("Transform",),
+    "star_core.ground": ("footprint",),
+    "star_core.homing": ("Homing",),
     "star_core.hookspecs": ("hookimpl",),
     "star_core.mission": ("Mission", "actions", "load"),
     "star_core.registry": ("Registry",),
@@ -86,6 +90,7 @@ __all__ = [
     "Camera",
     "Command",
     "ContractError",
+    "Corrected",
     "Corrections",
     "Detections",
     "Estimate",
@@ -95,6 +100,7 @@ __all__ = [
     "Frames",
     "Goals",
     "Health",
+    "Homing",
     "Image",
     "InputError",
     "Limits",
@@ -129,6 +135,7 @@ __all__ = [
     "World",
     "actions",
     "fly",
+    "footprint",
     "hookimpl",
     "load",
     "new_folder",

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
 from typing import Any
 
 from star_core.blame import Blame, close
+from star_core.conformance import checked_estimate, checked_plan, checked_setpoint, expect, keeps
 from star_core.contracts import Avoider, Localizer, Planner, Transport
 from star_core.errors import ContractError
 from star_core.mission import PARTS, Mission
 from star_core.registry import Registry
-from star_core.safety import checked_estimate, checked_plan, checked_setpoint, expect, keeps
 from star_core.sight import Corrections
 from star_core.swarm import (
     Command,
@@ -40,12 +43,17 @@ class Crew:
     Args:
         mission: Names the parts.
         registry: Where they are found.
+
+    Attributes:
+        took: How long was computed in all, s, by the kind of part, and for ``safety``; of the
+            transport nothing, which waits.
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
         self._n = len(mission.scene.agents)
         self._blame = {kind: Blame(str(mission.parts[kind])) for kind in PARTS}
         self._parts: dict[str, Any] = {}
+        self.took = dict.fromkeys(("localizer", "planner", "avoider", "safety"), 0.0)
         try:
             for kind in PARTS:
                 part = mission.parts[kind]
@@ -84,7 +92,7 @@ class Crew:
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate where the agents are."""
-        with self._blame["localizer"]:
+        with self.timed("localizer"), self._blame["localizer"]:
             estimate = checked_estimate(self._parts["localizer"].locate(telemetry), self._n)
             if not abs(estimate.time - telemetry.time) <= EARLY:
                 raise ContractError(
@@ -95,12 +103,12 @@ class Crew:
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         """Plan the next setpoint."""
-        with self._blame["planner"]:
+        with self.timed("planner"), self._blame["planner"]:
             return checked_plan(self._parts["planner"].plan(estimate, goals), self._n)
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         """Make a setpoint safe."""
-        with self._blame["avoider"]:
+        with self.timed("avoider"), self._blame["avoider"]:
             return checked_setpoint(self._parts["avoider"].avoid(estimate, wanted), self._n)
 
     def command(self, command: Command) -> None:
@@ -127,6 +135,13 @@ class Crew:
                     f"Truth.position has {len(truth.position)} rows, expected {self._n}"
                 )
             return truth  # type: ignore[no-any-return]
+
+    @contextmanager
+    def timed(self, kind: str) -> Iterator[None]:
+        """Add the time that something takes to what its kind took."""
+        begun = perf_counter()
+        yield
+        self.took[kind] += perf_counter() - begun
 
     def close(self) -> list[str]:
         """Close every part that can be closed; return what went wrong."""

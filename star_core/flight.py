@@ -11,6 +11,7 @@ from star_core.scene import Scene
 
 if TYPE_CHECKING:
     from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Telemetry, Truth
+    from star_core.table import Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,21 @@ class Flight:
 
 
 @dataclass(frozen=True, slots=True)
+class Corrected:
+    """Whose setpoint the core changed, by the reason: (N,) each.
+
+    Attributes:
+        fence: Would have left the fence.
+        speed: Was faster than the limit.
+        separation: Closed in on another agent faster than the two can brake.
+    """
+
+    fence: Mask
+    speed: Mask
+    separation: Mask
+
+
+@dataclass(frozen=True, slots=True)
 class Tick:
     """Everything one tick was made of.
 
@@ -47,6 +63,7 @@ class Tick:
         sent: What was sent after avoider and limits, in the map.
         truth: Where the agents really are, if the transport can know. For records only.
         doing: The steps under way, in words.
+        corrected: Whose setpoint the core changed.
     """
 
     time: float
@@ -58,6 +75,7 @@ class Tick:
     sent: Setpoint
     truth: Truth | None
     doing: str
+    corrected: Corrected
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +84,7 @@ class Event:
 
     Attributes:
         time: Mission time, s.
-        kind: One word: ``step``, ``phase``, ``failure``, ``interrupt``, ``observer`` …
+        kind: One word: ``step``, ``failure``, ``safety``, ``interrupt``, ``observer`` …
         text: What happened.
         agent: Whom it happened to, if one.
     """

@@ -75,12 +75,19 @@ def told(summary: Mapping[str, Any], folder: Path | None) -> str:
         f"  collisions  {collisions['agent_agent']} between agents, "
         f"{collisions['agent_obstacle']} with obstacles",
         f"  separation  {apart:.2f} m at least" if apart is not None else "",
+        _corrected(summary["corrected"]),
         f"  clearance   {clear:.2f} m at least" if clear is not None else "",
         f"  estimate    {rmse:.3f} m RMS from the truth" if rmse is not None else "",
         f"  flown       {summary['path_length_m']['total']:.1f} m in all",
         f"  record      {folder}" if folder and (folder / "summary.json").exists() else "",
     ]
     return "\n".join(line for line in lines if line)
+
+
+def _corrected(corrected: Mapping[str, int]) -> str:
+    """Say why the core changed setpoints, if it did."""
+    said = [f"{count} for {why}" for why, count in corrected.items() if count]
+    return f"  corrected   setpoints: {', '.join(said)}" if said else ""
 
 
 def _many(agents: Sequence[str]) -> str:

@@ -33,17 +33,20 @@ class Agent:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What no agent should exceed. The core holds the speed; the rest is for planners and verbs.
+    """What no agent should exceed. The core holds the speed, and brakes for the separation.
 
     Attributes:
         speed: Greatest speed, m/s.
         acceleration: Greatest acceleration, m/s².
         height: Lowest and highest z to fly at, map frame, m.
+        separation: Distance between the centres of two agents inside which none may be steered
+            towards the other, m.
     """
 
     speed: float = 0.5
     acceleration: float = 2.0
     height: tuple[float, float] = (0.2, 1.8)
+    separation: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from star_core.checks import CONTACT_RADIUS
+from star_core.deadlock import Progress
 from star_core.flight import Event, Tick
+from star_core.near import least, pairs
 from star_core.scene import Scene
 from star_core.swarm import AgentPhase
-from star_core.table import Array, Mask, Rows
+from star_core.table import Array, Mask
 from star_core.world import Obstacle
 
 FLYING, LOST = int(AgentPhase.FLYING), int(AgentPhase.LOST)
 AT_ONCE = 64
 """Ticks whose errors are judged together: one call costs as much as for one."""
-
-MANY = 64
-"""Agents from which on neighbours are found by a tree; below, by all pairs."""
 
 
 class Meter:
@@ -56,6 +54,9 @@ class Meter:
         self._judged = 0
         self._begun: float | None = None
         self._time = 0.0
+        self._ticks = 0
+        self._corrected = dict.fromkeys(("fence", "speed", "separation"), 0)
+        self._progress = Progress(n)
 
     def add(self, tick: Tick) -> None:
         """Take in one tick."""
@@ -72,13 +73,35 @@ class Meter:
         self._up = (self._up | (phase == FLYING)) & ((phase == FLYING) | (phase == LOST))
         if truth is not None:
             self._err(tick.estimate.position - truth.position, tick.estimate.covariance)
+        self._progress.add(tick)
+        for why in self._corrected:
+            self._corrected[why] += int(getattr(tick.corrected, why).sum())
+        self._ticks += 1
         self._begun = tick.time if self._begun is None else self._begun
         self._time = tick.time
 
     def summary(
-        self, *, mission: str, outcome: str, reason: str, wall_time: float, events: Iterable[Event]
+        self,
+        *,
+        mission: str,
+        outcome: str,
+        reason: str,
+        wall_time: float,
+        took: Mapping[str, float],
+        steps: Sequence[Mapping[str, Any]],
+        events: Iterable[Event],
     ) -> dict[str, Any]:
-        """Return what ``summary.json`` holds; figures that cannot be known are None."""
+        """Return what ``summary.json`` holds; figures that cannot be known are None.
+
+        Args:
+            mission: Its name.
+            outcome: How it ended.
+            reason: Why it did not complete.
+            wall_time: How long it took by the clock on the wall, s.
+            took: How long each part computed in all, s.
+            steps: What was begun, and how it ended.
+            events: Everything that was told.
+        """
         names = self._scene.names
         self._judge()
         flight_time = self._time - (self._begun or 0.0)
@@ -92,10 +115,16 @@ class Meter:
             "flight_time_s": round(flight_time, 9),
             "wall_time_s": round(wall_time, 6),
             "realtime_factor": round(flight_time / wall_time, 3) if wall_time > 0 else None,
+            "compute_us": {
+                kind: round(1e6 * seconds / (max(1, self._ticks) * len(names)), 3)
+                for kind, seconds in took.items()
+            },
             "collisions": {
                 "agent_agent": self._agent_agent,
                 "agent_obstacle": self._agent_obstacle,
             },
+            "deadlocks": self._progress.deadlocks,
+            "corrected": dict(self._corrected),
             "min_separation_m": _known(self._separation),
             "min_clearance_m": _known(self._clearance),
             "position_mse_m2": mse,
@@ -107,6 +136,7 @@ class Meter:
                 "per_agent": dict(zip(names, self._length.tolist(), strict=True)),
             },
             "targets": {"found": 0, "total": 0},
+            "steps": list(steps),
             "events": [
                 {key: value for key, value in asdict(event).items() if value is not None}
                 for event in events
@@ -157,10 +187,14 @@ class Meter:
 
     def _apart(self, position: Array) -> None:
         """Take in how near the agents are to each other: (N, 3) m."""
-        near, least = _pairs(position, 2 * CONTACT_RADIUS)
+        apart = least(position)
+        self._separation = min(self._separation, apart)
+        near: set[tuple[int, int]] = set()
+        if apart < 2 * CONTACT_RADIUS:
+            first, second = pairs(position, 2 * CONTACT_RADIUS)
+            near = set(zip(first.tolist(), second.tolist(), strict=True))
         self._agent_agent += len(near - self._touching)
         self._touching = near
-        self._separation = min(self._separation, least)
 
     def _clear(self, position: Array) -> None:
         """Take in how near the agents are to obstacles: (N, 3) m."""
@@ -212,39 +246,6 @@ def _flat(point: Array, polygon: Array) -> Array:
     inside = crosses.sum(axis=1) % 2 == 1
     answer: Array = np.where(inside, 0.0, gap)
     return answer
-
-
-def _pairs(position: Array, touch: float) -> tuple[set[tuple[int, int]], float]:
-    """Return which agents are nearer than `touch` to each other, and the least distance of all, m.
-
-    Agents that are nowhere (NaN) are near nobody.
-    """
-    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
-    if len(rows) < 2:  # noqa: PLR2004 -- a pair
-        return set(), np.inf
-    if len(rows) < MANY:
-        first, second = _every_pair(len(rows))
-        offset = position[rows[first]] - position[rows[second]]
-        apart = np.sqrt(np.einsum("ij,ij->i", offset, offset))
-        least = float(apart.min())
-        close = np.flatnonzero(apart < touch) if least < touch else np.zeros(0, np.int64)
-        return set(
-            zip(rows[first[close]].tolist(), rows[second[close]].tolist(), strict=True)
-        ), least
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(position[rows])
-    reach: Array = np.asarray(tree.query(position[rows], k=2)[0])  # (M, 2), itself the first
-    least = float(reach[:, 1].min())
-    near = tree.query_pairs(np.nextafter(touch, 0.0)) if least < touch else set()
-    return {(int(rows[i]), int(rows[j])) for i, j in near}, least
-
-
-@cache
-def _every_pair(n: int) -> tuple[Rows, Rows]:
-    """Every two of `n` rows, as two columns."""
-    first, second = np.triu_indices(n, 1)
-    return first, second
 
 
 def _known(value: float) -> float | None:

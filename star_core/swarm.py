@@ -7,6 +7,7 @@ floats float64. Arrays are read-only: a stage that wants a changed table makes a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag, StrEnum
 from functools import cache
@@ -254,12 +255,14 @@ class Plan:
     Attributes:
         setpoint: What to fly now.
         paths: What is left of each agent's path.
-        unreachable: (N,) True where the goal cannot be reached.
+        unreachable: (N,) True where the goal cannot be reached: the step that wants it there fails.
+        reasons: Why, by row, as far as the planner can say; of an agent or a place, in words.
     """
 
     setpoint: Setpoint
     paths: Paths
     unreachable: Mask
+    reasons: Mapping[int, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         settle(self, np.bool_, unreachable=(len(self.setpoint.yaw),))

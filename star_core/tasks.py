@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final, TypeAlias, cast
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 
 from star_core.blame import Blame, close
+from star_core.conformance import expect, keeps
 from star_core.contracts import Status, Step, Task
 from star_core.errors import ContractError
 from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.registry import Registry
-from star_core.safety import expect, keeps
 from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health, Order
 from star_core.table import Mask
 
@@ -106,6 +106,8 @@ class Course:
     Attributes:
         left: Agents that left the mission, as a step that failed allowed them to.
         reason: Why the mission failed, once it has.
+        no_way: Why there is no way to an agent's goal, by row; to be set after each tick.
+        steps: What was begun and how it ended, as ``summary.json`` keeps it.
     """
 
     def __init__(self, mission: Mission, registry: Registry, tell: Tell) -> None:
@@ -126,6 +128,8 @@ class Course:
         self._health: Health
         self.left: set[int] = set()
         self.reason = ""
+        self.no_way: dict[int, str] = {}
+        self.steps: list[dict[str, Any]] = []
 
     def step(self, estimate: Estimate, health: Health) -> tuple[Status, Wishes]:
         """Run one tick of every step under way; all that is wanted is in the answer."""
@@ -193,7 +197,10 @@ class Course:
         who = self._scene.named(rows)
         self._tell("step", f"{action.place}: {action.verb} begins for {who}")
         blame, task, limit = self._begin(action, rows)
+        for row in rows:
+            self.no_way.pop(row, None)  # that was said of the step before
         begun = self._estimate.time
+        entry = self._entered(action, rows)
         while True:
             self._wishes.doing.append(f"{action.verb} {who}")
             if why := self._gone(rows):
@@ -203,6 +210,7 @@ class Course:
                 self._wishes.add(step, rows, self._n)
             if step.status is Status.SUCCESS:
                 self._tell("step", f"{action.place}: {action.verb} is done")
+                entry |= {"ended_s": self._estimate.time, "outcome": "success"}
                 yield Status.SUCCESS
                 return
             if step.status is Status.FAILURE:
@@ -212,6 +220,7 @@ class Course:
                 why = f"timed out after {limit:.3g} s"
                 break
             yield Status.RUNNING
+        entry |= {"ended_s": self._estimate.time, "outcome": "failure"}
         yield self._failed(action, rows, why)
 
     def _prepare(self, nodes: Sequence[Node]) -> None:
@@ -247,6 +256,19 @@ class Course:
                 raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")
         return blame, task, limit if action.timeout is None else action.timeout
 
+    def _entered(self, action: Action, rows: tuple[int, ...]) -> dict[str, Any]:
+        """Enter a step that begins in `steps`."""
+        entry = {
+            "place": action.place,
+            "verb": action.verb,
+            "agents": [self._scene.agents[row].name for row in rows],
+            "begun_s": self._estimate.time,
+            "ended_s": None,
+            "outcome": None,
+        }
+        self.steps.append(entry)
+        return entry
+
     def _gone(self, rows: tuple[int, ...]) -> str:
         """Say which agents of a step cannot go on, if any."""
         phases = self._health.phase.tolist()
@@ -254,6 +276,11 @@ class Course:
             f"{self._scene.agents[row].name} is {AgentPhase(phase).name.lower()}"
             for row in rows
             if (phase := phases[row]) in OUT
+        ]
+        said += [
+            f"{self._scene.agents[row].name} cannot get there: {self.no_way[row]}"
+            for row in rows
+            if row in self.no_way
         ]
         return ", ".join(said)
 

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations, pairwise
-from typing import Any, Final, TypeAlias
+from itertools import combinations
+from typing import Any, Final
 
 from star_core.document import Document
 from star_core.errors import InputError
+from star_core.obstacles import Fault, obstacle, obstacle_faults
 from star_core.quaternion import Point, moved, turned
-from star_core.world import Fence, Obstacle, Tag, World, wall
+from star_core.world import Fence, Tag, World
 
 SIZE: Final = 0.168
 """Edge of the black square of a tag that is printed to fill an A4 sheet, m."""
 
 RIM: Final = 1.25
 """Width of a tag with its white rim over that of its black square: ten modules over eight."""
-
-Fault: TypeAlias = tuple[tuple[str | int, ...], str]
 
 
 def world(document: Document) -> World:
@@ -34,16 +33,7 @@ def world(document: Document) -> World:
     return World(
         name=data["name"],
         fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
-        obstacles=tuple(
-            Obstacle(
-                name=name,
-                polygons=(tuple((x, y) for x, y in given["polygon"]),)
-                if "polygon" in given
-                else wall([(x, y) for x, y in given["polyline"]], given["thickness"]),
-                height=tuple(given["height"]),
-            )
-            for name, given in data.get("obstacles", {}).items()
-        ),
+        obstacles=tuple(obstacle(name, given) for name, given in data.get("obstacles", {}).items()),
         landmarks=tuple(tag for _, tag in _sheets(data, "landmarks")),
         targets=tuple(tag for _, tag in _sheets(data, "targets")),
     )
@@ -81,13 +71,11 @@ def _fence(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _obstacles(data: Mapping[str, Any]) -> Iterator[Fault]:
-    for name, obstacle in data.get("obstacles", {}).items():
-        foot, top = obstacle["height"]
-        if foot >= top:
-            yield ("obstacles", name, "height"), f"foot {foot!r} is not below top {top!r}"
-        closed = [*obstacle["polygon"], obstacle["polygon"][0]] if "polygon" in obstacle else None
-        if any(a == b for a, b in pairwise(closed or obstacle["polyline"])):
-            yield ("obstacles", name), "has the same point twice in a row"
+    empty = any(_fence(data))
+    fence = None if empty else Fence(point(data["fence"]["low"]), point(data["fence"]["high"]))
+    for name, given in data.get("obstacles", {}).items():
+        for path, message in obstacle_faults(given, fence):
+            yield ("obstacles", name, *path), message
 
 
 def _offsets(data: Mapping[str, Any]) -> Iterator[Fault]:

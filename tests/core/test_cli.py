@@ -35,7 +35,7 @@ mission:
   - land: {speed: 0.5}
 """
 LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # nobody is up by then
-WALL = ("wall_time_s", "realtime_factor")
+WALL = ("wall_time_s", "realtime_factor", "compute_us")
 ENTER = "import sys; from star_core.cli import main; sys.exit(main())"
 Said: TypeAlias = pytest.CaptureFixture[str]
 

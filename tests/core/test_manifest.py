@@ -45,7 +45,7 @@ mission:
   - goto: {agents: pair, to: [0, -0.1, 0.5]}
   - land: {speed: 0.5}
 """
-WALL = ("wall_time_s", "realtime_factor")
+WALL = ("wall_time_s", "realtime_factor", "compute_us")
 PLACE = re.compile(r"^\S+?:\d+:\d+: ")  # where a step is written; elsewhere once it is JSON
 
 
@@ -70,6 +70,7 @@ def flown(path: Path, *arguments: str, out: str = "out") -> tuple[dict[str, Any]
     summary["events"] = [
         event | {"text": PLACE.sub("", event["text"])} for event in summary["events"]
     ]
+    summary["steps"] = [step | {"place": ""} for step in summary["steps"]]
     return kept, {key: value for key, value in summary.items() if key not in WALL}
 
 

@@ -16,6 +16,7 @@ from rich.console import Console
 
 from star_core import (
     AgentPhase,
+    Corrected,
     Event,
     Flight,
     Goals,
@@ -105,6 +106,7 @@ def tick(n: int, **changes: float) -> Tick:
         sent=still,
         truth=None,
         doing="takeoff cf1",
+        corrected=Corrected(*[np.zeros(n, np.bool_)] * 3),
     )
 
 
@@ -253,6 +255,7 @@ def summary(**changes: Any) -> dict[str, Any]:
         "flight_time_s": 12.34,
         "realtime_factor": None,
         "collisions": {"agent_agent": 0, "agent_obstacle": 2},
+        "corrected": {"fence": 0, "speed": 0, "separation": 0},
         "min_separation_m": None,
         "min_clearance_m": None,
         "position_rmse_m": None,
@@ -273,6 +276,10 @@ def test_what_cannot_be_known_is_left_out() -> None:
     ("changes", "line"),
     [
         ({"outcome": "failed", "reason": "cf1 fell"}, "hop: failed: cf1 fell"),
+        (
+            {"corrected": {"fence": 3, "speed": 0, "separation": 12}},
+            "  corrected   setpoints: 3 for fence, 12 for separation",
+        ),
         ({"realtime_factor": 41.7}, "  flight      12.3 s with 1 agent, 42 times real time"),
         ({"min_separation_m": 0.456}, "  separation  0.46 m at least"),
         ({"min_clearance_m": 0.0}, "  clearance   0.00 m at least"),

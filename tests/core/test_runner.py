@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Estimate, Order, Plan, Supervisor, Telemetry
-from star_core.pilot import LAND_PATIENCE, LAND_SPEED
+from star_core import AgentPhase, Estimate, Order, Plan, Setpoint, Supervisor, Telemetry
+from star_core.helm import LAND_SPEED
+from star_core.pilot import LAND_PATIENCE
 from star_core.registry import Registry, Source
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab
@@ -280,6 +281,21 @@ def test_an_avoider_that_is_too_fast_is_limited_and_keeps_its_direction(lab: Lab
     lab.fly(IN_THE_AIR)
     sent = next(sent for _, sent in lab.robots.sent if sent.active.all())
     assert sent.velocity == pytest.approx(np.array([[0.3, 0.0, 0.4]] * 2))
+
+
+def test_what_the_core_corrects_is_told_once_and_counted(lab: Lab) -> None:
+    def rush(avoid: Any, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+        answer: Setpoint = avoid(estimate, wanted)
+        return replace(answer, velocity=answer.velocity + np.array([3.0, 0.0, 0.0]))
+
+    lab.spoil("avoider", "avoid", rush)
+    summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 0.5}\n  - descend: {}")
+    assert lab.said("safety") == [
+        "cf1 is slowed to the speed limit",
+        "cf2 is slowed to the speed limit",
+    ]
+    corrected = [tick.corrected.speed.sum() for tick in lab.ticks]
+    assert summary["corrected"]["speed"] == sum(corrected) > 5
 
 
 def test_ticks_that_are_missed_are_left_out(lab: Lab) -> None:

@@ -1,197 +1,175 @@
-"""What the core holds every answer to, message by message."""
+"""What the core changes in setpoints before they are sent."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from star_core import (
-    Avoider,
-    ContractError,
-    Estimate,
-    Paths,
-    Plan,
-    Setpoint,
-    Transform,
-    Transport,
-)
-from star_core.safety import (
-    checked_estimate,
-    checked_plan,
-    checked_setpoint,
-    expect,
-    keeps,
-    limited,
-)
+from star_core import Agent, Array, Corrected, Estimate, Fence, Limits, Scene, Setpoint, World
+from star_core.safety import SafetyFilter
 from star_core.testing import estimate
 
-TWO = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
-HOLE = np.array([[0.0, 0.0, 1.0], [1.0, np.nan, np.inf]])
-GOOD = estimate(TWO)
-BOTH, FIRST = np.array([True, True]), np.array([True, False])
-GAP = np.array([0.0, np.nan])
-SETPOINT = Setpoint(velocity=TWO, yaw=np.zeros(2), active=BOTH)
-PLAN = Plan(SETPOINT, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), ~BOTH)
+FENCE = Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 2.0))
+SPEED, BRAKES, APART, TICK = 1.0, 2.0, 0.2, 0.05
 
 
-def refused(check: Callable[..., Any], *arguments: Any) -> str:
-    with pytest.raises(ContractError) as caught:
-        check(*arguments)
-    return str(caught.value)
+def scene(n: int) -> Scene:
+    return Scene(
+        agents=tuple(Agent(f"cf{i}", (0.0, 0.0, 0.0)) for i in range(n)),
+        period=TICK,
+        world=World("room", FENCE),
+        limits=Limits(speed=SPEED, acceleration=BRAKES, separation=APART),
+    )
 
 
-def test_an_answer_of_the_right_kind_is_handed_on() -> None:
-    assert expect(GOOD, Estimate) is GOOD
+def setpoint(velocity: Any, active: Any = None) -> Setpoint:
+    array = np.array(velocity, float)
+    n = len(array)
+    return Setpoint(
+        array, np.zeros(n), np.ones(n, np.bool_) if active is None else np.array(active)
+    )
 
 
-@pytest.mark.parametrize(
-    ("answer", "message"),
-    [
-        (None, "returned NoneType, expected Estimate"),
-        (TWO, "returned ndarray, expected Estimate"),
-        (SETPOINT, "returned Setpoint, expected Estimate"),
-        (Estimate, "returned type, expected Estimate"),
-    ],
-)
-def test_an_answer_of_another_kind_is_refused(answer: object, message: str) -> None:
-    assert refused(expect, answer, Estimate) == message
+def filtered(position: Any, velocity: Any, active: Any = None) -> tuple[Array, Corrected]:
+    """What is sent to agents that should fly so, and who was corrected."""
+    wanted = setpoint(velocity, active)
+    now = estimate(np.array(position, float))
+    sent, corrected = SafetyFilter(scene(len(wanted.yaw))).filter(now, wanted, wanted)
+    return sent.velocity, corrected
 
 
-def test_a_part_that_lacks_methods_is_told_which() -> None:
-    class Half:
-        def connect(self) -> None: ...
-        def wait(self, until: float) -> None: ...
-        def receive(self) -> None: ...
-        def send(self, setpoint: Setpoint) -> None: ...
-
-    assert refused(keeps, Half(), Transport) == "Half has no command(), correct(), truth(), close()"
+def nobody(corrected: Corrected) -> bool:
+    return not (corrected.fence | corrected.speed | corrected.separation).any()
 
 
-def test_a_part_keeps_its_contract_by_its_shape() -> None:
-    class Mine:
-        def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-            return wanted
-
-    keeps(Mine(), Avoider)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"position": HOLE}, "Estimate.position of row 1 is [1.0, nan, inf], expected numbers"),
-        ({"velocity": HOLE}, "Estimate.velocity of row 1 is [1.0, nan, inf], expected numbers"),
-        ({"yaw": [np.nan, 0.0]}, "Estimate.yaw of row 0 is nan, expected numbers"),
-        (
-            {"map_from_odom": Transform(np.array([0.0, np.inf]), TWO)},
-            "Estimate.map_from_odom.yaw of row 1 is inf, expected numbers",
-        ),
-        (
-            {"map_from_odom": Transform(np.zeros(2), HOLE)},
-            "Estimate.map_from_odom.translation of row 1 is [1.0, nan, inf], expected numbers",
-        ),
-    ],
-)
-def test_an_estimate_that_is_valid_and_no_number_is_refused(
-    changes: dict[str, Any], message: str
-) -> None:
-    assert refused(checked_estimate, replace(GOOD, **changes), 2) == message
+def flown(position: Any, wish: Any, seconds: float = 6.0) -> Array:
+    """Where agents go, (T, N, 3), that follow what is sent within their brakes, a tick late."""
+    guard, path = SafetyFilter(scene(len(position))), [np.array(position, float)]
+    velocity = late = np.zeros_like(path[0])
+    for _ in range(round(seconds / TICK)):
+        now: Estimate = replace(estimate(path[-1]), velocity=velocity)
+        sent, _ = guard.filter(now, setpoint(wish), setpoint(wish))
+        change = late - velocity
+        length = np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
+        velocity = velocity + change * np.minimum(1.0, BRAKES * TICK / length)
+        late = sent.velocity
+        path.append(path[-1] + TICK * velocity)
+    return np.array(path)
 
 
-def test_an_estimate_may_hold_anything_where_it_is_not_valid() -> None:
-    hole = replace(GOOD, position=HOLE, velocity=HOLE, yaw=GAP, valid=FIRST)
-    assert checked_estimate(hole, 2) is hole
+@pytest.mark.parametrize("wish", [(1, 0, 0), (0, -1, 0), (0.6, 0.6, 0.4), (0, 0, -1), (0, 0, 1)])
+def test_nobody_leaves_the_fence(wish: tuple[float, float, float]) -> None:
+    path = flown([[0.0, 0.0, 1.0]], [wish])[:, 0]
+    assert (path >= np.array(FENCE.low) - 0.01).all()
+    assert (path <= np.array(FENCE.high) + 0.01).all()
+    assert any(
+        abs(path[-1, k] - (FENCE.high if wish[k] > 0 else FENCE.low)[k]) < 0.1
+        for k in range(3)
+        if wish[k]
+    )  # and it comes near
 
 
-def test_an_estimate_of_another_swarm_is_refused() -> None:
-    assert refused(checked_estimate, GOOD, 3) == "Estimate.position has 2 rows, expected 3"
+def test_who_is_outside_the_fence_is_drawn_back_and_may_come_in() -> None:
+    velocity, corrected = filtered([[3.5, 0.0, 1.0]], [[0.5, 0.2, 0.0]])
+    assert velocity.tolist() == [[-0.2, 0.2, 0.0]]
+    assert corrected.fence.tolist() == [True]
+    back, corrected = filtered([[3.5, 0.0, 1.0]], [[-0.5, 0.2, 0.0]])
+    assert back.tolist() == [[-0.5, 0.2, 0.0]]
+    assert nobody(corrected)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"velocity": HOLE}, "Setpoint.velocity of row 1 is [1.0, nan, inf], expected numbers"),
-        ({"yaw": [0.0, np.inf]}, "Setpoint.yaw of row 1 is inf, expected numbers"),
-    ],
-)
-@pytest.mark.parametrize("planned", [False, True])
-def test_a_setpoint_that_is_active_and_no_number_is_refused(
-    changes: dict[str, Any],
-    message: str,
-    planned: bool,  # noqa: FBT001 -- whether a planner gave it
-) -> None:
-    hole = replace(SETPOINT, **changes)
-    if planned:
-        assert refused(checked_plan, replace(PLAN, setpoint=hole), 2) == message
-    else:
-        assert refused(checked_setpoint, hole, 2) == message
+def test_nobody_is_faster_than_the_limit() -> None:
+    velocity, corrected = filtered([[0.0, 0.0, 1.0]], [[3.0, 0.0, 0.0]])
+    assert velocity[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert corrected.speed.tolist() == [True]
 
 
-def test_a_setpoint_may_hold_anything_where_it_is_not_active() -> None:
-    hole = replace(SETPOINT, velocity=HOLE, yaw=GAP, active=FIRST)
-    assert checked_setpoint(hole, 2) is hole
-    assert checked_plan(replace(PLAN, setpoint=hole), 2).setpoint is hole
+@pytest.mark.parametrize("across", [0.0, 0.05, 0.15])
+def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
+    path = flown(
+        [[-1.5, across, 1.0], [1.5, 0.0, 1.0]], [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], seconds=5.0
+    )
+    assert np.linalg.norm(path[:, 0] - path[:, 1], axis=1).min() >= APART - 1e-6
 
 
-def test_a_setpoint_or_a_plan_of_another_swarm_is_refused() -> None:
-    message = "Setpoint.velocity has 2 rows, expected 1"
-    assert refused(checked_setpoint, SETPOINT, 1) == message
-    assert refused(checked_plan, PLAN, 1) == message
+def test_many_that_fly_at_one_place_stop_apart() -> None:
+    angle = np.linspace(0, math.tau, 8, endpoint=False)
+    ring = np.column_stack([2 * np.cos(angle), 2 * np.sin(angle), np.ones(8)])
+    wish = np.column_stack([-np.cos(angle), -np.sin(angle), np.zeros(8)])
+    path = flown(ring, wish)
+    for i in range(8):
+        for j in range(i):
+            assert np.linalg.norm(path[:, i] - path[:, j], axis=1).min() >= APART - 1e-6
 
 
-@pytest.mark.parametrize(
-    ("check", "kind"),
-    [
-        (checked_estimate, "Estimate"),
-        (checked_plan, "Plan"),
-        (checked_setpoint, "Setpoint"),
-    ],
-)
-def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
-    assert refused(check, None, 2) == f"returned NoneType, expected {kind}"
+def test_who_is_in_the_way_and_not_steered_is_braked_for() -> None:
+    velocity, corrected = filtered(
+        [[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]], [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False]
+    )
+    assert 0 <= velocity[0, 0] < 0.35
+    assert corrected.separation.tolist() == [True, False]
 
 
-speeds = st.floats(-100.0, 100.0)
-velocities = st.lists(st.tuples(speeds, speeds, speeds), min_size=3, max_size=3)
-masks = st.lists(st.booleans(), min_size=3, max_size=3)
+def test_who_flies_apart_or_side_by_side_is_left_alone() -> None:
+    position = [[0.0, 0.0, 1.0], [0.15, 0.0, 1.0], [0.3, 0.3, 1.0]]
+    wish = [[-0.5, 0.1, 0.0], [0.5, 0.1, 0.0], [0.5, 0.5, 0.0]]
+    velocity, corrected = filtered(position, wish)
+    assert velocity.tolist() == wish
+    assert nobody(corrected)
 
 
-@given(velocities, masks, masks, st.floats(0.01, 10.0))
-def test_a_limited_setpoint_is_slow_enough_and_brakes_where_nothing_is_said(
-    velocity: list[tuple[float, float, float]],
-    safe: list[bool],
-    wanted: list[bool],
-    speed: float,
-) -> None:
-    given_ = Setpoint(np.array(velocity), np.zeros(3), np.array(safe))
-    sent = limited(given_, replace(given_, active=np.array(wanted)), speed)
-    assert sent.active.tolist() == wanted
-    assert not sent.velocity[~(np.array(safe) & np.array(wanted))].any()
-    assert np.linalg.norm(sent.velocity, axis=1).max() <= speed * (1 + 1e-12)
+def test_two_in_one_place_part_along_x_or_not_at_all() -> None:
+    velocity, _ = filtered([[0.0, 0.0, 1.0]] * 2, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    assert np.isfinite(velocity).all()
+    assert velocity[0, 0] >= velocity[1, 0] - 1e-3
 
 
-@given(velocities, st.floats(0.01, 10.0))
-def test_a_limited_velocity_keeps_its_direction_and_a_slow_one_stays(
-    velocity: list[tuple[float, float, float]], speed: float
-) -> None:
-    given_ = Setpoint(np.array(velocity), np.zeros(3), np.ones(3, np.bool_))
-    sent = limited(given_, given_, speed)
-    lengths = np.linalg.norm(given_.velocity, axis=1)
-    factor = np.minimum(1.0, speed / np.maximum(lengths, 1e-300))
-    assert sent.velocity == pytest.approx(given_.velocity * factor[:, None], abs=1e-12)
+def test_what_the_avoider_leaves_out_brakes() -> None:
+    wanted = setpoint([[0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    safe = setpoint([[0.5, 0.0, 0.0], [math.nan] * 3], [True, False])
+    now = estimate(np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
+    sent, _ = SafetyFilter(scene(2)).filter(now, safe, wanted)
+    assert sent.active.all()
+    assert sent.velocity.tolist() == [[0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]
 
 
-def test_a_velocity_that_is_a_little_too_fast_is_limited_too() -> None:
-    given_ = replace(SETPOINT, velocity=np.array([[0.6, 0.0, 0.0], [0.0, 0.3, 0.0]]))
-    sent = limited(given_, given_, 0.5)
-    assert sent.velocity == pytest.approx(np.array([[0.5, 0.0, 0.0], [0.0, 0.3, 0.0]]))
+def test_inactive_rows_are_never_sent() -> None:
+    wanted = setpoint([[0.5, 0.0, 0.0]], [False])
+    sent, corrected = SafetyFilter(scene(1)).filter(
+        estimate(np.array([[9.0, 0.0, 1.0]])), wanted, wanted
+    )
+    assert not sent.active.any()
+    assert nobody(corrected)
 
 
-def test_what_is_not_sent_stands_still_in_the_record() -> None:
-    hole = Setpoint(HOLE, np.zeros(2), FIRST)
-    assert limited(hole, SETPOINT, 9.0).velocity.tolist() == [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]
+def test_who_is_nowhere_is_in_nobodys_way() -> None:
+    velocity, corrected = filtered(
+        [[0.0, 0.0, 1.0], [math.nan] * 3], [[1.0, 0.0, 0.0]] * 2, [True, False]
+    )
+    assert velocity[0].tolist() == [1.0, 0.0, 0.0]
+    assert nobody(corrected)
+
+
+@settings(max_examples=200)
+@given(st.integers(1, 12), st.integers(0, 10_000))
+def test_what_is_sent_is_always_safe_or_comes_from_others(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    position = rng.uniform([-1, -1, 0.2], [1, 1, 1.8], (n, 3))
+    active = rng.random(n) < 0.8
+    velocity, _ = filtered(position, rng.normal(0, 1, (n, 3)), active)
+    assert np.linalg.norm(velocity[active], axis=1).max(initial=0) <= SPEED + 2e-3
+    for i in range(n):
+        for j in range(i):
+            if not (active[i] and active[j]):
+                continue
+            offset = position[i] - position[j]
+            apart = float(np.linalg.norm(offset))
+            closing = float(offset @ (velocity[j] - velocity[i])) / apart
+            room = max(0.0, apart - APART)
+            assert closing <= math.sqrt(2 * 2 * BRAKES * room) + 2e-3

@@ -137,16 +137,32 @@ def test_a_good_world_has_no_fault() -> None:
         ),
         (
             "polygon: [[0, 0], [1, 1], [1, 0]], polyline: [[0, 0], [1, 1]], thickness: 1",
-            "6: obstacles.a: expected exactly one of polygon, polyline; this has 'polygon' and 'p",
+            "6: obstacles.a: expected exactly one of polygon, polyline, box, cylinder; "
+            "this has 'polygon' and 'polyline'",
         ),
-        ("", "6: obstacles.a: expected exactly one of polygon, polyline; this has none of them"),
+        (
+            "",
+            "6: obstacles.a: expected exactly one of polygon, polyline, box, cylinder; "
+            "this has none of them",
+        ),
+        (
+            "box: {centre: [0, 0], size: [1, 0]}",
+            "39: obstacles.a.box.size.1: 0 is less than or equal to the minimum of 0",
+        ),
+        ("box: {centre: [0, 0]}", "7: obstacles.a.box: missing key 'size'"),
+        (
+            "cylinder: {centre: [0, 0], radius: -1}",
+            "42: obstacles.a.cylinder.radius: -1 is less than or equal to the minimum of 0",
+        ),
         (
             "polyline: [[0, 0], [1, 1]], thickness: 0",
             "46: obstacles.a.thickness: 0 is less than or equal to the minimum of 0",
         ),
     ],
 )
-def test_an_obstacle_is_a_polygon_or_a_polyline_with_a_thickness(line: str, expected: str) -> None:
+def test_an_obstacle_is_one_polygon_thick_polyline_box_or_cylinder(
+    line: str, expected: str
+) -> None:
     both = f"{line}, height: [0, 1]" if line else "height: [0, 1]"
     text = f"{WORLD}obstacles:\n  a: {{{both}}}\n"
     (found,) = problems(document(text), load("world"))

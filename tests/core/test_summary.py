@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
-from star_core import AgentPhase, Array, Event, Fence, Obstacle, Tick, Truth, World
+from star_core import AgentPhase, Array, Corrected, Event, Fence, Obstacle, Tick, Truth, World
 from star_core.summary import Meter
 from star_core.swarm import Goals, Paths, Plan, Setpoint, Telemetry
 from star_core.testing import estimate, health, scene
@@ -43,6 +43,7 @@ def tick(time: float, seen: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tic
         sent=nothing,
         truth=None if truth is None else Truth(time, np.array(truth), now.velocity, attitude),
         doing="",
+        corrected=Corrected(nobody, nobody, nobody),
     )
 
 
@@ -73,7 +74,9 @@ def measured(
         phase = [FLYING if phases is None else phases[k]] * n
         where = track[k] if seen is None else np.array(seen)[k]
         meter.add(tick(k * PERIOD, where, track[k] if known else None, phase))
-    return meter.summary(mission="m", outcome="completed", reason="", wall_time=2.0, events=events)
+    return meter.summary(
+        mission="m", outcome="completed", reason="", wall_time=2.0, took={}, steps=[], events=events
+    )
 
 
 def apart(*distances: float) -> list[list[list[float]]]:
@@ -243,7 +246,9 @@ def test_an_agent_that_never_flew_has_no_position_error() -> None:
     meter = Meter(scene(2))
     both = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     meter.add(tick(0.0, both, both, [FLYING, AgentPhase.GROUNDED]))
-    summary = meter.summary(mission="m", outcome="failed", reason="", wall_time=1.0, events=[])
+    summary = meter.summary(
+        mission="m", outcome="failed", reason="", wall_time=1.0, took={}, steps=[], events=[]
+    )
     assert summary["position_mse_m2"]["per_agent"] == {"cf1": 0.0, "cf2": None}
 
 
@@ -279,7 +284,9 @@ def test_the_time_before_the_first_tick_is_no_flight() -> None:
     meter = Meter(scene(1))
     for time in (5.0, 7.5):
         meter.add(tick(time, [[0, 0, 1]], None, [FLYING]))
-    summary = meter.summary(mission="m", outcome="failed", reason="", wall_time=1.0, events=[])
+    summary = meter.summary(
+        mission="m", outcome="failed", reason="", wall_time=1.0, took={}, steps=[], events=[]
+    )
     assert summary["flight_time_s"] == pytest.approx(2.5)
 
 
@@ -301,6 +308,8 @@ def test_a_summary_is_plain_json(n: int) -> None:
 
 def test_a_flight_without_a_tick_has_a_summary_too() -> None:
     meter = Meter(scene(2))
-    summary = meter.summary(mission="m", outcome="failed", reason="r", wall_time=0.0, events=[])
+    summary = meter.summary(
+        mission="m", outcome="failed", reason="r", wall_time=0.0, took={}, steps=[], events=[]
+    )
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["realtime_factor"] is None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Estimate, Goals, Order, Status, Step, Telemetry
+from star_core import Estimate, Goals, Order, Plan, Status, Step, Telemetry
 from tests.core.conftest import Lab
 
 BOOM = RuntimeError("boom")
@@ -147,14 +147,39 @@ def test_a_step_that_fails_lands_its_agents_if_that_is_said_and_the_others_go_on
 def test_a_step_that_fails_is_passed_over_if_that_is_said(lab: Lab, options: str, why: str) -> None:
     summary = lab.fly(
         f"\n  - climb: {{}}\n  - wait: {{{options}, on_failure: continue}}"
-        "\n  - visit: {to: [1, 1, 1]}\n  - descend: {}"
+        "\n  - visit: {agents: cf1, to: [1, 1, 1]}\n  - descend: {}"
     )
     assert failure(lab) == f"wait failed: {why}; on_failure: continue"
     assert summary["outcome"] == "completed"
     assert [what for _, what in began(lab)][2:] == [
-        "visit begins for cf1, cf2",
+        "visit begins for cf1",
         "descend begins for cf1, cf2",
     ]
+    assert [(s["verb"], s["agents"], s["outcome"]) for s in summary["steps"]] == [
+        ("climb", ["cf1", "cf2"], "success"),
+        ("wait", ["cf1", "cf2"], "failure"),
+        ("visit", ["cf1"], "success"),
+        ("descend", ["cf1", "cf2"], "success"),
+    ]
+    ends = [(s["begun_s"], s["ended_s"]) for s in summary["steps"]]
+    assert all(begun <= ended for begun, ended in ends)
+    assert [begun for begun, _ in ends[1:]] == [ended for _, ended in ends[:-1]]
+
+
+def test_who_has_no_way_to_its_goal_fails_its_step_at_once_and_not_the_next(lab: Lab) -> None:
+    def nowhere(plan: Any, estimate: Estimate, goals: Goals) -> Plan:
+        answer: Plan = plan(estimate, goals)
+        far = goals.active & (goals.position[:, 0] > 5)
+        return replace(answer, unreachable=far, reasons={1: "a wall"})
+
+    lab.spoil("planner", "plan", nowhere)
+    summary = lab.fly(
+        "\n  - climb: {}\n  - visit: {agents: cf2, to: [9, 0, 1], on_failure: continue}"
+        "\n  - visit: {agents: cf2, to: [1, 1, 1]}"
+    )
+    assert failure(lab) == ("visit failed: cf2 cannot get there: a wall; on_failure: continue")
+    assert summary["outcome"] == "completed"
+    assert [s["outcome"] for s in summary["steps"]] == ["success", "failure", "success"]
 
 
 def test_a_time_out_that_is_given_goes_before_the_derived_one(lab: Lab) -> None:

@@ -232,3 +232,64 @@ def test_everything_wrong_with_a_world_is_listed_in_the_order_of_the_file() -> N
         "  bar: {polyline: [[0, 0], [0, 0]], thickness: 0.1, height: [0, 1]}\n"
     )
     assert [found.split(":")[1] for found in problems(world)] == ["3", "5", "6"]
+
+
+def obstacle(given: str) -> Obstacle:
+    """The obstacle that a world file describes so."""
+    parsed = parse(WORLD.replace("polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]]", given))
+    (made,) = world(Document(parsed.data, Path("room.yaml"), parsed.places)).obstacles
+    return made
+
+
+def test_a_box_is_turned_about_its_centre() -> None:
+    made = obstacle("box: {centre: [1, 0], size: [1, 0.2], yaw_deg: 90}")
+    assert made.contains((1.0, 0.45, 1.0))
+    assert not made.contains((1.45, 0.0, 1.0))
+    assert made.height == (0, 2)
+
+
+def test_a_cylinder_contains_its_circle() -> None:
+    made = obstacle("cylinder: {centre: [1, 0], radius: 0.5}")
+    angles = [math.tau * i / 100 for i in range(100)]
+    assert all(
+        made.contains((1 + 0.499 * math.cos(a), 0.499 * math.sin(a), 1.0)) is True for a in angles
+    )
+    assert not made.contains((1.51, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ("polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]", "crosses or touches itself: the edges from"),
+        ("polygon: [[0, 0], [0.5, 0.5], [1, 1]]", "has all its points on one line"),
+        ("box: {centre: [5, 0], size: [1, 1]}", "is outside the fence; no agent can come near it"),
+        ("cylinder: {centre: [0, -3], radius: 0.9}", "is outside the fence; no agent can come"),
+        ("polyline: [[-3, 5], [3, 5], [3, 6]], thickness: 1", "is outside the fence; no agent"),
+    ],
+)
+def test_an_obstacle_that_is_none_is_refused(shape: str, message: str) -> None:
+    (found,) = problems(f"{WORLD}  it: {{{shape}, height: [0, 1]}}\n")
+    assert found.startswith(f"room.yaml:6:7: {message}")
+
+
+@pytest.mark.parametrize("height", ["[2.5, 3]", "[-2, -1]"])
+def test_an_obstacle_above_or_below_the_fence_is_refused(height: str) -> None:
+    (found,) = problems(WORLD.replace("[0, 2]", height))
+    assert found == "room.yaml:5:11: is outside the fence; no agent can come near it"
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        "box: {centre: [2.4, 0], size: [1, 1]}",
+        "polyline: [[-3, 2], [3, 2]], thickness: 0.1",
+        "polyline: [[-5, 0], [-4, 0], [0, 0]], thickness: 0.1",
+    ],
+)
+def test_an_obstacle_may_reach_out_of_the_fence(shape: str) -> None:
+    assert problems(f"{WORLD}  it: {{{shape}, height: [-1, 9]}}\n") == []
+
+
+def test_a_fence_that_is_wrong_is_not_held_against_obstacles() -> None:
+    (found,) = problems(WORLD.replace("high: [2,", "high: [-3,"))
+    assert found.startswith("room.yaml:3:8: low")

@@ -19,7 +19,7 @@ from tests.plugins.localizers.apriltag.conftest import TICK, sheets
 RISE, SPEED, TURN = 2.0, 0.28, 0.28  # s, m/s and rad/s
 SECONDS = 12.0
 SEEDS = range(3)
-WALL = ("wall_time_s", "realtime_factor")
+WALL = ("wall_time_s", "realtime_factor", "compute_us")
 WORLD = """\
 star: 1
 name: mat

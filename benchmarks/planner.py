@@ -1,0 +1,169 @@
+"""How quick the planner `visibility` is beside the naive way, and whether its paths are as short.
+
+The world is 50 polygons of 10 corners each, standing apart, seldom convex. The naive way joins all
+corners of the same offset outlines that see each other, asks shapely (vectorised, prepared) about
+every pair, and searches with scipy's Dijkstra. Both sides offset the outlines with a clearance and
+a margin, and both answer the same queries, in turns, in this process. A build is all that is slow
+when the planner is made: the outlines with and without margin, and the graph. Ratios are medians,
+below 1 where ours is quicker; times stand beside them for orientation only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Callable, Iterator
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from star_core import Agent, Array, Fence, Obstacle, Scene, World, footprint
+from star_visibility.routes import Routes
+
+POLYGONS, CORNERS = 50, 10
+SPACING = 2.2  # m from one polygon to the next, so that none touch when they are offset
+CLEARANCE, MARGIN = 0.2, 0.05
+HEIGHT = 1.0  # m, at which everybody flies; the polygons are as high as the room
+HALF = 9.0  # m, half the room
+ENTERS = 1e-8  # m, deeper than this a stretch enters an obstacle
+ROUNDS, BUILDS, QUERIES = 3, 5, 300  # in a round one naive build, then so many of ours
+GOALS = {"build_ms": 100.0, "query_ms": 2.0, "max_length_difference_m": 1e-6}
+
+
+class Figures(NamedTuple):
+    """What was measured."""
+
+    build_ratio: float
+    query_ratio: float
+    build_ms: float
+    naive_build_ms: float
+    query_ms: float
+    query_p99_ms: float
+    naive_query_ms: float
+    max_length_difference_m: float
+    corners: int
+
+
+class Naive:
+    """Every corner and every stretch between two that see each other."""
+
+    def __init__(self, world: World) -> None:
+        ground = footprint(world.obstacles, HEIGHT, HEIGHT, CLEARANCE + MARGIN)
+        self.corner = np.unique(shapely.get_coordinates(ground), axis=0)
+        self._inside = ground.buffer(-ENTERS, join_style="mitre")
+        shapely.prepare(self._inside)
+        one, other = np.triu_indices(len(self.corner), 1)
+        self._one, self._other, self._length = self._stretches(one, other, self.corner)
+
+    def length(self, start: Array, goal: Array) -> float:
+        """Length of the shortest path, m; infinity if there is none."""
+        n = len(self.corner)
+        point = np.vstack([self.corner, start, goal])
+        one = np.repeat([n, n + 1, n], [n, n, 1])
+        other = np.concatenate([np.arange(n), np.arange(n), [n + 1]])
+        more = self._stretches(one, other, point)
+        rows, columns, length = (
+            np.concatenate(pair)
+            for pair in zip((self._one, self._other, self._length), more, strict=True)
+        )
+        net: Any = csr_array((length, (rows, columns)), shape=(n + 2, n + 2))
+        return float(dijkstra(net, directed=False, indices=[n])[0, n + 1])
+
+    def _stretches(self, one: Any, other: Any, point: Array) -> tuple[Any, Any, Array]:
+        line = np.array(shapely.linestrings(np.stack([point[one], point[other]], axis=1)))
+        free = ~shapely.intersects(self._inside, line)
+        return one[free], other[free], shapely.length(line[free])
+
+
+def main() -> None:
+    """Print a table, or with ``--json`` one object."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    arguments = parser.parse_args()
+    found = figures()
+    if arguments.json:
+        print(json.dumps(found._asdict()))
+        return
+    for name, value in found._asdict().items():
+        goal = f"   (goal: at most {GOALS[name]:g})" if name in GOALS else ""
+        print(f"{name:26} {value:12.4g}{goal}")
+
+
+def figures() -> Figures:
+    """Build and ask both sides."""
+    scene = room(np.random.default_rng(0))
+    Routes(scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN)  # compiled
+    builds, naive_builds = [], []
+    for _ in range(ROUNDS):
+        naive, took = timed(lambda: Naive(scene.world))
+        naive_builds.append(took)
+        for _ in range(BUILDS):
+            ours, took = timed(
+                lambda: Routes(
+                    scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN
+                )
+            )
+            builds.append(took)
+    build, naive_build = float(np.median(builds)), float(np.median(naive_builds))
+    times, naive_times, differences = [], [], []
+    for start, goal in queries(scene.world):
+        way, took = timed(lambda: ours.route(start, goal))  # noqa: B023 -- called at once
+        length, naive_took = timed(lambda: naive.length(start[:2], goal[:2]))  # noqa: B023
+        times.append(took)
+        naive_times.append(naive_took)
+        line = np.vstack([start, way])
+        differences.append(abs(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) - length))
+    return Figures(
+        build_ratio=build / naive_build,
+        query_ratio=float(np.median(np.divide(times, naive_times))),
+        build_ms=build * 1e3,
+        naive_build_ms=naive_build * 1e3,
+        query_ms=float(np.median(times)) * 1e3,
+        query_p99_ms=float(np.quantile(times, 0.99)) * 1e3,
+        naive_query_ms=float(np.median(naive_times)) * 1e3,
+        max_length_difference_m=max(differences),
+        corners=len(naive.corner),
+    )
+
+
+def room(random: np.random.Generator) -> Scene:
+    """A room with polygons on a grid, each a little off its place."""
+    columns = math.ceil(math.sqrt(POLYGONS))
+    things = []
+    for i in range(POLYGONS):
+        place = (np.array(divmod(i, columns)) - (columns - 1) / 2) * SPACING
+        x, y = place + random.uniform(-0.05, 0.05, 2)
+        angle = (np.arange(CORNERS) + random.uniform(0, 0.8, CORNERS)) * math.tau / CORNERS
+        reach = random.uniform(0.3, 0.8, CORNERS)
+        ring = zip(x + reach * np.cos(angle), y + reach * np.sin(angle), strict=True)
+        things.append(Obstacle(f"polygon {i}", (tuple(ring),), (0.0, 3.0)))
+    fence = Fence((-HALF, -HALF, 0.0), (HALF, HALF, 3.0))
+    return Scene((Agent("cf1", (0, 0, 0)),), 0.05, World("room", fence, tuple(things)))
+
+
+def queries(world: World) -> Iterator[tuple[Array, Array]]:
+    """Free starts and goals."""
+    random = np.random.default_rng(1)
+    ground = footprint(world.obstacles, HEIGHT, HEIGHT, CLEARANCE + MARGIN)
+    count = 0
+    while count < QUERIES:
+        ends = np.column_stack([random.uniform(-HALF, HALF, (2, 2)), [HEIGHT, HEIGHT]])
+        if not np.any(ground.intersects(shapely.points(ends[:, :2]))):
+            count += 1
+            yield ends[0], ends[1]
+
+
+def timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    """What a call returns, and how long it took, s."""
+    begun = perf_counter()
+    answer = call()
+    return answer, perf_counter() - begun
+
+
+if __name__ == "__main__":
+    main()

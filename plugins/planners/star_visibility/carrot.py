@@ -1,0 +1,112 @@
+"""The point that each agent steers to so that it rounds its path's corners and cuts none off."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from star_core import Array, Mask, Rows
+from star_visibility.compiled import compiled
+from star_visibility.sight import covered, sees
+from star_visibility.walls import Walls
+
+TRIES = 5  # carrots looked at, each nearer to the next corner than the one before
+
+
+@compiled
+def steer(
+    walls: Walls,
+    here: Array,
+    rows: Rows,
+    path: Array,
+    count: Rows,
+    leg: Rows,
+    look_ahead: float,
+) -> tuple[Array, Mask]:
+    """Return what each agent steers to, and whether it lost sight of its path; move its leg on.
+
+    The carrot is the point of the path that lies `look_ahead` ahead, counted along the path, or
+    nearer if that cannot be seen: so the line to it is free, and it turns evenly as the agent comes
+    to a corner. An agent that is within the walls goes to the first point of its path, which leads
+    out; it lost its path if it has gone further than that.
+
+    Args:
+        walls: What lines must not go through.
+        here: (N, 3) where the agents are, m.
+        rows: Rows to look at.
+        path: (N, M, 3) points still to fly to when the path was planned, m.
+        count: (N,) how many of them there are.
+        leg: (N,) the one that each agent flies to; written.
+        look_ahead: How far ahead the carrot is, m.
+
+    Returns:
+        (N, 3) points, m, those of other rows 0; and (N,) True where the next point is not seen.
+    """
+    target = np.zeros(here.shape)
+    lost = np.zeros(len(here), np.bool_)
+    for i in rows:
+        at, last = here[i], count[i] - 1
+        if covered(walls, at[0], at[1], at[2]):
+            _put(target, i, path[i, leg[i]])
+            lost[i] = leg[i] > 0
+            continue
+        while leg[i] < last and _is_past(walls, at, path[i], leg[i], look_ahead):
+            leg[i] += 1
+        corner = path[i, leg[i]]
+        if not sees(walls, at, corner):
+            lost[i] = True
+            continue
+        _put(target, i, corner)
+        room = look_ahead - _apart(at, corner)
+        if room <= 0.0 or leg[i] == last:
+            continue
+        for k in range(TRIES):
+            carrot = _along(path[i], leg[i], last, room * (TRIES - k) / TRIES)
+            if sees(walls, at, carrot):
+                _put(target, i, carrot)
+                break
+    return target, lost
+
+
+@compiled
+def _put(table: Array, row: int, point: Array) -> None:
+    """Write a point into a table; number by number, which takes seconds less to compile."""
+    for k in range(3):
+        table[row, k] = point[k]
+
+
+@compiled
+def _is_past(walls: Walls, at: Array, path: Array, leg: int, look_ahead: float) -> bool:
+    """Whether an agent near a corner has come round it, or so near that it may go on."""
+    corner, following = path[leg], path[leg + 1]
+    if _apart(at, corner) > look_ahead:
+        return False
+    past = 0.0
+    for k in range(3):
+        past += (at[k] - corner[k]) * (following[k] - corner[k])
+    if past < -1e-9:  # noqa: PLR2004 -- m²: it is at the corner
+        return False
+    return sees(walls, at, following)
+
+
+@compiled
+def _along(path: Array, leg: int, last: int, distance: float) -> Array:
+    """Return the point of a path that lies a distance beyond one of its corners."""
+    while leg < last:
+        stretch = _apart(path[leg], path[leg + 1])
+        if stretch >= distance:
+            point = np.empty(3)
+            for k in range(3):
+                point[k] = path[leg, k] + (path[leg + 1, k] - path[leg, k]) * distance / stretch
+            return point
+        distance -= stretch
+        leg += 1
+    end: Array = path[last].copy()
+    return end
+
+
+@compiled
+def _apart(a: Array, b: Array) -> float:
+    """Return the distance between two points, m."""
+    return math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)

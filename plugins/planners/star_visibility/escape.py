@@ -1,0 +1,91 @@
+"""The shortest way out of what is forbidden."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from star_core import Array, Mask
+from star_visibility.compiled import compiled
+from star_visibility.sight import band_of, covered, nearest_on, sees, within
+from star_visibility.walls import Walls
+
+BEYOND = 1e-7  # m past the outline, so that there is no doubt on which side of it one stands
+
+
+@compiled
+def way_out(walls: Walls, passable: Walls, point: Array, low: Array, high: Array) -> Array:
+    """Return the nearest free point to one that is not: (3,) m; all NaN if there is none.
+
+    It is beside `point`, above it or below it.
+
+    Args:
+        walls: What to come out of.
+        passable: What the way out must not go through.
+        point: (3,) m.
+        low: (3,) least x, y and z to come out at, m.
+        high: (3,) greatest x, y and z, m.
+    """
+    x, y = point[0], point[1]
+    best = np.array([np.nan, np.nan, np.nan])
+    least = np.inf
+    candidate = point.copy()
+    band = band_of(walls, point[2])
+    for other in range(len(walls.level) - 1):
+        if other != band and not within(walls, other, x, y):
+            z = walls.level[other] if other > band else walls.level[other + 1]
+            candidate[2] = z
+            if abs(z - point[2]) < least and sees(passable, point, candidate):
+                least = abs(z - point[2])
+                best = candidate.copy()
+    candidate[2] = point[2]
+    first = walls.first_corner[walls.first_ring[band]]
+    failed = np.zeros(walls.first_corner[walls.first_ring[band + 1]] - first, np.bool_)
+    while True:
+        edge = _nearest(walls, band, x, y, failed, least, candidate)
+        if edge < 0:
+            return best
+        if (
+            low[0] <= candidate[0] <= high[0]
+            and low[1] <= candidate[1] <= high[1]
+            and not covered(walls, candidate[0], candidate[1], candidate[2])
+            and sees(passable, point, candidate)
+        ):
+            return candidate
+        failed[edge] = True
+
+
+@compiled
+def _nearest(
+    walls: Walls,
+    band: int,
+    x: float,
+    y: float,
+    failed: Mask,
+    least: float,
+    candidate: Array,
+) -> int:
+    """Return the edge that did not fail and is nearest to a point; -1 if all are beyond `least`, m.
+
+    Where one comes out there is written to x and y of `candidate`.
+    """
+    nearest = -1
+    first = walls.first_corner[walls.first_ring[band]]
+    for ring in range(walls.first_ring[band], walls.first_ring[band + 1]):
+        begin, end = walls.first_corner[ring], walls.first_corner[ring + 1]
+        px, py = walls.corner[end - 1, 0], walls.corner[end - 1, 1]
+        for k in range(begin, end):
+            qx, qy = walls.corner[k, 0], walls.corner[k, 1]
+            nx, ny = nearest_on(px, py, qx, qy, x, y)
+            distance = math.hypot(nx - x, ny - y)
+            if distance < least and not failed[k - first]:
+                nearest, least = k - first, distance
+                ux, uy = nx - x, ny - y
+                if distance < BEYOND:  # on the outline: straight across it, to its right
+                    ux, uy = qy - py, px - qx
+                length = math.hypot(ux, uy)
+                candidate[0] = nx + BEYOND * ux / length
+                candidate[1] = ny + BEYOND * uy / length
+            px, py = qx, qy
+    return nearest

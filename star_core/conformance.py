@@ -1,0 +1,106 @@
+"""What the core holds every plugin's answer to, in every tick."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+
+from star_core.errors import ContractError
+from star_core.sight import Corrections
+from star_core.swarm import Estimate, Plan, Setpoint
+
+Table = TypeVar("Table")
+
+
+def expect(answer: object, table: type[Table]) -> Table:
+    """Return `answer` if it is a `table`.
+
+    Raises:
+        ContractError: It is something else.
+    """
+    if not isinstance(answer, table):
+        raise ContractError(f"returned {type(answer).__name__}, expected {table.__name__}")
+    return answer
+
+
+def keeps(part: object, contract: type) -> None:
+    """Check that a part has the methods of its contract.
+
+    Raises:
+        ContractError: It lacks some; the message names them.
+    """
+    if not isinstance(part, contract):
+        has = set(dir(part))
+        methods = (name for name in vars(contract) if not name.startswith("_"))
+        lacking = ", ".join(f"{name}()" for name in methods if name not in has)
+        raise ContractError(f"{type(part).__name__} has no {lacking}")
+
+
+def checked_estimate(answer: object, n: int) -> Estimate:
+    """Return a localizer's answer if it has `n` rows and is finite wherever it says it is valid.
+
+    Raises:
+        ContractError: It does not keep the contract.
+    """
+    estimate = expect(answer, Estimate)
+    _rows("Estimate.position", len(estimate.position), n)
+    valid = estimate.valid
+    _finite("Estimate.position", estimate.position, valid)
+    _finite("Estimate.velocity", estimate.velocity, valid)
+    _finite("Estimate.yaw", estimate.yaw, valid)
+    _finite("Estimate.map_from_odom.yaw", estimate.map_from_odom.yaw, valid)
+    _finite("Estimate.map_from_odom.translation", estimate.map_from_odom.translation, valid)
+    if len(estimate.corrections.agent):
+        _corrections(estimate.corrections, n)
+    return estimate
+
+
+def checked_plan(answer: object, n: int) -> Plan:
+    """Return a planner's answer if its setpoint has `n` rows and is finite where it is active.
+
+    Raises:
+        ContractError: It does not keep the contract.
+    """
+    plan = expect(answer, Plan)
+    checked_setpoint(plan.setpoint, n)
+    rows = plan.paths.agent
+    if len(rows) and not 0 <= rows.min() <= rows.max() < n:
+        raise ContractError(f"Plan.paths.agent is {rows.tolist()!r}, expected rows below {n}")
+    return plan
+
+
+def checked_setpoint(answer: object, n: int) -> Setpoint:
+    """Return a setpoint if it has `n` rows and is finite where it is active.
+
+    Raises:
+        ContractError: It does not keep the contract.
+    """
+    setpoint = expect(answer, Setpoint)
+    _rows("Setpoint.velocity", len(setpoint.velocity), n)
+    _finite("Setpoint.velocity", setpoint.velocity, setpoint.active)
+    _finite("Setpoint.yaw", setpoint.yaw, setpoint.active)
+    return setpoint
+
+
+def _corrections(corrections: Corrections, n: int) -> None:
+    agents = corrections.agent.tolist()
+    if not all(0 <= agent < n for agent in agents):
+        raise ContractError(f"Estimate.corrections.agent is {agents!r}, expected rows below {n}")
+    for name in ("position", "attitude", "position_deviation", "attitude_deviation"):
+        values = getattr(corrections, name)
+        _finite(f"Estimate.corrections.{name}", values, np.ones(len(values), np.bool_))
+
+
+def _rows(what: str, given: int, expected: int) -> None:
+    if given != expected:
+        raise ContractError(f"{what} has {given} rows, expected {expected}")
+
+
+def _finite(what: str, values: np.ndarray, where: np.ndarray) -> None:
+    if np.isfinite(values).all():
+        return
+    bad = where & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ContractError(f"{what} of row {row} is {values[row].tolist()!r}, expected numbers")

@@ -1,0 +1,76 @@
+"""Which agents are near each other."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from star_core.table import Array, Rows
+
+MANY = 64
+"""Agents from which on neighbours are found by a tree; below, by all pairs."""
+
+
+def pairs(position: Array, reach: float) -> tuple[Rows, Rows]:
+    """Return the rows of every two agents that are nearer than `reach` to each other, m.
+
+    Agents that are nowhere (NaN) are near nobody.
+
+    Args:
+        position: (N, 3) m.
+        reach: m.
+
+    Returns:
+        (P,) and (P,) rows, the smaller one of a pair in the first.
+
+    Example:
+        >>> first, second = pairs(np.array([[0.0, 0, 0], [5, 0, 0], [0, 1, 0]]), 2.0)
+        >>> first.tolist(), second.tolist()
+        ([0], [2])
+    """
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    if len(rows) < MANY:
+        first, second = _every_pair(len(rows))
+        near = _apart(position[rows], first, second) < reach
+        return rows[first[near]], rows[second[near]]
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(position[rows])
+    found = tree.query_pairs(np.nextafter(reach, 0.0), output_type="ndarray")
+    found = found[np.lexsort(found.T[::-1])]
+    return rows[found[:, 0]], rows[found[:, 1]]
+
+
+def least(position: Array) -> float:
+    """Return how near two agents are to each other at least, m; infinite if there are no two.
+
+    Args:
+        position: (N, 3) m.
+
+    Example:
+        >>> least(np.array([[0.0, 0, 0], [5, 0, 0], [0, 1, 0]]))
+        1.0
+    """
+    known = position[np.isfinite(position).all(axis=1)]
+    if len(known) < 2:  # noqa: PLR2004 -- a pair
+        return np.inf
+    if len(known) < MANY:
+        return float(_apart(known, *_every_pair(len(known))).min())
+    from scipy.spatial import cKDTree
+
+    reach: Array = np.asarray(cKDTree(known).query(known, k=2)[0])  # (N, 2), itself the first
+    return float(reach[:, 1].min())
+
+
+def _apart(position: Array, first: Rows, second: Rows) -> Array:
+    offset = position[first] - position[second]
+    apart: Array = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+    return apart
+
+
+@cache
+def _every_pair(n: int) -> tuple[Rows, Rows]:
+    """Every two of `n` rows, as two columns."""
+    first, second = np.triu_indices(n, 1)
+    return first, second

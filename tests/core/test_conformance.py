@@ -1,0 +1,159 @@
+"""What the core holds every answer to, message by message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from star_core import (
+    Avoider,
+    ContractError,
+    Estimate,
+    Paths,
+    Plan,
+    Setpoint,
+    Transform,
+    Transport,
+)
+from star_core.conformance import (
+    checked_estimate,
+    checked_plan,
+    checked_setpoint,
+    expect,
+    keeps,
+)
+from star_core.testing import estimate
+
+TWO = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
+HOLE = np.array([[0.0, 0.0, 1.0], [1.0, np.nan, np.inf]])
+GOOD = estimate(TWO)
+BOTH, FIRST = np.array([True, True]), np.array([True, False])
+GAP = np.array([0.0, np.nan])
+SETPOINT = Setpoint(velocity=TWO, yaw=np.zeros(2), active=BOTH)
+PLAN = Plan(SETPOINT, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), ~BOTH)
+
+
+def refused(check: Callable[..., Any], *arguments: Any) -> str:
+    with pytest.raises(ContractError) as caught:
+        check(*arguments)
+    return str(caught.value)
+
+
+def test_an_answer_of_the_right_kind_is_handed_on() -> None:
+    assert expect(GOOD, Estimate) is GOOD
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (None, "returned NoneType, expected Estimate"),
+        (TWO, "returned ndarray, expected Estimate"),
+        (SETPOINT, "returned Setpoint, expected Estimate"),
+        (Estimate, "returned type, expected Estimate"),
+    ],
+)
+def test_an_answer_of_another_kind_is_refused(answer: object, message: str) -> None:
+    assert refused(expect, answer, Estimate) == message
+
+
+def test_a_part_that_lacks_methods_is_told_which() -> None:
+    class Half:
+        def connect(self) -> None: ...
+        def wait(self, until: float) -> None: ...
+        def receive(self) -> None: ...
+        def send(self, setpoint: Setpoint) -> None: ...
+
+    assert refused(keeps, Half(), Transport) == "Half has no command(), correct(), truth(), close()"
+
+
+def test_a_part_keeps_its_contract_by_its_shape() -> None:
+    class Mine:
+        def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+            return wanted
+
+    keeps(Mine(), Avoider)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position": HOLE}, "Estimate.position of row 1 is [1.0, nan, inf], expected numbers"),
+        ({"velocity": HOLE}, "Estimate.velocity of row 1 is [1.0, nan, inf], expected numbers"),
+        ({"yaw": [np.nan, 0.0]}, "Estimate.yaw of row 0 is nan, expected numbers"),
+        (
+            {"map_from_odom": Transform(np.array([0.0, np.inf]), TWO)},
+            "Estimate.map_from_odom.yaw of row 1 is inf, expected numbers",
+        ),
+        (
+            {"map_from_odom": Transform(np.zeros(2), HOLE)},
+            "Estimate.map_from_odom.translation of row 1 is [1.0, nan, inf], expected numbers",
+        ),
+    ],
+)
+def test_an_estimate_that_is_valid_and_no_number_is_refused(
+    changes: dict[str, Any], message: str
+) -> None:
+    assert refused(checked_estimate, replace(GOOD, **changes), 2) == message
+
+
+def test_an_estimate_may_hold_anything_where_it_is_not_valid() -> None:
+    hole = replace(GOOD, position=HOLE, velocity=HOLE, yaw=GAP, valid=FIRST)
+    assert checked_estimate(hole, 2) is hole
+
+
+def test_an_estimate_of_another_swarm_is_refused() -> None:
+    assert refused(checked_estimate, GOOD, 3) == "Estimate.position has 2 rows, expected 3"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"velocity": HOLE}, "Setpoint.velocity of row 1 is [1.0, nan, inf], expected numbers"),
+        ({"yaw": [0.0, np.inf]}, "Setpoint.yaw of row 1 is inf, expected numbers"),
+    ],
+)
+@pytest.mark.parametrize("planned", [False, True])
+def test_a_setpoint_that_is_active_and_no_number_is_refused(
+    changes: dict[str, Any],
+    message: str,
+    planned: bool,  # noqa: FBT001 -- whether a planner gave it
+) -> None:
+    hole = replace(SETPOINT, **changes)
+    if planned:
+        assert refused(checked_plan, replace(PLAN, setpoint=hole), 2) == message
+    else:
+        assert refused(checked_setpoint, hole, 2) == message
+
+
+def test_a_setpoint_may_hold_anything_where_it_is_not_active() -> None:
+    hole = replace(SETPOINT, velocity=HOLE, yaw=GAP, active=FIRST)
+    assert checked_setpoint(hole, 2) is hole
+    assert checked_plan(replace(PLAN, setpoint=hole), 2).setpoint is hole
+
+
+def test_a_setpoint_or_a_plan_of_another_swarm_is_refused() -> None:
+    message = "Setpoint.velocity has 2 rows, expected 1"
+    assert refused(checked_setpoint, SETPOINT, 1) == message
+    assert refused(checked_plan, PLAN, 1) == message
+
+
+@pytest.mark.parametrize(
+    ("check", "kind"),
+    [
+        (checked_estimate, "Estimate"),
+        (checked_plan, "Plan"),
+        (checked_setpoint, "Setpoint"),
+    ],
+)
+def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
+    assert refused(check, None, 2) == f"returned NoneType, expected {kind}"
+
+
+speeds = st.floats(-100.0, 100.0)
+velocities = st.lists(st.tuples(speeds, speeds, speeds), min_size=3, max_size=3)
+masks = st.lists(st.booleans(), min_size=3, max_size=3)

@@ -1,0 +1,415 @@
+"""The planner ``visibility``: agents that fly around what is in their way."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from jsonschema import Draft202012Validator
+
+import star_straight
+import star_visibility
+from star_core import Array, Fence, Goals, Limits, Obstacle, Plan, Planner, Scene, World
+from star_core.outline import box
+from star_core.testing import estimate, scene
+from star_core.world import wall
+
+N = 3
+tables = arrays(np.float64, (N, 3), elements=st.floats(-3, 3))
+FENCE = Fence((-5, -5, 0), (5, 5, 3))  # integers, as a world file may have them
+BLOCK = Obstacle("block", (box((0, 0), (1, 2), 0.0),), (0.0, 3.0))
+CLOSED = [(-1.5, -1.5), (-1.5, 1.5), (1.5, 1.5), (1.5, -1.5), (-1.5, -1.5)]
+
+
+def room(*obstacles: Obstacle, n: int = 1, **more: Any) -> Scene:
+    return replace(scene(n), world=World("room", FENCE, obstacles), **more)
+
+
+def planner(room: Scene, **options: float) -> Any:
+    (offer,) = star_visibility.star_planners()
+    return offer.make(room, **options)
+
+
+def goals(position: Sequence[Sequence[float]] | Array, *, speed: float = 0.5, **more: Any) -> Goals:
+    n = len(position)
+    whole = Goals(
+        position=np.array(position, np.float64),
+        velocity=np.zeros((n, 3)),
+        yaw=np.zeros(n),
+        speed=np.full(n, speed),
+        active=np.ones(n, np.bool_),
+    )
+    return replace(whole, **more)
+
+
+def flown(
+    planner: Planner, room: Scene, start: Array, goals: Goals, seconds: float, noise: float = 0.0
+) -> Iterator[tuple[Array, Plan]]:
+    """Fly point masses that follow within the scene's acceleration; yield places and plans.
+
+    The estimate is off by `noise`, m, one deviation, correlated over a second.
+    """
+    random = np.random.default_rng(0)
+    position, velocity, error = start.copy(), np.zeros_like(start), np.zeros_like(start)
+    keep = math.exp(-room.period)
+    for _ in range(round(seconds / room.period)):
+        error = keep * error + noise * math.sqrt(1 - keep**2) * random.normal(size=start.shape)
+        plan = planner.plan(estimate(position + error, velocity=velocity), goals)
+        yield position, plan
+        change = plan.setpoint.velocity - velocity
+        size = np.linalg.norm(change, axis=1, keepdims=True)
+        most = room.limits.acceleration * room.period
+        velocity = velocity + change * np.minimum(1.0, most / np.maximum(size, 1e-9))
+        position = position + room.period * velocity
+
+
+def clearance(track: Sequence[Array], obstacle: Obstacle) -> float:
+    """How near agents come to an obstacle that is as high as the room, m."""
+    ground = shapely.union_all([shapely.Polygon(piece) for piece in obstacle.polygons])
+    return float(min(shapely.distance(ground, shapely.points(place[:, :2])).min()
+                     for place in track))  # fmt: skip
+
+
+HERE, THERE = np.array([[-2.0, 0.1, 1.0]]), [[2.0, 0.1, 1.0]]
+
+
+# What is free is flown as by `straight`
+
+
+@given(tables, tables, tables)
+def test_in_an_empty_world_it_flies_as_straight_does(
+    here: Array, there: Array, velocity: Array
+) -> None:
+    empty = room(n=N)
+    (offer,) = star_straight.star_planners()
+    now, wanted = estimate(here), goals(there, velocity=velocity, yaw=np.array([1.0, 2, 3]))
+    one, other = planner(empty).plan(now, wanted), offer.make(empty).plan(now, wanted)
+    assert np.array_equal(one.setpoint.velocity, other.setpoint.velocity)
+    assert np.array_equal(one.setpoint.yaw, other.setpoint.yaw)
+    assert not one.unreachable.any()
+
+
+def test_a_moving_goal_in_sight_is_flown_with_among_obstacles() -> None:
+    moving = goals([[-2, 0, 1.0]], velocity=np.array([[0.1, 0.2, 0.0]]))
+    plan = planner(room(BLOCK)).plan(estimate(np.array([[-2, 0, 1.0]])), moving)
+    assert plan.setpoint.velocity[0] == pytest.approx([0.1, 0.2, 0.0])
+
+
+# Around
+
+
+def test_an_agent_flies_around_a_block_and_rests_at_its_goal() -> None:
+    blocked = room(BLOCK)
+    track = [place for place, _ in flown(planner(blocked), blocked, HERE, goals(THERE), 15)]
+    assert track[-1] == pytest.approx(np.array(THERE), abs=0.02)
+    assert clearance(track, BLOCK) >= 0.2
+    assert np.ptp([place[0, 2] for place in track]) < 1e-9
+
+
+def test_it_does_not_slow_down_at_corners_that_allow_its_speed() -> None:
+    blocked = room(BLOCK, limits=Limits(speed=0.5, acceleration=4.0))
+    speeds = [
+        np.linalg.norm(plan.setpoint.velocity)
+        for place, plan in flown(planner(blocked), blocked, HERE, goals(THERE), 15)
+        if place[0, 0] < 1.5
+    ]
+    assert speeds == pytest.approx([0.5] * len(speeds))
+
+
+def test_it_slows_down_for_corners_at_which_it_could_not_turn() -> None:
+    fast = Limits(speed=2.0, acceleration=2.0)
+    blocked = room(BLOCK, limits=fast)
+    track = list(flown(planner(blocked), blocked, HERE, goals(THERE, speed=2.0), 15))
+    speeds = [np.linalg.norm(plan.setpoint.velocity) for _, plan in track]
+    assert max(speeds[:40]) > 1.0
+    assert clearance([place for place, _ in track], BLOCK) >= 0.15
+
+
+@pytest.mark.parametrize("look_ahead", [0.1, 0.3, 0.6])
+def test_the_line_to_what_it_steers_to_is_free(look_ahead: float) -> None:
+    blocked = room(BLOCK)
+    visible = planner(blocked, look_ahead=look_ahead)
+    kept = shapely.Polygon(BLOCK.polygons[0]).buffer(0.2 - 1e-3)
+    for place, plan in flown(visible, blocked, HERE, goals(THERE), 12):
+        speed = float(np.linalg.norm(plan.setpoint.velocity))
+        ahead = place[0] + plan.setpoint.velocity[0] * min(0.1 / max(speed, 1e-9), 1.0)
+        assert not kept.intersects(shapely.LineString([place[0, :2], ahead[:2]]))
+
+
+def test_an_agent_whose_estimate_is_noisy_arrives_and_hits_nothing() -> None:
+    blocked = room(BLOCK)
+    noisy = flown(planner(blocked), blocked, HERE, goals(THERE), 15, noise=0.03)
+    track = [place for place, _ in noisy]
+    assert clearance(track, BLOCK) >= 0.06
+    assert np.linalg.norm(track[-1] - THERE) < 0.15
+
+
+def test_a_shown_path_is_from_the_agent_by_its_corners_to_its_goal() -> None:
+    plan = planner(room(BLOCK, n=2)).plan(
+        estimate(np.array([[-2, 0.1, 1], [-2, 3, 1]])), goals([[2, 0.1, 1], [2, 3, 1]])
+    )
+    first, second = (plan.paths.point[plan.paths.agent == row] for row in (0, 1))
+    assert first[[0, -1]].tolist() == [[-2, 0.1, 1], [2, 0.1, 1]]
+    assert (first[1:-1, 1] > 1.0).all()
+    assert second.tolist() == [[-2, 3, 1], [2, 3, 1]]
+    assert plan.paths.agent.tolist() == sorted(plan.paths.agent.tolist())
+
+
+def test_an_agent_that_is_pushed_out_of_sight_of_its_path_finds_another() -> None:
+    blocked = room(BLOCK)
+    visible = planner(blocked)
+    visible.plan(estimate(HERE), goals(THERE))
+    pushed = np.array([[0.0, -2.0, 1.0]])  # the other side of the block
+    plan = visible.plan(estimate(pushed), goals(THERE))
+    assert plan.setpoint.velocity[0, 0] > 0.3
+    assert (plan.paths.point[:, 1] < 0.2).all()
+
+
+# A goal that moves
+
+
+def test_a_goal_that_moves_behind_the_block_is_followed() -> None:
+    blocked = room(BLOCK)
+    visible, place = planner(blocked), HERE.copy()
+    for tick in range(400):
+        wanted = goals([[2.0, 0.1 - 1.5 * math.sin(0.01 * tick), 1.0]])
+        plan = visible.plan(estimate(place), wanted)
+        assert np.linalg.norm(plan.setpoint.velocity) > 0 or tick > 100
+        place = place + blocked.period * plan.setpoint.velocity
+    assert np.linalg.norm(place - wanted.position) < 0.2
+
+
+def test_no_more_paths_than_allowed_are_planned_in_one_tick_and_everybody_has_a_turn() -> None:
+    blocked = room(BLOCK, n=5)
+    here = np.array([[-2, 0.1 * i, 1.0] for i in range(5)])
+    visible, moving = planner(blocked, queries_per_tick=2), []
+    for _ in range(3):
+        plan = visible.plan(estimate(here), goals(here * [-1, 1, 1]))
+        moving.append((np.linalg.norm(plan.setpoint.velocity, axis=1) > 0).tolist())
+    assert moving == [
+        [True, True, False, False, False],
+        [True, True, True, True, False],
+        [True] * 5,
+    ]
+
+
+@pytest.mark.parametrize(("moved", "flies"), [(0.5, True), (1.5, False)])
+def test_until_its_turn_an_agent_keeps_its_path_if_its_goal_moved_a_little(
+    moved: float, *, flies: bool
+) -> None:
+    blocked = room(BLOCK, n=2)
+    here = np.array([[-2, 0.1, 1.0], [-2, -0.1, 1.0]])
+    visible = planner(blocked, queries_per_tick=1, hold_distance=1.0)
+    for _ in range(2):
+        visible.plan(estimate(here), goals(here * [-1, 1, 1]))
+    plan = visible.plan(estimate(here), goals(here * [-1, 1, 1] + [moved, 0, 0]))
+    assert (np.linalg.norm(plan.setpoint.velocity, axis=1) > 0).tolist() == [True, flies]
+
+
+# What cannot be reached
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "why"),
+    [
+        ((0, 0, 1), (3, 0, 1), "[0, 0, 1] is inside obstacle 'block'"),
+        ((3, 0, 1), (0, 0, 1), "[0, 0, 1] is inside obstacle 'block'"),
+        ((3, 0, 1), (0.6, 0, 1), "[0.6, 0, 1] is within the clearance of 0.2 m of an obstacle"),
+    ],
+)
+def test_an_agent_holds_that_is_or_is_sent_where_nobody_can_be(
+    here: Sequence[float], there: Sequence[float], why: str
+) -> None:
+    visible = planner(room(BLOCK))
+    plan = visible.plan(estimate(np.array([here], float)), goals([there]))
+    assert plan.unreachable.tolist() == [True]
+    assert plan.setpoint.velocity.tolist() == [[0, 0, 0]]
+    assert plan.setpoint.active.tolist() == [True]
+    assert plan.reasons == {0: why}
+
+
+def test_a_goal_that_is_walled_in_is_unreachable_and_others_are_not() -> None:
+    closed = Obstacle("cell", wall(CLOSED, 0.1), (0.0, 3.0))
+    visible = planner(room(closed, n=3))
+    here = np.array([[-3, 0, 1], [0.5, 0, 1], [-3, 1, 1]], float)
+    for _ in range(2):  # it stays so
+        plan = visible.plan(estimate(here), goals([[0, 0, 1], [-0.5, 0, 1], [3, 1, 1]]))
+        assert plan.unreachable.tolist() == [True, False, False]
+        assert (np.linalg.norm(plan.setpoint.velocity, axis=1) > 0).tolist() == [False, True, True]
+
+
+def test_a_goal_that_comes_within_reach_is_flown_to() -> None:
+    visible = planner(room(BLOCK))
+    visible.plan(estimate(HERE), goals([[0, 0, 1.0]]))
+    plan = visible.plan(estimate(HERE), goals([[2.0, 0, 1.0]]))
+    assert plan.unreachable.tolist() == [False]
+    assert np.linalg.norm(plan.setpoint.velocity) > 0
+
+
+def test_an_agent_pushed_within_the_clearance_flies_out_first() -> None:
+    blocked = room(BLOCK)
+    start = np.array([[-0.58, 0.0, 1.0]])
+    track = list(flown(planner(blocked), blocked, start, goals(THERE), 15))
+    first = track[0][1].setpoint.velocity[0]
+    assert first / np.linalg.norm(first) == pytest.approx([-1, 0, 0], abs=1e-6)
+    assert clearance([place for place, _ in track], BLOCK) == pytest.approx(0.08)
+    assert track[-1][0] == pytest.approx(np.array(THERE), abs=0.02)
+
+
+def test_an_agent_that_holds_within_the_clearance_holds_there() -> None:
+    blocked = room(BLOCK)
+    start = np.array([[-0.6, 0.0, 1.0]])
+    for place, plan in flown(planner(blocked), blocked, start, goals(start + 0.02), 3):
+        assert not plan.unreachable.any()
+        assert np.abs(place - start).max() < 0.03
+
+
+# Over and under
+
+
+def test_an_agent_flies_over_a_low_wall_and_keeps_its_distance() -> None:
+    low = Obstacle("low", (box((0, 0), (0.1, 9.9), 0.0),), (0.0, 1.0))
+    over = room(low)
+    start, end = np.array([[-2.0, 0, 0.8]]), [[2.0, 0, 0.8]]
+    track = [place for place, _ in flown(planner(over), over, start, goals(end), 15)]
+    assert track[-1] == pytest.approx(np.array(end), abs=0.02)
+    above = [place[0, 2] for place in track if abs(place[0, 0]) < 0.05 + 0.2]
+    assert above
+    assert min(above) >= 1.2
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 10_000))
+def test_nobody_hits_anything_among_random_blocks(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    blocks = [
+        Obstacle("block", (box((x, y), (length, width), yaw),), (0.0, top))
+        for x, y, length, width, yaw, top in zip(
+            *random.uniform(-3, 3, (2, 5)),
+            *random.uniform(0.2, 1.5, (2, 5)),
+            random.uniform(0, 3, 5),
+            random.choice([0.8, 3.0], 5),
+            strict=True,
+        )
+    ]
+    crowded = room(*blocks, n=N)
+    free = random.uniform([-4.5, -4.5, 0.3], [4.5, 4.5, 1.7], (100, 3))
+    free = free[gaps(blocks, free) > 0.3]
+    start, end = free[:N], free[N : 2 * N]
+    track = list(flown(planner(crowded), crowded, start, goals(end), 30))
+    assert gaps(blocks, np.concatenate([place for place, _ in track])).min() > 0.15
+    arrived = np.linalg.norm(track[-1][0] - end, axis=1) < 0.05
+    assert (arrived | track[-1][1].unreachable).all()
+
+
+def gaps(blocks: Sequence[Obstacle], place: Array) -> Array:
+    """How far (K, 3) places are from blocks that stand: beside or above, whichever is more, m."""
+    spots = shapely.points(place[:, :2])
+    beside = [shapely.distance(shapely.Polygon(block.polygons[0]), spots) for block in blocks]
+    above = [place[:, 2] - block.height[1] for block in blocks]
+    answer: Array = np.maximum(beside, above).min(axis=0)
+    return answer
+
+
+# What every planner owes
+
+
+def test_rows_without_a_goal_or_an_estimate_are_idle() -> None:
+    here = np.array([[-2, 0, 1.0], [-2, 1, 1], [np.nan] * 3])
+    now = replace(estimate(here), valid=np.array([True, True, False]))
+    wanted = goals([[2, 0, 1.0]] * 3, active=np.array([False, True, True]))
+    plan = planner(room(BLOCK, n=3)).plan(now, wanted)
+    assert plan.setpoint.active.tolist() == [False, True, False]
+    assert plan.setpoint.velocity[[0, 2]].tolist() == [[0.0] * 3] * 2
+    assert set(plan.paths.agent.tolist()) == {1}
+    assert plan.unreachable.tolist() == [False] * 3
+
+
+def test_two_flights_are_the_same_to_the_bit() -> None:
+    blocked = room(BLOCK)
+    one, other = (
+        [place for place, _ in flown(planner(blocked), blocked, HERE, goals(THERE), 8, noise=0.02)]
+        for _ in range(2)
+    )
+    assert np.array_equal(one, other)
+
+
+def test_the_schema_is_a_schema_with_defaults_and_descriptions() -> None:
+    (offer,) = star_visibility.star_planners()
+    Draft202012Validator.check_schema(offer.options)
+    made = inspect.signature(type(planner(room())).__init__).parameters
+    assert set(made) - {"self", "scene"} == set(offer.options["properties"])
+    for option in offer.options["properties"].values():
+        assert option["description"]
+        assert "default" in option
+
+
+def problems(given: Scene) -> list[str]:
+    (offer,) = star_visibility.star_planners()
+    assert offer.check is not None
+    return [problem.message for problem in offer.check(given)]
+
+
+def test_the_check_finds_nothing_wrong_with_a_good_scene() -> None:
+    aside = Obstacle("aside", (box((3, 3), (1, 1), 0.0),), (0.0, 3.0))
+    assert problems(room(aside)) == []
+
+
+def test_a_start_below_an_obstacle_that_hangs_too_low_is_refused() -> None:
+    lid = Obstacle("lid", BLOCK.polygons, (0.1, 0.3))
+    assert problems(room(lid)) == [
+        "'cf1' cannot take off: obstacle 'lid' is where it comes to the lowest height to fly at, "
+        "0.2 m"
+    ]
+
+
+def test_heights_that_are_all_outside_the_fence_are_refused() -> None:
+    (message,) = problems(room(limits=Limits(height=(3.5, 4.0))))
+    assert message == (
+        "no height to fly at is inside the fence: from 3.5 to 4 m, and the fence from 0 to 3 m"
+    )
+
+
+def test_nothing_is_compiled_in_flight() -> None:
+    code = """
+import numpy as np, pkgutil, importlib, star_visibility
+from numba.core.dispatcher import Dispatcher
+from tests.plugins.planners.test_visibility import *
+low = Obstacle("low", (box((0, 0), (0.1, 9.9), 0.0),), (0.0, 1.0))
+table = Obstacle("table", (box((-2, 0), (1, 1), 0.0),), (1.3, 1.4))
+over = room(low, table, BLOCK, n=2)
+visible = planner(over)
+modules = [importlib.import_module("star_visibility." + m.name)
+           for m in pkgutil.iter_modules(star_visibility.__path__)]
+def known():
+    return sorted((m.__name__, name, len(f.signatures)) for m in modules
+                  for name, f in vars(m).items() if isinstance(f, Dispatcher))
+before = known()
+start = np.array([[-2.0, 0, 0.8], [0.0, 1.1, 0.8]])
+for _ in flown(visible, over, start, goals([[2.0, 0, 0.8], [0, 0, 1]]), 9):
+    pass
+assert known() == before, set(known()) ^ set(before)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[3])
+
+
+def test_announcing_and_checking_imports_neither_numpy_nor_shapely() -> None:
+    code = (
+        "import sys, star_visibility; from star_core import Fence, Scene, World; "
+        "(offer,) = star_visibility.star_planners(); "
+        "list(offer.check(Scene((), 0.05, World('w', Fence((0, 0, 0), (1, 1, 1)))))); "
+        "assert not {'numpy', 'shapely'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,310 @@
+"""Shortest paths among obstacles: as long as an independent search says, and never through one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.sparse.csgraph import shortest_path
+
+from star_core import Array, Fence, Obstacle, Scene, World, footprint
+from star_core.outline import box
+from star_core.testing import scene
+from star_core.world import wall
+from star_visibility.routes import Routes
+
+Corner: TypeAlias = tuple[float, float]
+
+CLEARANCE, MARGIN = 0.2, 0.05
+KEPT = CLEARANCE + MARGIN
+LOW, HIGH = 0.2, 1.8  # the scene's limits
+
+
+def room(*obstacles: Obstacle) -> Scene:
+    return replace(
+        scene(1), world=World("room", Fence((-5.0, -5.0, 0.0), (5.0, 5.0, 3.0)), obstacles)
+    )
+
+
+def block(
+    centre: Corner, size: Corner, height: tuple[float, float] = (0.0, 3.0), yaw: float = 0.0
+) -> Obstacle:
+    return Obstacle("block", (box(centre, size, yaw),), height)
+
+
+def barrier(line: Sequence[Corner], height: tuple[float, float] = (0.0, 3.0)) -> Obstacle:
+    return Obstacle("wall", wall(line, 0.1), height)
+
+
+def routes(*obstacles: Obstacle) -> Routes:
+    return Routes(room(*obstacles), clearance=CLEARANCE, vertical_clearance=0.2, margin=MARGIN)
+
+
+def found(routes: Routes, start: Sequence[float], goal: Sequence[float]) -> Array:
+    """The points of a path, with its start."""
+    here = np.array(start, np.float64)
+    way = routes.route(here, np.array(goal, np.float64))
+    assert not isinstance(way, str), way
+    return np.vstack([here, way])
+
+
+def length(way: Array) -> float:
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def brute_force(obstacles: Sequence[Obstacle], start: Corner, goal: Corner) -> float:
+    """The length of the shortest path among offset obstacles: all corners, all stretches.
+
+    Every pair of corners is a stretch unless shapely says that it enters an obstacle, and scipy
+    searches; infinity if there is no path.
+    """
+    ground = footprint(obstacles, 1.0, 1.0, KEPT)
+    inside = ground.buffer(-1e-8, join_style="mitre")
+    shapely.prepare(inside)
+    point = np.vstack([shapely.get_coordinates(ground), start, goal])
+    one, other = np.triu_indices(len(point), 1)
+    line = np.array(shapely.linestrings(np.stack([point[one], point[other]], axis=1)))
+    free = ~shapely.intersects(inside, line)
+    weight = np.zeros((len(point), len(point)))
+    weight[one[free], other[free]] = np.maximum(shapely.length(line[free]), 1e-12)
+    way = shortest_path(weight, directed=False, indices=len(point) - 1)
+    return float(way[len(point) - 2])
+
+
+def blob(random: np.random.Generator) -> Obstacle:
+    """A polygon of 10 corners, seldom convex."""
+    x, y = random.uniform(-4, 4, 2)
+    angle = (np.arange(10) + random.uniform(0, 0.8, 10)) * math.tau / 10
+    reach = random.uniform(0.2, 0.9, 10)
+    corners = zip(x + reach * np.cos(angle), y + reach * np.sin(angle), strict=True)
+    return Obstacle("blob", (tuple(corners),), (0.0, 3.0))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_paths_are_as_long_as_an_independent_search_says(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    blobs = [blob(random) for _ in range(9)]
+    ground = footprint(blobs, 1.0, 1.0, KEPT)
+    finder = routes(*blobs)
+    compared = 0
+    while compared < 4:
+        start, goal = random.uniform(-4.9, 4.9, (2, 2))
+        if ground.intersects(shapely.points([start, goal])).any():
+            continue
+        way = finder.route(np.array([*start, 1.0]), np.array([*goal, 1.0]))
+        expected = brute_force(blobs, tuple(start), tuple(goal))
+        if isinstance(way, str):
+            assert expected == math.inf
+        else:
+            assert length(np.vstack([[*start, 1.0], way])) == pytest.approx(expected, abs=1e-6)
+        compared += 1
+
+
+@st.composite
+def crowds(draw: st.DrawFn) -> list[Obstacle]:
+    """Blocks of all heights that stand, hang, touch and overlap."""
+    place, size = st.floats(-3, 3), st.floats(0.1, 2)
+    heights = st.sampled_from([(0.0, 3.0), (0.0, 0.8), (1.2, 3.0), (0.7, 1.0)])
+    count = draw(st.integers(1, 6))
+    return [
+        block(
+            (draw(place), draw(place)),
+            (draw(size), draw(size)),
+            draw(heights),
+            draw(st.floats(0, 3)),
+        )
+        for _ in range(count)
+    ]
+
+
+def gap(crowd: Sequence[Obstacle], point: Array) -> float:
+    """By how much points (K, 3) keep the clearances and the margin, the least of all, m."""
+    gaps = []
+    for thing in crowd:
+        beside = shapely.distance(shapely.Polygon(thing.polygons[0]), shapely.points(point[:, :2]))
+        foot, top = thing.height
+        above = np.maximum(foot - point[:, 2], point[:, 2] - top)
+        gaps.append(np.maximum(beside, above) - KEPT)
+    return float(np.min(gaps))
+
+
+places = st.tuples(st.floats(-4.5, 4.5), st.floats(-4.5, 4.5), st.floats(LOW, HIGH))
+
+
+@settings(max_examples=60)
+@given(crowds(), places, places)
+def test_no_path_is_nearer_to_an_obstacle_than_the_clearance_and_the_margin(
+    crowd: list[Obstacle], start: tuple[float, ...], goal: tuple[float, ...]
+) -> None:
+    assume(gap(crowd, np.array([start, goal])) > 0.03)
+    way = routes(*crowd).route(np.array(start), np.array(goal))
+    assume(not isinstance(way, str))
+    line = np.vstack([start, np.array(way)])
+    share = np.linspace(0, 1, 40)[:, None, None]
+    point = (line[:-1] + share * (line[1:] - line[:-1])).reshape(-1, 3)
+    assert gap(crowd, point) > -1e-6
+    assert ((point[:, 2] > LOW - 1e-9) & (point[:, 2] < HIGH + 1e-9)).all()
+
+
+@settings(max_examples=30)
+@given(crowds(), places, places)
+def test_the_way_back_is_as_long(
+    crowd: list[Obstacle], start: tuple[float, ...], goal: tuple[float, ...]
+) -> None:
+    assume(gap(crowd, np.array([start, goal])) > 0.03)
+    finder = routes(*crowd)
+    there, back = (
+        finder.route(np.array(a), np.array(b)) for a, b in ((start, goal), (goal, start))
+    )
+    assert isinstance(there, str) is isinstance(back, str)
+    if not isinstance(there, str) and not isinstance(back, str):
+        assert length(np.vstack([start, there])) == pytest.approx(
+            length(np.vstack([goal, back])), abs=1e-6
+        )
+
+
+def test_without_obstacles_the_path_is_straight() -> None:
+    assert found(routes(), (-1, 0, 1), (1, 2, 1.5)).tolist() == [[-1, 0, 1], [1, 2, 1.5]]
+
+
+def test_a_path_goes_round_the_nearer_side() -> None:
+    way = found(routes(block((0, 0.5), (1, 2))), (-2, 0, 1), (2, 0, 1))
+    assert way[1:-1, 1].max() == pytest.approx(-0.5 - KEPT, abs=0.02 * KEPT + 0.1)
+    assert (way[1:-1, 1] < -0.5).all()
+
+
+def test_a_path_finds_the_door_of_a_room() -> None:
+    line = [(-0.5, -1.5), (-1.5, -1.5), (-1.5, 1.5), (1.5, 1.5), (1.5, -1.5), (0.5, -1.5)]
+    way = found(routes(barrier(line)), (0, 3, 1), (0, 0, 1))
+    through = shapely.LineString(way[:, :2]).intersection(
+        shapely.LineString([(-0.5, -1.5), (0.5, -1.5)])
+    )
+    assert through.geom_type == "Point"
+
+
+CLOSED = [(-1.5, -1.5), (-1.5, 1.5), (1.5, 1.5), (1.5, -1.5), (-1.5, -1.5)]
+
+
+def test_inside_a_closed_room_one_can_fly() -> None:
+    pillar = block((0, 0), (0.4, 0.4))
+    way = found(routes(barrier(CLOSED), pillar), (-1, 0, 1), (1, 0, 1))
+    assert np.abs(way[:, :2]).max() < 1.5
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"), [((-3, 0, 1), (0, 0, 1)), ((0, 0, 1), (-3, 0, 1))], ids=["into", "out of"]
+)
+def test_no_way_leads_through_the_walls_of_a_closed_room(
+    start: tuple[float, ...], goal: tuple[float, ...]
+) -> None:
+    why = routes(barrier(CLOSED)).route(np.array(start, float), np.array(goal, float))
+    assert why == (f"no way leads from [{start[0]}, {start[1]}, 1] to [{goal[0]}, {goal[1]}, 1]")
+
+
+def test_no_path_leaves_the_fence() -> None:
+    across = barrier([(0, -5), (0, 5)])
+    why = routes(across).route(np.array([-2.0, 0, 1]), np.array([2.0, 0, 1]))
+    assert why == "no way leads from [-2, 0, 1] to [2, 0, 1]"
+
+
+def test_a_low_wall_is_flown_over_no_higher_than_it_takes() -> None:
+    way = found(routes(barrier([(0, -5), (0, 5)], (0.0, 1.0))), (-2, 0, 0.8), (2, 0, 0.8))
+    reach = 0.05 + KEPT
+    assert way[:, 2].max() == pytest.approx(1.0 + KEPT)
+    slope = math.hypot(2 - reach, 0.2 + KEPT)
+    assert length(way) == pytest.approx(2 * reach + 2 * slope, abs=0.02)
+
+
+def test_what_hangs_is_flown_under() -> None:
+    way = found(routes(barrier([(0, -5), (0, 5)], (0.9, 3.0))), (-2, 0, 1.2), (2, 0, 1.2))
+    assert way[:, 2].min() == pytest.approx(0.9 - KEPT)
+
+
+def test_a_wall_is_flown_round_where_that_is_shorter() -> None:
+    way = found(routes(barrier([(0, -0.2), (0, 5)], (0.0, 1.3))), (-2, 0, 0.5), (2, 0, 0.5))
+    assert way[:, 2].tolist() == pytest.approx([0.5] * len(way))
+
+
+def test_a_wall_whose_top_is_too_near_the_highest_height_is_not_flown_over() -> None:
+    across = barrier([(0, -5), (0, 5)], (0.0, HIGH - KEPT + 0.01))
+    assert isinstance(routes(across).route(np.array([-2.0, 0, 1]), np.array([2.0, 0, 1])), str)
+
+
+def test_above_all_walls_one_flies_straight() -> None:
+    way = found(routes(barrier([(0, -5), (0, 5)], (0.0, 1.0))), (-2, 0, 1.25), (2, 1, 1.4))
+    assert len(way) == 2
+
+
+def test_a_climb_beside_a_wall_is_straight() -> None:
+    way = found(routes(block((0, 0), (1, 1))), (-1, 0, 0.3), (-1, 0, 1.7))
+    assert way.tolist() == [[-1, 0, 0.3], [-1, 0, 1.7]]
+
+
+def test_from_under_a_table_one_comes_onto_it() -> None:
+    way = found(routes(block((0, 0), (1, 1), (0.7, 0.8))), (0, 0, 0.3), (0, 0, 1.2))
+    assert 2 * (0.5 + KEPT) < length(way) < 2 * (0.5 + KEPT) + 1
+
+
+def test_from_under_a_table_one_comes_over_a_wall() -> None:
+    table = block((-1, 0), (1, 1), (1.1, 1.2))
+    over = barrier([(0.5, -5), (0.5, 5)], (0.0, 0.8))
+    way = found(routes(table, over), (-1, 0, 0.6), (2, 0, 0.6))
+    assert way[:, 2].max() == pytest.approx(0.8 + KEPT, abs=0.2)
+
+
+BLOCK = block((0, 0), (1, 1))
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "reason"),
+    [
+        ((0.1, 0, 1), (3, 0, 1), "[0.1, 0, 1] is inside obstacle 'block'"),
+        ((3, 0, 1), (0, 0, 1), "[0, 0, 1] is inside obstacle 'block'"),
+        (
+            (3, 0, 1),
+            (0.65, 0, 1),
+            "[0.65, 0, 1] is within the clearance of 0.2 m of an obstacle",
+        ),
+    ],
+)
+def test_where_nobody_can_be_is_said(
+    start: tuple[float, ...], goal: tuple[float, ...], reason: str
+) -> None:
+    assert routes(BLOCK).route(np.array(start, float), np.array(goal, float)) == reason
+
+
+def test_from_within_the_clearance_the_shortest_way_leads_out_first() -> None:
+    way = found(routes(BLOCK), (0.3, 0.6, 1), (0, -2, 1))
+    assert way[1] == pytest.approx([0.3, 0.5 + KEPT, 1], abs=0.02 * KEPT)
+
+
+def test_from_just_above_a_block_the_shortest_way_out_is_up() -> None:
+    low = block((0, 0), (2, 2), (0.0, 0.8))
+    way = found(routes(low), (0, 0, 0.95), (3, 0, 0.4))
+    assert way[1] == pytest.approx([0, 0, 0.8 + KEPT])
+
+
+def test_an_agent_within_the_clearance_may_stay_where_it_is() -> None:
+    way = found(routes(BLOCK), (0.0, 0.6, 1), (0.05, 0.62, 1))
+    assert way.tolist() == [[0.0, 0.6, 1], [0.05, 0.62, 1]]
+
+
+def test_the_way_out_does_not_lead_through_a_wall() -> None:
+    cell = barrier([(0.0, -0.3), (0.0, 0.3), (3.0, 0.3), (3.0, -0.3), (0.0, -0.3)])
+    why = routes(cell).route(np.array([0.15, 0.0, 1.0]), np.array([-2.0, 0, 1]))
+    assert why == (
+        "no way leads out from [0.15, 0, 1], within the clearance of 0.2 m of an obstacle"
+    )
+
+
+def test_a_goal_between_clearance_and_margin_is_come_to_by_the_shortest_way() -> None:
+    way = found(routes(BLOCK), (0.0, -2, 1), (0.3, 0.72, 1))
+    assert way[-1].tolist() == [0.3, 0.72, 1]
+    assert way[-2] == pytest.approx([0.3, 0.5 + KEPT, 1], abs=0.02 * KEPT)
