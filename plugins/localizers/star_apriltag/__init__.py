@@ -62,6 +62,12 @@ OPTIONS: dict[str, Any] = {
             "default": 2.5,
             "description": "For how long poses are optimised again, with method: smoother, s.",
         },
+        "guided": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether tags of the map that are not detected, for they are too far or "
+            "partly out of sight, are looked for where they should be; with method: smoother.",
+        },
         "processes": {
             "type": ["integer", "null"],
             "minimum": 0,
@@ -96,6 +102,7 @@ def make(  # noqa: PLR0913 -- a mission's own options
     camera_deviation_deg: float = 1.0,
     survey: float = 0.005,
     lag: float = 2.5,
+    guided: bool = True,
     processes: int | None = None,
     worst: float = 1.0,
     stale: float = 0.5,
@@ -111,6 +118,7 @@ def make(  # noqa: PLR0913 -- a mission's own options
             latency=latency,
             camera_deviation=math.radians(camera_deviation_deg),
             lag=lag,
+            guided=guided,
         ),
         processes=processes,
         feedback=feedback,

@@ -63,6 +63,7 @@ class Smoothed:
         camera_deviation: How wrong the camera's rotation may be, rad.
         lag: For how long poses stay in the graph, s.
         latency: How long images are under way, s.
+        guided: Whether to look where known tags should be that were not detected.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class Smoothed:
         camera_deviation: float,
         lag: float,
         latency: float,
+        guided: bool = True,
     ) -> None:
         self._behind = latency + BEHIND
         self._eye = None
@@ -83,6 +85,7 @@ class Smoothed:
                 agent.camera,
                 {tag.id: tag for tag in landmarks},
                 {tag.id: tag.size for tag in targets},
+                guided=guided,
             )
             mounting = self._eye.lens.mounting
         smoother = Smoother(mounting, camera_deviation=camera_deviation, lag=lag)
@@ -113,10 +116,10 @@ class Smoothed:
             look = self._eye.consider(sight.tags, sight.corners, prediction)
         else:
             look = self._eye.look(sight.image, prediction)
-        accepted = [seen.view for seen in look.accepted if seen.view is not None]
-        if accepted:
+        if look.accepted:
             self._relocation.forget()
-            tracker.see(sight.taken, accepted, prediction.motion)
+        if look.views:
+            tracker.see(sight.taken, look.views, prediction.motion)
         elif look.other is not None:
             pose = gtsam.Pose3(gtsam.Rot3(look.other.pose.rotation), look.other.pose.position)
             claim = Claim(sight.taken, pose, look.other.covariance)

@@ -28,6 +28,7 @@ class Settings(NamedTuple):
         latency: From taking an image to its arrival, for images that do not say when, s.
         camera_deviation: How wrong the cameras' rotations may be, rad.
         lag: For how long poses stay in the graph, s.
+        guided: Whether to look where known tags should be that were not detected.
     """
 
     method: str
@@ -35,6 +36,7 @@ class Settings(NamedTuple):
     latency: float
     camera_deviation: float
     lag: float
+    guided: bool = True
 
 
 class Heard(NamedTuple):
@@ -112,6 +114,7 @@ class Group:
                 camera_deviation=settings.camera_deviation,
                 lag=settings.lag,
                 latency=settings.latency,
+                guided=settings.guided,
             )
             for row in rows
         }
@@ -133,7 +136,7 @@ class Group:
             if looked is not None:
                 look, belief = looked
                 sightings += _sightings(sight, look, belief)
-                fixed |= {sight.row} if look.accepted else set()
+                fixed |= {sight.row} if look.views else set()
         for follower in self._followers.values():
             follower.go_on(heard.time)
         known = {row: follower.known for row, follower in self._followers.items()}

@@ -17,6 +17,9 @@ from star_apriltag.vision.rigid import Pose, matrix
 from star_apriltag.vision.square import HALVES, Square, solve
 from star_core import Array, Tag
 
+MODULES: Final = 8  # of a tag of family 36h11 along one side, its black border included
+CELLS: Final = MODULES + 2  # with its white rim
+
 MOST_TILT: Final = math.radians(20.0)
 """Angle between a solution's up and the on-board estimator's past which it is no candidate."""
 
@@ -35,6 +38,7 @@ class Place:
         size: Edge of its black square, m.
         pose: In the map.
         corners: (4, 3) in the map, m: bottom left, bottom right, top right and top left.
+        outline: (4, 3) the same of the white rim around it, in the tag's own frame.
     """
 
     def __init__(self, tag: Tag) -> None:
@@ -42,6 +46,7 @@ class Place:
         self.size = tag.size
         self.pose = Pose(matrix(tag.rotation), np.array(tag.position))
         self.corners = self.pose.apply(HALVES * tag.size)
+        self.outline = HALVES * tag.size * CELLS / MODULES
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from star_apriltag.vision.rigid import Pose, matrix
 from star_core import Array, Camera
@@ -70,6 +72,12 @@ class Lens:
         (fx, _, cx), (_, fy, cy), _ = self.matrix
         pixels: Array = np.stack([fx * u + cx, fy * v + cy], axis=-1)
         return pixels.reshape(*points.shape[:-1], 2)
+
+    @cached_property
+    def rays(self) -> NDArray[np.float32]:
+        """The (height, width, 2) rays that the image's pixels show."""
+        v, u = np.mgrid[: self.shape[0], : self.shape[1]]
+        return self.undistort(np.stack([u, v], axis=-1)).astype(np.float32)
 
     def magnification(self, rays: Array) -> Array:
         """Return how many pixels one unit of a ray is worth at (..., 2) rays: (...,).

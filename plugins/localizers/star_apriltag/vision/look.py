@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from star_apriltag.vision.detector import Detector
+from star_apriltag.vision.expected import Foresight
 from star_apriltag.vision.gate import MOST_ODDS, Verdict
+from star_apriltag.vision.guided import Match, find
 from star_apriltag.vision.landmark import Place, SeenLandmark, seen_landmark, together
 from star_apriltag.vision.lens import Lens
-from star_apriltag.vision.pose import Fix
+from star_apriltag.vision.pose import Fix, View
 from star_apriltag.vision.prediction import Prediction
 from star_apriltag.vision.target import SeenTarget, seen_target
 from star_core import Array, Camera, Image, Rows, Tag
@@ -26,6 +28,7 @@ class Look:
         fix: Of the body, from all landmarks that were accepted; None if none was.
         other: Of the body, from all landmarks that were rejected for being elsewhere, if they fit
             together: where the agent is if the prediction is wrong.
+        guided: Tags of the map that were not detected, but found where they were expected.
     """
 
     landmarks: tuple[SeenLandmark, ...] = ()
@@ -33,11 +36,24 @@ class Look:
     strangers: tuple[int, ...] = ()
     fix: Fix | None = None
     other: Fix | None = None
+    guided: tuple[Match, ...] = ()
 
     @property
     def accepted(self) -> tuple[SeenLandmark, ...]:
-        """The landmarks that are to be believed."""
+        """The landmarks that were detected and are to be believed."""
         return tuple(seen for seen in self.landmarks if seen.verdict is Verdict.ACCEPTED)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether all that was detected of the map speaks against the prediction."""
+        elsewhere = any(seen.verdict is Verdict.ELSEWHERE for seen in self.landmarks)
+        return elsewhere and not self.accepted
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """All that is to be believed, as measurements."""
+        detected = tuple(seen.view for seen in self.accepted if seen.view is not None)
+        return detected + tuple(match.view for match in self.guided)
 
 
 class Eye:
@@ -47,6 +63,7 @@ class Eye:
         camera: As the scene has it.
         known_tags: Tags whose places are known, by their numbers.
         targets: Sizes of the tags to be found, m, by their numbers.
+        guided: Whether to look where known tags should be that were not detected.
 
     Attributes:
         lens: Of the camera.
@@ -54,12 +71,18 @@ class Eye:
     """
 
     def __init__(
-        self, camera: Camera, known_tags: Mapping[int, Tag], targets: Mapping[int, float]
+        self,
+        camera: Camera,
+        known_tags: Mapping[int, Tag],
+        targets: Mapping[int, float],
+        *,
+        guided: bool = True,
     ) -> None:
         self.lens = Lens(camera)
         self.detector = Detector(self.lens)
         self._places = {number: Place(tag) for number, tag in known_tags.items()}
         self._sizes = dict(targets)
+        self._foresight = Foresight(self.lens, list(self._places.values()) if guided else [])
 
     def look(self, image: Image, prediction: Prediction) -> Look:
         """Return what an image says.
@@ -72,7 +95,12 @@ class Eye:
             ValueError: It is no grey image of the camera's size.
         """
         found = self.detector.detect(image)
-        return self.consider(found.tag, found.corners, prediction)
+        look = self.consider(found.tag, found.corners, prediction)
+        if look.doubtful:
+            return look
+        expected = self._foresight.expect(prediction, passed_over=found.tag.tolist())
+        matches = [find(image, one, self.lens) for one in expected]
+        return replace(look, guided=tuple(match for match in matches if match is not None))
 
     def consider(self, tags: Rows, corners: Array, prediction: Prediction) -> Look:
         """Return what the tags found in an image say.

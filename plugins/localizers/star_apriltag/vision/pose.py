@@ -24,16 +24,16 @@ NEAREST: Final = 0.02  # m, ahead of the camera: nearer than any lens focuses
 
 
 class View(NamedTuple):
-    """One tag in one image.
+    """What was seen of the map in one place of one image: a tag's four corners, or one point.
 
     Attributes:
-        corners: (4, 3) its corners in the map, m.
-        rays: (4, 2) where they were seen: undistorted, over the depth.
+        points: (K, 3) in the map, m.
+        rays: (K, 2) where they were seen: undistorted, over the depth.
         deviation: Of each number in `rays`.
-        delay: (4,) when each corner was read, from the image's middle row on, s.
+        delay: (K,) when each point was read, from the image's middle row on, s.
     """
 
-    corners: Array
+    points: Array
     rays: Array
     deviation: float
     delay: Array
@@ -85,7 +85,7 @@ class Fix:
         pose: Of the body in the map.
         covariance: (6, 6), of a turn and then a shift in the body's own frame, rad and m: the
             tangent of gtsam's `Pose3`. It holds what tilt and height were taken to be good for.
-        misfit: Root mean square of the corners' residuals, in deviations.
+        misfit: Root mean square of the points' residuals, in deviations.
     """
 
     pose: Pose
@@ -100,7 +100,7 @@ def refine(
     level: Level | None = None,
     motion: Motion = AT_REST,
 ) -> Fix | None:
-    """Return the body pose at which the tags look most as they were seen, or None.
+    """Return the body pose at which the map looks most as it was seen, or None.
 
     All six degrees of freedom are sought, by Gauss-Newton; tilt and height are held by `level`
     as far as it is good for.
@@ -112,13 +112,13 @@ def refine(
         level: None to use the tags alone.
         motion: Of the body.
     """
-    corners = np.concatenate([view.corners for view in views])
+    points = np.concatenate([view.points for view in views])
     rays = np.concatenate([view.rays for view in views])
-    weight = np.repeat([1 / view.deviation for view in views], 4)
+    weight = np.concatenate([np.full(len(view.rays), 1 / view.deviation) for view in views])
     delay = np.concatenate([view.delay for view in views])[:, None]
     spin = cross(motion.rates)
     for _ in range(MOST_STEPS):
-        body = (corners - pose.position) @ pose.rotation
+        body = (points - pose.position) @ pose.rotation
         seen = body + delay * (body @ spin - motion.velocity)  # when its own row is read
         camera = (seen - mounting.position) @ mounting.rotation
         if not camera[:, 2].min() > NEAREST:
@@ -126,7 +126,7 @@ def refine(
         point = camera[:, :2] / camera[:, 2:]
         residual = ((rays - point) * weight[:, None]).ravel()
         project = mounting.rotation.T[:2] - point[:, :, None] * mounting.rotation.T[2]
-        project *= (weight / camera[:, 2])[:, None, None]  # by the corner in the body
+        project *= (weight / camera[:, 2])[:, None, None]  # by the point in the body
         jacobian = np.concatenate([project @ cross(body), -project], axis=2).reshape(-1, 6)
         information = jacobian.T @ jacobian
         slope = jacobian.T @ residual

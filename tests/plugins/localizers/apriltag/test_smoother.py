@@ -97,6 +97,30 @@ def test_it_stays_on_the_truth() -> None:
     assert flight.off < 1e-3
 
 
+def points(seen: Sequence[View]) -> list[View]:
+    """Of each tag the first corner alone, as guided matching finds a single point."""
+    return [View(v.points[:1], v.rays[:1], v.deviation, v.delay[:1]) for v in seen]
+
+
+def test_single_points_keep_it_on_the_truth() -> None:
+    pointed, without = right(), right()
+    drift = np.array([0.0, 0.0, 0.002, 0.004, 0.0, 0.0])
+    for _ in range(80):
+        pointed.go(points(pointed.seen()), drift=drift)
+        without.go(drift=drift)
+    assert pointed.off < 0.1 * without.off
+
+
+def test_points_that_are_wrong_do_little_harm_among_right_tags() -> None:
+    flight = right()
+    for _ in range(40):
+        seen = flight.seen()
+        wrong = [v._replace(rays=v.rays + 0.05) for v in points(seen)[:1]]  # about 9 px
+        flight.go([*seen, *wrong])
+    assert flight.off < 0.02
+    assert flight.smoother.restarts == 0
+
+
 def test_it_mends_odometry_that_drifts() -> None:
     with_tags, without = right(), right()
     drift = np.array([0.0, 0.0, 0.002, 0.004, 0.0, 0.0])
@@ -135,7 +159,7 @@ def test_it_learns_how_the_camera_is_turned() -> None:
         body = flight.circle.body(flight.time + EVERY)
         seen = []
         for view in views(body, TAGS):
-            there = (body @ real).inverse().apply(view.corners)
+            there = (body @ real).inverse().apply(view.points)
             seen.append(view._replace(rays=there[:, :2] / there[:, 2:]))
         flight.go(seen)
     left = flight.smoother.camera_turn @ extra.T

@@ -37,6 +37,7 @@ def a_view() -> tuple[Pose, View]:
 
 
 BODY, VIEW = a_view()
+POINT = View(VIEW.points[:1], VIEW.rays[:1], VIEW.deviation, VIEW.delay[:1])
 
 
 def seen(body: Pose, extra: Array, motion: Motion = AT_REST, view: View = VIEW) -> Array:
@@ -66,6 +67,26 @@ def test_derivatives_are_those_that_differences_give(
         ahead = seen(body, mount @ turn(step), motion, view)
         back = seen(body, mount @ turn(-step), motion, view)
         assert by_mounting[:, k] == pytest.approx((ahead - back) / (2 * STEP), abs=2e-5, rel=1e-5)
+
+
+@given(vector, vector, vector)
+def test_a_point_is_seen_as_the_corner_of_a_tag_is(shift: Array, tilt: Array, rates: Array) -> None:
+    body = Pose(BODY.rotation @ turn(0.2 * tilt), BODY.position + 0.1 * shift)
+    tag, point = (
+        reprojection(body.rotation, body.position, np.eye(3), view, Motion(shift, rates), MOUNTING)
+        for view in (VIEW, POINT)
+    )
+    for of_tag, of_point in zip(tag, point, strict=True):
+        assert of_point == pytest.approx(of_tag[:2], abs=1e-12)
+
+
+def test_a_point_weighs_as_one_point() -> None:
+    body = Pose(BODY.rotation, BODY.position + np.array([0.001, 0.0, 0.0]))
+    far = float(np.linalg.norm(seen(body, np.eye(3), view=POINT))) / POINT.deviation
+    assert far < HUBER
+    made = factor(X(1), E(0), POINT, AT_REST, MOUNTING)
+    assert made.dim() == 2
+    assert made.error(values(body, np.eye(3))) == pytest.approx(far**2 / 2, rel=1e-6)
 
 
 @given(vector, vector)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from star_apriltag.vision.gate import Verdict
 from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.look import Eye, Look
+from star_apriltag.vision.prediction import Prediction
 from star_apriltag.vision.rigid import Pose, turn
 from star_apriltag.vision.square import deviation
 from star_core import Array, Camera, Rows, Tag
@@ -179,7 +180,7 @@ def test_a_landmark_comes_with_what_a_smoother_needs(lens: Lens) -> None:
     first, _ = eye(LANDMARKS).consider(tags, corners, predicted(hovering())).landmarks
     assert first.view is not None
     np.testing.assert_allclose(first.view.rays, lens.undistort(corners[0]))
-    np.testing.assert_allclose(first.view.corners.mean(axis=0), LANDMARKS[0].position, atol=1e-12)
+    np.testing.assert_allclose(first.view.points.mean(axis=0), LANDMARKS[0].position, atol=1e-12)
     np.testing.assert_allclose(first.view.delay, lens.delay(corners[0]))
     camera = (hovering() @ lens.mounting).position
     expected = float(np.linalg.norm(camera - LANDMARKS[0].position))
@@ -218,3 +219,50 @@ def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall(lens: Lens) -> Non
         (found,) = eye([]).consider(np.array([9]), noisy[None], predicted(body)).targets
         assert found.pose.rotation[2, 2] == pytest.approx(expected.rotation[2, 2], abs=0.3)
         assert found.pose.yaw == pytest.approx(expected.yaw, abs=0.2)
+
+
+FAR = [on_floor(3, 1.9, -0.1, yaw=0.4), on_floor(4, 1.9, 0.11, yaw=0.4)]
+
+
+def sure(body: Pose) -> Prediction:
+    return predicted(body, deviation=0.03, yaw_deviation=0.01)
+
+
+def test_tags_that_are_not_detected_are_found_by_guidance(paint: Paint) -> None:
+    body = hovering()
+    look = eye([*LANDMARKS, *FAR]).look(paint(body, [*LANDMARKS, *FAR]), sure(body))
+    assert {seen.tag for seen in look.accepted} == {1, 2}
+    assert {match.tag for match in look.guided} == {3, 4}
+    assert [len(view.points) for view in look.views] == [4, 4, 1, 1]
+
+
+def test_guidance_can_be_done_without(paint: Paint) -> None:
+    body = hovering()
+    unguided = Eye(Camera(), {tag.id: tag for tag in FAR}, {}, guided=False)
+    assert unguided.look(paint(body, FAR), sure(body)) == Look()
+
+
+def test_without_an_image_nobody_is_guided(lens: Lens) -> None:
+    tags, corners = table(lens, hovering(), LANDMARKS)
+    look = eye([*LANDMARKS, *FAR]).consider(tags, corners, sure(hovering()))
+    assert look.guided == ()
+    assert len(look.views) == 2
+
+
+def test_nobody_is_guided_by_a_belief_that_all_tags_contradict(paint: Paint) -> None:
+    body, moved = hovering(), on_floor(1, 1.4, -0.9)
+    image = paint(body, [LANDMARKS[0], *FAR])
+    assert len(eye(FAR).look(image, sure(body)).guided) == 2
+    look = eye([moved, *FAR]).look(image, sure(body))
+    assert verdicts(look) == [Verdict.ELSEWHERE]
+    assert look.views == ()
+
+
+def test_one_wrong_number_among_right_ones_leaves_guidance_on(paint: Paint) -> None:
+    body, moved = hovering(), on_floor(1, -1.4, -0.9)
+    look = eye([moved, LANDMARKS[1], *FAR]).look(paint(body, [*LANDMARKS, *FAR]), sure(body))
+    assert verdicts(look) in (
+        [Verdict.ELSEWHERE, Verdict.ACCEPTED],
+        [Verdict.ACCEPTED, Verdict.ELSEWHERE],
+    )
+    assert len(look.guided) == 2

@@ -87,6 +87,27 @@ def test_a_tag_that_is_read_row_by_row_from_a_moving_body_is_understood() -> Non
     assert np.abs(off(unaware.pose, body)).max() > 3e-3
 
 
+def test_single_points_place_a_body_that_knows_its_tilt_and_height() -> None:
+    body = hovering(yaw=0.1)
+    wholes = [view(body, on_floor(1, 0.9, y), 0.002) for y in (-0.4, 0.1, 0.5)]
+    points = [View(v.points[:1], v.rays[:1], v.deviation, v.delay[:1]) for v in wholes]
+    guess = body.moved(np.array([0.0, 0.0, 0.2, 0.1, -0.1, 0.0]))
+    fix = refine(guess, points, LENS.mounting, LEVEL)
+    assert fix is not None
+    np.testing.assert_allclose(off(fix.pose, body), 0, atol=1e-6)
+
+
+def test_a_point_and_a_tag_say_more_than_the_tag_alone() -> None:
+    body = hovering()
+    tag, far = (view(body, on_floor(1, x, 0.0), 0.002) for x in (0.7, 1.9))
+    point = View(far.points[:1], far.rays[:1], far.deviation, far.delay[:1])
+    alone, both = (refine(body, seen, LENS.mounting, LEVEL) for seen in ([tag], [tag, point]))
+    assert alone is not None
+    assert both is not None
+    assert both.covariance[2, 2] < 0.5 * alone.covariance[2, 2]  # the variance of yaw
+    assert np.linalg.eigvalsh(alone.covariance - both.covariance).min() > -1e-12
+
+
 def test_no_pose_is_found_for_tags_behind_the_camera() -> None:
     body = hovering()
     behind = Pose(body.rotation, body.position + np.array([5.0, 0, 0]))
