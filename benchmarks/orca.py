@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from star_core import Array
+from star_core import Array, Fence, World
 from star_orca.kernel import orca
+from star_orca.outlines import outlines
 
 try:
     import pyrvo
@@ -32,6 +33,7 @@ DENSITY = 1.0  # agents per m²
 MOMENTS = (0.1, 0.275, 0.45, 0.625, 0.8)  # as a share of the time that the longest way takes
 TICKS = 10  # one after the other, with the wishes held
 TIMED_AGENTS = 4_000  # at each moment so many, times ticks, but no less than three rounds
+NO_OBSTACLES = outlines(World("empty", Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))))
 ALIKE = 1e-3  # m/s; pyrvo computes in float32
 
 
@@ -178,7 +180,8 @@ def for_ours(state: State) -> tuple[Any, ...]:
     """The kernel's arguments: ORCA as published, everybody avoiding."""
     n = len(state.position)
     each = (np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_))
-    return (*state, *each, HORIZON, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
+    limits = (HORIZON, HORIZON, RADIUS, False, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
+    return (*state, *each, *NO_OBSTACLES, *limits)
 
 
 def pyrvo_with(state: State) -> Any:

@@ -22,10 +22,10 @@ _OPTIONS: dict[str, Any] = {
         "horizon": {
             "type": "number",
             "exclusiveMinimum": 0,
-            "default": 2.0,
+            "default": 1.0,
             "description": "Time for which no two agents shall collide, s",
         },
-        "neighbour_distance": {
+        "communication_radius": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 4.0,
@@ -43,6 +43,31 @@ _OPTIONS: dict[str, Any] = {
             "exclusiveMinimum": 0,
             "default": 0.6,
             "description": "Agents further apart in height than this do not avoid each other, m",
+        },
+        "obstacles": {
+            "enum": ["half-planes", "virtual-agents", "none"],
+            "default": "half-planes",
+            "description": "How obstacles are avoided: by RVO2's half-planes, as agents that stand "
+            "still at the nearest point of every visible edge, or not at all",
+        },
+        "obstacle_horizon": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 1.0,
+            "description": "Time for which no agent shall collide with an obstacle, s",
+        },
+        "clearance": {
+            "type": ["number", "null"],
+            "exclusiveMinimum": 0,
+            "default": None,
+            "description": "Distance that agents keep to obstacles, m; null is the radius",
+        },
+        "response": {
+            "type": "number",
+            "minimum": 0,
+            "default": 0.2,
+            "description": "Time constant with which agents follow a velocity: where they will be "
+            "so much later is what counts, s",
         },
     },
 }
@@ -71,10 +96,10 @@ def _check(_scene: Scene, **options: Any) -> Iterable[Problem]:
 
     defaults = {name: schema["default"] for name, schema in _OPTIONS["properties"].items()}
     chosen = defaults | options
-    distance, apart = chosen["neighbour_distance"], 2 * chosen["radius"]
+    distance, apart = chosen["communication_radius"], 2 * chosen["radius"]
     if distance <= apart:
         yield Problem(
-            ("neighbour_distance",),
+            ("communication_radius",),
             f"{distance!r} m is not more than twice the radius, {apart!r} m: "
             "neighbours would be seen too late",
         )

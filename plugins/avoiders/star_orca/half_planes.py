@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from star_core import Array, Rows
 from star_orca.compiled import compiled
-from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y
-
-NOTHING = 1e-12  # m or m/s: shorter vectors have no direction worth the name
+from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y, Z
+from star_orca.way_out import way_out
 
 
 @compiled
@@ -28,13 +25,13 @@ def half_planes(
     "Reciprocal n-Body Collision Avoidance" (2011): the agent takes on its share of the least change
     that brings the relative velocity out of the velocity obstacle, half of it beside a neighbour
     that avoids too and all of it beside one that does not. Two that already overlap are to be
-    apart after one period.
+    apart after one period; where one is above the other, the horizon is soon enough.
 
     Two agents at one point that fly alike have no line to part along: they part along x, the
     earlier row forwards.
 
     Args:
-        agents: (M, 8) table of `sort_into_cells`.
+        agents: (M, 9) table of `sort_into_cells`.
         me: Row in it of the agent that asks.
         neighbours: (K,) rows in it of its neighbours.
         count: How many of these to use.
@@ -47,29 +44,11 @@ def half_planes(
         other = neighbours[k]
         dx, dy = agents[other, X] - px, agents[other, Y] - py  # from me to the other
         ux, uy = vx - agents[other, VX], vy - agents[other, VY]  # how I close in on it
-        squared = dx * dx + dy * dy
         apart = agents[me, RADIUS] + agents[other, RADIUS]
         share = 0.5 if agents[other, AVOIDS] > 0.0 else 1.0
-
-        collide = squared <= apart * apart
-        rate = 1.0 / period if collide else 1.0 / horizon
-        wx, wy = ux - rate * dx, uy - rate * dy  # from the centre of the cut-off disc
-        length = wx * wx + wy * wy
-        along = wx * dx + wy * dy
-        if collide or (along < 0.0 and along * along > apart * apart * length):
-            length = math.sqrt(length)
-            if length > NOTHING:
-                a, b = wx / length, wy / length
-            elif math.sqrt(squared) > NOTHING:
-                a, b = -dx / math.sqrt(squared), -dy / math.sqrt(squared)
-            else:
-                a, b = (1.0 if agents[me, ROW] < agents[other, ROW] else -1.0), 0.0
-            outwards = apart * rate - length
-        else:
-            leg = math.sqrt(squared - apart * apart)
-            if dx * wy - dy * wx > 0.0:
-                a, b = -(dx * apart + dy * leg) / squared, (dx * leg - dy * apart) / squared
-            else:  # dead ahead belongs to the right leg, as it does in RVO2
-                a, b = (dy * leg - dx * apart) / squared, -(dx * leg + dy * apart) / squared
-            outwards = -(a * ux + b * uy)
+        dz = agents[other, Z] - agents[me, Z]
+        overlap = dx * dx + dy * dy + dz * dz <= apart * apart
+        rate = 1.0 / period if overlap else 1.0 / horizon
+        forwards = 1.0 if agents[me, ROW] < agents[other, ROW] else -1.0
+        a, b, outwards = way_out(dx, dy, ux, uy, apart, rate, forwards)
         planes[k, 0], planes[k, 1], planes[k, 2] = a, b, a * vx + b * vy + share * outwards

@@ -1,20 +1,23 @@
-"""ORCA for a whole swarm in one call: neighbours, half-planes, velocities.
-
-Numba keeps the machine code on disk and looks at the age of this file alone to see whether it is
-still good. After editing another file that is compiled into it, touch this one; a test notices if
-you forget.
-"""
+"""ORCA for a whole swarm in one call: neighbours, half-planes, velocities."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from star_core import Array, Mask
+from star_core import Array, Mask, Rows
+from star_orca.column import climb
 from star_orca.compiled import compiled
+from star_orca.edges import layer_at, nearest_edges
 from star_orca.half_planes import half_planes
-from star_orca.keep_right import keep_right
+from star_orca.keep_right import BLOCKED, QUARTER, anybody_ahead, turned_right
 from star_orca.linear_program import solve
-from star_orca.neighbours import AVOIDS, ROW, nearest, sort_into_cells
+from star_orca.neighbours import AVOIDS, ROW, VX, VY, X, Y, Z, nearest, sort_into_cells
+from star_orca.obstacle_planes import obstacle_plane
+from star_orca.virtual_agents import virtual_agent
+
+MOST_EDGES = 32  # are looked at, the nearest; RVO2 looks at all within reach
 
 
 @compiled
@@ -25,8 +28,14 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     radius: Array,
     speed: Array,
     avoids: Mask,
+    edges: Array,
+    first: Rows,
+    height: Array,
     horizon: float,
-    neighbour_distance: float,
+    obstacle_horizon: float,
+    clearance: float,
+    virtual: bool,  # noqa: FBT001 -- numba takes no keywords cheaply
+    communication_radius: float,
     most: int,
     vertical: float,
     period: float,
@@ -35,8 +44,10 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     """Return the velocity nearest to its wish that keeps each agent apart from its neighbours.
 
     This is optimal reciprocal collision avoidance: van den Berg, Guy, Lin and Manocha, "Reciprocal
-    n-Body Collision Avoidance" (2011), in the horizontal plane. With `turn` 0 and every agent
-    avoiding it answers as the authors' RVO2 does. Wishes are cut to the greatest speed first.
+    n-Body Collision Avoidance" (2011), in the horizontal plane, and a limit on what agents climb
+    and sink towards each other. In one plane, with `turn` 0, `virtual` False and every agent
+    avoiding it answers as the authors' RVO2 does. Wishes are cut to the greatest speed first; what
+    avoiding takes of the speed is not left for climbing.
 
     Agents that do not avoid, and those whose position is not finite, are answered their wish as it
     came; the first are in the way of the others all the same, the second are not.
@@ -46,15 +57,21 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
 
     Args:
         position: (N, 3) m.
-        velocity: (N, 3) m/s; z is not looked at. One that is not finite counts as at rest.
-        wish: (N, 3) wanted velocity, m/s; z passes through.
+        velocity: (N, 3) m/s; one that is not finite counts as at rest.
+        wish: (N, 3) wanted velocity, m/s.
         radius: (N,) two agents keep the sum of their radii apart in the plane, m.
-        speed: (N,) greatest horizontal speed, m/s.
+        speed: (N,) greatest speed, m/s.
         avoids: (N,) False where the agent does not give way, so that the others do it alone.
+        edges: (E, 13) edges of obstacles: this and the next two are `star_orca.outlines.Outlines`.
+        first: (L + 1,) first edge of each layer.
+        height: (L - 1,) where each layer but the lowest begins, m.
         horizon: Time for which no two shall collide, s.
-        neighbour_distance: How far away in the plane neighbours are looked for, m.
+        obstacle_horizon: Time for which none shall collide with an obstacle, s.
+        clearance: Distance that each keeps to obstacles, m.
+        virtual: Whether obstacles are virtual agents, else they are RVO2's half-planes.
+        communication_radius: How far away in the plane neighbours are looked for, m.
         most: No more than so many neighbours are looked at, the nearest.
-        vertical: Agents further apart in height than this are no neighbours, m.
+        vertical: Agents that are and stay further apart in height than this are no neighbours, m.
         period: Time from one call to the next, in which two that overlap shall come apart, s.
         turn: How far a wish is turned right when a neighbour is ahead, rad: see `keep_right`.
 
@@ -62,20 +79,79 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
         (N, 3) m/s.
     """
     agents, cell, start, columns = sort_into_cells(
-        position, velocity, radius, avoids, neighbour_distance
+        position, velocity, wish, radius, avoids, communication_radius
     )
-    limits = (neighbour_distance, vertical)
+    limits = (communication_radius, vertical, horizon)
     neighbours, distance = np.empty(most, np.int64), np.empty(most)
-    planes, scratch = np.empty((most, 3)), np.empty((most, 3))
+    room = min(len(edges), MOST_EDGES)
+    seen = (np.empty(room, np.int64), np.empty(room))
+    planes, scratch = np.empty((most + room, 3)), np.empty((most + room, 3))
     answer = wish.copy()
     for me in range(len(agents)):
         if agents[me, AVOIDS] == 0.0:
             continue
-        count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
-        half_planes(agents, me, neighbours, count, horizon, period, planes)
         i = int(agents[me, ROW])
-        x, y = wish[i, 0], wish[i, 1]
-        if turn != 0.0:
-            x, y = keep_right(agents, me, neighbours, count, x, y, turn)
-        answer[i, 0], answer[i, 1] = solve(planes, count, speed[i], x, y, scratch)
+        count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
+        hard = 0
+        if room:
+            look = (obstacle_horizon * speed[i] + clearance, clearance, 1.0 / obstacle_horizon)
+            hard = beside_obstacles(agents[me], edges, first, height, look, virtual, seen, planes)
+        half_planes(agents, me, neighbours, count, horizon, period, planes[hard:])
+        x, y, z = wish[i, 0], wish[i, 1], wish[i, 2]
+        squared = x * x + y * y + z * z
+        if squared > speed[i] * speed[i]:
+            scale = speed[i] / math.sqrt(squared)
+            x, y, z = scale * x, scale * y, scale * z
+        ahead = turn != 0.0 and anybody_ahead(agents, me, neighbours, count, x, y)
+        wish_x, wish_y = turned_right(x, y, turn) if ahead else (x, y)
+        to_x, to_y = solve(planes, hard + count, hard, speed[i], wish_x, wish_y, scratch)
+        least = BLOCKED * (x * x + y * y)
+        if ahead and x * to_x + y * to_y < least:
+            alone_x, alone_y = solve(planes, hard, hard, speed[i], wish_x, wish_y, scratch)
+            if x * alone_x + y * alone_y > least:  # it is the others that block it, no obstacle
+                wish_x, wish_y = turned_right(x, y, QUARTER)
+                to_x, to_y = solve(planes, hard + count, hard, speed[i], wish_x, wish_y, scratch)
+        if z != 0.0:
+            z = climb(agents, me, neighbours, count, z, vertical, 1.0 / horizon)
+            left = math.sqrt(max(speed[i] * speed[i] - to_x * to_x - to_y * to_y, 0.0))
+            z = min(max(z, -left), left)
+        answer[i, 0], answer[i, 1], answer[i, 2] = to_x, to_y, z
     return answer
+
+
+@compiled
+def beside_obstacles(
+    agent: Array,
+    edges: Array,
+    first: Rows,
+    height: Array,
+    look: tuple[float, float, float],
+    virtual: bool,  # noqa: FBT001
+    seen: tuple[Rows, Array],
+    planes: Array,
+) -> int:
+    """Fill `planes` with what the obstacles at an agent's height leave free; return how many.
+
+    Args:
+        agent: Its row of the table of `sort_into_cells`.
+        edges: As `orca` has them, like the next two.
+        first: First edge of each layer.
+        height: Where each layer but the lowest begins, m.
+        look: How far away edges are looked for and the distance kept to them, m, and one over the
+            time to look ahead, 1/s.
+        virtual: Whether obstacles are virtual agents.
+        seen: (K,) and (K,) room for `nearest_edges`.
+        planes: (K, 3) where the half-planes go.
+    """
+    layer = layer_at(agent[Z], height)
+    span = (first[layer], first[layer + 1])
+    count = 0
+    if span[0] == span[1]:
+        return count
+    flight = (agent[X], agent[Y], agent[VX], agent[VY])
+    for k in range(nearest_edges(edges, span, agent[X], agent[Y], look[0], seen)):
+        if virtual:
+            count = virtual_agent(edges, seen[0][k], flight, look[1], look[2], planes, count)
+        else:
+            count = obstacle_plane(edges, seen[0][k], flight, look[1], look[2], planes, count)
+    return count

@@ -23,16 +23,18 @@ ALIKE = 1e-8
 
 @compiled
 def solve(
-    planes: Array, count: int, speed: float, x: float, y: float, scratch: Array
+    planes: Array, count: int, hard: int, speed: float, x: float, y: float, scratch: Array
 ) -> tuple[float, float]:
     """Return the free velocity nearest to the wish ``(x, y)``, or the least bad if none is free.
 
     A wish above the greatest speed is cut to it first. Least bad is what breaks the worst
-    half-plane least: "densely packed conditions" in van den Berg et al. (2011).
+    half-plane least: "densely packed conditions" in van den Berg et al. (2011); hard half-planes
+    are not broken for the sake of the others, unless they leave nothing free by themselves.
 
     Args:
         planes: (K, 3) half-planes, ``(a, b)`` of length 1.
         count: How many of these to use.
+        hard: How many of these, the first, are hard.
         speed: Greatest speed, m/s.
         x: Wanted velocity along x, m/s.
         y: Wanted velocity along y, m/s.
@@ -40,7 +42,8 @@ def solve(
     """
     failed, x, y = nearest_free(planes, count, speed, x, y)
     if failed < count:
-        x, y = least_bad(planes, count, failed, speed, x, y, scratch)
+        held = hard if failed >= hard else 0
+        x, y = least_bad(planes, count, held, failed, speed, x, y, scratch)
     return x, y
 
 
@@ -124,7 +127,14 @@ def free_stretch(planes: Array, line: int, speed: float) -> tuple[float, float]:
 
 @compiled
 def least_bad(
-    planes: Array, count: int, first: int, speed: float, x: float, y: float, scratch: Array
+    planes: Array,
+    count: int,
+    hard: int,
+    first: int,
+    speed: float,
+    x: float,
+    y: float,
+    scratch: Array,
 ) -> tuple[float, float]:
     """Return the velocity that breaks the worst half-plane least.
 
@@ -135,6 +145,7 @@ def least_bad(
     Args:
         planes: (K, 3) half-planes, ``(a, b)`` of length 1.
         count: How many of these to use.
+        hard: How many of these, the first, are not broken at all.
         first: The first that cannot be kept together with those before it.
         speed: Greatest speed, m/s.
         x: Answer to those before, along x, m/s.
@@ -142,12 +153,13 @@ def least_bad(
         scratch: (K, 3) room to work in.
     """
     broken = 0.0
+    scratch[:hard] = planes[:hard]
     for line in range(first, count):
         a, b, c = planes[line, 0], planes[line, 1], planes[line, 2]
         if c - a * x - b * y <= broken:
             continue
-        used = 0
-        for other in range(line):
+        used = hard
+        for other in range(hard, line):
             da, db = planes[other, 0] - a, planes[other, 1] - b
             if da * da + db * db <= ALIKE * ALIKE:
                 continue  # the same way: moving along it mends both alike

@@ -10,7 +10,8 @@ from star_core import Array, Mask, Rows
 from star_orca.compiled import compiled
 
 # Columns of the table that `sort_into_cells` makes: one row per agent, in the order of the cells.
-X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW = range(8)
+X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB = range(9)
+COLUMNS = 9
 
 REACH = 2  # cells of half the neighbour distance are searched this far to either side
 FEW = 48  # up to so many agents looking at all of them is quicker than sorting
@@ -18,7 +19,7 @@ FEW = 48  # up to so many agents looking at all of them is quicker than sorting
 
 @compiled
 def sort_into_cells(
-    position: Array, velocity: Array, radius: Array, avoids: Mask, neighbour_distance: float
+    position: Array, velocity: Array, wish: Array, radius: Array, avoids: Mask, reach: float
 ) -> tuple[Array, Rows, Rows, int]:
     """Return the agents in the order of the cells they are in, and where each cell begins.
 
@@ -28,15 +29,17 @@ def sort_into_cells(
     Args:
         position: (N, 3) m.
         velocity: (N, 3) m/s.
+        wish: (N, 3) wanted velocity, m/s: how an agent that avoids is going to climb. One that does
+            not goes on climbing as it does.
         radius: (N,) m.
         avoids: (N,) whether the agent gives way.
-        neighbour_distance: How far neighbours are looked for, m.
+        reach: How far neighbours are looked for, m.
 
     Returns:
-        (M, 8) table with the columns named above, (M,) cell of each of its rows, (C + 1,) row at
+        (M, 9) table with the columns named above, (M,) cell of each of its rows, (C + 1,) row at
         which each cell begins, and the number of cells along x.
     """
-    where, columns, rows = cells(position, neighbour_distance)
+    where, columns, rows = cells(position, reach)
     start = np.zeros(columns * rows + 1, np.int64)
     for c in where:
         if c >= 0:
@@ -44,7 +47,7 @@ def sort_into_cells(
     for c in range(columns * rows):
         start[c + 1] += start[c]
 
-    agents = np.empty((start[-1], 8))
+    agents = np.empty((start[-1], COLUMNS))
     cell = np.empty(start[-1], np.int64)
     filled = start.copy()
     for i, c in enumerate(where):
@@ -60,11 +63,13 @@ def sort_into_cells(
         agents[k, RADIUS] = radius[i]
         agents[k, AVOIDS] = 1.0 if avoids[i] else 0.0
         agents[k, ROW] = i
+        climb = wish[i, 2] if avoids[i] else velocity[i, 2]
+        agents[k, CLIMB] = climb if math.isfinite(climb) else 0.0
     return agents, cell, start, columns
 
 
 @compiled
-def cells(position: Array, neighbour_distance: float) -> tuple[Rows, int, int]:
+def cells(position: Array, communication_radius: float) -> tuple[Rows, int, int]:
     """Return the cell of each agent, and the number of cells along x and along y.
 
     Cells are counted along x first. The cell of an agent whose position is not finite is -1; where
@@ -72,7 +77,7 @@ def cells(position: Array, neighbour_distance: float) -> tuple[Rows, int, int]:
 
     Args:
         position: (N, 3) m.
-        neighbour_distance: How far neighbours are looked for, m.
+        communication_radius: How far neighbours are looked for, m.
     """
     left, right, low, high, m = math.inf, -math.inf, math.inf, -math.inf, 0
     where = np.full(len(position), -1)
@@ -83,7 +88,7 @@ def cells(position: Array, neighbour_distance: float) -> tuple[Rows, int, int]:
             m += 1
     if m <= FEW:
         return where, 1, 1
-    side = max(neighbour_distance / REACH, (right - left) / m, (high - low) / m)
+    side = max(communication_radius / REACH, (right - left) / m, (high - low) / m)
     while ((right - left) / side + 1) * ((high - low) / side + 1) > 4 * m:
         side *= 2  # a few cells per agent are enough, however far apart the agents are
     columns, rows = int((right - left) / side) + 1, int((high - low) / side) + 1
@@ -100,24 +105,27 @@ def nearest(
     cell: int,
     start: Rows,
     columns: int,
-    limits: tuple[float, float],
+    limits: tuple[float, float, float],
     found: Rows,
     distance: Array,
 ) -> int:
     """Fill `found` with the nearest agents, nearest first, and return how many there are.
 
+    An agent that is out of reach in height, and stays so as both climb or sink, is none of them.
+
     Args:
-        agents: (M, 8) table of `sort_into_cells`.
+        agents: (M, 9) table of `sort_into_cells`.
         me: Row in it whose neighbours are looked for.
         cell: The cell it is in.
         start: (C + 1,) row at which each cell begins.
         columns: Number of cells along x.
-        limits: How far away in the plane and how far apart in height a neighbour may be, m.
+        limits: How far away in the plane and how far apart in height a neighbour may be, m, and
+            for how long it must stay farther apart in height to be none, s.
         found: (K,) where the neighbours' rows go; no more than K are looked for.
         distance: (K,) where their squared distances in the plane go, m².
     """
-    x, y, z = agents[me, X], agents[me, Y], agents[me, Z]
-    reach, vertical = limits[0] ** 2, limits[1]
+    x, y, z, climb = agents[me, X], agents[me, Y], agents[me, Z], agents[me, CLIMB]
+    reach, vertical, soon = limits[0] ** 2, limits[1], limits[2]
     most, count = len(found), 0
     if most == 0:
         return 0
@@ -131,7 +139,11 @@ def nearest(
         for other in range(start[row * columns + first], start[row * columns + last + 1]):
             dx, dy = agents[other, X] - x, agents[other, Y] - y
             squared = dx * dx + dy * dy
-            if squared >= reach or other == me or abs(agents[other, Z] - z) > vertical:
+            if squared >= reach or other == me:
+                continue
+            above = agents[other, Z] - z
+            then = above + soon * (agents[other, CLIMB] - climb)
+            if min(above, then) > vertical or max(above, then) < -vertical:
                 continue
             place = count if count < most else most - 1
             while place > 0 and squared < distance[place - 1]:

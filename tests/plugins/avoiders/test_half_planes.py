@@ -21,8 +21,8 @@ def plane(away: Vector, mine: Vector, theirs: Vector, *, avoids: bool = True) ->
     """The half-plane of an agent at the origin beside one at `away`."""
     agents = np.array(
         [
-            [0, 0, 0, *mine, RADIUS, 1, 0],
-            [*away, 0, *theirs, RADIUS, avoids, 1],
+            [0, 0, 0, *mine, RADIUS, 1, 0, 0],
+            [*away, 0, *theirs, RADIUS, avoids, 1, 0],
         ]
     )
     planes = np.empty((1, 3))

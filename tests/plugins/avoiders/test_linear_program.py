@@ -23,8 +23,8 @@ planes_of = st.lists(st.tuples(angles, offsets), max_size=10).map(
 wishes = st.tuples(st.floats(-2, 2), st.floats(-2, 2))
 
 
-def solved(planes: Array, wish: tuple[float, float]) -> Array:
-    return np.array(solve(planes, len(planes), SPEED, *wish, np.empty_like(planes)))
+def solved(planes: Array, wish: tuple[float, float], hard: int = 0) -> Array:
+    return np.array(solve(planes, len(planes), hard, SPEED, *wish, np.empty_like(planes)))
 
 
 def worst(planes: Array, velocity: Array) -> float:
@@ -80,6 +80,21 @@ def test_no_velocity_breaks_the_worst_half_plane_less_when_none_is_free(
     planes: Array, wish: tuple[float, float]
 ) -> None:
     assert worst(planes, solved(planes, wish)) <= max(least_bad(planes), 0.0) + 1e-7
+
+
+@settings(deadline=None)
+@given(planes_of, planes_of, wishes)
+def test_no_hard_half_plane_is_broken_for_the_sake_of_the_others(
+    hard: Array, soft: Array, wish: tuple[float, float]
+) -> None:
+    assume(least_bad(hard) < -1e-3)
+    answer = solved(np.concatenate([hard, soft]), wish, hard=len(hard))
+    assert worst(hard, answer) <= 1e-7
+
+
+def test_where_hard_half_planes_leave_nothing_free_they_are_broken_like_the_others() -> None:
+    closing = np.array([[1.0, 0.0, 0.2], [-1.0, 0.0, 0.1]])
+    assert solved(closing, (0.0, 0.4), hard=2)[0] == pytest.approx(0.05)
 
 
 @settings(deadline=None)

@@ -11,16 +11,21 @@ from star_orca.neighbours import FEW, ROW, nearest, sort_into_cells
 EVERY_HEIGHT = 1e9
 
 
-def found(position: Array, distance: float, vertical: float, most: int) -> dict[int, list[int]]:
+def found(
+    position: Array, distance: float, vertical: float, most: int, climb: Array | None = None
+) -> dict[int, list[int]]:
     """Rows of the neighbours of every row, nearest first."""
     n = len(position)
+    climbs = np.zeros((n, 3))
+    if climb is not None:
+        climbs[:, 2] = climb
     agents, cell, start, columns = sort_into_cells(
-        position, np.zeros((n, 3)), np.zeros(n), np.ones(n, np.bool_), distance
+        position, np.zeros((n, 3)), climbs, np.zeros(n), np.ones(n, np.bool_), distance
     )
     neighbours = {}
     for me in range(len(agents)):
         rows, squared = np.empty(most, np.int64), np.empty(most)
-        limits = (distance, vertical)
+        limits = (distance, vertical, 1.0)
         count = nearest(agents, me, cell[me], start, columns, limits, rows, squared)
         neighbours[int(agents[me, ROW])] = [int(agents[k, ROW]) for k in rows[:count]]
     return neighbours
@@ -52,6 +57,14 @@ def test_the_nearest_within_reach_are_found_nearest_first(n: int, most: int) -> 
 def test_agents_at_another_height_are_no_neighbours_and_take_no_place() -> None:
     position = swarm(200)
     assert found(position, 2.0, 0.6, 5) == looked_up(position, 2.0, 0.6, 5)
+
+
+def test_agents_that_will_be_near_in_height_within_the_horizon_are_neighbours() -> None:
+    stack = np.array([[0.0, 0, 1], [0.1, 0, 2.5]])
+    assert found(stack, 2.0, 0.6, 5) == {0: [], 1: []}
+    assert found(stack, 2.0, 0.6, 5, np.array([0.5, -0.5])) == {0: [1], 1: [0]}
+    assert found(stack, 2.0, 0.6, 5, np.array([0.5, 0.5])) == {0: [], 1: []}
+    assert found(stack, 2.0, 0.6, 5, np.array([3.0, 0.0])) == {0: [1], 1: [0]}  # right through
 
 
 def test_one_agent_very_far_away_changes_nothing_for_the_others() -> None:

@@ -9,11 +9,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from star_core import Array, Mask
+from star_core import Array, Fence, Mask, Obstacle, World
 from star_orca.kernel import orca
+from star_orca.outlines import Outlines, outlines
 
 RADIUS, SPEED, HORIZON, NEIGHBOUR_DISTANCE, MOST, PERIOD = 0.15, 1.0, 2.0, 2.0, 10, 0.1
 seeds = st.integers(0, 2**32 - 1)
+Polygon = tuple[tuple[float, float], ...]
+
+
+def world(*polygons: Polygon, height: tuple[float, float] = (-1.0, 1.0)) -> World:
+    things = (Obstacle(f"thing {i}", (polygon,), height) for i, polygon in enumerate(polygons))
+    return World("room", Fence((-50.0, -50.0, 0.0), (50.0, 50.0, 3.0)), tuple(things))
+
+
+NOTHING = outlines(world())
 
 
 def ask(
@@ -23,13 +33,16 @@ def ask(
     *,
     avoids: Mask | None = None,
     turn: float = 0.0,
+    around: Outlines = NOTHING,
+    virtual: bool = False,
     kernel: Any = orca,
 ) -> Array:
     n = len(position)
     everybody = np.ones(n, np.bool_) if avoids is None else avoids
-    limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
+    limits = (HORIZON, HORIZON, RADIUS, virtual, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
     each = (np.full(n, RADIUS), np.full(n, SPEED), everybody)
-    return cast("Array", kernel(position.copy(), velocity.copy(), wish.copy(), *each, *limits))
+    tables = (position.copy(), velocity.copy(), wish.copy())
+    return cast("Array", kernel(*tables, *each, *around, *limits))
 
 
 def crowd(n: int, seed: int = 0) -> tuple[Array, Array, Array]:
@@ -101,8 +114,17 @@ def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
 
 
 def test_a_lone_agent_that_wants_too_much_flies_as_fast_as_it_may() -> None:
-    answer = ask(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[3.0, 4.0, 0.5]]))
-    assert answer == pytest.approx(np.array([[0.6, 0.8, 0.5]]))
+    answer = ask(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[3.0, 4.0, 12.0]]))
+    assert answer == pytest.approx(np.array([[3.0, 4.0, 12.0]]) / 13)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_nobody_is_sent_faster_than_allowed_in_space(seed: int) -> None:
+    position, velocity, wish = crowd(40, seed)
+    random = np.random.default_rng(seed)
+    position[:, 2], wish[:, 2] = random.uniform(0, 3, 40), random.uniform(-2, 2, 40)
+    assert np.linalg.norm(ask(position, velocity, wish), axis=1).max() <= SPEED + 1e-12
 
 
 def test_with_nobody_ahead_a_wish_is_not_turned() -> None:
@@ -152,7 +174,6 @@ def test_an_agent_whose_velocity_is_not_finite_counts_as_at_rest() -> None:
 
 
 def test_the_machine_code_on_disk_is_that_of_the_sources() -> None:
-    """If this fails, touch ``star_orca/kernel.py``: its docstring says why."""
     state = crowd(60)
     interpreted = ask(*state, turn=0.05, kernel=orca.py_func)  # type: ignore[attr-defined]
     assert ask(*state, turn=0.05) == pytest.approx(interpreted, abs=1e-9)
@@ -194,7 +215,13 @@ def test_rvo2_answers_the_same(kind: str, n: int) -> None:
     assert (np.concatenate(difference) <= 1e-3).mean() >= 0.999
 
 
-def answer_of_pyrvo(pyrvo: Any, position: Array, velocity: Array, wish: Array) -> Array:
+def answer_of_pyrvo(
+    pyrvo: Any,
+    position: Array,
+    velocity: Array,
+    wish: Array,
+    polygons: tuple[Polygon, ...] = (),
+) -> Array:
     """What RVO2 answers, (N, 2) m/s."""
     n = len(position)
     simulator = pyrvo.RVOSimulator(
@@ -204,5 +231,157 @@ def answer_of_pyrvo(pyrvo: Any, position: Array, velocity: Array, wish: Array) -
         simulator.add_agent(tuple(position[i, :2].tolist()))
         simulator.set_agent_velocity(i, tuple(velocity[i, :2].tolist()))
         simulator.set_agent_pref_velocity(i, tuple(wish[i, :2].tolist()))
+    for polygon in polygons:
+        simulator.add_obstacle(list(polygon))
+    simulator.process_obstacles()
     simulator.do_step()
     return np.array([(v.x, v.y) for v in map(simulator.get_agent_velocity, range(n))])
+
+
+def blocks(seed: int, half: float) -> tuple[Polygon, ...]:
+    """Triangles, hexagons and the like, hooks and boards, 2 m apart over a square."""
+    random = np.random.default_rng(seed)
+    found: list[Polygon] = []
+    for x in np.arange(1 - half, half, 2.0):
+        for y in np.arange(1 - half, half, 2.0):
+            angle = (
+                np.linspace(0, 2 * np.pi, random.integers(3, 7), endpoint=False) + random.random()
+            )
+            shapes = (
+                np.stack([0.45 * np.cos(angle), 0.45 * np.sin(angle)], axis=1),
+                np.array([(-4, -4), (4, -4), (4, -1), (-1, -1), (-1, 4), (-4, 4)]) / 10,
+                np.array([(-4, -1), (4, -1), (4, 1), (-4, 1)]) / 10,
+            )
+            shape = shapes[random.integers(3)] + [x, y]
+            found.append(tuple((float(px), float(py)) for px, py in shape))
+    return tuple(found)
+
+
+def clear(around: Outlines, position: Array) -> Array:
+    """How far each agent is from the nearest edge, (N,) m."""
+    away = position[:, None, :2] - around.edges[:, :2]  # (N, E, 2)
+    along = np.einsum("nek,ek->ne", away, around.edges[:, 5:7])
+    along = np.clip(along, 0.0, around.edges[:, 4])
+    return np.asarray(
+        np.linalg.norm(away - along[:, :, None] * around.edges[:, 5:7], axis=2).min(axis=1)
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rvo2_answers_the_same_among_obstacles(seed: int) -> None:
+    """Those that are within the clearance are left out: RVO2 does not bring them out of it."""
+    pyrvo = pytest.importorskip("pyrvo")
+    polygons = blocks(seed, 4.0)
+    room = world(*polygons)
+    around, random = outlines(room), np.random.default_rng(seed)
+    position, goal = random.uniform(-5, 5, (2, 80, 3)) * [1, 1, 0]
+    inside = [any(thing.contains((x, y, 0.0)) for thing in room.obstacles) for x, y, _ in position]
+    free = ~np.array(inside) & (clear(around, position) > RADIUS)
+    position, goal = position[free], goal[free]
+    velocity = np.zeros_like(position)
+    difference = []
+    for _ in range(40):
+        way = goal - position
+        wish = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1.0)
+        answer = ask(position, velocity, wish, around=around)
+        theirs = answer_of_pyrvo(pyrvo, position, velocity, wish, polygons)
+        outside = clear(around, position) > RADIUS + 1e-5
+        difference.append(np.linalg.norm(answer[:, :2] - theirs, axis=1)[outside])
+        velocity = answer
+        position = position + PERIOD * velocity
+    together = np.concatenate(difference)
+    assert len(together) > 1000
+    assert (together <= 1e-3).mean() >= 0.999
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=seeds, angle=st.floats(0, 2 * np.pi), virtual=st.booleans())
+def test_turning_the_room_with_its_obstacles_turns_the_answer(
+    seed: int, angle: float, *, virtual: bool
+) -> None:
+    state, pieces = crowd(12, seed), blocks(seed, 2.0)
+    turned_pieces = (
+        tuple(map(tuple, turned(np.pad(np.array(piece), ((0, 0), (0, 1))), angle)[:, :2].tolist()))
+        for piece in pieces
+    )
+    around, about = outlines(world(*pieces)), outlines(world(*turned_pieces))
+    answer = ask(*(turned(table, angle) for table in state), around=about, virtual=virtual)
+    expected = turned(ask(*state, around=around, virtual=virtual), angle)
+    # Where two ways out are equally near, rounding chooses.
+    assert (np.linalg.norm(answer - expected, axis=1) <= 1e-5).mean() >= 0.8
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=seeds, virtual=st.booleans())
+def test_among_obstacles_answers_are_finite_and_no_faster_than_allowed(
+    seed: int, *, virtual: bool
+) -> None:
+    position, velocity, wish = crowd(20, seed)
+    answer = ask(
+        position, velocity, wish, around=outlines(world(*blocks(seed, 3.0))), virtual=virtual
+    )
+    assert np.isfinite(answer).all()
+    assert np.linalg.norm(answer, axis=1).max() <= SPEED + 1e-12
+
+
+WALL = ((1.0, -5.0), (1.2, -5.0), (1.2, 5.0), (1.0, 5.0))
+
+
+@pytest.mark.parametrize("virtual", [True, False])
+@pytest.mark.parametrize("wish", [(1.0, 0.0, 0.0), (0.7, 0.7, 0.0), (0.2, -0.9, 0.0)])
+def test_nobody_is_sent_into_a_wall(wish: tuple[float, float, float], *, virtual: bool) -> None:
+    position, velocity = np.zeros((1, 3)), np.zeros((1, 3))
+    for _ in range(300):
+        velocity = ask(
+            position, velocity, np.array([wish]), around=outlines(world(WALL)), virtual=virtual
+        )
+        position = position + PERIOD * velocity * [1, 0, 0]  # the wall goes on for ever
+        assert position[0, 0] <= 1.0 - RADIUS + (0.03 if virtual else 1e-6)
+
+
+@pytest.mark.parametrize("virtual", [True, False])
+def test_one_that_is_within_the_clearance_is_brought_out_of_it(*, virtual: bool) -> None:
+    nothing = np.zeros((1, 3))
+    near = np.array([[1.0 - RADIUS / 2, 0.0, 0.0]])
+    answer = ask(near, nothing, nothing, around=outlines(world(WALL)), virtual=virtual)
+    assert answer == pytest.approx(np.array([[-RADIUS / 2 / HORIZON, 0.0, 0.0]]))
+
+
+@pytest.mark.parametrize("height", [(0.2, 1.0), (-1.0, -0.2)])
+def test_what_is_at_another_height_is_in_nobodys_way(height: tuple[float, float]) -> None:
+    wish = np.array([[1.0, 0.0, 0.0]])
+    around = outlines(world(WALL, height=height))
+    assert (ask(np.zeros((1, 3)), wish, wish, around=around) == wish).all()
+
+
+def test_no_agent_is_pushed_into_a_wall_by_another() -> None:
+    position = np.array([[0.8, 0.0, 0.0], [0.6, 0.0, 0.0]])
+    coming = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    answer = ask(position, coming, coming, around=outlines(world(WALL)))
+    assert answer[0, 0] <= (0.2 - RADIUS) / HORIZON + 1e-9
+
+
+def test_agents_on_top_of_each_other_do_not_climb_towards_each_other() -> None:
+    stack = np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.5]])
+    towards, apart = (
+        np.array([[0.0, 0, 0.4], [0.0, 0, -0.4]]),
+        np.array([[0.0, 0, -0.4], [0.0, 0, 0.4]]),
+    )
+    assert (ask(stack, np.zeros((2, 3)), towards)[:, 2] == 0.0).all()
+    assert (ask(stack, np.zeros((2, 3)), apart)[:, 2] == apart[:, 2]).all()
+
+
+def test_agents_one_above_the_other_near_each_other_ever_slower() -> None:
+    stack = np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.8]])
+    towards = np.array([[0.0, 0, 0.4], [0.0, 0, -0.4]])
+    assert ask(stack, np.zeros((2, 3)), towards)[:, 2] == pytest.approx([0.05, -0.05])
+
+
+def test_an_agent_leaves_to_one_that_climbs_towards_it_all_the_room_there_is() -> None:
+    stack = np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.8]])
+    rising, sinking = (
+        np.array([[0.0, 0, 0.4], [0.0, 0, 0]]),
+        np.array([[0.0, 0, 0], [0.0, 0, -0.4]]),
+    )
+    answer = ask(stack, rising, sinking, avoids=np.array([False, True]))
+    assert answer[1, 2] == 0.0

@@ -13,7 +13,7 @@ from star_core.testing import check_avoider, estimate, scene
 from star_orca.avoider import Orca
 
 SPEED = 0.5
-HEAD_ON = np.array([[-0.6, 0.0, 0.8], [0.6, 0.0, 0.8]])
+HEAD_ON = np.array([[-0.4, 0.0, 0.8], [0.4, 0.0, 0.8]])
 TOWARDS_EACH_OTHER = np.array([[0.4, 0.0, 0.1], [-0.4, 0.0, -0.1]])
 
 
@@ -31,7 +31,7 @@ def fly(start: Array, goal: Array, *, seconds: float = 60.0, radius: float = 0.2
         TimeoutError: They are not all within 5 cm of their goals in `seconds`.
     """
     room = scene(len(start), limits=Limits(speed=SPEED))
-    avoider = Orca(room, radius=radius)
+    avoider = Orca(room, radius=radius, response=0.0)  # points without mass
     position, velocity, nearest = start, np.zeros_like(start), np.inf
     for _ in range(int(seconds / room.period)):
         way = goal - position
@@ -69,7 +69,7 @@ def test_a_wider_radius_keeps_agents_further_apart() -> None:
 
 def test_an_agent_gets_round_one_that_is_in_the_way_but_does_not_avoid() -> None:
     room = scene(2, limits=Limits(speed=SPEED))
-    avoider, position = Orca(room), np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8]])
+    avoider, position = Orca(room, response=0.0), np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8]])
     velocity, nearest = np.zeros((2, 3)), np.inf
     for _ in range(int(15 / room.period)):
         way = np.array([1.5, 0.0, 0.8]) - position[0]
@@ -92,13 +92,14 @@ def test_heights_headings_and_climbs_pass_through() -> None:
 
 def test_agents_one_above_the_other_do_not_avoid_each_other() -> None:
     above = HEAD_ON + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.7]])
-    now, wish = estimate(above, velocity=TOWARDS_EACH_OTHER), wanted(TOWARDS_EACH_OTHER)
+    level = TOWARDS_EACH_OTHER * [1, 1, 0]
+    now, wish = estimate(above, velocity=level), wanted(level)
     assert (Orca(scene(2)).avoid(now, wish).velocity == wish.velocity).all()
     assert (Orca(scene(2), vertical=0.8).avoid(now, wish).velocity != wish.velocity).any()
 
 
 def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
-    wish = wanted(np.array([[0.3, -0.4, 0.2]]))
+    wish = wanted(np.array([[0.3, -0.3, 0.2]]))
     assert (Orca(scene(1)).avoid(estimate(HEAD_ON[:1]), wish).velocity == wish.velocity).all()
 
 
@@ -109,7 +110,7 @@ def test_nobody_is_sent_faster_than_the_scene_allows() -> None:
 
 
 def test_an_inactive_row_is_answered_as_it_came_and_given_way_to_in_full() -> None:
-    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2))
+    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2), response=0.0)
     both = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER))
     alone = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER, (True, False)))
     assert (alone.velocity[1] == TOWARDS_EACH_OTHER[1]).all()
@@ -119,7 +120,7 @@ def test_an_inactive_row_is_answered_as_it_came_and_given_way_to_in_full() -> No
 
 
 def test_a_row_that_is_not_valid_is_answered_as_it_came_and_given_way_to_in_full() -> None:
-    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2))
+    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2), response=0.0)
     unknown = avoider.avoid(replace(now, valid=np.array([True, False])), wanted(TOWARDS_EACH_OTHER))
     inactive = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER, (True, False)))
     assert (unknown.velocity == inactive.velocity).all()
@@ -135,7 +136,7 @@ def test_a_row_whose_place_is_not_known_is_in_nobodys_way() -> None:
 
 
 def test_tables_in_column_order_are_answered_alike() -> None:
-    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2))
+    now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), Orca(scene(2), response=0.0)
     columns = replace(now, position=np.asfortranarray(HEAD_ON))
     wish = wanted(TOWARDS_EACH_OTHER)
     assert (avoider.avoid(columns, wish).velocity == avoider.avoid(now, wish).velocity).all()
@@ -156,7 +157,7 @@ def offer() -> Offer[object]:
 
 
 def test_the_offer_makes_the_avoider_with_whole_numbers_too() -> None:
-    made = offer().make(scene(2), radius=1, horizon=2, neighbour_distance=4, vertical=1)
+    made = offer().make(scene(2), radius=1, horizon=2, communication_radius=4, vertical=1)
     assert isinstance(made, Orca)
 
 
@@ -165,23 +166,23 @@ def test_the_defaults_that_are_announced_are_those_that_are_flown() -> None:
     announced = {name: schema["default"] for name, schema in properties.items()}
     now, wish = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), wanted(TOWARDS_EACH_OTHER)
     silent, told = Orca(scene(2)), Orca(scene(2), **announced)
-    assert vars(silent).keys() == vars(told).keys()
-    for name, value in vars(silent).items():
-        assert np.array_equal(value, vars(told)[name]), name
+    for name in vars(silent).keys() - {"_outlines"}:
+        assert np.array_equal(vars(silent)[name], vars(told)[name]), name
     assert (silent.avoid(now, wish).velocity == told.avoid(now, wish).velocity).all()
 
 
 def test_every_option_says_what_it_is() -> None:
     for name, schema in offer().options["properties"].items():
         assert schema["description"], name
-        assert name == "max_neighbours" or schema["description"].endswith((", m", ", s")), name
+        unit = schema["description"].endswith((", m", ", s", "m; null is the radius"))
+        assert unit or name in {"max_neighbours", "obstacles"}, name
 
 
-def test_a_neighbour_distance_within_the_radii_is_refused() -> None:
+def test_a_communication_radius_within_the_radii_is_refused() -> None:
     check = offer().check
     assert check is not None
-    (problem,) = check(scene(2), radius=0.5, neighbour_distance=0.9)
-    assert problem.path == ("neighbour_distance",)
+    (problem,) = check(scene(2), radius=0.5, communication_radius=0.9)
+    assert problem.path == ("communication_radius",)
     assert problem.message == (
         "0.9 m is not more than twice the radius, 1.0 m: neighbours would be seen too late"
     )

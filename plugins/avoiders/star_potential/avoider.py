@@ -1,0 +1,99 @@
+"""The avoider `potential`: the push of everything near, added to what the planner wants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from star_core import Array, Estimate, Mask, Scene, Setpoint
+
+NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
+MARGIN = 0.1  # m, nearer than this over or under an obstacle counts as beside it
+
+
+class Potential:
+    """Adds to each wish the push of the agents and obstacles that are near, in the plane.
+
+    The push is the force of Khatib, "Real-Time Obstacle Avoidance for Manipulators and Mobile
+    Robots" (IJRR 5(1), 1986), taken for a velocity: ``gain (1 / d - 1 / reach) / d²`` away from
+    what is at distance ``d < reach`` beyond contact; each agent of a pair is pushed. It is never
+    more than twice the greatest speed, and what comes out is cut to that speed. Such fields have
+    hollows in which an agent stays for ever: that is how the method is, and why there are others.
+
+    Args:
+        scene: What does not change in flight.
+        radius: Half the distance at which two agents push with all their might, m; to obstacles the
+            whole of it is kept.
+        reach: Distance beyond that at which the push begins, m.
+        gain: Strength of the push, m⁴/s.
+        vertical: Agents further apart in height than this do not push, m.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        radius: float = 0.2,
+        reach: float = 0.5,
+        gain: float = 0.002,
+        vertical: float = 0.6,
+    ) -> None:
+        self._radius, self._reach, self._gain = radius, reach, gain
+        self._vertical = vertical
+        self._speed = scene.limits.speed
+        rows = [
+            (*a, *b, *obstacle.height)
+            for obstacle in scene.world.obstacles
+            for polygon in obstacle.polygons
+            for a, b in zip(polygon, polygon[1:] + polygon[:1], strict=True)
+        ]
+        self._edges = np.array(rows, np.float64).reshape(-1, 6)  # both ends, foot and top
+
+    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+        pushed = wanted.active & estimate.valid
+        there = np.asarray(np.isfinite(estimate.position).all(axis=1))
+        position = np.where(there[:, None], estimate.position, 0.0)
+        push = self._from_agents(position, there) + self._from_obstacles(position)
+        velocity = wanted.velocity.copy()
+        velocity[:, :2] += np.where(pushed[:, None], push, 0.0)
+        return replace(wanted, velocity=np.where(pushed[:, None], self._cut(velocity), velocity))
+
+    def _from_agents(self, position: Array, there: Mask) -> Array:
+        """(N, 2) push of the others, m/s; agents at one point part along x, the first forwards."""
+        n = len(position)
+        away = position[:, None] - position  # (N, N, 3), from column to row
+        distance = np.hypot(away[..., 0], away[..., 1])
+        direction = away[..., :2] / np.maximum(distance, NOTHING)[..., None]
+        order = np.sign(np.arange(n) - np.arange(n)[:, None])  # 1 right of the diagonal
+        direction[..., 0] += np.where(distance <= NOTHING, order, 0.0)
+        near = there & there[:, None] & (np.abs(away[..., 2]) <= self._vertical)
+        strength = np.where(near & ~np.eye(n, dtype=bool), self._strength(distance, 2), 0.0)
+        return np.asarray(np.einsum("ij,ijk->ik", strength, direction))
+
+    def _from_obstacles(self, position: Array) -> Array:
+        """(N, 2) push of every edge of an obstacle that is at an agent's height, m/s."""
+        a, b = self._edges[:, :2], self._edges[:, 2:4]
+        along = b - a
+        from_a = position[:, None, :2] - a  # (N, E, 2)
+        squared = np.maximum(np.einsum("ek,ek->e", along, along), NOTHING)
+        share = np.clip(np.einsum("nek,ek->ne", from_a, along) / squared, 0.0, 1.0)
+        away = from_a - share[..., None] * along
+        distance = np.linalg.norm(away, axis=2)
+        z = position[:, 2:]
+        beside = (z >= self._edges[:, 4] - MARGIN) & (z <= self._edges[:, 5] + MARGIN)
+        strength = np.where(beside, self._strength(distance, 1), 0.0)
+        return np.asarray(
+            np.einsum("ne,nek->nk", strength, away / np.maximum(distance, NOTHING)[..., None])
+        )
+
+    def _strength(self, distance: Array, radii: int) -> Array:
+        """Length of the push at some distances, m/s, of what is touched at so many radii."""
+        beyond = np.maximum(distance - radii * self._radius, NOTHING)
+        push = self._gain * (1 / beyond - 1 / self._reach) / beyond**2
+        return np.asarray(np.clip(push, 0.0, 2 * self._speed))
+
+    def _cut(self, velocity: Array) -> Array:
+        """The same velocities, none faster than the scene allows, m/s."""
+        speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+        return np.asarray(velocity * np.minimum(1.0, self._speed / np.maximum(speed, NOTHING)))

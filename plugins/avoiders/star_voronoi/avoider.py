@@ -1,0 +1,119 @@
+"""The avoider `voronoi`: velocities that stay within buffered Voronoi cells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+
+from star_core import Array, Estimate, Mask, Scene, Setpoint
+
+NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
+MARGIN = 0.1  # m, nearer than this over or under an obstacle counts as beside it
+ROUNDS = 30  # of projections onto the borders
+BLOCKED = 0.05  # of its wish: an agent that gets no more of it turns right
+
+
+class Voronoi:
+    """Keeps each agent in the part of the plane that is nearer to it than to any other.
+
+    The cell is that of Zhou, Wang, Bandyopadhyay and Schwager, "Fast, On-line Collision Avoidance
+    for Dynamic Vehicles Using Buffered Voronoi Cells" (RA-L 2(2), 2017): drawn in by the radius, so
+    that agents that stay in theirs do not collide. Cells need no velocities of others; the border
+    to one that does not avoid is drawn at that one's circle. An agent that gets nowhere for the
+    others turns right. In height, agents one above the other near each other ever slower.
+
+    Args:
+        scene: What does not change in flight.
+        radius: Half the distance that two agents keep, m.
+        horizon: Time for which an agent stays in its cell, s.
+        vertical: Agents further apart in height share no border, m.
+    """
+
+    def __init__(
+        self, scene: Scene, *, radius: float = 0.2, horizon: float = 0.5, vertical: float = 0.6
+    ) -> None:
+        self._radius, self._horizon, self._vertical = radius, horizon, vertical
+        self._speed = scene.limits.speed
+        self._reach = self._speed * horizon + radius  # no border farther away matters
+        within(np.zeros((1, 3)), np.zeros((1, 1, 2)), np.zeros((1, 1)))  # compiled before flight
+        pieces = [(p, o.height) for o in scene.world.obstacles for p in o.polygons]
+        rows = [(*p[i - 1], *p[i], *height) for p, height in pieces for i in range(len(p))]
+        self._edges = np.array(rows, np.float64).reshape(-1, 6)  # both ends, foot and top
+
+    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+        avoids = wanted.active & estimate.valid
+        there = np.asarray(np.isfinite(estimate.position).all(axis=1))
+        position = np.where(there[:, None], estimate.position, 0.0)
+        wish = np.ascontiguousarray(np.where(avoids[:, None], wanted.velocity, 0.0))
+        normal, room = self._agents(position, there, avoids)
+        wall, space = self._obstacles(position)
+        normal = np.ascontiguousarray(np.concatenate([wall, normal], axis=1))
+        most = np.concatenate([space, room], axis=1) / self._horizon
+        flat = within(wish, normal, most)
+        alone = within(wish, wall, space / self._horizon)
+        least = BLOCKED * np.einsum("ij,ij->i", wish[:, :2], wish[:, :2])
+        stopped = np.einsum("ij,ij->i", wish[:, :2], flat) < least
+        stopped &= np.einsum("ij,ij->i", wish[:, :2], alone) > least  # and not by an obstacle
+        right = within(np.stack([wish[:, 1], -wish[:, 0]], axis=1), normal, most)
+        flat = np.where(stopped[:, None], right, flat)
+        velocity = np.column_stack([flat, self._climb(position, there, wish[:, 2])])
+        speed = np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), self._speed)
+        velocity *= self._speed / speed
+        return replace(wanted, velocity=np.where(avoids[:, None], velocity, wanted.velocity))
+
+    def _agents(self, position: Array, there: Mask, avoids: Mask) -> tuple[Array, Array]:
+        """Borders to the others: (N, N, 2) unit vectors towards them and (N, N) room, m."""
+        n = len(position)
+        towards = position - position[:, None]  # (N, N, 3), from row to column
+        distance = np.hypot(towards[..., 0], towards[..., 1])
+        direction = towards[..., :2] / np.maximum(distance, NOTHING)[..., None]
+        order = np.sign(np.arange(n)[:, None] - np.arange(n))
+        direction[..., 0] += (distance <= NOTHING) * order  # the first of two goes forwards
+        room = np.where(avoids, distance / 2 - self._radius, distance - 2 * self._radius)
+        none = ~there | (np.abs(towards[..., 2]) > self._vertical) | np.eye(n, dtype=bool)
+        return direction, np.where(none | (room > self._reach), np.inf, room)
+
+    def _obstacles(self, position: Array) -> tuple[Array, Array]:
+        """Borders to edges: (N, E, 2) unit vectors towards their nearest points, (N, E) room, m."""
+        a, along = self._edges[:, :2], self._edges[:, 2:4] - self._edges[:, :2]
+        from_a = position[:, None, :2] - a  # (N, E, 2)
+        squared = np.maximum(np.einsum("ek,ek->e", along, along), NOTHING)
+        share = np.clip(np.einsum("nek,ek->ne", from_a, along) / squared, 0.0, 1.0)
+        towards = share[..., None] * along - from_a
+        distance = np.linalg.norm(towards, axis=2)
+        foot, top = self._edges[:, 4] - MARGIN, self._edges[:, 5] + MARGIN
+        beside = (position[:, 2:] >= foot) & (position[:, 2:] <= top)
+        room = np.where(beside & (distance < self._reach), distance - self._radius, np.inf)
+        return np.ascontiguousarray(towards / np.maximum(distance, NOTHING)[..., None]), room
+
+    def _climb(self, position: Array, there: Mask, wish: Array) -> Array:
+        """(N,) vertical velocity that keeps out of the column of those above and below, m/s."""
+        towards = position - position[:, None]
+        column = np.hypot(towards[..., 0], towards[..., 1]) < 1.5 * self._radius  # above, below
+        column &= there & ~np.eye(len(position), dtype=bool)
+        room = np.maximum(np.abs(towards[..., 2]) - self._vertical, 0.0) / (2 * self._horizon)
+        up = np.where(column & (towards[..., 2] >= 0), room, np.inf).min(axis=1, initial=np.inf)
+        down = np.where(column & (towards[..., 2] <= 0), room, np.inf).min(axis=1, initial=np.inf)
+        return np.asarray(np.minimum(np.maximum(wish, -down), up))
+
+
+@njit(cache=True)
+def within(wish: Array, normal: Array, most: Array) -> Array:
+    """Return the velocity within all borders nearest to each wish, by Dykstra's projections.
+
+    (N, 2) m/s of (N, 2 or 3) m/s; `normal` holds (N, K, 2) unit vectors towards the borders, and
+    `most` the (N, K) greatest speeds towards them, m/s.
+    """
+    answer, given = wish[:, :2].copy(), np.zeros_like(most)  # what each border has taken off
+    for i in range(len(most)):
+        for _ in range(ROUNDS):
+            for k in np.flatnonzero(np.isfinite(most[i])):
+                nx, ny = normal[i, k]
+                taken = nx * answer[i, 0] + ny * answer[i, 1] + given[i, k] - most[i, k]
+                taken = max(taken, 0.0)
+                answer[i, 0] += (given[i, k] - taken) * nx
+                answer[i, 1] += (given[i, k] - taken) * ny
+                given[i, k] = taken
+    return answer

@@ -1,0 +1,236 @@
+"""Agents that follow velocities with a lag, and fly what the avoiders answer: nobody collides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from star_core import Array, Avoider, Limits, Obstacle, Scene, Setpoint
+from star_core.testing import check_avoider, estimate, scene
+
+SPEED, LAG, CONTACT = 0.5, 0.25, 0.12  # m/s, s, m
+Polygon = tuple[tuple[float, float], ...]
+
+
+def box(left: float, low: float, right: float, high: float) -> Polygon:
+    return ((left, low), (right, low), (right, high), (left, high))
+
+
+class Flown(NamedTuple):
+    """How a flight went: lengths in m."""
+
+    separation: float
+    clearance: float
+    missing: Array
+
+
+def room(n: int, *polygons: Polygon, top: float = 3.0) -> Scene:
+    empty = scene(n, limits=Limits(speed=SPEED))
+    things = (Obstacle(f"wall {i}", (piece,), (0.0, top)) for i, piece in enumerate(polygons))
+    return replace(empty, world=replace(empty.world, obstacles=tuple(things)))
+
+
+def made(name: str, around: Scene, **options: Any) -> Avoider:
+    (offer,) = import_module(f"star_{name}").star_avoiders()
+    part = offer.make(around, **options)
+    assert isinstance(part, Avoider)
+    return part
+
+
+def fly(avoider: Avoider, around: Scene, start: Array, goal: Array, seconds: float) -> Flown:
+    """Fly straight towards the goals for a while."""
+    n = len(start)
+    position, velocity = start.copy(), np.zeros_like(start)
+    separation = clearance = np.inf
+    for _ in range(int(seconds / around.period)):
+        way = goal - position
+        distance = np.linalg.norm(way, axis=1, keepdims=True)
+        wish = way * np.minimum(1.5, SPEED / np.maximum(distance, 1e-9))
+        wanted = Setpoint(wish, np.zeros(n), np.ones(n, np.bool_))
+        told = avoider.avoid(estimate(position, velocity=velocity), wanted).velocity
+        assert np.linalg.norm(told, axis=1).max() <= SPEED + 1e-9
+        for _ in range(5):
+            velocity = velocity + (told - velocity) * (around.period / 5 / LAG)
+            position = position + velocity * (around.period / 5)
+        apart = np.linalg.norm(position[:, None] - position, axis=2) + 9 * np.eye(n)
+        separation = min(separation, float(apart.min()))
+        clearance = min(clearance, *(clear(around, point) for point in position))
+    return Flown(separation, clearance, np.linalg.norm(goal - position, axis=1))
+
+
+def clear(around: Scene, point: Array) -> float:
+    """How far a point is from the nearest box at its height, m."""
+    least = np.inf
+    for thing in around.world.obstacles:
+        if point[2] <= thing.height[1]:
+            corners = np.array(thing.polygons[0])
+            beyond = np.maximum(corners.min(axis=0) - point[:2], point[:2] - corners.max(axis=0))
+            least = min(least, float(np.linalg.norm(np.maximum(beyond, 0.0))))
+    return least
+
+
+def circle(n: int) -> Array:
+    angle = 2 * np.pi * np.arange(n) / n
+    radius = max(1.5, 0.6 * n / (2 * np.pi))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(n, 0.8)], axis=1)
+
+
+everyone = pytest.mark.parametrize("name", ["orca", "voronoi", "potential"])
+those_that_promise = pytest.mark.parametrize("name", ["orca", "voronoi"])
+
+
+@pytest.mark.parametrize(("name", "n"), [("orca", 8), ("orca", 16), ("orca", 32), ("voronoi", 8)])
+def test_agents_that_change_places_across_a_circle_do_not_collide_and_arrive(
+    name: str, n: int
+) -> None:
+    around, start = room(n), circle(n)
+    flown = fly(made(name, around), around, start, start * [-1, -1, 1], 60.0)
+    assert flown.separation > 2 * CONTACT
+    assert flown.missing.max() < 0.15
+
+
+@everyone
+def test_a_wall_ahead_is_not_touched(name: str) -> None:
+    around = room(2, box(0.0, -3.0, 0.2, 3.0))
+    start = np.array([[-1.5, 0.0, 0.8], [-1.5, 1.0, 0.8]])
+    flown = fly(made(name, around), around, start, start * [-1, 1, 1], 10.0)
+    assert flown.clearance > CONTACT
+
+
+@pytest.mark.parametrize("obstacles", ["half-planes", "virtual-agents"])
+def test_orca_keeps_its_clearance_to_a_wall_whichever_way_it_sees_it(obstacles: str) -> None:
+    around = room(1, box(0.0, -3.0, 0.2, 3.0))
+    avoider = made("orca", around, obstacles=obstacles, clearance=0.3)
+    flown = fly(avoider, around, np.array([[-1.5, -1.0, 0.8]]), np.array([[1.5, 0.7, 0.8]]), 10.0)
+    assert flown.clearance > 0.27
+
+
+@everyone
+def test_a_wall_below_is_flown_over(name: str) -> None:
+    around = room(1, box(0.0, -3.0, 0.2, 3.0), top=0.6)
+    start = np.array([[-1.0, 0.0, 0.8]])
+    flown = fly(made(name, around), around, start, start * [-1, 1, 1], 10.0)
+    assert flown.missing.max() < 0.05
+
+
+@those_that_promise
+def test_agents_that_meet_head_on_in_a_corridor_get_past_each_other(name: str) -> None:
+    around = room(2, box(-3.0, 0.8, 3.0, 1.0), box(-3.0, -1.0, 3.0, -0.8))
+    start = np.array([[-1.5, 0.0, 0.8], [1.5, 0.0, 0.8]])
+    flown = fly(made(name, around), around, start, start * [-1, 1, 1], 30.0)
+    assert min(flown.separation, flown.clearance) > CONTACT
+    assert flown.missing.max() < 0.15
+
+
+@those_that_promise
+def test_agents_that_meet_in_a_doorway_get_through_it(name: str) -> None:
+    around = room(2, box(-0.1, 0.5, 0.1, 4.0), box(-0.1, -4.0, 0.1, -0.5))
+    start = np.array([[-1.2, 0.0, 0.8], [1.2, 0.0, 0.8]])
+    flown = fly(made(name, around), around, start, start * [-1, 1, 1], 40.0)
+    assert min(flown.separation, flown.clearance) > CONTACT
+    assert flown.missing.max() < 0.15
+
+
+@those_that_promise
+def test_agents_stacked_at_one_place_change_heights(name: str) -> None:
+    around, start = room(2), np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 1.2]])
+    flown = fly(made(name, around), around, start, start[::-1], 40.0)
+    assert flown.separation > 2 * CONTACT
+    assert flown.missing.max() < 0.15
+
+
+@everyone
+def test_an_agent_that_takes_off_is_given_way_to(name: str) -> None:
+    around = room(2)
+    avoider = made(name, around)
+    position, velocity = np.array([[0.0, 0.0, 0.0], [-0.8, 0.0, 0.8]]), np.zeros((2, 3))
+    nearest = np.inf
+    for _ in range(100):
+        velocity[0] = [0.0, 0.0, 0.4 if position[0, 2] < 0.8 else 0.0]
+        wish = np.array([[0.0, 0, 0], [0.4, 0.0, 0.0]])
+        wanted = Setpoint(wish, np.zeros(2), np.array([False, True]))
+        safe = avoider.avoid(estimate(position, velocity=velocity), wanted)
+        assert safe.active.tolist() == [False, True]
+        velocity[1] += (safe.velocity[1] - velocity[1]) * (around.period / LAG)
+        position = position + velocity * around.period
+        nearest = min(nearest, float(np.linalg.norm(position[0] - position[1])))
+    assert nearest > 2 * CONTACT
+
+
+@everyone
+def test_one_that_stands_far_below_is_in_nobodys_way(name: str) -> None:
+    now = estimate(np.array([[0.0, 0.0, 0.0], [-0.3, 0.0, 1.0]]))
+    wish = np.array([[0.0, 0, 0], [0.4, 0.0, 0.0]])
+    wanted = Setpoint(wish, np.zeros(2), np.array([False, True]))
+    answer = made(name, room(2)).avoid(now, wanted).velocity
+    assert answer[1, 0] == pytest.approx(0.4, rel=0.05)
+    assert (answer[0] == wish[0]).all()
+
+
+@everyone
+@pytest.mark.parametrize("n", [1, 3, 20])
+def test_they_keep_the_contract(name: str, n: int) -> None:
+    check_avoider(made(name, room(n, box(0.5, 0.5, 0.7, 0.7))), n)
+
+
+@everyone
+def test_a_swarm_of_nobody_is_no_trouble(name: str) -> None:
+    nobody = Setpoint(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.bool_))
+    assert len(made(name, room(0)).avoid(estimate(np.zeros((0, 3))), nobody).velocity) == 0
+
+
+@everyone
+def test_two_at_one_point_part(name: str) -> None:
+    here, wanted = np.zeros((2, 3)), Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_))
+    answer = made(name, room(2)).avoid(estimate(here), wanted).velocity
+    assert answer[0, 0] > 0 > answer[1, 0]
+
+
+@pytest.mark.parametrize("name", ["voronoi", "potential"])
+@pytest.mark.parametrize("seed", range(5))
+def test_answers_turn_and_shift_with_the_room_and_do_not_depend_on_rows(
+    name: str, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    position, wish = random.uniform(-1, 1, (8, 3)), random.uniform(-0.3, 0.3, (8, 3))
+    around, all_of_them = room(8), np.ones(8, np.bool_)
+    avoider = made(name, around)
+
+    def ask(position: Array, wish: Array) -> Array:
+        wanted = Setpoint(wish, np.zeros(8), all_of_them)
+        return avoider.avoid(estimate(position), wanted).velocity
+
+    expected, order = ask(position, wish), random.permutation(8)
+    turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+    assert ask(position + np.array([3, -4, 0.1]), wish) == pytest.approx(expected, abs=1e-6)
+    assert ask(position[order], wish[order]) == pytest.approx(expected[order], abs=1e-6)
+    assert ask(position @ turn.T, wish @ turn.T) == pytest.approx(expected @ turn.T, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["voronoi", "potential"])
+def test_every_option_has_a_unit_and_a_default_that_is_flown(name: str) -> None:
+    (offer,) = import_module(f"star_{name}").star_avoiders()
+    properties = offer.options["properties"]
+    assert all(
+        ", m" in option["description"][-8:] or ", s" in option["description"][-8:]
+        for option in properties.values()
+    )
+    told = {key: option["default"] for key, option in properties.items()}
+    silent, announced = vars(made(name, room(2))), vars(made(name, room(2), **told))
+    assert all(np.array_equal(silent[key], announced[key]) for key in silent)
+
+
+def test_nothing_is_compiled_in_flight() -> None:
+    from star_voronoi.avoider import within
+
+    avoider = made("voronoi", room(3, box(0.5, 0.5, 0.7, 0.7)))
+    known = len(within.signatures)
+    for order in ("C", "F"):
+        wish = np.asarray(np.ones((3, 3)), order=order)
+        wanted = Setpoint(wish, np.zeros(3), np.ones(3, np.bool_))
+        avoider.avoid(estimate(np.asarray(np.eye(3), order=order)), wanted)
+    assert len(within.signatures) == known
