@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from star_core.ground import footprint
     from star_core.homing import Homing
     from star_core.hookspecs import hookimpl
+    from star_core.kernels import compiled
     from star_core.mission import Mission, actions, load
     from star_core.registry import Registry
     from star_core.runner import fly
@@ -65,6 +66,7 @@ _HOME = {
     "star_core.ground": ("footprint",),
     "star_core.homing": ("Homing",),
     "star_core.hookspecs": ("hookimpl",),
+    "star_core.kernels": ("compiled",),
     "star_core.mission": ("Mission", "actions", "load"),
     "star_core.registry": ("Registry",),
     "star_core.runner": ("fly",),
@@ -134,6 +136,7 @@ __all__ = [
     "Truth",
     "World",
     "actions",
+    "compiled",
     "fly",
     "footprint",
     "hookimpl",

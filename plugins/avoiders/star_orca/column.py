@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, Rows
-from star_orca.compiled import compiled
+from star_core import Array, Rows, compiled
 from star_orca.neighbours import AVOIDS, CLIMB, RADIUS, ROW, X, Y, Z
 
 # Share of the radii within which one agent counts as above or below another. Less than all of it,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from star_core import Array, Rows
-from star_orca.compiled import compiled
+from star_core import Array, Rows, compiled
 from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y, Z
 from star_orca.way_out import way_out
 

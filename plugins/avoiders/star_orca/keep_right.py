@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, Rows
-from star_orca.compiled import compiled
+from star_core import Array, Rows, compiled
 from star_orca.neighbours import X, Y
 
 BLOCKED = 0.05  # of its wish: an agent that gets no more of it gets nowhere

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows
+from star_core import Array, Mask, Rows, compiled
 from star_orca.column import climb
-from star_orca.compiled import compiled
 from star_orca.edges import layer_at, nearest_edges
 from star_orca.half_planes import half_planes
 from star_orca.keep_right import BLOCKED, QUARTER, anybody_ahead, turned_right

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array
-from star_orca.compiled import compiled
+from star_core import Array, compiled
 
 # Sine of the angle below which two lines count as parallel. Far above what rounding makes of equal
 # lines (1e-16), and what is overlooked stays below a nanometre per second at flying speeds.

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows
-from star_orca.compiled import compiled
+from star_core import Array, Mask, Rows, compiled
 
 # Columns of the table that `sort_into_cells` makes: one row per agent, in the order of the cells.
 X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB = range(9)

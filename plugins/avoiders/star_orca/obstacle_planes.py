@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array
-from star_orca.compiled import compiled
+from star_core import Array, compiled
 from star_orca.outlines import (
     A_JUTS,
     AFTER_X,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from star_orca.compiled import compiled
+from star_core import compiled
 
 NOTHING = 1e-12  # m or m/s: shorter vectors have no direction worth the name
 

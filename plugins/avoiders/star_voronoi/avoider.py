@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
-from star_core import Array, Estimate, Mask, Scene, Setpoint
+from star_core import Array, Estimate, Mask, Scene, Setpoint, compiled
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
 MARGIN = 0.1  # m, nearer than this over or under an obstacle counts as beside it
@@ -99,7 +98,7 @@ class Voronoi:
         return np.asarray(np.minimum(np.maximum(wish, -down), up))
 
 
-@njit(cache=True)
+@compiled
 def within(wish: Array, normal: Array, most: Array) -> Array:
     """Return the velocity within all borders nearest to each wish, by Dykstra's projections.
 

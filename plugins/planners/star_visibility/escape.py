@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask
-from star_visibility.compiled import compiled
+from star_core import Array, Mask, compiled
 from star_visibility.sight import band_of, covered, nearest_on, sees, within
 from star_visibility.walls import Walls
 

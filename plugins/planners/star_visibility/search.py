@@ -7,8 +7,7 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from star_core import Array, Rows
-from star_visibility.compiled import compiled
+from star_core import Array, Rows, compiled
 
 
 @compiled

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows
-from star_visibility.compiled import compiled
+from star_core import Array, Mask, Rows, compiled
 from star_visibility.walls import Walls
 
 TOUCH = 1e-10  # m; nearer than this is on the line

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array
-from star_visibility.compiled import compiled
+from star_core import Array, compiled
 from star_visibility.sight import band_of, meeting
 from star_visibility.walls import Walls
 

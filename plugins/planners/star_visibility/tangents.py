@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from star_core import Array, Fence, Rows
-from star_visibility.compiled import compiled
+from star_core import Array, Fence, Rows, compiled
 from star_visibility.sight import TOUCH, meets
 from star_visibility.walls import Walls
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, TypeAlias, TypeVar
 
-from numba import njit
+from star_core import compiled as compiled_by_star
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -17,9 +17,9 @@ Record: TypeAlias = Any  # one row of a table of `star_sim.drone.DRONE`; mypy ca
 
 def compiled(function: Function) -> Function:
     """Compile a function that a kernel calls; a division by zero gives infinity, as in numpy."""
-    return cast("Function", njit(error_model="numpy", fastmath=FAST)(function))
+    return compiled_by_star(function, on_disk=False, fastmath=FAST)
 
 
 def kernel(function: Function) -> Function:
     """Compile a function that Python calls, and keep the machine code on disk for the next run."""
-    return cast("Function", njit(error_model="numpy", fastmath=FAST, cache=True)(function))
+    return compiled_by_star(function, fastmath=FAST)

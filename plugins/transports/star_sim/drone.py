@@ -6,8 +6,6 @@ as much as a step of one drone) and the numbers of one drone together in the cac
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -16,12 +14,6 @@ from numpy.typing import NDArray
 from star_sim import airframe, battery
 
 OFF, TRAJECTORY, VELOCITY = 0, 1, 2  # what flies a drone: nothing, its commander, setpoints
-
-# numba notices a change in the kernel's own file only, and would go on flying yesterday's airframe.
-# A field that is named after all the sources makes another type, and so another kernel, of each.
-_SOURCES = hashlib.sha256(
-    b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
-).hexdigest()[:16]
 
 DRONE = np.dtype(
     [
@@ -80,7 +72,6 @@ DRONE = np.dtype(
         ("flow_rest", "f8", 2),  # counts that were not whole
         # Contacts.
         ("clearance", "f8"),  # m, no obstacle is nearer
-        (f"compiled_from_{_SOURCES}", "i8"),
     ],
     align=True,
 )
