@@ -20,11 +20,11 @@ START_TILT: Final = 0.05  # rad: a floor is not quite level
 START_YAW: Final = math.radians(3.0)  # rad
 
 # What odometry is good for between two nodes.
-WAY: Final = 0.025  # m/√m
-SWAY: Final = 0.008  # m/√s
+WAY: Final = 0.022  # m/√m
+SWAY: Final = 0.007  # m/√s
 LEAST: Final = 0.0005  # m
 RISE: Final = 0.01  # m/√s
-YAW: Final = math.radians(0.2)  # rad/√s
+YAW: Final = math.radians(0.175)  # rad/√s
 TILT: Final = math.radians(0.3)  # rad/√s
 LEAST_TILT: Final = math.radians(0.06)  # rad
 
