@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
-.PHONY: help fly test check bench campaign lowest clean
+.PHONY: help fly test check bench campaign scenarios lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -31,10 +31,13 @@ check: $(VENV)/.ready  ## style, types, layers, tests
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
-	for topic in startup sim orca planner camera detector landmarks; do $(BIN)/python benchmarks/$$topic.py; done
+	for topic in startup sim tick orca planner camera detector landmarks; do $(BIN)/python benchmarks/$$topic.py; done
 
 campaign: $(VENV)/.ready  ## the studies of docs/results.md; long
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
+
+scenarios: $(VENV)/.ready  ## the table of scenarios in docs/benchmarks.md; long
+	$(BIN)/star bench --seeds 30 --out runs/scenarios
 
 lowest:  ## the tests with every dependency at its lower bound
 	$(PYTHON) -m venv --clear $(VENV)-lowest

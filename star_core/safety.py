@@ -12,7 +12,7 @@ from star_core.flight import Corrected
 from star_core.near import pairs
 from star_core.scene import Scene
 from star_core.swarm import Estimate, Setpoint
-from star_core.table import Array, Mask
+from star_core.table import Array, Mask, Rows
 
 LAG: Final = 0.4
 """How far a drone that is to stop flies on, as a time by its speed, s. A simulated Crazyflie
@@ -28,7 +28,10 @@ ROUNDS: Final = 30
 """How often velocities of agents that close in on each other are corrected before they stop."""
 
 ENOUGH: Final = 1e-3
-"""By how much what is asked for may be too fast and still count as right, m/s."""
+"""By how much agents may close in too fast, m/s: corrections settle no finer."""
+
+COUNTS: Final = 0.05
+"""By how much a velocity must be changed to be told as corrected, m/s."""
 
 
 class SafetyFilter:
@@ -78,7 +81,8 @@ class SafetyFilter:
         too_fast = _differ(velocity, asked)
         inside = self._kept_inside(velocity, estimate, active)
         outside = _differ(inside, velocity)
-        velocity, near = self._kept_apart(inside, estimate, active)
+        velocity = self._kept_apart(inside, estimate, active)
+        near = _differ(velocity, inside)
         sent = replace(
             safe,
             velocity=velocity,
@@ -106,36 +110,41 @@ class SafetyFilter:
         kept = np.clip(velocity, np.minimum(-down, up), np.maximum(up, -down))
         return np.where(active[:, None], kept, velocity)
 
-    def _kept_apart(self, velocity: Array, estimate: Estimate, active: Mask) -> tuple[Array, Mask]:
-        """(N, 3) velocities from which agents can brake before each other, and who was changed."""
-        changed = np.zeros(len(velocity), np.bool_)
+    def _kept_apart(self, velocity: Array, estimate: Estimate, active: Mask) -> Array:
+        """(N, 3) velocities from which agents can brake before each other."""
+        if self._separation == 0:
+            return velocity
         first, second = pairs(estimate.position, self._reach)
         if not len(first):
-            return velocity, changed
+            return velocity
         moving = np.where(active[:, None], velocity, estimate.velocity)
-        offset = estimate.position[first] - estimate.position[second]
+        offset = estimate.position.take(first, 0) - estimate.position.take(second, 0)
         apart = np.sqrt(np.einsum("ij,ij->i", offset, offset))
         offset[apart == 0] = 1.0, 0.0, 0.0
         towards = offset / np.where(apart == 0, 1.0, apart)[:, None]
         steered = active[first].astype(np.float64) + active[second]
-        closes = np.einsum(
-            "ij,ij->i", towards, estimate.velocity[second] - estimate.velocity[first]
-        )
+        closes = _along(towards, estimate.velocity, first, second)
         room = apart - self._separation
         allowed = self._from(room, closes, self._brakes * np.maximum(1.0, steered))
+        fastest = self._fastest(estimate, active)
+        near = np.flatnonzero(
+            (fastest[first] + fastest[second] > allowed + ENOUGH) & (steered > 0)
+        )  # no correction can bring the others to close in too fast
+        first, second, towards = first[near], second[near], towards[near]
+        steered, allowed = steered[near], allowed[near]
         for _ in range(ROUNDS):
-            closing = np.einsum("ij,ij->i", towards, moving[second] - moving[first])
-            bad = np.flatnonzero((closing > allowed + ENOUGH) & (steered > 0))
+            closing = _along(towards, moving, first, second)
+            bad = np.flatnonzero(closing > allowed + ENOUGH)
             if not len(bad):
                 break
             one, two = first[bad], second[bad]
             push = towards[bad] * ((closing - allowed)[bad] / steered[bad])[:, None]
-            more, times = np.zeros_like(moving), np.zeros(len(moving))
-            np.add.at(more, one, push)
-            np.add.at(more, two, -push)
-            np.add.at(times, one, 1.0)
-            np.add.at(times, two, 1.0)
-            changed |= times > 0
+            both = np.concatenate([one, two])
+            times = np.bincount(both, minlength=len(moving))
+            more = np.stack(
+                [np.bincount(both, np.concatenate([axis, -axis]), len(moving)) for axis in push.T],
+                axis=1,
+            )
             moving = moving + more / np.maximum(times, 1.0)[:, None]
             moving = self._kept_inside(self._slowed(moving), estimate, active)
             moving = np.where(active[:, None], moving, estimate.velocity)
@@ -143,7 +152,21 @@ class SafetyFilter:
             stop = np.zeros_like(active)
             stop[first[bad]] = stop[second[bad]] = True
             moving = np.where((stop & active)[:, None], 0.0, moving)
-        return np.where(active[:, None], moving, velocity), changed
+        kept: Array = np.where(active[:, None], moving, velocity)
+        return kept
+
+    def _fastest(self, estimate: Estimate, active: Mask) -> Array:
+        """(N,) what no agent is faster than while its setpoint is corrected, m/s.
+
+        Who is steered is slowed to the limit; beyond that only the fence makes it faster.
+        """
+        forced = self._kept_inside(np.zeros_like(estimate.velocity), estimate, active)
+        fastest: Array = np.where(
+            active,
+            self._speed + np.sqrt(np.einsum("ij,ij->i", forced, forced)),
+            np.sqrt(np.einsum("ij,ij->i", estimate.velocity, estimate.velocity)),
+        )
+        return fastest
 
     def _from(self, room: Array, closes: Array, brakes: Array | float) -> Array:
         """The fastest that a setpoint may let room shrink, m/s, that shrinks by `closes` now."""
@@ -156,5 +179,13 @@ class SafetyFilter:
 
 def _differ(one: Array, other: Array) -> Mask:
     """Whose velocities differ by more than counts: (N,)."""
-    differ: Mask = np.abs(one - other).max(axis=1, initial=0.0) > ENOUGH
+    differ: Mask = np.abs(one - other).max(axis=1, initial=0.0) > COUNTS
     return differ
+
+
+def _along(towards: Array, velocity: Array, first: Rows, second: Rows) -> Array:
+    """How fast agents `second` fly along (P, 3) unit vectors, less how fast `first` do, m/s."""
+    closing: Array = np.einsum(
+        "ij,ij->i", towards, velocity.take(second, 0) - velocity.take(first, 0)
+    )
+    return closing

@@ -40,7 +40,7 @@ class Limits:
         acceleration: Greatest acceleration, m/s².
         height: Lowest and highest z to fly at, map frame, m.
         separation: Distance between the centres of two agents inside which none may be steered
-            towards the other, m.
+            towards the other, m; 0 lets them.
     """
 
     speed: float = 0.5

@@ -186,13 +186,19 @@ class Meter:
             self._judged += int(known.sum())
 
     def _apart(self, position: Array) -> None:
-        """Take in how near the agents are to each other: (N, 3) m."""
-        apart = least(position)
-        self._separation = min(self._separation, apart)
-        near: set[tuple[int, int]] = set()
-        if apart < 2 * CONTACT_RADIUS:
-            first, second = pairs(position, 2 * CONTACT_RADIUS)
-            near = set(zip(first.tolist(), second.tolist(), strict=True))
+        """Take in how near the agents are to each other: (N, 3) m.
+
+        After the first tick only those are looked for that are nearer than anybody before.
+        """
+        touch = 2 * CONTACT_RADIUS
+        if self._separation == np.inf:
+            self._separation = least(position)
+        first, second = pairs(position, max(self._separation, touch))
+        offset = position[first] - position[second]
+        apart = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+        self._separation = min(self._separation, float(apart.min(initial=np.inf)))
+        touching = apart < touch
+        near = set(zip(first[touching].tolist(), second[touching].tolist(), strict=True))
         self._agent_agent += len(near - self._touching)
         self._touching = near
 

@@ -116,6 +116,15 @@ def test_who_is_in_the_way_and_not_steered_is_braked_for() -> None:
     assert corrected.separation.tolist() == [True, False]
 
 
+def test_a_separation_of_zero_lets_agents_collide() -> None:
+    wanted = setpoint([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    now = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]]))
+    free = replace(scene(2), limits=Limits(speed=SPEED, separation=0.0))
+    sent, corrected = SafetyFilter(free).filter(now, wanted, wanted)
+    assert sent.velocity.tolist() == wanted.velocity.tolist()
+    assert nobody(corrected)
+
+
 def test_who_flies_apart_or_side_by_side_is_left_alone() -> None:
     position = [[0.0, 0.0, 1.0], [0.15, 0.0, 1.0], [0.3, 0.3, 1.0]]
     wish = [[-0.5, 0.1, 0.0], [0.5, 0.1, 0.0], [0.5, 0.5, 0.0]]

@@ -10,30 +10,24 @@ from star_core import Offer, hookimpl
 if TYPE_CHECKING:
     from star_core import Avoider, Scene
 
-
-def _positive(default: float, description: str) -> dict[str, Any]:
-    bound = {"type": "number", "exclusiveMinimum": 0}
-    return {**bound, "default": default, "description": description}
-
-
 _OPTIONS = {
-    "radius": _positive(0.2, "Half the distance that agents keep, and that kept to obstacles, m"),
-    "horizon": _positive(0.5, "Time for which an agent stays in the cell it is in, s"),
-    "vertical": _positive(0.6, "Agents further apart in height than this share no border, m"),
-}
-
-
-@hookimpl
-def star_avoiders() -> Iterable[Offer[Avoider]]:
-    yield Offer(
-        name="voronoi",
-        summary="Every agent stays in its buffered Voronoi cell (Zhou et al. 2017).",
-        make=_make,
-        options={"type": "object", "properties": _OPTIONS},
+    name: {"type": "number", "exclusiveMinimum": 0, "default": default, "description": description}
+    for name, default, description in (
+        ("radius", 0.2, "Half the distance that agents keep, and that kept to obstacles, m"),
+        ("horizon", 0.5, "Time for which an agent stays in the cell it is in, s"),
+        ("vertical", 0.6, "Agents further apart in height than this share no border, m"),
     )
+}
 
 
 def _make(scene: Scene, **options: Any) -> Avoider:
     from star_voronoi.avoider import Voronoi
 
     return Voronoi(scene, **options)
+
+
+@hookimpl
+def star_avoiders() -> Iterable[Offer[Avoider]]:
+    summary = "Every agent stays in its buffered Voronoi cell (Zhou et al. 2017)."
+    schema = {"type": "object", "properties": _OPTIONS}
+    yield Offer(name="voronoi", summary=summary, make=_make, options=schema)

@@ -52,9 +52,8 @@ class Voronoi:
         most = np.concatenate([space, room], axis=1) / self._horizon
         flat = within(wish, normal, most)
         alone = within(wish, wall, space / self._horizon)
-        least = BLOCKED * np.einsum("ij,ij->i", wish[:, :2], wish[:, :2])
-        stopped = np.einsum("ij,ij->i", wish[:, :2], flat) < least
-        stopped &= np.einsum("ij,ij->i", wish[:, :2], alone) > least  # and not by an obstacle
+        got, least = (wish[:, :2] * flat).sum(axis=1), BLOCKED * (wish[:, :2] ** 2).sum(axis=1)
+        stopped = (got < least) & ((wish[:, :2] * alone).sum(axis=1) > least)  # not by an obstacle
         right = within(np.stack([wish[:, 1], -wish[:, 0]], axis=1), normal, most)
         flat = np.where(stopped[:, None], right, flat)
         velocity = np.column_stack([flat, self._climb(position, there, wish[:, 2])])

@@ -60,6 +60,7 @@ def parser() -> argparse.ArgumentParser:
         "--out", metavar="DIR", help="results into DIR, going on if it has some (runs/TIME-STUDY)"
     )
     star.add_argument("--record", action="store_true", help="keep the record of every run")
+    star.add_argument("--quiet", action="store_true", help="write the table, but do not print it")
     return star
 
 
@@ -99,7 +100,8 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> int:
     sys.stderr.writelines(f"star: {line}\n" for line in _unknown(study, done))
     if interrupted:
         sys.stderr.write(f"star: interrupted; to go on, add `--out {folder}`\n")
-    sys.stdout.write(f"{table}\nresults: {folder}\n")
+    if not options.quiet:
+        sys.stdout.write(f"{table}\nresults: {folder}\n")
     return INTERRUPTED if interrupted else DONE
 
 

@@ -46,12 +46,12 @@ def as_csv(study: Study, results: Results) -> str:
 def as_markdown(study: Study, results: Results) -> str:
     """Return a page with a table of one row for each condition, and what did not complete."""
     measures = _further(study)
-    total = len(study.conditions) * len(study.seeds)
+    total = len(study.conditions) * study.each
+    with_seeds = "own seeds" if study.seeds is None else f"{study.each} seeds each"
     lines = [
         f"# {study.name}",
         "",
-        f"{len(results)} of {total} runs: {len(study.conditions)} conditions,"
-        f" {len(study.seeds)} seeds each.",
+        f"{len(results)} of {total} runs: {len(study.conditions)} conditions, {with_seeds}.",
         "",
         _row(["mission", *study.factors, "n", "completed", *measures]),
         _row(["---"] * (1 + len(study.factors)) + ["---:"] * (2 + len(measures))),

@@ -21,6 +21,9 @@ MEASURES: Final = (
     "flight_time_s",
 )
 SEEDS: Final = 10
+OWN: Final = "own"
+"""What a study writes for its seeds to have each mission fly with its own."""
+
 COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
 """Columns of every results.csv, which no factor may be called."""
 
@@ -84,7 +87,7 @@ class Study:
         name: For records.
         factors: Names of what is varied.
         conditions: Every combination of missions and levels, the last factor varying fastest.
-        seeds: What each of them is flown with.
+        seeds: What each of them is flown with; None: with its mission's own seed, once.
         measures: Paths into a summary.
         time_limit: Wall time that a run may take, s, or None.
         data: The study as read.
@@ -93,16 +96,22 @@ class Study:
     name: str
     factors: tuple[str, ...]
     conditions: tuple[Condition, ...]
-    seeds: tuple[int, ...]
+    seeds: tuple[int, ...] | None
     measures: tuple[str, ...]
     time_limit: float | None
     data: Mapping[str, Any]
+
+    @property
+    def each(self) -> int:
+        """How many seeds every condition is flown with."""
+        return 1 if self.seeds is None else len(self.seeds)
 
     def runs(self) -> Iterator[Run]:
         """Every flight, in the order of the results: by condition, then by seed."""
         for condition in self.conditions:
             digest = _digest(condition)
-            for seed in self.seeds:
+            own = (condition.mission.scene.seed,)
+            for seed in own if self.seeds is None else self.seeds:
                 yield Run(condition, seed, f"{digest}-{seed}")
 
 
@@ -116,14 +125,17 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
             should it have fewer, those that follow its greatest.
 
     Raises:
-        InputError: It cannot be read, or a mission cannot be flown at some level; every reason
-            found is listed.
+        InputError: It cannot be read, a mission cannot be flown at some level, or a number of
+            seeds is wanted where each mission has its own; every reason found is listed.
     """
     document = read_as(path, "study")
     data = document.data
     factors: Mapping[str, Any] = data.get("factors", {})
     files, problems = _files(path, data["missions"], document.problem)
     problems += _clashes(factors, document.problem)
+    if seeds is not None and data.get("seeds") == OWN:
+        why = f"each mission flies with its {OWN!r} seed, so that --seeds {seeds} means nothing"
+        problems.append(document.problem(("seeds",), why))
     if problems:
         raise InputError(problems)
     conditions, problems = _conditions(files, factors, registry, document.problem)
@@ -258,7 +270,11 @@ def _load(
         raise InputError(problems) from None
 
 
-def _seeds(given: int | list[int] | Mapping[str, int], wanted: int | None) -> tuple[int, ...]:
+def _seeds(
+    given: int | list[int] | Mapping[str, int] | str, wanted: int | None
+) -> tuple[int, ...] | None:
+    if isinstance(given, str):
+        return None
     if isinstance(given, list):
         own = given
     else:

@@ -11,10 +11,12 @@ if TYPE_CHECKING:
     from star_core import Localizer, Scene
 
 
-def make(scene: Scene, *, stale: float = 0.5) -> Localizer:
+def make(
+    scene: Scene, *, stale: float = 0.5, error: float = 0.0, error_time: float = 1.0
+) -> Localizer:
     from star_flow.localizer import Flow
 
-    return Flow(scene, stale=stale)
+    return Flow(scene, stale=stale, error=error, error_time=error_time)
 
 
 @hookimpl
@@ -31,6 +33,20 @@ def star_localizers() -> Iterable[Offer[Localizer]]:
                     "exclusiveMinimum": 0,
                     "description": "Age past which an agent's report is not flown on, s.",
                     "default": 0.5,
+                },
+                "error": {
+                    "type": "number",
+                    "minimum": 0,
+                    "description": "For studies: standard deviation along each axis of an error "
+                    "that is added to every position on purpose, m; the covariance says so too.",
+                    "default": 0.0,
+                },
+                "error_time": {
+                    "type": "number",
+                    "exclusiveMinimum": 0,
+                    "description": "For studies: time constant with which that error is "
+                    "forgotten, s.",
+                    "default": 1.0,
                 },
             },
         },

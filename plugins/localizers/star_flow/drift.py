@@ -20,8 +20,6 @@ NOISE = 3.0e-4  # m²/s: white noise of one count in each flow sample of 10 ms
 START = 0.02  # m: placing an agent by hand
 START_YAW = math.radians(1.0)  # rad: turning it by hand
 HEIGHT = 0.02  # m: z comes from the range sensor and does not drift
-QUARTER = np.array([-1.0, 1.0])  # (x, y) turned by a quarter is (y, x) times this
-LEVEL = np.diag([1.0, 1.0, 0.0])
 STILL = 1e-9  # m: less is no motion
 
 
@@ -44,13 +42,12 @@ class Drift:
 
     def __init__(self, start: Array) -> None:
         n = len(start)
-        self._start: Array = start[:, :2]
+        self._start: Array = start[:, :2].T.copy()  # (2, N): x and y are worked on apart
         self._last: Array = self._start
         self._began: float | None = None
-        self._texture = np.zeros((n, 2, 2))
-        self._moment = np.zeros((n, 2))  # sum of t * dp, m s
+        self._texture = np.zeros((3, n))  # xx, xy, yy
+        self._moment = np.zeros((2, n))  # sum of t * dp, m s
         self._fixed = np.tile(np.diag([START**2, START**2, HEIGHT**2]), (n, 1, 1))
-        self._modes = np.zeros((n, 2, 3))  # one column for each error that stays
 
     def covariance(self, time: float, position: Array) -> Array:
         """Return the (N, 3, 3) covariance, m², at `time`, s, after a move to `position` (N, 3), m.
@@ -60,17 +57,19 @@ class Drift:
         if self._began is None:
             self._began = time
         elapsed = time - self._began
-        here = position[:, :2]
-        step = here - self._last
+        here: Array = position[:, :2].T.copy()
+        dx, dy = step = here - self._last
         self._last = here
         self._moment += elapsed * step
-        flown = np.sqrt(np.einsum("ij,ij->i", step, step))
-        self._texture += step[:, :, None] * (step / np.maximum(flown, STILL)[:, None])[:, None, :]
-        away = here - self._start
-        modes = self._modes
-        modes[:, :, 0] = YAW_BIAS * self._moment[:, ::-1] * QUARTER
-        modes[:, :, 1] = SCALE * away
-        modes[:, :, 2] = START_YAW * away[:, ::-1] * QUARTER
-        covariance = self._fixed + NOISE * elapsed * LEVEL
-        covariance[:, :2, :2] += TEXTURE * self._texture + modes @ modes.transpose(0, 2, 1)
+        along = step / np.maximum(np.hypot(dx, dy), STILL)
+        self._texture += dx * along[0], dx * along[1], dy * along[1]
+        x, y = here - self._start
+        mx, my = self._moment
+        (xx, xy, yy), walked = TEXTURE * self._texture, NOISE * elapsed
+        bias, scale, turn = YAW_BIAS**2, SCALE**2, START_YAW**2
+        covariance = self._fixed.copy()
+        covariance[:, 0, 0] += walked + xx + bias * my * my + scale * x * x + turn * y * y
+        covariance[:, 1, 1] += walked + yy + bias * mx * mx + scale * y * y + turn * x * x
+        covariance[:, 0, 1] = xy - bias * mx * my + (scale - turn) * x * y
+        covariance[:, 1, 0] = covariance[:, 0, 1]
         return covariance

@@ -8,6 +8,7 @@ import numpy as np
 
 from star_core import Array, Estimate, Scene, Telemetry, Transform
 from star_flow.drift import Drift
+from star_flow.error import Error
 
 
 class Flow:
@@ -17,34 +18,46 @@ class Flow:
     position, velocity and attitude. A row that reports none stays where it was last, at rest, so
     that others can still keep clear of it.
 
+    For studies an error can be added to the positions; the covariance then holds its variance too.
+
     Args:
         scene: The mission's scene.
         stale: Age past which a report is not flown on, s.
+        error: Standard deviation along each axis of the error that is added, m.
+        error_time: Time constant with which it is forgotten, s.
     """
 
-    def __init__(self, scene: Scene, *, stale: float) -> None:
+    def __init__(self, scene: Scene, *, stale: float, error: float, error_time: float) -> None:
         self._stale = stale
+        self._error = Error(scene, size=error, time_constant=error_time) if error > 0 else None
+        self._variance = error**2 * np.eye(3)
         self._map_from_odom = Transform(
             yaw=np.array([agent.yaw for agent in scene.agents]),
             translation=np.array([agent.start for agent in scene.agents]),
         )
-        self._position = self._map_from_odom.translation
+        self._reckoned = self._map_from_odom.translation
+        self._position = self._reckoned
         self._yaw = self._map_from_odom.yaw
-        self._drift = Drift(self._position)
+        self._drift = Drift(self._reckoned)
 
     def locate(self, telemetry: Telemetry) -> Estimate:
-        position = self._map_from_odom.apply(telemetry.position)
+        reckoned = self._map_from_odom.apply(telemetry.position)
         velocity = self._map_from_odom.turn(telemetry.velocity)
         yaw = wrapped(heading(telemetry.attitude) + self._map_from_odom.yaw)
-        known = np.isfinite(position.sum(axis=1) + velocity.sum(axis=1) + yaw)
-        self._position = np.where(known[:, None], position, self._position)
+        known = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
+        self._reckoned = np.where(known[:, None], reckoned, self._reckoned)
+        if self._error is None:
+            self._position = self._reckoned
+        else:
+            shown = self._reckoned + self._error.at(telemetry.time)
+            self._position = np.where(known[:, None], shown, self._position)
         self._yaw = np.where(known, yaw, self._yaw)
         return Estimate(
             time=telemetry.time,
             position=self._position,
             velocity=np.where(known[:, None], velocity, 0.0),
             yaw=self._yaw,
-            covariance=self._drift.covariance(telemetry.time, self._position),
+            covariance=self._drift.covariance(telemetry.time, self._reckoned) + self._variance,
             valid=known & (telemetry.age <= self._stale),
             map_from_odom=self._map_from_odom,
         )

@@ -56,8 +56,8 @@ def test_the_example_flies_and_shows_that_orca_keeps_drones_apart(
     assert [(row["avoider"], row["seed"]) for row in found] == [
         (level, "0") for level in ("none", "orca 0.25", "orca 0.3")
     ]
-    hits = {row["avoider"]: int(row["collisions.agent_agent"]) for row in found}
-    assert hits["none"] > hits["orca 0.25"] == hits["orca 0.3"] == 0
+    apart = {row["avoider"]: float(row["min_separation_m"]) for row in found}
+    assert apart["none"] < 0.3 < apart["orca 0.25"] < apart["orca 0.3"]
     assert (tmp_path / "a" / "results.md").read_text() in capsys.readouterr().out
 
 
@@ -122,6 +122,14 @@ def test_a_study_goes_on_where_it_stopped(
     assert told.startswith("[3/3] hop, rate: slow, seed 3: completed")
     assert [row["seed"] for row in after] == ["0", "3", "1"]
     assert [after[0], after[2]] == before  # even their wall times
+
+
+def test_a_quiet_study_writes_its_table_and_prints_none(
+    flown: Study, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ablate(flown(HOP + SLOW + "seeds: 2\n"), "--record", "--quiet")
+    assert capsys.readouterr().out == ""
+    assert "| hop | slow |" in (out / "results.md").read_text()
 
 
 def test_measures_that_are_asked_for_later_need_no_flight(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -103,6 +104,11 @@ def test_large_numbers_are_written_to_the_unit() -> None:
 def test_a_study_that_is_not_finished_says_so() -> None:
     page = as_markdown(a_study("a"), results({"a": 1.0}))
     assert "1 of 2 runs: 1 conditions, 2 seeds each." in page
+
+
+def test_a_study_whose_missions_have_own_seeds_says_so() -> None:
+    page = as_markdown(replace(a_study("a"), seeds=None), results({"a": 1.0}))
+    assert "1 of 1 runs: 1 conditions, own seeds." in page
 
 
 def test_a_condition_without_runs_stands_in_the_table() -> None:

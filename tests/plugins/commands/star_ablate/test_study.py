@@ -92,6 +92,37 @@ def test_seeds_are_counted_or_listed(
     assert read(study(f"{HOP}seeds: {given}\n"), registry, wanted).seeds == seeds
 
 
+def test_with_own_seeds_each_mission_flies_once_with_the_seed_that_it_has(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study("missions: [../hop.yaml, ../jump.yaml]\nseeds: own\n")
+    jump = path.parents[1] / "jump.yaml"
+    jump.write_text(f"{jump.read_text()}seed: 41\n")
+    runs = list(read(path, registry).runs())
+    assert [(run.condition.file, run.mission().scene.seed) for run in runs] == [
+        ("hop", 0),
+        ("jump", 41),
+    ]
+
+
+def test_a_number_of_seeds_does_not_go_with_own_seeds(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study(f"{HOP}seeds: own\n")
+    with pytest.raises(InputError) as caught:
+        read(path, registry, 3)
+    assert caught.value.problems == (
+        f"{path}:4:8: each mission flies with its 'own' seed, so that --seeds 3 means nothing",
+    )
+
+
+def test_seeds_in_another_word_than_own_are_refused(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    (found,) = problems(study(f"{HOP}seeds: mine\n"), registry)
+    assert found == "4:8: seeds: 'mine' is not possible here: expected a number of seeds, or 'own'"
+
+
 def test_a_run_flies_with_its_seed(study: Callable[[str], Path], registry: Registry) -> None:
     (run,) = read(study(f"{HOP}seeds: [41]\n"), registry).runs()
     assert run.mission().scene.seed == run.mission().document.data["seed"] == 41

@@ -1,0 +1,88 @@
+"""The scenarios there are, and the scenario for a name, a number of agents and a seed."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any, Final
+
+from star_bench.among_walls import blocks, corridor, doorway, polygons
+from star_bench.in_the_open import circle, crossing, disc, stack
+from star_bench.scenario import Scenario
+from star_core import InputError
+
+FEWEST: Final = 2  # agents: one alone has nobody to avoid
+MOST: Final = 256
+"""Agents: the most that a test draws and lays out."""
+
+CATALOGUE: Final[Mapping[str, Callable[..., Scenario]]] = {
+    draw.__name__: draw
+    for draw in (circle, disc, crossing, stack, corridor, doorway, blocks, polygons)
+}
+NUMBERS: Final[Mapping[str, tuple[int, ...]]] = {"circle": (4, 8, 16, 32, 64)}
+USUAL_NUMBERS: Final = (8, 16, 32)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One scenario as one mission flies it.
+
+    Attributes:
+        scenario: Its name in the catalogue.
+        options: What it is drawn with, such as the width of a corridor, m.
+        agents: How many.
+        seed: Of what is drawn, and of the flight.
+    """
+
+    scenario: str
+    agents: int
+    seed: int
+    options: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """The scenario with its options, for tables: ``corridor width 2``."""
+        return " ".join([self.scenario, *(f"{k} {v:g}" for k, v in self.options.items())])
+
+    @property
+    def name(self) -> str:
+        """Name of the mission and its file: ``corridor-width-1_2-8-0``."""
+        return f"{self.title.replace(' ', '-').replace('.', '_')}-{self.agents}-{self.seed}"
+
+    def draw(self) -> Scenario:
+        """Return the scenario; equal cases give equal ones, and another seed gives another one."""
+        rng = Random(f"{self.scenario} {self.agents} {self.seed}")  # noqa: S311 -- no secret
+        return CATALOGUE[self.scenario](self.agents, rng, **self.options)
+
+
+def numbers(scenario: str) -> tuple[int, ...]:
+    """Return the numbers of agents that a scenario is flown with if nobody says."""
+    return NUMBERS.get(scenario, USUAL_NUMBERS)
+
+
+def checked_options(scenario: str, given: Mapping[str, Any]) -> Mapping[str, float]:
+    """Return a scenario's options as numbers.
+
+    Raises:
+        InputError: It has no option of that name, or the value is no length that can be flown.
+    """
+    known = [
+        name
+        for name, parameter in inspect.signature(CATALOGUE[scenario]).parameters.items()
+        if parameter.kind is parameter.KEYWORD_ONLY
+    ]
+    for name, value in given.items():
+        if name not in known:
+            there = f"there is {', '.join(known)}" if known else "it has none"
+            raise InputError([f"--scenarios: {scenario!r} has no option {name!r}; {there}"])
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= WIDEST:
+            raise InputError(
+                [f"--scenarios: {scenario} {name}: {value!r}, expected m, more than 0, {WIDEST} at"
+                 " most"]
+            )  # fmt: skip
+    return {name: float(value) for name, value in given.items()}
+
+
+WIDEST: Final = 10  # m, of a corridor, a door or a street

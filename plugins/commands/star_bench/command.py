@@ -1,0 +1,176 @@
+"""``star bench`` as its user sees it: writes scenarios, has them flown, writes the table."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Final
+
+from star_bench.campaign import NOISE, STUDY, Campaign, write
+from star_bench.catalogue import CATALOGUE, FEWEST, MOST, Case, checked_options, numbers
+from star_bench.figures import Figures, figures
+from star_bench.mission_file import SPEED
+from star_bench.table import Key, as_csv, as_markdown, rows
+from star_bench.words import levels, named
+from star_core import InputError, PluginError, Registry, new_folder
+
+FLOWN: Final = "flown"  # folder of the study's results
+SEEDS: Final = 5
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Fly a campaign and return the exit status: 0 when every run has been flown, however it ended.
+
+    Raises:
+        InputError: The flags ask for what there is not, or the folder cannot be written.
+    """
+    options = parser().parse_args(arguments)
+    registry = Registry()
+    campaign = Campaign(
+        cases=tuple(_cases(options)),
+        avoiders=levels(options.avoiders, registry),
+        noises=tuple(NOISE) if options.noise == "both" else (options.noise,),
+    )
+    folder = _folder(options.out)
+    try:
+        study = write(campaign, folder)
+        if options.write_only:
+            sys.stdout.write(f"{len(campaign.cases)} missions and their study: {study}\n")
+            return 0
+        sys.stderr.write(f"star: {campaign.runs} flights; all are checked before the first\n")
+        status = _flown(study, folder / FLOWN, options.workers, registry)
+        found = rows(_read(folder / FLOWN / "results.csv", campaign))
+        table = as_markdown(found)
+        (folder / "bench.csv").write_text(as_csv(found), encoding="utf-8")
+        (folder / "bench.md").write_text(table, encoding="utf-8")
+    except BrokenPipeError:  # whoever read us has gone
+        raise
+    except OSError as error:
+        raise InputError([f"{folder}: cannot be written: {error.strerror or error}"]) from error
+    sys.stdout.write(f"{table}\nresults: {folder}\n")
+    return status
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line, apart so that the docs and the tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star bench",
+        description="Fly avoiders x scenarios x numbers of agents x seeds, and tabulate how they"
+        " did.",
+        epilog="Options of an avoider or a scenario stand behind its name:"
+        " orca=radius:0.25,horizon:2 or corridor=width:2.",
+        allow_abbrev=False,
+    )
+    star.add_argument(
+        "--scenarios", nargs="+", default=[], metavar="NAME", help=f"{', '.join(CATALOGUE)} (all)"
+    )
+    star.add_argument("--avoiders", nargs="+", default=[], metavar="NAME", help="(all installed)")
+    star.add_argument(
+        "--agents",
+        nargs="+",
+        type=int,
+        metavar="N",
+        help=f"numbers of agents, {FEWEST} to {MOST} (each scenario's own)",
+    )
+    star.add_argument(
+        "--seeds", type=_positive, default=SEEDS, metavar="N", help="seeds 0 to N-1: %(default)s"
+    )
+    star.add_argument(
+        "--noise", choices=["both", *NOISE], default="both", help="of the estimate: %(default)s"
+    )
+    star.add_argument("--workers", type=_positive, metavar="N", help="runs at once (all cores)")
+    star.add_argument(
+        "--out", metavar="DIR", help="files into DIR, going on if it has some (runs/TIME-bench)"
+    )
+    star.add_argument("--write-only", action="store_true", help="write the files, fly nothing")
+    return star
+
+
+def _cases(options: argparse.Namespace) -> Iterator[Case]:
+    """Yield every case in the order of the table.
+
+    Raises:
+        InputError: There is no such scenario, or it has no such option or number of agents.
+    """
+    seen = set()
+    for word in options.scenarios or CATALOGUE:
+        name, given = named("--scenarios", word)
+        if name not in CATALOGUE:
+            close = get_close_matches(name, CATALOGUE, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(CATALOGUE)}"
+            raise InputError([f"--scenarios: no scenario named {name!r}; {hint}"])
+        chosen = checked_options(name, given)
+        for agents in dict.fromkeys(options.agents or numbers(name)):
+            if not FEWEST <= agents <= MOST:
+                wrong = f"--agents {agents}: expected a number from {FEWEST} to {MOST}"
+                raise InputError([wrong])
+            for seed in range(options.seeds):
+                case = Case(name, agents, seed, chosen)
+                if case.name in seen:
+                    raise InputError([f"--scenarios: {word!r} is there twice"])
+                seen.add(case.name)
+                yield case
+
+
+def _flown(study: Path, folder: Path, workers: int | None, registry: Registry) -> int:
+    """Have a study flown by the command that flies studies; return its exit status.
+
+    Raises:
+        InputError: There is no such command, or it refuses.
+    """
+    try:
+        ablate = registry.find("command", "ablate").offer
+    except PluginError as error:
+        raise InputError([f"`star ablate` flies the scenarios: {error}"]) from None
+    at_once = () if workers is None else ("--workers", str(workers))
+    status: int = ablate.make([str(study), "--out", str(folder), "--quiet", *at_once])
+    return status
+
+
+def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Figures]]:
+    """Yield the figures of every flight of a study, in the order of the table.
+
+    Raises:
+        OSError: Its results cannot be read.
+    """
+    with results.open(encoding="utf-8", newline="") as file:
+        flown = {
+            (row["mission"], row["avoider"], row["noise"]): row for row in csv.DictReader(file)
+        }
+    drawn = {case.name: case.draw() for case in campaign.cases}
+    for avoider in campaign.avoiders:
+        for noise in campaign.noises:
+            for case in campaign.cases:
+                if (row := flown.get((case.name, avoider, noise))) is not None:
+                    key = Key(avoider, case.title, str(case.agents), noise)
+                    yield key, figures(row, drawn[case.name], SPEED)
+
+
+def _folder(out: str | None) -> Path:
+    """Return where files go.
+
+    Raises:
+        InputError: It is no folder, or holds something else than a campaign.
+    """
+    if out is None:
+        return new_folder("bench")
+    folder = Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise InputError([f"--out {out}: is no folder"])
+    if folder.exists() and any(folder.iterdir()) and not (folder / STUDY).is_file():
+        raise InputError([f"--out {out}: holds something else; name another folder"])
+    return folder
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise ValueError(text)
+    return number
+
+
+_positive.__name__ = "positive whole number"  # as argparse calls it

@@ -1,0 +1,64 @@
+"""What the flags ``--avoiders`` and ``--scenarios`` name: a word, and options behind it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from star_core import InputError, PluginError, Registry
+
+LABEL = re.compile(r"[^A-Za-z0-9 _.+-]")
+
+
+def named(flag: str, word: str) -> tuple[str, dict[str, Any]]:
+    """Return the name and the options of a word such as ``orca=radius:0.25,horizon:2``.
+
+    >>> named("--avoiders", "orca=radius:0.25,obstacles:none")
+    ('orca', {'radius': 0.25, 'obstacles': 'none'})
+
+    Raises:
+        InputError: It is no such word.
+    """
+    name, equals, text = word.partition("=")
+    options: dict[str, Any] = {}
+    for part in text.split(",") if equals else ():
+        key, colon, value = part.partition(":")
+        if not (name and key and colon and value):
+            wrong = f"{flag} {word!r}: expected NAME or NAME=OPTION:VALUE,OPTION:VALUE"
+            raise InputError([wrong])
+        try:
+            options[key.strip()] = json.loads(value)
+        except ValueError:
+            options[key.strip()] = value.strip()
+    return name, options
+
+
+def levels(words: list[str], registry: Registry) -> dict[str, Any]:
+    """Return what a mission says for each avoider, by the label that tables show.
+
+    Args:
+        words: As the flag has them; all avoiders that are installed if there are none.
+        registry: Where they are found.
+
+    Raises:
+        InputError: There is no avoider of that name, or one is there twice.
+    """
+    found: dict[str, Any] = {}
+    for word in words or registry.names("avoider"):
+        name, options = named("--avoiders", word)
+        try:
+            registry.find("avoider", name)
+        except PluginError as error:
+            raise InputError([f"--avoiders: {error}"]) from None
+        label = label_of(name, options)
+        if label in found:
+            raise InputError([f"--avoiders: {label!r} is there twice"])
+        found[label] = {"use": name, **options} if options else name
+    return found
+
+
+def label_of(name: str, options: Mapping[str, Any]) -> str:
+    """Return what tables call a part with its options: ``orca radius 0.25``."""
+    return LABEL.sub("_", " ".join([name, *(f"{key} {value}" for key, value in options.items())]))

@@ -1,0 +1,253 @@
+"""``star bench`` writes missions and their study, has them flown, and writes the table."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+import star_bench
+from star_bench.campaign import NOISE
+from star_bench.command import main
+from star_bench.words import label_of, named
+from star_core import InputError, Offer, Registry, hookimpl, load
+from star_core.cli import main as star
+
+QUICK = ("--scenarios", "stack", "--agents", "2", "--seeds", "1", "--workers", "1")
+
+
+def refused(*arguments: str) -> str:
+    with pytest.raises(InputError) as caught:
+        main(arguments)
+    (problem,) = caught.value.problems
+    return problem
+
+
+def test_the_plugin_offers_the_command_bench(capsys: pytest.CaptureFixture[str]) -> None:
+    offer = Registry(star_bench, installed=False).find("command", "bench").offer
+    with pytest.raises(SystemExit):
+        offer.make(["--help"])
+    assert "--scenarios" in capsys.readouterr().out
+
+
+def test_announcing_it_imports_no_numpy() -> None:
+    code = "import sys, star_bench; list(star_bench.star_commands()); "
+    subprocess.run([sys.executable, "-c", code + "assert 'numpy' not in sys.modules"], check=True)
+
+
+def test_a_campaign_is_flown_and_goes_on_where_it_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    arguments = [*QUICK, "--noise", "off", "--out", str(out)]
+    assert main([*arguments, "--avoiders", "none"]) == 0
+    assert main([*arguments, "--avoiders", "none", "orca=radius:0.15"]) == 0
+    told = capsys.readouterr()
+    assert [line.partition(", ")[0] for line in told.err.splitlines()] == [
+        "star: 1 flights; all are checked before the first",
+        "[1/1] stack-2-0",
+        "star: 2 flights; all are checked before the first",
+        "[2/2] stack-2-0",
+    ]
+    assert told.out.endswith(f"results: {out}\n")
+    assert (out / "bench.md").read_text() in told.out
+    table = csv.DictReader((out / "bench.csv").read_text().splitlines())
+    found = {(row["avoider"], row["scenario"]): row for row in table}
+    assert list(found) == [
+        ("none", "stack"),
+        ("orca radius 0.15", "stack"),
+        ("none", "all"),
+        ("orca radius 0.15", "all"),
+    ]
+    row = found["orca radius 0.15", "stack"]
+    assert (row["runs"], row["success"], row["agent-agent collisions"]) == ("1", "1.0", "0")
+    assert 1.0 <= float(row["time ratio"]) < 3.0
+    assert 1.0 <= float(row["path ratio"]) < 1.5
+
+
+def test_a_noisy_flight_flies_on_an_estimate_that_errs(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main([*QUICK, "--avoiders", "none", "--noise", "on", "--out", str(out)]) == 0
+    (row, _) = csv.DictReader((out / "bench.csv").read_text().splitlines())
+    assert row["noise"] == "on"
+    (study,) = (out / "flown").glob("study.json")
+    assert '"error": 0.03' in study.read_text()
+
+
+def test_with_write_only_nothing_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    scenarios = ("--scenarios", "circle", "corridor=width:2.5")
+    assert (
+        main([*scenarios, "--seeds", "2", "--agents", "4", "--write-only", "--out", str(out)]) == 0
+    )
+    assert capsys.readouterr().out == f"4 missions and their study: {out / 'study.yaml'}\n"
+    names = ["circle-4-0", "circle-4-1", "corridor-width-2_5-4-0", "corridor-width-2_5-4-1"]
+    assert sorted(path.stem for path in (out / "missions").glob("*.yaml")) == names
+    assert not (out / "flown").exists()
+    for name in names:
+        assert star(["check", str(out / "missions" / f"{name}.yaml")]) == 0
+
+
+def test_the_noise_is_one_that_the_localizer_takes(tmp_path: Path) -> None:
+    main([*QUICK, "--write-only", "--out", str(tmp_path / "out")])
+    mission = tmp_path / "out" / "missions" / "stack-2-0.yaml"
+    settings = [f"{path}={value}" for path, value in NOISE["on"].items()]
+    assert load(mission, Registry(), settings).parts["localizer"].options == {
+        "error": 0.03,
+        "error_time": 1.0,
+    }
+
+
+def test_all_installed_avoiders_fly_if_nobody_says(tmp_path: Path) -> None:
+    main([*QUICK, "--write-only", "--out", str(tmp_path / "out")])
+    study = (tmp_path / "out" / "study.yaml").read_text()
+    assert all(f'    "{name}": {{"avoider"' in study for name in Registry().names("avoider"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (
+            ["--scenarios", "cirkle"],
+            "--scenarios: no scenario named 'cirkle'; did you mean 'circle'?",
+        ),
+        (
+            ["--scenarios", "x"],
+            "--scenarios: no scenario named 'x'; there are circle, disc, crossing, stack, "
+            "corridor, doorway, blocks, polygons",
+        ),
+        (
+            ["--scenarios", "corridor=widht:2"],
+            "--scenarios: 'corridor' has no option 'widht'; there is width",
+        ),
+        (["--scenarios", "disc=width:2"], "--scenarios: 'disc' has no option 'width'; it has none"),
+        (
+            ["--scenarios", "corridor=width:0"],
+            "--scenarios: corridor width: 0, expected m, more than 0, 10 at most",
+        ),
+        (
+            ["--scenarios", "corridor=width:wide"],
+            "--scenarios: corridor width: 'wide', expected m, more than 0, 10 at most",
+        ),
+        (["--scenarios", "disc", "disc"], "--scenarios: 'disc' is there twice"),
+        (["--agents", "1"], "--agents 1: expected a number from 2 to 256"),
+        (["--agents", "257"], "--agents 257: expected a number from 2 to 256"),
+        (
+            ["--avoiders", "orcca"],
+            "--avoiders: no avoider named 'orcca'; did you mean 'orca'?",
+        ),
+        (["--avoiders", "orca", "orca"], "--avoiders: 'orca' is there twice"),
+        (
+            ["--avoiders", "orca=radius"],
+            "--avoiders 'orca=radius': expected NAME or NAME=OPTION:VALUE,OPTION:VALUE",
+        ),
+    ],
+)
+def test_what_is_not_there_is_refused(arguments: Sequence[str], problem: str) -> None:
+    assert refused(*arguments, "--write-only") == problem
+
+
+def test_options_that_an_avoider_does_not_take_are_refused_with_their_place(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    arguments = [*QUICK, "--avoiders", "orca=radius:-1", "--noise", "off", "--out", str(out)]
+    with pytest.raises(InputError) as caught:
+        main(arguments)
+    assert str(caught.value).startswith(f"{out / 'study.yaml'}:9:")
+    assert star(["bench", *arguments]) == 2
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--seeds", "0"], ["--workers", "-1"], ["--noise", "loud"], ["--agents", "x"]]
+)
+def test_flags_that_are_no_numbers_or_words_are_refused(arguments: Sequence[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+
+
+def test_files_do_not_go_where_something_else_is(tmp_path: Path) -> None:
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "file").write_text("")
+    assert refused("--out", str(tmp_path)) == (
+        f"--out {tmp_path}: holds something else; name another folder"
+    )
+    assert refused("--out", str(tmp_path / "file")) == f"--out {tmp_path / 'file'}: is no folder"
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "out"
+    assert refused(*QUICK, "--out", str(out)) == f"{out}: cannot be written: Not a directory"
+
+
+def test_without_the_command_that_flies_studies_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lonely = Registry(star_bench, Idle(), installed=False)
+    monkeypatch.setattr("star_bench.command.Registry", lambda: lonely)
+    assert refused(*QUICK, "--avoiders", "idle", "--out", str(tmp_path / "out")) == (
+        "`star ablate` flies the scenarios: no command named 'ablate'; there are: bench"
+    )
+
+
+class Idle:
+    """Offers an avoider that is never made."""
+
+    @hookimpl
+    def star_avoiders(self) -> list[Offer[object]]:
+        return [Offer(name="idle", summary="Avoids nobody.", make=object)]
+
+
+def test_an_interrupted_campaign_leaves_a_table_and_says_that_it_is_not_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    arguments = [*QUICK, "--avoiders", "none", "--noise", "off", "--out", str(out)]
+
+    @hookimpl
+    def star_commands() -> list[Offer[int]]:
+        return [Offer(name="ablate", summary="Is interrupted.", make=interrupted)]
+
+    def interrupted(given: Sequence[str]) -> int:
+        folder = Path(given[given.index("--out") + 1])
+        folder.mkdir()
+        (folder / "results.csv").write_text("mission,avoider,noise,seed,outcome,reason\n")
+        return 1
+
+    plugin = type("Plugin", (), {"star_commands": staticmethod(star_commands)})()
+    registry = Registry(plugin, star_bench, *_parts(), installed=False)
+    monkeypatch.setattr("star_bench.command.Registry", lambda: registry)
+    assert main(arguments) == 1
+    assert (out / "bench.csv").read_text().count("\n") == 1  # the heading
+
+
+def _parts() -> list[object]:
+    import star_none
+
+    return [star_none]
+
+
+@pytest.mark.parametrize(
+    ("word", "found"),
+    [
+        ("orca", ("orca", {})),
+        ("orca=radius:0.25", ("orca", {"radius": 0.25})),
+        ("a=b:c,d:null,e:true", ("a", {"b": "c", "d": None, "e": True})),
+    ],
+)
+def test_a_word_is_a_name_with_options(word: str, found: object) -> None:
+    assert named("--avoiders", word) == found
+
+
+@pytest.mark.parametrize("word", ["=a:1", "a=", "a=b", "a=:1", "a=b:", "a=b:1,"])
+def test_half_a_word_is_refused(word: str) -> None:
+    with pytest.raises(InputError, match="expected NAME or NAME=OPTION:VALUE"):
+        named("--avoiders", word)
+
+
+def test_a_label_is_one_that_studies_take() -> None:
+    assert label_of("orca", {"note": "a/b"}) == "orca note a_b"

@@ -1,0 +1,204 @@
+"""What is told of single flights, and how the table sums it up."""
+
+from __future__ import annotations
+
+import csv
+import json
+from io import StringIO
+from typing import Any
+
+import pytest
+
+from star_bench.figures import PARTS, Figures, figures, path_ratio, time_ratio
+from star_bench.scenario import Scenario, level
+from star_bench.table import COLUMNS, Key, as_csv, as_markdown, rows
+
+TWO = level([(0, 0), (0, 5)], [(3, 4), (1, 5)], about="Two go 5 m and 1 m.")
+TWICE = Scenario(
+    "One goes up 1 m, back 2 m.", ((0, 0),), (1.0,), (((1, 0, 1.0),), ((-1, 0, 1.0),)), (0, 0),
+    (0, 0),
+)  # fmt: skip
+KEY = Key("orca", "circle", "2", "off")
+
+
+def step(name: str, begun: float, ended: float, **more: Any) -> dict[str, Any]:
+    times = {"begun_s": begun, "ended_s": ended}
+    return {"verb": "goto", "agents": [name], "outcome": "success", **times, **more}
+
+
+def row(**more: Any) -> dict[str, str]:
+    whole = {
+        "outcome": "completed",
+        "collisions.agent_agent": 0,
+        "collisions.agent_obstacle": 0,
+        "min_separation_m": 0.4,
+    }
+    texts = (whole | {name.replace("__", "."): value for name, value in more.items()}).items()
+    return {name: v if isinstance(v, str) else json.dumps(v) for name, v in texts}
+
+
+def flight(**more: Any) -> Figures:
+    unknown = dict.fromkeys(PARTS)
+    known: dict[str, Any] = dict.fromkeys(Figures.__slots__) | {"success": True, "compute": unknown}
+    return Figures(**(known | more))
+
+
+def cells(*flights: Figures) -> dict[str, float | None]:
+    ((_, found), _) = rows([(KEY, one) for one in flights])
+    return dict(zip(COLUMNS, found, strict=True))
+
+
+# Figures of one flight
+
+
+def test_the_time_ratio_is_that_of_the_last_to_arrive() -> None:
+    steps = [step("d1", 10.0, 22.0), step("d2", 10.0, 25.0)]
+    assert time_ratio(steps, TWO, speed=0.5) == 15.0 / (1.0 / 0.5)
+    steps = [step("d1", 10.0, 26.0), step("d2", 10.0, 25.0)]
+    assert time_ratio(steps, TWO, speed=0.5) == 16.0 / (5.0 / 0.5)
+
+
+def test_the_time_ratio_takes_all_legs_together() -> None:
+    steps = [step("d1", 0.0, 4.0), step("d1", 4.0, 10.0)]
+    assert time_ratio(steps, TWICE, speed=0.5) == 10.0 / (3.0 / 0.5)
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [],
+        [step("d1", 0.0, 9.0)],
+        [step("d1", 0.0, 9.0), step("d2", 0.0, 9.0, outcome="failure")],
+        [step("d1", 0.0, 9.0), step("d2", 0.0, 9.0, verb="takeoff")],
+    ],
+)
+def test_there_is_no_time_ratio_if_somebody_did_not_arrive(steps: list[dict[str, Any]]) -> None:
+    assert time_ratio(steps, TWO, speed=0.5) is None
+
+
+def test_the_path_ratio_leaves_out_climb_and_descent() -> None:
+    assert path_ratio({"d1": 7.5 + 2.0, "d2": 1.5 + 2.0}, TWO) == pytest.approx(9.0 / 6.0)
+
+
+def test_there_is_no_path_ratio_without_all_lengths_or_a_way() -> None:
+    still = level([(0, 0)], [(0, 0)], about="Nobody goes anywhere.")
+    assert path_ratio({"d1": 7.5}, TWO) is None
+    assert path_ratio({"d1": 7.5}, still) is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "success"),
+    [
+        ({}, True),
+        ({"outcome": "failed"}, False),
+        ({"collisions__agent_agent": 1}, False),
+        ({"collisions__agent_obstacle": 1}, False),
+        ({"collisions__agent_agent": ""}, False),
+    ],
+)
+def test_a_flight_succeeds_if_it_completes_and_nothing_is_hit(
+    changes: dict[str, Any],
+    success: bool,  # noqa: FBT001 -- what is expected
+) -> None:
+    assert figures(row(**changes), TWO, 0.5).success is success
+
+
+def test_figures_are_read_from_a_row() -> None:
+    found = figures(
+        row(
+            deadlocks=2,
+            min_clearance_m=0.25,
+            corrected={"fence": 1, "speed": 0, "separation": 4},
+            compute_us={"avoider": 12.5, "planner": 3.0},
+            steps=[step("d1", 0.0, 20.0), step("d2", 0.0, 4.0)],
+            path_length_m__per_agent={"d1": 7.0, "d2": 3.0},
+        ),
+        TWO,
+        0.5,
+    )
+    assert (found.deadlocks, found.separation, found.clearance) == (2, 0.4, 0.25)
+    assert (found.time_ratio, found.path_ratio) == (2.0, 1.0)
+    assert found.corrected == 5
+    assert found.compute == {"avoider": 12.5, "planner": 3.0, "localizer": None, "safety": None}
+
+
+def test_what_a_row_does_not_have_is_not_known() -> None:
+    found = figures(row(), TWO, 0.5)
+    unknown = (found.deadlocks, found.clearance, found.time_ratio, found.path_ratio)
+    assert unknown == (None,) * 4
+    assert found.corrected is None
+
+
+def test_a_flight_that_did_not_complete_has_no_path_ratio() -> None:
+    lengths = {"d1": 7.0, "d2": 3.0}
+    found = figures(row(outcome="failed", path_length_m__per_agent=lengths), TWO, 0.5)
+    assert found.path_ratio is None
+
+
+# The table
+
+
+def test_counts_are_sums_distances_least_and_ratios_means() -> None:
+    found = cells(
+        flight(agent_agent=1, deadlocks=2, separation=0.3, time_ratio=1.5, path_ratio=1.2),
+        flight(agent_agent=3, deadlocks=0, separation=0.2, time_ratio=2.5, path_ratio=1.4),
+    )
+    assert found["runs"] == 2
+    assert (found["agent-agent collisions"], found["deadlocks"]) == (4, 2)
+    assert found["min separation (m)"] == 0.2
+    assert (found["time ratio"], found["path ratio"]) == pytest.approx((2.0, 1.3))
+
+
+def test_success_is_the_share_of_flights() -> None:
+    assert cells(flight(success=True), flight(success=False))["success"] == 0.5
+
+
+def test_what_some_flights_lack_is_summed_up_over_the_others() -> None:
+    found = cells(flight(time_ratio=1.5, separation=None), flight(time_ratio=None))
+    assert found["time ratio"] == 1.5
+    assert found["min separation (m)"] is None
+
+
+def test_compute_is_a_mean_for_each_part() -> None:
+    parts = dict.fromkeys(PARTS, 1.0)
+    found = cells(flight(compute=parts), flight(compute=parts | {"avoider": 3.0}))
+    assert (found["avoider (us)"], found["planner (us)"]) == (2.0, 1.0)
+
+
+def test_flights_are_grouped_and_pooled_for_each_avoider_and_noise() -> None:
+    keys = [
+        Key("none", "circle", "2", "off"),
+        Key("none", "disc", "2", "off"),
+        Key("none", "disc", "2", "on"),
+        Key("orca", "circle", "2", "off"),
+    ]
+    found = rows([(key, flight(agent_agent=1)) for key in keys])
+    pooled = {
+        tuple(key): line[list(COLUMNS).index("agent-agent collisions")]
+        for key, line in found[len(keys) :]
+    }
+    assert [key for key, _ in found[: len(keys)]] == keys
+    assert pooled == {
+        ("none", "all", "all", "off"): 2,
+        ("none", "all", "all", "on"): 1,
+        ("orca", "all", "all", "off"): 1,
+    }
+
+
+def test_the_page_shows_what_is_not_known_as_a_dash() -> None:
+    page = as_markdown(rows([(KEY, flight(agent_agent=0, separation=0.4))]))
+    assert "| orca | circle | 2 | off | 1 | 100.0% | 0 | - | - | 0.40 | - | - | - | - | - |" in page
+
+
+def test_the_page_tells_what_its_columns_mean() -> None:
+    page = as_markdown(rows([(KEY, flight())]))
+    lines = page.splitlines()
+    assert lines[0].count("|") == lines[1].count("|") == lines[2].count("|")
+    assert "Time ratio: " in page
+
+
+def test_the_csv_has_numbers_in_full_and_nothing_for_what_is_not_known() -> None:
+    (first, _) = csv.DictReader(StringIO(as_csv(rows([(KEY, flight(separation=1 / 3))]))))
+    assert first["min separation (m)"] == "0.3333333333333333"
+    assert first["min clearance (m)"] == ""
+    assert first["planner (us)"] == ""
