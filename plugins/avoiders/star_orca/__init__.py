@@ -22,7 +22,7 @@ _OPTIONS: dict[str, Any] = {
         "horizon": {
             "type": "number",
             "exclusiveMinimum": 0,
-            "default": 1.0,
+            "default": 2.0,
             "description": "Time for which no two agents shall collide, s",
         },
         "communication_radius": {
@@ -65,7 +65,7 @@ _OPTIONS: dict[str, Any] = {
         "response": {
             "type": "number",
             "minimum": 0,
-            "default": 0.2,
+            "default": 0.3,
             "description": "Time constant with which agents follow a velocity: where they will be "
             "so much later is what counts, s",
         },

@@ -45,14 +45,14 @@ class Orca:
         scene: Scene,
         *,
         radius: float = 0.2,
-        horizon: float = 1.0,
+        horizon: float = 2.0,
         communication_radius: float = 4.0,
         max_neighbours: int = 10,
         vertical: float = 0.6,
         obstacles: str = "half-planes",
         obstacle_horizon: float = 1.0,
         clearance: float | None = None,
-        response: float = 0.2,
+        response: float = 0.3,
     ) -> None:
         n = len(scene.agents)
         self._radius = np.full(n, float(radius))

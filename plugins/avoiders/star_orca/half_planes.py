@@ -6,6 +6,8 @@ from star_core import Array, Rows, compiled
 from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y, Z
 from star_orca.way_out import way_out
 
+COLUMN = 1.0  # s, in which two that are one above the other get out of each other's column
+
 
 @compiled
 def half_planes(
@@ -24,7 +26,7 @@ def half_planes(
     "Reciprocal n-Body Collision Avoidance" (2011): the agent takes on its share of the least change
     that brings the relative velocity out of the velocity obstacle, half of it beside a neighbour
     that avoids too and all of it beside one that does not. Two that already overlap are to be
-    apart after one period; where one is above the other, the horizon is soon enough.
+    apart after one period; where one is above the other, `COLUMN` is soon enough.
 
     Two agents at one point that fly alike have no line to part along: they part along x, the
     earlier row forwards.
@@ -46,8 +48,12 @@ def half_planes(
         apart = agents[me, RADIUS] + agents[other, RADIUS]
         share = 0.5 if agents[other, AVOIDS] > 0.0 else 1.0
         dz = agents[other, Z] - agents[me, Z]
-        overlap = dx * dx + dy * dy + dz * dz <= apart * apart
-        rate = 1.0 / period if overlap else 1.0 / horizon
+        squared = dx * dx + dy * dy
+        rate = 1.0 / horizon
+        if squared + dz * dz <= apart * apart:
+            rate = 1.0 / period
+        elif squared <= apart * apart:
+            rate = max(rate, 1.0 / COLUMN)
         forwards = 1.0 if agents[me, ROW] < agents[other, ROW] else -1.0
         a, b, outwards = way_out(dx, dy, ux, uy, apart, rate, forwards)
         planes[k, 0], planes[k, 1], planes[k, 2] = a, b, a * vx + b * vy + share * outwards

@@ -8,8 +8,11 @@ run.
 It has to come early. Once agents stand in a ring, shoulder to shoulder, the half-planes of the two
 beside it stop an agent that turns by less than the angle between it and them; so a small turn
 begins when anybody is ahead, not when somebody is in the way. Where that was not enough and an
-agent gets nowhere for the others, it wants to go to the right altogether: the ring goes round until
+agent gets nowhere for the others, it wants to go to the side altogether: the ring goes round until
 its ways open.
+
+One that is parked does not turn with the others. It is passed on the side that it leaves, else an
+agent would walk all round a ring of parked ones to keep them on its left.
 """
 
 from __future__ import annotations
@@ -17,15 +20,20 @@ from __future__ import annotations
 import math
 
 from star_core import Array, Rows, compiled
-from star_orca.neighbours import X, Y
+from star_orca.neighbours import AVOIDS, ROW, VX, VY, X, Y
 
 BLOCKED = 0.05  # of its wish: an agent that gets no more of it gets nowhere
 QUARTER = math.radians(90.0)
+PARKED = 0.1  # m/s: one that neither goes nor wants to go any faster is parked
 
 
 @compiled
-def anybody_ahead(agents: Array, me: int, neighbours: Rows, count: int, x: float, y: float) -> bool:
-    """Return whether any neighbour is ahead of an agent.
+def side_to_take(
+    agents: Array, me: int, neighbours: Rows, count: int, x: float, y: float, wish: Array
+) -> float:
+    """Return 1 if an agent is to turn right for those ahead of it, -1 if left, 0 if nobody is.
+
+    The nearest one ahead decides.
 
     Args:
         agents: (M, 9) table of `star_orca.neighbours.sort_into_cells`.
@@ -34,13 +42,25 @@ def anybody_ahead(agents: Array, me: int, neighbours: Rows, count: int, x: float
         count: How many of these to look at.
         x: Wanted velocity along x, m/s: where ahead is.
         y: Wanted velocity along y, m/s.
+        wish: (N, 3) wanted velocity of everybody, m/s.
     """
+    side, least = 0.0, math.inf
     for k in range(count):
-        dx = agents[neighbours[k], X] - agents[me, X]
-        dy = agents[neighbours[k], Y] - agents[me, Y]
-        if x * dx + y * dy > 0.0:
-            return True
-    return False
+        other = neighbours[k]
+        dx = agents[other, X] - agents[me, X]
+        dy = agents[other, Y] - agents[me, Y]
+        squared = dx * dx + dy * dy
+        if x * dx + y * dy <= 0.0 or squared >= least:
+            continue
+        least = squared
+        i = int(agents[other, ROW])
+        if agents[other, AVOIDS] > 0.0:
+            wx, wy = wish[i, 0], wish[i, 1]
+        else:
+            wx, wy = agents[other, VX], agents[other, VY]
+        to_the_right = x * dy - y * dx < 0.0
+        side = -1.0 if to_the_right and wx * wx + wy * wy < PARKED * PARKED else 1.0
+    return side
 
 
 @compiled

@@ -10,7 +10,7 @@ from star_core import Array, Mask, Rows, compiled
 from star_orca.column import climb
 from star_orca.edges import layer_at, nearest_edges
 from star_orca.half_planes import half_planes
-from star_orca.keep_right import BLOCKED, QUARTER, anybody_ahead, turned_right
+from star_orca.keep_right import BLOCKED, QUARTER, side_to_take, turned_right
 from star_orca.linear_program import solve
 from star_orca.neighbours import AVOIDS, ROW, VX, VY, X, Y, Z, nearest, sort_into_cells
 from star_orca.obstacle_planes import obstacle_plane
@@ -101,14 +101,14 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
         if squared > speed[i] * speed[i]:
             scale = speed[i] / math.sqrt(squared)
             x, y, z = scale * x, scale * y, scale * z
-        ahead = turn != 0.0 and anybody_ahead(agents, me, neighbours, count, x, y)
-        wish_x, wish_y = turned_right(x, y, turn) if ahead else (x, y)
+        side = side_to_take(agents, me, neighbours, count, x, y, wish) if turn != 0.0 else 0.0
+        wish_x, wish_y = turned_right(x, y, side * turn) if side != 0.0 else (x, y)
         to_x, to_y = solve(planes, hard + count, hard, speed[i], wish_x, wish_y, scratch)
         least = BLOCKED * (x * x + y * y)
-        if ahead and x * to_x + y * to_y < least:
+        if side != 0.0 and x * to_x + y * to_y < least:
             alone_x, alone_y = solve(planes, hard, hard, speed[i], wish_x, wish_y, scratch)
             if x * alone_x + y * alone_y > least:  # it is the others that block it, no obstacle
-                wish_x, wish_y = turned_right(x, y, QUARTER)
+                wish_x, wish_y = turned_right(x, y, side * QUARTER)
                 to_x, to_y = solve(planes, hard + count, hard, speed[i], wish_x, wish_y, scratch)
         if z != 0.0:
             z = climb(agents, me, neighbours, count, z, vertical, 1.0 / horizon)

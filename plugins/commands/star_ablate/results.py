@@ -47,7 +47,8 @@ def as_markdown(study: Study, results: Results) -> str:
     """Return a page with a table of one row for each condition, and what did not complete."""
     measures = _further(study)
     total = len(study.conditions) * study.each
-    with_seeds = "own seeds" if study.seeds is None else f"{study.each} seeds each"
+    many = "seed" if study.each == 1 else "seeds"
+    with_seeds = "own seeds" if study.seeds is None else f"{study.each} {many} each"
     lines = [
         f"# {study.name}",
         "",

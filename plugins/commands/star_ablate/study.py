@@ -140,7 +140,7 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
         raise InputError(problems)
     conditions, problems = _conditions(files, factors, registry, document.problem)
     if problems:
-        raise InputError(problems)
+        raise InputError(list(dict.fromkeys(problems)))  # a level may be wrong in every mission
     return Study(
         name=data["name"],
         factors=tuple(factors),

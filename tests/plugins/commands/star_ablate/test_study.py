@@ -232,6 +232,14 @@ def test_what_a_level_sets_wrongly_is_located_in_the_study(
     assert "-1" in found
 
 
+def test_a_level_that_is_wrong_for_every_mission_is_told_once(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    given = "missions: [../hop.yaml, ../jump.yaml]\nfactors: {fast: {very: {rate: -1}}}\n"
+    (problem,) = problems(study(given), registry)
+    assert "-1" in problem
+
+
 def test_what_is_wrong_with_a_mission_at_every_level_is_told_once(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
