@@ -12,6 +12,7 @@ from star_core.table import Array
 
 PATIENCE: Final = 5.0  # s without progress
 PROGRESS: Final = 0.05  # m nearer than ever before
+EVERY: Final = 0.25  # s from one look to the next
 ARRIVED: Final = 0.3  # m: no deadlock so near, where agents wait for a tight place
 
 
@@ -34,9 +35,13 @@ class Progress:
         self._best = np.full(agents, np.inf)  # m left, the least so far
         self._since = np.zeros(agents)  # s, of the last progress
         self._counted = np.zeros(agents, np.bool_)
+        self._due = -np.inf  # s, when to look again
 
     def add(self, tick: Tick) -> None:
         """Take in one tick."""
+        if tick.time < self._due:
+            return
+        self._due = tick.time + EVERY
         goals = tick.goals
         flies = goals.active & (tick.health.phase == int(AgentPhase.FLYING))
         goal = np.where(flies[:, None], goals.position, np.nan)

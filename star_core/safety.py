@@ -126,6 +126,8 @@ class SafetyFilter:
         closes = _along(towards, estimate.velocity, first, second)
         room = apart - self._separation
         allowed = self._from(room, closes, self._brakes * np.maximum(1.0, steered))
+        if not ((_along(towards, moving, first, second) > allowed + ENOUGH) & (steered > 0)).any():
+            return velocity
         fastest = self._fastest(estimate, active)
         near = np.flatnonzero(
             (fastest[first] + fastest[second] > allowed + ENOUGH) & (steered > 0)
@@ -179,6 +181,8 @@ class SafetyFilter:
 
 def _differ(one: Array, other: Array) -> Mask:
     """Whose velocities differ by more than counts: (N,)."""
+    if one is other:
+        return np.zeros(len(one), np.bool_)
     differ: Mask = np.abs(one - other).max(axis=1, initial=0.0) > COUNTS
     return differ
 
