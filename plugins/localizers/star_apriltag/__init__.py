@@ -74,7 +74,7 @@ OPTIONS: dict[str, Any] = {
             "maximum": 64,
             "default": None,
             "description": "How many processes look at images beside the tick; null: one for each "
-            "camera, but no more than cores. Results do not depend on it.",
+            "camera, but a core is left for the tick. Results do not depend on it.",
         },
         "worst": {
             "type": "number",

@@ -80,7 +80,7 @@ def suited(scene: Scene) -> int:
     cameras = sum(agent.camera is not None for agent in scene.agents)
     told = os.environ.get("OMP_NUM_THREADS", "")
     cores = min(_cores(), int(told) if told.isdecimal() else sys.maxsize)
-    return min(cameras, cores) if cores > 1 or scene.realtime else 0
+    return min(cameras, max(1, cores - 1)) if cores > 1 or scene.realtime else 0
 
 
 class Here:

@@ -159,11 +159,11 @@ def test_a_late_process_is_spared_old_images_and_told_all_odometry() -> None:
         (1, None, False, 0),
         (1, None, True, 1),
         (4, "1", False, 0),
-        (2, "many", False, 2),
+        (2, "many", False, 1),
         (64, None, True, 2),
     ],
 )
-def test_there_is_a_process_for_each_camera_but_no_more_than_cores(
+def test_there_is_a_process_for_each_camera_and_a_core_for_the_tick(
     monkeypatch: pytest.MonkeyPatch,
     *,
     cores: int,
