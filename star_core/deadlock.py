@@ -16,7 +16,7 @@ EVERY: Final = 0.25  # s from one look to the next
 ARRIVED: Final = 0.3  # m: no deadlock so near, where agents wait for a tight place
 
 
-class Progress:
+class Deadlocks:
     """Counts deadlocks: an agent that is not there and for `PATIENCE` got no nearer.
 
     What counts is the rest of the way that the planner means to fly. Agents whose goals move are
@@ -26,11 +26,11 @@ class Progress:
         agents: How many there are.
 
     Attributes:
-        deadlocks: How many there were, each counted once until the agent gets on.
+        count: How many there were, each counted once until the agent gets on.
     """
 
     def __init__(self, agents: int) -> None:
-        self.deadlocks = 0
+        self.count = 0
         self._goal = np.full((agents, 3), np.nan)
         self._best = np.full(agents, np.inf)  # m left, the least so far
         self._since = np.zeros(agents)  # s, of the last progress
@@ -52,7 +52,7 @@ class Progress:
         self._best = np.where(better, left, self._best)
         self._since = np.where(better, tick.time, self._since)
         stuck = flies & ~better & (left > ARRIVED) & (tick.time - self._since > PATIENCE)
-        self.deadlocks += int((stuck & ~self._counted).sum())
+        self.count += int((stuck & ~self._counted).sum())
         self._counted = (self._counted | stuck) & ~better
 
 

@@ -75,6 +75,12 @@ class SafetyFilter:
             wanted: Its active rows are sent.
         """
         active = wanted.active
+        known = np.isfinite(estimate.velocity).all(axis=1)
+        if (
+            not known.all()
+        ):  # who is near and says nothing of its velocity stands, as far as we know
+            still = np.where(known[:, None], estimate.velocity, 0.0)
+            estimate = replace(estimate, velocity=still)
         said = safe.active & active
         asked = np.where(said[:, None], safe.velocity, 0.0)
         velocity = self._slowed(asked)

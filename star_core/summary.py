@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from star_core.checks import CONTACT_RADIUS
-from star_core.deadlock import Progress
+from star_core.deadlock import Deadlocks
 from star_core.flight import Event, Tick
 from star_core.near import least, pairs
 from star_core.scene import Scene
@@ -56,7 +56,7 @@ class Meter:
         self._time = 0.0
         self._ticks = 0
         self._corrected = dict.fromkeys(("fence", "speed", "separation"), 0)
-        self._progress = Progress(n)
+        self._deadlocks = Deadlocks(n)
 
     def add(self, tick: Tick) -> None:
         """Take in one tick."""
@@ -73,7 +73,7 @@ class Meter:
         self._up = (self._up | (phase == FLYING)) & ((phase == FLYING) | (phase == LOST))
         if truth is not None:
             self._err(tick.estimate.position - truth.position, tick.estimate.covariance)
-        self._progress.add(tick)
+        self._deadlocks.add(tick)
         for why in self._corrected:
             self._corrected[why] += int(getattr(tick.corrected, why).sum())
         self._ticks += 1
@@ -123,7 +123,7 @@ class Meter:
                 "agent_agent": self._agent_agent,
                 "agent_obstacle": self._agent_obstacle,
             },
-            "deadlocks": self._progress.deadlocks,
+            "deadlocks": self._deadlocks.count,
             "corrected": dict(self._corrected),
             "min_separation_m": _known(self._separation),
             "min_clearance_m": _known(self._clearance),

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 
 from star_core import (
     Avoider,
@@ -142,6 +141,13 @@ def test_a_setpoint_or_a_plan_of_another_swarm_is_refused() -> None:
     assert refused(checked_plan, PLAN, 1) == message
 
 
+@pytest.mark.parametrize("agent", [-1, 2])
+def test_a_path_of_an_agent_that_there_is_not_is_refused(agent: int) -> None:
+    nowhere = replace(PLAN, paths=Paths(np.array([agent]), np.zeros((1, 3))))
+    message = f"Plan.paths.agent is [{agent}], expected rows below 2"
+    assert refused(checked_plan, nowhere, 2) == message
+
+
 @pytest.mark.parametrize(
     ("check", "kind"),
     [
@@ -152,8 +158,3 @@ def test_a_setpoint_or_a_plan_of_another_swarm_is_refused() -> None:
 )
 def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
     assert refused(check, None, 2) == f"returned NoneType, expected {kind}"
-
-
-speeds = st.floats(-100.0, 100.0)
-velocities = st.lists(st.tuples(speeds, speeds, speeds), min_size=3, max_size=3)
-masks = st.lists(st.booleans(), min_size=3, max_size=3)

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from star_core import AgentPhase, Goals, Paths, Tick
-from star_core.deadlock import Progress
+from star_core.deadlock import Deadlocks
 
 Track = Callable[[float], float]
 NO_PATHS = Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
@@ -25,7 +25,7 @@ def deadlocks(
     paths: Paths = NO_PATHS,
 ) -> int:
     """How often an agent at `x` that is to fly to `goal`, both on one axis, is in a deadlock."""
-    progress = Progress(1)
+    found = Deadlocks(1)
     for time in np.arange(0.0, seconds, 0.05):
         goals = Goals(
             np.array([[goal(time), 0.0, 0.0]]),
@@ -41,8 +41,8 @@ def deadlocks(
             estimate=SimpleNamespace(position=np.array([[x(time), 0.0, 0.0]])),
             plan=SimpleNamespace(paths=paths),
         )
-        progress.add(cast("Tick", tick))
-    return progress.deadlocks
+        found.add(cast("Tick", tick))
+    return found.count
 
 
 def test_who_stands_far_from_its_goal_is_in_one_deadlock_however_long() -> None:

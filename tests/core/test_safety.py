@@ -90,6 +90,23 @@ def test_nobody_is_faster_than_the_limit() -> None:
     assert corrected.speed.tolist() == [True]
 
 
+FREE = st.tuples(*[st.floats(-100.0, 100.0)] * 3)
+
+
+@given(st.lists(FREE, min_size=3, max_size=3), st.lists(st.booleans(), min_size=3, max_size=3))
+def test_a_velocity_that_is_too_fast_keeps_its_direction_and_a_slow_one_stays(
+    wish: list[tuple[float, float, float]], active: list[bool]
+) -> None:
+    wide = replace(scene(3), world=World("hall", Fence((-1e6,) * 3, (1e6,) * 3)))
+    wanted = setpoint(wish, active)
+    here = estimate(np.arange(3)[:, None] * [1000.0, 0.0, 0.0])
+    sent, _ = SafetyFilter(wide).filter(here, wanted, wanted)
+    lengths = np.linalg.norm(wanted.velocity, axis=1)
+    factor = np.minimum(1.0, SPEED / np.maximum(lengths, 1e-300)) * np.array(active)
+    assert sent.velocity == pytest.approx(wanted.velocity * factor[:, None], abs=1e-12)
+    assert sent.active.tolist() == active
+
+
 @pytest.mark.parametrize("across", [0.0, 0.05, 0.15])
 def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
     path = flown(
@@ -113,6 +130,16 @@ def test_who_is_in_the_way_and_not_steered_is_braked_for() -> None:
         [[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]], [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False]
     )
     assert 0 <= velocity[0, 0] < 0.35
+    assert corrected.separation.tolist() == [True, False]
+
+
+def test_who_is_in_the_way_and_says_nothing_of_its_velocity_is_braked_for() -> None:
+    wanted = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
+    here = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
+    silent = estimate(here, velocity=np.array([[0.0] * 3, [math.nan] * 3]))
+    sent, corrected = SafetyFilter(scene(2)).filter(silent, wanted, wanted)
+    still, _ = filtered(here, wanted.velocity, [True, False])
+    assert sent.velocity[0].tolist() == still[0].tolist()
     assert corrected.separation.tolist() == [True, False]
 
 
