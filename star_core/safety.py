@@ -75,12 +75,9 @@ class SafetyFilter:
             wanted: Its active rows are sent.
         """
         active = wanted.active
-        known = np.isfinite(estimate.velocity).all(axis=1)
-        if (
-            not known.all()
-        ):  # who is near and says nothing of its velocity stands, as far as we know
-            still = np.where(known[:, None], estimate.velocity, 0.0)
-            estimate = replace(estimate, velocity=still)
+        if not np.isfinite(estimate.velocity).all():  # who does not say how fast it is stands
+            known = np.nan_to_num(estimate.velocity, posinf=0.0, neginf=0.0)
+            estimate = replace(estimate, velocity=known)
         said = safe.active & active
         asked = np.where(said[:, None], safe.velocity, 0.0)
         velocity = self._slowed(asked)
