@@ -77,6 +77,7 @@ def _turned(yaw: Array, vectors: Array) -> Array:
     """Turn (N, 3) vectors about z by (N,) angles, rad."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = vectors.copy()
-    turned[:, 0] = cos * vectors[:, 0] - sin * vectors[:, 1]
-    turned[:, 1] = sin * vectors[:, 0] + cos * vectors[:, 1]
+    x, y = vectors[:, 0], vectors[:, 1]
+    turned[:, 0] = cos * x - sin * y
+    turned[:, 1] = sin * x + cos * y
     return turned

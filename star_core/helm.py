@@ -76,7 +76,8 @@ class Helm:
         else:
             estimate = self._crew.locate(telemetry)
             lies = self._lying.last_known(estimate.map_from_odom)
-            estimate = replace(estimate, map_from_odom=lies)
+            if lies is not estimate.map_from_odom:
+                estimate = replace(estimate, map_from_odom=lies)
             if len(estimate.corrections.agent):
                 self._crew.correct(estimate.corrections)
         self.estimate = estimate
@@ -98,6 +99,8 @@ class Helm:
             yaw=setpoint.yaw - to_map.yaw,
         )
         sent = self._crew.send(odom)
+        if sent is odom:
+            return setpoint
         return replace(sent, velocity=to_map.turn(sent.velocity), yaw=sent.yaw + to_map.yaw)
 
     def order(self, command: Command, estimate: Estimate) -> None:

@@ -50,22 +50,23 @@ class Homing:
             beyond: (N,) how far behind its point each agent is to come to rest, along a path, m.
         """
         low, high = self._limits.height
-        here = estimate.position
-        offset = goals.position - here
-        offset[:, 2] = np.minimum(np.maximum(goals.position[:, 2], low), high) - here[:, 2]
+        height = estimate.position[:, 2]
+        offset = goals.position - estimate.position
+        within = np.minimum(np.maximum(goals.position[:, 2], low), high)
+        np.subtract(within, height, out=offset[:, 2])
         distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))
         rest = distance + beyond
         braking = np.sqrt(2 * BRAKING * self._limits.acceleration * rest)
         closing = np.minimum(np.minimum(goals.speed, self._gain * rest), braking)
-        velocity: Array = (
-            goals.velocity + offset * (closing / np.maximum(distance, NOWHERE))[:, None]
-        )
+        offset *= (closing / np.maximum(distance, NOWHERE))[:, None]
+        velocity: Array = offset + goals.velocity
         most = np.minimum(goals.speed, self._limits.speed)
         speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-        velocity *= np.minimum(1.0, most / np.maximum(speed, NOWHERE))[:, None]
-        down = np.minimum(self._gain * (low - here[:, 2]), 0.0)
-        up = np.maximum(self._gain * (high - here[:, 2]), 0.0)
-        velocity[:, 2] = np.minimum(np.maximum(velocity[:, 2], down), up)
+        if (speed > most).any():
+            velocity *= np.minimum(1.0, most / np.maximum(speed, NOWHERE))[:, None]
+        down, up = self._gain * (low - height), self._gain * (high - height)
+        upward = velocity[:, 2]
+        upward[:] = np.minimum(np.maximum(upward, np.minimum(down, 0.0)), np.maximum(up, 0.0))
         return velocity
 
     def heading(self, estimate: Estimate, goals: Goals, active: Mask) -> Array:

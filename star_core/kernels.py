@@ -13,7 +13,9 @@ from numba import njit
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def compiled(function: Function, *, on_disk: bool = True, **options: Any) -> Function:
+def compiled(
+    function: Function, *, on_disk: bool = True, alone: bool = False, **options: Any
+) -> Function:
     """Return `function` compiled by numba, with its type as it was.
 
     Division follows IEEE 754 in place of Python: no test for zero before every one. To find the
@@ -24,9 +26,10 @@ def compiled(function: Function, *, on_disk: bool = True, **options: Any) -> Fun
     Args:
         function: Takes numbers and arrays.
         on_disk: Whether to keep the machine code; False for what other kernels only call.
+        alone: Whether nothing is compiled into it but code of its own file, which numba looks at.
         options: Of `numba.njit`.
     """
-    if on_disk:
+    if on_disk and not alone:
         function.__qualname__ += f"_{_sources(Path(function.__code__.co_filename).parent)}"
     return cast("Function", njit(cache=on_disk, error_model="numpy", **options)(function))
 

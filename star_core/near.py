@@ -31,13 +31,13 @@ def pairs(position: Array, reach: float) -> tuple[Rows, Rows]:
         >>> first.tolist(), second.tolist()
         ([0], [2])
     """
-    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
-    if len(rows) < MANY:
-        first, second = _every_pair(len(rows))
-        near = _apart(position[rows], first, second) < reach
-        return rows[first[near]], rows[second[near]]
+    if len(position) < MANY:
+        first, second = _every_pair(len(position))
+        near = np.flatnonzero(_apart(position, first, second) < reach)  # what is NaN is not
+        return first.take(near), second.take(near)
     from scipy.spatial import cKDTree
 
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
     tree = cKDTree(position[rows])
     found = tree.query_pairs(np.nextafter(reach, 0.0), output_type="ndarray")
     return rows[found[:, 0]], rows[found[:, 1]]
@@ -65,7 +65,8 @@ def least(position: Array) -> float:
 
 
 def _apart(position: Array, first: Rows, second: Rows) -> Array:
-    offset = position[first] - position[second]
+    with np.errstate(invalid="ignore"):  # from infinite to infinite
+        offset = position.take(first, 0) - position.take(second, 0)
     apart: Array = np.sqrt(np.einsum("ij,ij->i", offset, offset))
     return apart
 

@@ -24,23 +24,22 @@ def settle(
     """
     for name, shape in shapes.items():
         given = getattr(table, name)
-        if type(given) is np.ndarray and given.dtype == dtype and _settled(given):
-            array = given
-        else:
+        if not (
+            type(given) is np.ndarray
+            and given.dtype == dtype
+            and not given.flags.writeable  # nobody can write to it: it need not be copied
+            and given.base is None
+        ):
             try:
                 array = np.array(given, dtype=dtype)
             except (TypeError, ValueError) as error:
                 raise ContractError(
                     f"{type(table).__name__}.{name} is no array: {error}"
                 ) from error
-            array.setflags(write=False)
+            array.flags.writeable = False
             object.__setattr__(table, name, array)
-        if array.shape != shape:
+            given = array
+        if given.shape != shape:
             raise ContractError(
-                f"{type(table).__name__}.{name} has shape {array.shape}, expected {shape}"
+                f"{type(table).__name__}.{name} has shape {given.shape}, expected {shape}"
             )
-
-
-def _settled(array: NDArray[np.generic]) -> bool:
-    """Whether nobody can write to an array, so that it need not be copied."""
-    return not array.flags.writeable and array.base is None

@@ -80,15 +80,15 @@ class Wishes:
         goals = expect(step.goals, Goals)
         if len(goals.active) != n:
             raise ContractError(f"Goals.position has {len(goals.active)} rows, expected {n}")
-        if (goals.active & ~own).any():
+        if (goals.active > own).any():
             raise ContractError("has goals for agents that are not its own")
-        own &= goals.active
+        about = np.flatnonzero(goals.active)
         for name in ("position", "velocity", "yaw", "speed"):
-            values = getattr(goals, name)[own]
+            values = getattr(goals, name)[about]
             if not np.isfinite(values).all():
                 raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
-            getattr(self, name)[own] = values
-        self.active |= own
+            getattr(self, name)[about] = values
+        self.active[about] = True
 
     def goals(self) -> Goals:
         """The merged goals as a table."""

@@ -144,8 +144,8 @@ takeoff:  ->  take_off:
     14:5: unknown verb 'take_off'; did you mean 'takeoff'?
 use: orca  ->  use: orka
     12:16: no avoider named 'orka'; did you mean 'orca'?
-transport: sim  ->  transport: crazyradio
-    9:12: no transport named 'crazyradio'; installed: ...
+transport: sim  ->  transport: bluetooth
+    9:12: no transport named 'bluetooth'; installed: ...
 planner: straight  ->  planner: os.path:join
     11:10: no planner named 'os.path:join'; installed: ...
 for: 0.5  ->  agents: cf3

@@ -269,7 +269,7 @@ def test_an_option_that_is_set_again_and_misspelt_is_told_which_was_meant(
         ("avoider.horizn=1", "avoider 'orca': unknown option 'horizn'; did you mean 'horizon'?"),
         ("avoider.radius=-1", "avoider 'orca': radius: -1 is less than or equal to the minimum of"),
         ("avoider.radius=big", "avoider 'orca': radius: 'big' is a string, expected a number"),
-        ("transport=radio2", "no transport named 'radio2'; installed: "),
+        ("transport=bluetooth", "no transport named 'bluetooth'; installed: "),
         ("mission.9.land={}", "'mission' has no item 9; the last is 1"),
         ("mission.first={}", "'mission' is a list: expected an index in place of 'first'"),
         ("mission.0.takeoff.height=9", "9 m is outside the heights to fly at, from 0.2 to 1.8 m"),

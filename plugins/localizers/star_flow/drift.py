@@ -21,6 +21,7 @@ START = 0.02  # m: placing an agent by hand
 START_YAW = math.radians(1.0)  # rad: turning it by hand
 HEIGHT = 0.02  # m: z comes from the range sensor and does not drift
 STILL = 1e-9  # m: less is no motion
+QUARTER = np.array([[-1.0], [1.0]])  # by which y and x, exchanged, are x and y turned by a quarter
 
 
 class Drift:
@@ -45,7 +46,7 @@ class Drift:
         self._start: Array = start[:, :2].T.copy()  # (2, N): x and y are worked on apart
         self._last: Array = self._start
         self._began: float | None = None
-        self._texture = np.zeros((3, n))  # xx, xy, yy
+        self._texture = np.zeros((2, 2, n))
         self._moment = np.zeros((2, n))  # sum of t * dp, m s
         self._fixed = np.tile(np.diag([START**2, START**2, HEIGHT**2]), (n, 1, 1))
 
@@ -58,18 +59,18 @@ class Drift:
             self._began = time
         elapsed = time - self._began
         here: Array = position[:, :2].T.copy()
-        dx, dy = step = here - self._last
+        step = here - self._last
         self._last = here
         self._moment += elapsed * step
-        along = step / np.maximum(np.hypot(dx, dy), STILL)
-        self._texture += dx * along[0], dx * along[1], dy * along[1]
-        x, y = here - self._start
-        mx, my = self._moment
-        (xx, xy, yy), walked = TEXTURE * self._texture, NOISE * elapsed
-        bias, scale, turn = YAW_BIAS**2, SCALE**2, START_YAW**2
+        walks = step * np.sqrt(TEXTURE / np.maximum(np.hypot(*step), STILL))
+        self._texture += walks[:, None] * walks
+        away = here - self._start
+        stays = np.empty((3, *away.shape))  # what adds up along the flight
+        np.multiply(away, SCALE, out=stays[0])
+        np.multiply(away[::-1], START_YAW * QUARTER, out=stays[1])
+        np.multiply(self._moment[::-1], YAW_BIAS * QUARTER, out=stays[2])
+        flat = np.einsum("kin,kjn->ijn", stays, stays) + self._texture
         covariance = self._fixed.copy()
-        covariance[:, 0, 0] += walked + xx + bias * my * my + scale * x * x + turn * y * y
-        covariance[:, 1, 1] += walked + yy + bias * mx * mx + scale * y * y + turn * x * x
-        covariance[:, 0, 1] = xy - bias * mx * my + (scale - turn) * x * y
-        covariance[:, 1, 0] = covariance[:, 0, 1]
+        covariance[:, :2, :2] += flat.transpose(2, 0, 1)
+        covariance[:, (0, 1), (0, 1)] += NOISE * elapsed
         return covariance
