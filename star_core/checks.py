@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations
 from typing import Any, Final, TypeAlias
 
+from star_core import conditions
 from star_core.contracts import Problem
 from star_core.document import Document
 from star_core.errors import PluginError, instead
@@ -147,8 +148,64 @@ def _steps(
             yield from _shared(given, here, groups, scene)
         elif verb == "repeat":
             yield from _steps(given["steps"], (*here, "steps"), groups, scene, registry)
+        elif verb == "each":
+            yield from _each(given, here, groups, scene, registry)
         else:
             yield from _action(verb, given, here, groups, scene, registry)
+
+
+def _each(
+    given: Mapping[str, Any],
+    path: Path,
+    groups: Mapping[str, tuple[int, ...]],
+    scene: Scene,
+    registry: Registry,
+) -> Iterator[Fault]:
+    """What is wrong with steps that every agent does by itself: they name nobody."""
+    yield from _nobody(given, path, groups)
+    inner = [*_within(given["steps"], (*path, "steps"))]
+    for step, place in inner:
+        ((verb, options),) = step.items()
+        if "agents" in options:
+            yield (
+                (*place, verb, "agents"),
+                "a step of 'each' is for every agent by itself; name the agents in 'each'",
+            )
+    if not any("agents" in next(iter(step.values())) for step, _ in inner):
+        for row in rows_of(given.get("agents", "all"), groups)[:1]:  # what is wrong is so for all
+            yield from _steps(given["steps"], (*path, "steps"), {"all": (row,)}, scene, registry)
+
+
+def _within(
+    steps: Iterable[Mapping[str, Any]], path: Path
+) -> Iterator[tuple[Mapping[str, Any], Path]]:
+    """Every step with a verb of its own in some steps, and every ``each``, with its place."""
+    for i, step in enumerate(steps):
+        ((verb, given),) = step.items()
+        if verb == "parallel":
+            yield from _within(given, (*path, i, verb))
+        elif verb == "repeat":
+            yield from _within(given["steps"], (*path, i, verb, "steps"))
+        else:
+            yield step, (*path, i)
+
+
+def _nobody(
+    given: Mapping[str, Any], path: Path, groups: Mapping[str, tuple[int, ...]]
+) -> Iterator[Fault]:
+    """Names in a step's ``agents`` that mean nobody."""
+    asked = given.get("agents", "all")
+    for i, name in enumerate([asked] if isinstance(asked, str) else asked):
+        if name not in groups:
+            place = ("agents",) if isinstance(asked, str) else ("agents", i)
+            yield (*path, *place), _unknown("agent or group", name, groups)
+
+
+def _until(given: Mapping[str, Any], path: Path, scene: Scene) -> Iterator[Fault]:
+    """What is wrong with a step's condition that its schema cannot see."""
+    targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
+    for place, message in conditions.faults(given, scene.names, targets):
+        yield (*path, "until", *place), message
 
 
 def _action(
@@ -159,16 +216,14 @@ def _action(
     scene: Scene,
     registry: Registry,
 ) -> Iterator[Fault]:
-    asked = given.get("agents", "all")
-    unknown = False
-    for i, name in enumerate([asked] if isinstance(asked, str) else asked):
-        if name not in groups:
-            unknown = True
-            place = ("agents",) if isinstance(asked, str) else ("agents", i)
-            yield (*path, *place), _unknown("agent or group", name, groups)
+    unknown = list(_nobody(given, path, groups))
+    yield from unknown
+    if "until" in given:
+        yield from _until(given["until"], path, scene)
     if not unknown:
         options = {key: value for key, value in given.items() if key not in SHARED}
-        yield from _own("task", verb, registry, path, (scene, rows_of(asked, groups)), options)
+        rows = rows_of(given.get("agents", "all"), groups)
+        yield from _own("task", verb, registry, path, (scene, rows), options)
 
 
 def _shared(
@@ -195,7 +250,7 @@ def _rows_in(step: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]]) -> 
     ((verb, given),) = step.items()
     if verb == "parallel":
         return set().union(*(_rows_in(inner, groups) for inner in given))
-    if verb == "repeat":
+    if verb == "repeat":  # `each` names its agents as an action does
         return set().union(*(_rows_in(inner, groups) for inner in given["steps"]))
     return set(rows_of(given.get("agents", "all"), groups))
 

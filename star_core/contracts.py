@@ -136,7 +136,11 @@ class Step:
 
 @runtime_checkable
 class Task(Protocol):
-    """One running step of a mission: a verb, its agents and its options."""
+    """One running step of a mission: a verb, its agents and its options.
+
+    It may have ``stay(rows)``: some of its agents left the mission, and it is to go on with these
+    rows. One that has not is made and begun anew for them.
+    """
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         """Start, and return how long the step may take before it counts as failed, s.

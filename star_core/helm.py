@@ -23,6 +23,7 @@ from star_core.swarm import (
     Truth,
 )
 from star_core.table import Mask, Rows
+from star_core.targets import Targets
 
 STALE_AFTER = 0.5  # s, an agent not heard for longer is lost: the firmware's commander time-out
 LAND_SPEED = 0.3  # m/s, when the core itself lands
@@ -42,6 +43,7 @@ class Helm:
         estimate: Of the tick; None before the first.
         phases: Of every agent and of the mission.
         commanded: (N,) who flies to a place on its own, on board.
+        targets: What was found so far.
         without_localizer: To be set where that is broken: nobody is located any more.
     """
 
@@ -55,6 +57,7 @@ class Helm:
         self.estimate: Estimate | None = None
         self.phases = Phases(scene.names)
         self.commanded = np.zeros(n, np.bool_)
+        self.targets = Targets(scene)
         self.without_localizer = False
         self._until = np.zeros(n)  # s, until when who is commanded is at least
         self._blind = False  # the truth cannot be had
@@ -86,7 +89,11 @@ class Helm:
         finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
         finished &= self.time >= self._until  # earlier it is the order before that is over
         self.commanded &= ~finished
-        health = Health(self.phases.of_agents(), telemetry.battery, telemetry.age)
+        for target, finder in self.targets.see(estimate.sightings, self.time):
+            self._observers.event("found", f"{finder} found {target!r}", finder)
+        health = Health(
+            self.phases.of_agents(), telemetry.battery, telemetry.age, self.targets.finder
+        )
         self.tell_phases()
         return telemetry, estimate, health
 
@@ -147,6 +154,10 @@ class Helm:
         self._observers.event(
             "interrupt", f"the operator stops the motors of {self._scene.named(rows)}"
         )
+        self.cut(rows)
+
+    def cut(self, rows: Rows) -> None:
+        """Order that motors stop."""
         zero = np.zeros(len(rows))
         if self.estimate is not None:
             command = Command(Order.STOP, rows, np.zeros((len(rows), 3)), zero, zero)

@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 from star_core import checks, schema, world_file
 from star_core.camera import Camera
+from star_core.conditions import Condition
 from star_core.document import Document, override, read
 from star_core.errors import InputError, PluginError
 from star_core.options import SHARED
@@ -43,6 +44,7 @@ class Action:
         source: Whose task that is.
         rows: The agents it is for.
         options: What the task is made with.
+        until: The condition that ends it, a success; None leaves its end to the task.
         timeout: How long it may take, s; None leaves that to the task.
         on_failure: What to do when it fails.
         place: ``file:line:col`` of the step.
@@ -52,6 +54,7 @@ class Action:
     source: Source
     rows: tuple[int, ...]
     options: Mapping[str, Any]
+    until: Condition | None
     timeout: float | None
     on_failure: OnFailure
     place: str
@@ -96,6 +99,7 @@ class Mission:
         scene: What every plugin is made with.
         parts: The transport, localizer, planner and avoider, by kind.
         steps: What to do, one after the other.
+        safety: What becomes of agents in trouble, by the trouble.
         document: The mission as read, with what was set on the command line.
         world: The world as read.
     """
@@ -104,6 +108,7 @@ class Mission:
     scene: Scene
     parts: Mapping[str, Part]
     steps: tuple[Node, ...]
+    safety: Mapping[str, Mapping[str, Any]]
     document: Document
     world: Document
 
@@ -137,6 +142,7 @@ def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mis
             _node(step, ("mission", i), document, groups, registry)
             for i, step in enumerate(document.data["mission"])
         ),
+        safety=document.data.get("safety", {}),
         document=document,
         world=world,
     )
@@ -221,6 +227,19 @@ def _node(
                 _node(s, (*path, verb, i), document, groups, registry) for i, s in enumerate(given)
             )
         )
+    if verb == "each":
+        return Parallel(
+            tuple(
+                Repeat(
+                    1,
+                    tuple(
+                        _node(s, (*path, verb, "steps", i), document, {"all": (row,)}, registry)
+                        for i, s in enumerate(given["steps"])
+                    ),
+                )
+                for row in checks.rows_of(given.get("agents", "all"), groups)
+            )
+        )
     if verb == "repeat":
         return Repeat(
             given["times"],
@@ -234,6 +253,7 @@ def _node(
         source=registry.find("task", verb).source,
         rows=checks.rows_of(given.get("agents", "all"), groups),
         options={key: value for key, value in given.items() if key not in SHARED},
+        until=given.get("until"),
         timeout=given.get("timeout"),
         on_failure=given.get("on_failure", "abort"),
         place=document.place(path),

@@ -12,13 +12,16 @@ from urllib.parse import unquote
 from star_core.contracts import Offer
 from star_core.errors import PluginError
 
-SHARED: Final = ("agents", "timeout", "on_failure")
+SHARED: Final = ("agents", "until", "timeout", "on_failure")
 """What every verb of a plugin takes beside its own options; the core itself handles it."""
 
 RESERVED: Final = {"task": SHARED, "command": ()}
 """Names no option of a kind may have; those of the parts are chosen by ``use``."""
 
-OWN: Final = {"task": ("parallel", "repeat"), "command": ("run", "check", "plugins", "schema")}
+OWN: Final = {
+    "task": ("parallel", "repeat", "each"),
+    "command": ("run", "check", "plugins", "schema"),
+}
 """Names that STAR has taken itself."""
 
 
@@ -45,7 +48,7 @@ def sound(kind: str, offer: Offer[Any], *, trusted: bool = False) -> Offer[Any]:
         if name in properties:
             raise PluginError(f"{who}: option {name!r} has a name that STAR uses itself")
     for name in options.get("required", ()):
-        if name not in properties:
+        if name not in properties and name not in RESERVED.get(kind, ()):
             raise PluginError(f"{who}: option {name!r} is required but not among its properties")
     for holder in references(options):
         if not _is_there(holder["$ref"], options):

@@ -17,6 +17,7 @@ from star_core.mission import Mission
 from star_core.observers import Observers
 from star_core.phases import AIRBORNE, MissionPhase
 from star_core.registry import Registry
+from star_core.rules import Answer, Rules
 from star_core.safety import SafetyFilter
 from star_core.summary import Meter
 from star_core.swarm import (
@@ -35,6 +36,13 @@ from star_core.tasks import Course
 LOST_PATIENCE = 1.0  # s; told nothing for 2 s, a Crazyflie stops its motors
 LAND_PATIENCE = 10.0  # s, beyond what a landing takes, before an agent counts as not landed
 CALM = 1.0  # s without a correction, after which the next one is told again
+
+ANSWERS = {
+    Answer.HOLD: "holds its place",
+    Answer.LAND: "lands",
+    Answer.STOP: "stops its motors",
+}
+"""What the record says of agents that a safety rule takes out of the mission."""
 
 CORRECTED = {
     "fence": "is held inside the fence",
@@ -64,14 +72,15 @@ class Pilot:
         self._n = len(mission.scene.agents)
         self._crew = crew
         self._interrupts = interrupts
-        self._course = Course(mission, registry, self.event)
+        self.observers = Observers(registry.manager)
+        self._course = Course(mission, registry, self.event, self.observers.events)
+        self._rules = Rules(mission.scene, mission.safety)
         self._safety = SafetyFilter(mission.scene)
         self._corrected = {why: np.full(self._n, -np.inf) for why in CORRECTED}  # s, when last
         self._lost_since = np.full(self._n, np.inf)  # s
         self._wall_time = 0.0
         self.reason: str | None = None
         self._meter = Meter(mission.scene)
-        self.observers = Observers(registry.manager)
         self._helm = Helm(mission.scene, crew, self.observers)
 
     def fly(self) -> None:
@@ -93,6 +102,7 @@ class Pilot:
             wall_time=self._wall_time,
             took=self._crew.took,
             steps=self._course.steps,
+            targets=self._helm.targets,
             events=self.observers.events,
         )
 
@@ -143,8 +153,9 @@ class Pilot:
     def _tick(self) -> Status:
         """Receive, locate, run the steps, plan, avoid, limit, send: once, for the whole swarm."""
         telemetry, estimate, health = self._helm.look()
-        if late := self._lost_too_long():
-            self._course.reason = late
+        self._judge(estimate, health)
+        if why := self._nobody_left() or self._lost_too_long():
+            self._course.reason = why
             return Status.FAILURE
         status, wishes = self._course.step(estimate, health)
         for command in wishes.commands:
@@ -188,9 +199,25 @@ class Pilot:
                 name = self._scene.agents[row].name
                 self.event("safety", f"{name} {text}", name)
 
+    def _judge(self, estimate: Estimate, health: Health) -> None:
+        """Let the safety rules take agents that are in trouble out of the mission."""
+        for row, answer, reason in self._rules.judge(estimate, health):
+            name = self._scene.agents[row].name
+            self.event("safety", f"{name} {ANSWERS[answer]}: {reason}", name)
+            self._course.drop(row, estimate)
+            if answer is Answer.LAND:
+                self._helm.land(np.array([row]), estimate)
+            elif answer is Answer.STOP:
+                self._helm.cut(np.array([row]))
+        self._course.excused = self._rules.excuse(health, estimate.valid)
+
+    def _nobody_left(self) -> str:
+        """Say so if the safety rules have taken every agent out of the mission."""
+        return "the safety rules left no agent" if self._rules.answer.all() else ""
+
     def _lost_too_long(self) -> str:
         """Say who was lost for so long, and is in no step that says what to do, that all land."""
-        lost = self._helm.phases.among(AgentPhase.LOST)
+        lost = self._helm.phases.among(AgentPhase.LOST) & ~self._course.excused
         if not lost.any():
             self._lost_since.fill(np.inf)
             return ""
@@ -214,6 +241,8 @@ class Pilot:
             if self._helm.time >= until:
                 who = self._scene.named(np.flatnonzero(up).tolist())
                 self.event("failure", f"{who} did not report to be on the ground")
+                if not (up & ~self._left()).any():
+                    break  # the mission had given them up
                 return f"{who} did not report to be on the ground"
             telemetry, estimate, health = self._helm.look()
             self._helm.land(np.flatnonzero(self._helm.phases.among(AgentPhase.LOST)), estimate)

@@ -15,6 +15,7 @@ from star_core.near import least, pairs
 from star_core.scene import Scene
 from star_core.swarm import AgentPhase
 from star_core.table import Array, Mask
+from star_core.targets import Targets
 from star_core.world import Obstacle
 
 FLYING, LOST = int(AgentPhase.FLYING), int(AgentPhase.LOST)
@@ -89,6 +90,7 @@ class Meter:
         wall_time: float,
         took: Mapping[str, float],
         steps: Sequence[Mapping[str, Any]],
+        targets: Targets,
         events: Iterable[Event],
     ) -> dict[str, Any]:
         """Return what ``summary.json`` holds; figures that cannot be known are None.
@@ -100,6 +102,7 @@ class Meter:
             wall_time: How long it took by the clock on the wall, s.
             took: How long each part computed in all, s.
             steps: What was begun, and how it ended.
+            targets: What was found.
             events: Everything that was told.
         """
         names = self._scene.names
@@ -135,7 +138,20 @@ class Meter:
                 "total": float(self._length.sum()),
                 "per_agent": dict(zip(names, self._length.tolist(), strict=True)),
             },
-            "targets": {"found": 0, "total": 0},
+            "targets": {
+                "found": len(found := targets.found()),
+                "total": len(targets.names),
+                "list": [
+                    {
+                        "name": one.name,
+                        "finder": one.finder,
+                        "time_s": one.time,
+                        "position_m": one.position.tolist(),
+                        "error_m": one.error,
+                    }
+                    for one in found
+                ],
+            },
             "steps": list(steps),
             "events": [
                 {key: value for key, value in asdict(event).items() if value is not None}

@@ -167,15 +167,18 @@ class Health:
         phase: (N,) `AgentPhase`.
         battery: (N,) V; NaN where not reported.
         age: (N,) time since each agent was last heard, s.
+        finder: (T,) row of the agent that found each target of the world, in the world's order; -1
+            where nobody has.
     """
 
     phase: Rows
     battery: Array
     age: Array
+    finder: Rows = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __post_init__(self) -> None:
         n = len(self.phase)
-        settle(self, np.int64, phase=(n,))
+        settle(self, np.int64, phase=(n,), finder=(len(self.finder),))
         settle(self, battery=(n,), age=(n,))
 
 

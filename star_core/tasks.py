@@ -9,9 +9,11 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 
 from star_core.blame import Blame, close
+from star_core.conditions import Situation, holds, longest
 from star_core.conformance import expect, keeps
 from star_core.contracts import Status, Step, Task
 from star_core.errors import ContractError
+from star_core.flight import Event
 from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.registry import Registry
 from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health, Order
@@ -19,6 +21,9 @@ from star_core.table import Mask
 
 OUT: Final = (int(AgentPhase.LOST), int(AgentPhase.EMERGENCY))
 """Phases in which an agent cannot go on with a step."""
+
+PATIENCE: Final = 5.0
+"""How much longer a step may take than its condition waits for, s."""
 
 NUMBERED: Final = (Order.TAKEOFF, Order.LAND, Order.GOTO)
 """Orders that say where and how fast."""
@@ -102,19 +107,26 @@ class Course:
         mission: What to fly.
         registry: Where its verbs are found.
         tell: Told of each step's begin and end: kind and text.
+        events: Everything that is told in the flight, the newest last.
 
     Attributes:
-        left: Agents that left the mission, as a step that failed allowed them to.
+        left: Agents that left the mission, as a step that failed allowed them to, or a safety
+            rule said.
+        excused: (N,) who may be lost without failing its step; to be set before each tick.
         reason: Why the mission failed, once it has.
         no_way: Why there is no way to an agent's goal, by row; to be set after each tick.
         steps: What was begun and how it ended, as ``summary.json`` keeps it.
     """
 
-    def __init__(self, mission: Mission, registry: Registry, tell: Tell) -> None:
+    def __init__(
+        self, mission: Mission, registry: Registry, tell: Tell, events: Sequence[Event]
+    ) -> None:
         self._scene = mission.scene
         self._n = len(self._scene.agents)
         self._registry = registry
         self._tell = tell
+        self._events = events
+        self._targets = tuple(dict.fromkeys(tag.of for tag in self._scene.world.targets))
         self._wishes = Wishes.none(self._n)
         self._made: dict[int, Task] = {}
         self._all: list[tuple[Blame, object]] = []
@@ -127,6 +139,7 @@ class Course:
         self._estimate: Estimate
         self._health: Health
         self.left: set[int] = set()
+        self.excused: Mask = np.zeros(self._n, np.bool_)
         self.reason = ""
         self.no_way: dict[int, str] = {}
         self.steps: list[dict[str, Any]] = []
@@ -147,6 +160,14 @@ class Course:
         self._wishes.yaw[rows] = estimate.yaw[rows]
         self._wishes.speed[rows] = self._scene.limits.speed
         self._wishes.active[rows] = True
+
+    def drop(self, row: int, estimate: Estimate) -> None:
+        """Take an agent out of every step; its goal is the place where it is."""
+        self.left.add(row)
+        self._wishes.active[row] = False
+        alone = np.zeros(self._n, np.bool_)
+        alone[row] = True
+        self.hold(alone & estimate.valid, estimate)
 
     def close(self) -> list[str]:
         """Close every task that can be closed; return what went wrong."""
@@ -202,13 +223,20 @@ class Course:
         begun = self._estimate.time
         entry = self._entered(action, rows)
         while True:
+            if self.left.intersection(rows):
+                rows = tuple(row for row in rows if row not in self.left)
+                if not rows:
+                    why = "nobody is left for it"
+                    break
+                task = self._hand_on(action, blame, task, rows)
+                who = self._scene.named(rows)
             self._wishes.doing.append(f"{action.verb} {who}")
             if why := self._gone(rows):
                 break
             with blame:
                 step = expect(task.step(self._estimate, self._health), Step)
                 self._wishes.add(step, rows, self._n)
-            if step.status is Status.SUCCESS:
+            if step.status is Status.SUCCESS or self._fulfilled(action, rows, begun):
                 self._tell("step", f"{action.place}: {action.verb} is done")
                 entry |= {"ended_s": self._estimate.time, "outcome": "success"}
                 yield Status.SUCCESS
@@ -254,7 +282,34 @@ class Course:
             limit = float(task.begin(self._estimate, self._health))
             if not limit < np.inf:
                 raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")
+        if action.until is not None:
+            limit = max(limit, longest(action.until) + PATIENCE)
         return blame, task, limit if action.timeout is None else action.timeout
+
+    def _hand_on(self, action: Action, blame: Blame, task: Task, rows: tuple[int, ...]) -> Task:
+        """Leave a step to those of its agents that are left; return the task that goes on with it.
+
+        A task that cannot be told is begun anew for the others.
+        """
+        stay = getattr(task, "stay", None)
+        if stay is not None:
+            with blame:
+                stay(rows)
+            return task
+        return self._begin(action, rows)[1]
+
+    def _fulfilled(self, action: Action, rows: tuple[int, ...], begun: float) -> bool:
+        """Whether the condition holds that ends a step."""
+        if action.until is None:
+            return False
+        finder = self._health.finder.tolist()
+        found = [name for name, row in zip(self._targets, finder, strict=True) if row >= 0]
+        return holds(
+            action.until,
+            Situation(
+                rows, begun, self._estimate, self._health, self._scene.names, found, self._events
+            ),
+        )
 
     def _entered(self, action: Action, rows: tuple[int, ...]) -> dict[str, Any]:
         """Enter a step that begins in `steps`."""
@@ -275,7 +330,7 @@ class Course:
         said = [
             f"{self._scene.agents[row].name} is {AgentPhase(phase).name.lower()}"
             for row in rows
-            if (phase := phases[row]) in OUT
+            if (phase := phases[row]) in OUT and not self.excused[row]
         ]
         said += [
             f"{self._scene.agents[row].name} cannot get there: {self.no_way[row]}"

@@ -202,6 +202,26 @@ hold: {for: 0.5}  ->  follow: {file: worlds}
     15:20: 'worlds' is no file; name a file in the mission's folder
 hold: {for: 0.5}  ->  follow: {file: path.csv}
     15:20: no file 'path.csv' in the mission's folder
+hold: {for: 0.5}  ->  each: {agents: cf3, steps: [hold: {}]}
+    15:20: no agent or group named 'cf3'; did you mean 'cf2'?
+hold: {for: 0.5}  ->  each: {steps: [hold: {agents: cf1}]}
+    15:35: a step of 'each' is for every agent by itself; name the agents in 'each'
+hold: {for: 0.5}  ->  each: {steps: [goto: {to: [5, 0, 1]}]}
+    15:31: [5, 0, 1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
+hold: {for: 0.5}  ->  wait: {}
+    15:5: wait: missing option 'until'
+hold: {for: 0.5}  ->  wait: {until: {elapse: 3}}
+    15:20: wait: until: unknown option 'elapse'; did you mean 'elapsed'?
+hold: {for: 0.5}  ->  wait: {until: {elapsed: 3, found: 1}}
+    15:19: wait: until: has 2 keys, expected 1
+hold: {for: 0.5}  ->  wait: {until: {found: 1}}
+    15:27: 1 is more than the 0 targets of the world
+hold: {for: 0.5}  ->  wait: {until: {near: {agent: cf9, within: 1}}}
+    15:34: no agent named 'cf9'; did you mean 'cf2'?
+seed: 7  ->  safety: {battery_lo: {}}
+    4:10: safety: unknown key 'battery_lo'; did you mean 'battery_low'?
+seed: 7  ->  safety: {battery_low: {then: sleep}}
+    4:30: safety.battery_low.then: 'sleep' is not possible here; expected one of: hold, land, stop
 """
 LINES = [line.strip() for line in MISTAKES.strip().splitlines()]
 

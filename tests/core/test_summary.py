@@ -16,6 +16,7 @@ from scipy.spatial.distance import pdist
 from star_core import AgentPhase, Array, Corrected, Event, Fence, Obstacle, Tick, Truth, World
 from star_core.summary import Meter
 from star_core.swarm import Goals, Paths, Plan, Setpoint, Telemetry
+from star_core.targets import Targets
 from star_core.testing import estimate, health, scene
 
 PERIOD = 0.05  # s, of the scene
@@ -75,7 +76,14 @@ def measured(
         where = track[k] if seen is None else np.array(seen)[k]
         meter.add(tick(k * PERIOD, where, track[k] if known else None, phase))
     return meter.summary(
-        mission="m", outcome="completed", reason="", wall_time=2.0, took={}, steps=[], events=events
+        mission="m",
+        outcome="completed",
+        reason="",
+        wall_time=2.0,
+        took={},
+        steps=[],
+        targets=Targets(scene(1)),
+        events=events,
     )
 
 
@@ -247,7 +255,14 @@ def test_an_agent_that_never_flew_has_no_position_error() -> None:
     both = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     meter.add(tick(0.0, both, both, [FLYING, AgentPhase.GROUNDED]))
     summary = meter.summary(
-        mission="m", outcome="failed", reason="", wall_time=1.0, took={}, steps=[], events=[]
+        mission="m",
+        outcome="failed",
+        reason="",
+        wall_time=1.0,
+        took={},
+        steps=[],
+        targets=Targets(scene(1)),
+        events=[],
     )
     assert summary["position_mse_m2"]["per_agent"] == {"cf1": 0.0, "cf2": None}
 
@@ -285,7 +300,14 @@ def test_the_time_before_the_first_tick_is_no_flight() -> None:
     for time in (5.0, 7.5):
         meter.add(tick(time, [[0, 0, 1]], None, [FLYING]))
     summary = meter.summary(
-        mission="m", outcome="failed", reason="", wall_time=1.0, took={}, steps=[], events=[]
+        mission="m",
+        outcome="failed",
+        reason="",
+        wall_time=1.0,
+        took={},
+        steps=[],
+        targets=Targets(scene(1)),
+        events=[],
     )
     assert summary["flight_time_s"] == pytest.approx(2.5)
 
@@ -309,7 +331,14 @@ def test_a_summary_is_plain_json(n: int) -> None:
 def test_a_flight_without_a_tick_has_a_summary_too() -> None:
     meter = Meter(scene(2))
     summary = meter.summary(
-        mission="m", outcome="failed", reason="r", wall_time=0.0, took={}, steps=[], events=[]
+        mission="m",
+        outcome="failed",
+        reason="r",
+        wall_time=0.0,
+        took={},
+        steps=[],
+        targets=Targets(scene(1)),
+        events=[],
     )
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["realtime_factor"] is None

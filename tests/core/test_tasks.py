@@ -356,3 +356,51 @@ def test_an_agent_without_a_step_holds_its_place(lab: Lab) -> None:
     )
     held = [tick.goals.position[1] for tick in lab.ticks if tick.doing == "wait cf1"]
     assert np.array(held) == pytest.approx(np.tile([0.0, 2.0, 1.0], (len(held), 1)))
+
+
+# Conditions that end a step
+
+
+def test_a_step_is_over_and_a_success_once_its_condition_holds(lab: Lab) -> None:
+    summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 9, until: {elapsed: 2}}")
+    (wait,) = (step for step in summary["steps"] if step["verb"] == "wait")
+    assert wait["outcome"] == "success"
+    assert wait["ended_s"] - wait["begun_s"] == pytest.approx(2.0)
+
+
+def test_a_step_that_is_done_does_not_wait_for_its_condition(lab: Lab) -> None:
+    summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 1, until: {elapsed: 9}}")
+    assert summary["steps"][1]["ended_s"] - summary["steps"][1]["begun_s"] < 2
+
+
+def test_a_step_may_take_as_long_as_its_condition_waits(lab: Lab) -> None:
+    summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 99, limit: 2, until: {elapsed: 4}}")
+    assert summary["steps"][1]["outcome"] == "success"
+
+
+def test_a_condition_that_never_holds_ends_with_the_time_out(lab: Lab) -> None:
+    summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 9, timeout: 1, until: {event: no}}")
+    assert summary["reason"].endswith("wait failed: timed out after 1 s")
+
+
+# Each agent by itself
+
+
+def test_each_agent_does_its_steps_without_waiting_for_the_others(lab: Lab) -> None:
+    summary = lab.fly(
+        "\n  - climb: {}\n  - each:\n      steps:"
+        "\n        - visit: {to: [1, 0, 1]}\n        - wait: {seconds: 1}\n  - descend: {}"
+        "\nlimits: {separation: 0}"
+    )
+    assert summary["outcome"] == "completed"
+    visits = {s["agents"][0]: s for s in summary["steps"] if s["verb"] == "visit"}
+    waits = {s["agents"][0]: s for s in summary["steps"] if s["verb"] == "wait"}
+    assert set(visits) == set(waits) == {"cf1", "cf2"}
+    first, last = sorted(visits.values(), key=lambda step: step["ended_s"])
+    assert waits[first["agents"][0]]["begun_s"] < last["ended_s"]
+
+
+def test_each_is_for_the_agents_that_it_names(lab: Lab) -> None:
+    lab.fly("\n  - climb: {}\n  - each: {agents: cf2, steps: [wait: {seconds: 1}]}")
+    assert ("wait begins for cf2") in [what for _, what in began(lab)]
+    assert ("wait begins for cf1") not in [what for _, what in began(lab)]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ class Recorder:
     there is a truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
     ``setpoint_velocity`` (T, N, 3), ``estimate_yaw``, ``setpoint_yaw`` and ``battery`` (T, N),
     ``goal_active``, ``setpoint_active`` and ``estimate_valid`` (T, N), and ``phase`` (T, N), the
-    numbers of `star_core.AgentPhase`. Images are kept where the flight asks for it.
+    numbers of `star_core.AgentPhase`. Images are kept where the flight asks for it, and where the
+    world has targets, ``targets.csv`` tells which were found.
 
     Args:
         flight: What is flown.
@@ -72,10 +74,21 @@ class Recorder:
     def close(self, summary: Mapping[str, Any]) -> None:
         """Write what was kept; the summary first, for the disk may be full."""
         self._write("summary.json", summary)
+        if summary["targets"]["total"]:
+            self._tell_targets(summary["targets"]["list"])
         columns: dict[str, Any] = {name: np.array(rows) for name, rows in self._columns.items()}
         np.savez_compressed(
             self._folder / "trajectory.npz", agents=np.array(self._agents), **columns
         )
+
+    def _tell_targets(self, found: Sequence[Mapping[str, Any]]) -> None:
+        """Write ``targets.csv``: a line for each target that was found."""
+        with (self._folder / "targets.csv").open("w", encoding="utf-8", newline="") as file:
+            lines = csv.writer(file)
+            lines.writerow(["target", "finder", "time_s", "x_m", "y_m", "z_m", "error_m"])
+            for one in found:
+                place = [f"{value:.4f}" for value in (*one["position_m"], one["error_m"])]
+                lines.writerow([one["name"], one["finder"], f"{one['time_s']:.3f}", *place])
 
     def _write(self, name: str, content: Mapping[str, Any]) -> None:
         text = json.dumps(content, indent=2, allow_nan=False)

@@ -47,6 +47,14 @@ class Approach:
         self._target: Array | None = None
         self._fault: str | None = None
 
+    def stay(self, rows: tuple[int, ...]) -> None:
+        """Go on with some of the agents, each to the point it had."""
+        kept = self.crew.stay(rows)
+        if self.goals is not None and self._target is not None:
+            yaw = self.goals.yaw[self.crew.rows]
+            self._target = self._target[kept]
+            self.goals = self.crew.goals(self._target, yaw, self._speed)
+
     def spread(self, estimate: Estimate, centre: Sequence[float], spacing: float) -> Array:
         """Return (K, 3) places around `centre`, each agent's the one that suits all best, m."""
         here = estimate.position[self.crew.rows]

@@ -31,6 +31,14 @@ class Crew:
         self._active = np.zeros(len(scene.agents), np.bool_)
         self._active[self.rows] = True
 
+    def stay(self, rows: tuple[int, ...]) -> np.ndarray:
+        """Go on with some of the agents; return which of the K those are, (K,)."""
+        kept = np.isin(self.rows, rows)
+        self.rows = self.rows[kept]
+        self._active = np.zeros_like(self._active)
+        self._active[self.rows] = True
+        return kept
+
     def located(self, estimate: Estimate) -> bool:
         """Whether every one of them is located."""
         return bool(estimate.valid[self.rows].all())

@@ -92,6 +92,13 @@ class Follow:
         done = over and self._crew.farthest(estimate, self._point) <= NEAR
         return Step(goals, status=Status.SUCCESS if done else Status.RUNNING)
 
+    def stay(self, rows: tuple[int, ...]) -> None:
+        kept = self._crew.stay(rows)
+        self._ahead, self._beside = self._ahead[kept], self._beside[kept]
+        self._yaw = self._yaw[kept]
+        if self._point is not None:
+            self._point = self._point[kept]
+
     def _line_up(self, estimate: Estimate) -> None:
         """Give each agent the beginning that suits all best."""
         if not self._crew.located(estimate):

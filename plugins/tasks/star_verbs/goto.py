@@ -47,6 +47,9 @@ class Goto:
         arrived = self._approach.arrived(estimate)
         return Step(self._approach.goals, status=Status.SUCCESS if arrived else Status.RUNNING)
 
+    def stay(self, rows: tuple[int, ...]) -> None:
+        self._approach.stay(rows)
+
     def _aim(self, estimate: Estimate) -> None:
         crew = self._approach.crew
         if not crew.located(estimate):

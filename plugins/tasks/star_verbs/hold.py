@@ -49,6 +49,9 @@ class Hold:
         over = self._since is not None and estimate.time - self._since >= self._seconds - ROUNDING
         return Step(self._approach.goals, status=Status.SUCCESS if over else Status.RUNNING)
 
+    def stay(self, rows: tuple[int, ...]) -> None:
+        self._approach.stay(rows)
+
     def _aim(self, estimate: Estimate) -> None:
         crew = self._approach.crew
         if not crew.located(estimate):

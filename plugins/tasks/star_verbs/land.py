@@ -48,6 +48,9 @@ class Land:
         duration = self._duration(estimate)
         return Step(commands=(Command(Order.LAND, rows[up], floor[up], yaw[up], duration[up]),))
 
+    def stay(self, rows: tuple[int, ...]) -> None:
+        self._crew.stay(rows)
+
     def _duration(self, estimate: Estimate) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         """(K,) time of each agent's descent, s."""
         rows = self._crew.rows

@@ -81,6 +81,12 @@ def _follow(
     return Follow(scene, rows, way, speed=speed, along=heading == "along", fault=fault)
 
 
+def _wait(_scene: Scene, _rows: tuple[int, ...]) -> Task:
+    from star_verbs.wait import Wait
+
+    return Wait()
+
+
 def _point(description: str, example: list[float]) -> Mapping[str, Any]:
     return {
         "type": "array",
@@ -155,6 +161,12 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "spacing": _SPACING,
             },
         },
+    ),
+    Offer(
+        name="wait",
+        summary="Stay where everybody is until a condition holds; for 60 s at most if not said.",
+        make=_wait,
+        options={"type": "object", "required": ["until"], "properties": {}},
     ),
     Offer(
         name="goto",

@@ -53,6 +53,13 @@ class Takeoff:
         )
         return Step(self._goals, status=Status.SUCCESS if done else Status.RUNNING)
 
+    def stay(self, rows: tuple[int, ...]) -> None:
+        self._crew.stay(rows)
+        if self._goals is not None:
+            rows_left = self._crew.rows
+            top, yaw = self._goals.position[rows_left], self._goals.yaw[rows_left]
+            self._goals = self._crew.goals(top, yaw, self._speed)
+
     def _climb(self, estimate: Estimate) -> Step:
         rows = self._crew.rows
         top = estimate.position[rows]

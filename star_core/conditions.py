@@ -1,0 +1,128 @@
+"""Conditions of a mission, which are data: whether they hold now, and what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from star_core.errors import instead
+
+if TYPE_CHECKING:
+    from star_core.flight import Event
+    from star_core.swarm import Estimate, Health
+
+Condition: TypeAlias = Mapping[str, Any]
+
+ROUNDING: Final = 1e-9
+"""What mission time may lack of a whole number of ticks, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What conditions are asked about.
+
+    Attributes:
+        rows: The agents of the step.
+        begun: When the step began, s.
+        estimate: Where everybody is.
+        health: How everybody is.
+        names: Of the agents, by row.
+        targets: Names of those that were found.
+        events: Everything that was told, the newest last.
+    """
+
+    rows: tuple[int, ...]
+    begun: float
+    estimate: Estimate
+    health: Health
+    names: Sequence[str]
+    targets: Sequence[str]
+    events: Sequence[Event]
+
+
+def holds(condition: Condition, now: Situation) -> bool:
+    """Return whether a condition holds.
+
+    Args:
+        condition: A map of one of ``elapsed``, ``found``, ``near``, ``battery_below``, ``event``,
+            ``any``, ``all`` and ``not``, as the mission schema has it.
+        now: What it is asked about.
+    """
+    ((kind, given),) = condition.items()
+    return KINDS[kind](given, now)
+
+
+def longest(condition: Condition) -> float:
+    """Return the longest time that a condition waits for as such, s; 0 if it names none."""
+    ((kind, given),) = condition.items()
+    if kind in {"any", "all"}:
+        return max(longest(inner) for inner in given)
+    if kind == "not":
+        return longest(given)
+    return float(given) if kind == "elapsed" else 0.0
+
+
+def faults(
+    condition: Condition, agents: Sequence[str], targets: Sequence[str]
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Yield what is wrong with a condition that its schema cannot see, and where in it.
+
+    Args:
+        condition: What to look at.
+        agents: Names of the agents.
+        targets: Names of the world's targets.
+    """
+    ((kind, given),) = condition.items()
+    inner = given if kind in {"any", "all"} else [given] if kind == "not" else []
+    for i, one in enumerate(inner):
+        for path, message in faults(one, agents, targets):
+            yield ((kind, i, *path) if kind != "not" else (kind, *path)), message
+    if kind == "found" and isinstance(given, str) and given not in targets:
+        yield (kind,), f"no target named {given!r}{instead(given, targets, 'there are')}"
+    if kind == "found" and isinstance(given, int) and given > len(targets):
+        yield (kind,), f"{given!r} is more than the {len(targets)} targets of the world"
+    if kind == "near" and ("agent" in given) == ("point" in given):
+        yield (kind,), "needs either 'point' or 'agent'"
+    elif kind == "near" and given.get("agent", agents[0]) not in agents:
+        name = given["agent"]
+        yield (kind, "agent"), f"no agent named {name!r}{instead(name, agents, 'there are')}"
+
+
+def _near(given: Mapping[str, Any], now: Situation) -> bool:
+    """Whether every agent of the step is near a point, or near another agent."""
+    import numpy as np
+
+    if "agent" in given:
+        point = now.estimate.position[now.names.index(given["agent"])]
+    else:
+        point = np.array(given["point"], float)
+    away = np.linalg.norm(now.estimate.position[list(now.rows)] - point, axis=1)
+    return bool((away <= given["within"]).all())
+
+
+def _found(given: str | int, now: Situation) -> bool:
+    return given in now.targets if isinstance(given, str) else len(now.targets) >= given
+
+
+def _told(kind: str, now: Situation) -> bool:
+    """Whether something of a kind was told since the step began."""
+    for event in reversed(now.events):
+        if event.time < now.begun - ROUNDING:
+            return False
+        if event.kind == kind:
+            return True
+    return False
+
+
+KINDS: Final[Mapping[str, Callable[[Any, Situation], bool]]] = {
+    "any": lambda given, now: any(holds(one, now) for one in given),
+    "all": lambda given, now: all(holds(one, now) for one in given),
+    "not": lambda given, now: not holds(given, now),
+    "elapsed": lambda given, now: bool(now.estimate.time - now.begun >= given - ROUNDING),
+    "found": _found,
+    "near": _near,
+    "battery_below": lambda given, now: any(now.health.battery[row] < given for row in now.rows),
+    "event": _told,
+}
+"""How each kind of condition is judged."""

@@ -1,0 +1,121 @@
+"""Conditions: when they hold, how long they wait, and what cannot be meant."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Event
+from star_core.conditions import Situation, faults, holds, longest
+from star_core.testing import estimate, health
+
+NAMES = ("cf1", "cf2", "cf3")
+
+
+def now(**changes: Any) -> Situation:
+    """Three agents on a line, 1 m apart, of which the step has the first two; it began 10 s ago."""
+    line = np.array([[0.0, 0, 1], [1.0, 0, 1], [2.0, 0, 1]])
+    there = Situation(
+        rows=(0, 1),
+        begun=5.0,
+        estimate=estimate(line, time=15.0),
+        health=replace(health(3), battery=np.array([3.9, 3.6, 3.1])),
+        names=NAMES,
+        targets=("survivor", "bag"),
+        events=[Event(4.0, "safety", "slow"), Event(7.0, "found", "there")],
+    )
+    return replace(there, **changes)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"elapsed": 10},
+        {"found": 2},
+        {"found": "bag"},
+        {"near": {"point": [0.5, 0, 1], "within": 0.5}},
+        {"near": {"agent": "cf3", "within": 2}},
+        {"battery_below": 3.7},
+        {"event": "found"},
+        {"any": [{"elapsed": 11}, {"found": 1}]},
+        {"all": [{"elapsed": 1}, {"found": 1}]},
+        {"not": {"elapsed": 11}},
+    ],
+    ids=str,
+)
+def test_a_condition_holds(condition: dict[str, Any]) -> None:
+    assert holds(condition, now())
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"elapsed": 10.01},
+        {"found": 3},
+        {"found": "cat"},
+        {"near": {"point": [0.5, 0, 1], "within": 0.49}},
+        {"near": {"agent": "cf3", "within": 1.9}},  # cf1 is 2 m away
+        {"battery_below": 3.5},  # cf3 is not of the step
+        {"event": "safety"},  # that was before the step
+        {"any": [{"elapsed": 11}, {"found": 3}]},
+        {"all": [{"elapsed": 11}, {"found": 1}]},
+        {"not": {"elapsed": 10}},
+    ],
+    ids=str,
+)
+def test_a_condition_does_not_hold(condition: dict[str, Any]) -> None:
+    assert not holds(condition, now())
+
+
+def test_an_agent_that_is_nowhere_is_near_nothing() -> None:
+    nowhere = np.full((3, 3), np.nan)
+    there = now(estimate=estimate(nowhere, time=15.0))
+    assert not holds({"near": {"point": [0, 0, 1], "within": 99}}, there)
+
+
+def test_a_battery_that_is_not_reported_is_not_low() -> None:
+    assert not holds(
+        {"battery_below": 9}, now(health=replace(health(3), battery=np.full(3, np.nan)))
+    )
+
+
+@pytest.mark.parametrize(
+    ("condition", "time"),
+    [
+        ({"elapsed": 3}, 3.0),
+        ({"found": 3}, 0.0),
+        ({"any": [{"found": 1}, {"all": [{"elapsed": 7}, {"elapsed": 2}]}]}, 7.0),
+        ({"not": {"elapsed": 4}}, 4.0),
+    ],
+    ids=str,
+)
+def test_how_long_a_condition_waits_is_the_longest_time_in_it(
+    condition: dict[str, Any], time: float
+) -> None:
+    assert longest(condition) == time
+
+
+@pytest.mark.parametrize(
+    ("condition", "fault"),
+    [
+        ({"found": "cat"}, (("found",), "no target named 'cat'; did you mean 'bat'?")),
+        ({"found": 3}, (("found",), "3 is more than the 2 targets of the world")),
+        ({"near": {"within": 1}}, (("near",), "needs either 'point' or 'agent'")),
+        (
+            {"near": {"agent": "cf1", "point": [0, 0, 0], "within": 1}},
+            (("near",), "needs either 'point' or 'agent'"),
+        ),
+        (
+            {"any": [{"found": 1}, {"not": {"near": {"agent": "cf9", "within": 1}}}]},
+            (("any", 1, "not", "near", "agent"), "no agent named 'cf9'; did you mean 'cf3'?"),
+        ),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_meant_is_told_with_its_place(
+    condition: dict[str, Any], fault: tuple[tuple[str | int, ...], str]
+) -> None:
+    assert list(faults(condition, NAMES, ("bat", "survivor"))) == [fault]
