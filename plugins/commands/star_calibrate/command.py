@@ -1,0 +1,103 @@
+"""``star calibrate`` as its user sees it: reads pictures, writes a camera."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from star_calibrate.board import Board
+from star_calibrate.lens import solve
+from star_calibrate.report import as_text, as_yaml
+from star_calibrate.views import look
+from star_core import InputError
+
+NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as missions have it
+SMALLEST: Final = 3  # inner corners each way: fewer make no pattern that OpenCV finds
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Calibrate a camera and return the exit status, 0.
+
+    Raises:
+        InputError: The pictures or the flags will not do, or the file cannot be written.
+    """
+    options = parser().parse_args(arguments)
+    board = _board(options.board, options.square)
+    if not NAME.fullmatch(options.name):
+        raise InputError(
+            [
+                f"--name {options.name!r}: expected a letter, then letters, digits, '_' and '-',"
+                " and not 'all'"
+            ]
+        )
+    views = look(options.images, board)
+    lens = solve(views, board)
+    text, block = as_text(lens, views), as_yaml(lens, options.name)
+    if options.out is None:
+        sys.stderr.write(text)
+        sys.stdout.write(block)
+        return 0
+    try:
+        Path(options.out).write_text(block, encoding="utf-8")
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, "strerror", None) or error
+        raise InputError([f"--out {options.out}: cannot be written: {reason}"]) from error
+    sys.stdout.write(f"{text}camera {options.name!r}: {options.out}\n")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line, apart so that the docs and the tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star calibrate",
+        description="Find out what a camera's lens does.",
+        allow_abbrev=False,
+    )
+    commands = star.add_subparsers(dest="what", required=True, metavar="WHAT")
+    camera = commands.add_parser(
+        "camera",
+        help="focal lengths, principal point and distortion, by pictures of a chessboard",
+        description="Calibrate a camera by pictures of a printed chessboard, and write it as a"
+        " mission has it.",
+        epilog="Take 15 pictures or more, sharp, with the whole board in each: near and far, in"
+        " every corner of the picture, tilted to all sides by up to 45 degrees.",
+        allow_abbrev=False,
+    )
+    camera.add_argument("images", nargs="+", metavar="IMAGE", help="picture (PNG, JPEG, PGM, ...)")
+    camera.add_argument(
+        "--board",
+        default="9x6",
+        metavar="CxR",
+        help="inner corners along its rows and columns, one less than squares (%(default)s)",
+    )
+    camera.add_argument(
+        "--square", type=float, default=0.025, metavar="M", help="edge of a square, m (%(default)s)"
+    )
+    camera.add_argument(
+        "--name", default="calibrated", help="what missions shall call it (%(default)s)"
+    )
+    camera.add_argument(
+        "-o", "--out", metavar="FILE", help="write the camera to FILE instead of printing it"
+    )
+    return star
+
+
+def _board(size: str, square: float) -> Board:
+    """Return the board that the flags describe.
+
+    Raises:
+        InputError: They describe none.
+    """
+    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", size)
+    if found is None or min(map(int, found.groups())) < SMALLEST:
+        raise InputError(
+            [f"--board {size!r}: expected inner corners as 9x6, at least {SMALLEST} each way"]
+        )
+    if not (math.isfinite(square) and square > 0):
+        raise InputError([f"--square {square:g}: expected the edge of a square in m, as 0.025"])
+    return Board(int(found[1]), int(found[2]), square)

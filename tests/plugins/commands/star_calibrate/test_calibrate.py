@@ -1,0 +1,273 @@
+"""``star calibrate camera`` finds the lens that pictures were taken through, or says why not."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+import star_calibrate
+from star_calibrate.board import Board
+from star_calibrate.command import main
+from star_calibrate.deviation import deviations
+from star_calibrate.lens import Lens, solve
+from star_calibrate.report import as_text
+from star_calibrate.views import View, Views, look
+from star_core import Camera, InputError, Registry, cli, load
+
+Take: TypeAlias = Callable[[int, float], list[str]]
+
+BOARD = Board(9, 6, 0.025)
+TRUE = Camera()
+
+
+@pytest.fixture(scope="module")
+def views(shots: list[str]) -> Views:
+    return look(shots, BOARD)
+
+
+@pytest.fixture(scope="module")
+def lens(views: Views) -> Lens:
+    return solve(views, BOARD)
+
+
+def refused(arguments: Sequence[str]) -> str:
+    with pytest.raises(InputError) as caught:
+        main(["camera", *arguments])
+    return str(caught.value)
+
+
+def blank(path: Path, width: int = 324, height: int = 244) -> str:
+    assert cv2.imwrite(str(path), np.full((height, width), 90, np.uint8))
+    return str(path)
+
+
+# The lens
+
+
+def test_corners_are_found_where_they_are(studio: Any) -> None:
+    rng = np.random.default_rng(5)
+    off = []
+    for _ in range(8):
+        turn, place = studio.pose(rng)
+        corners = BOARD.find(studio.picture(turn, place, rng))
+        if corners is not None:
+            true = studio.corners(turn, place)
+            off.append(min(np.abs(c - true).mean() for c in (corners, corners[::-1])))
+    assert len(off) >= 6
+    assert np.median(off) < 0.1
+
+
+def test_the_matrix_is_recovered(lens: Lens) -> None:
+    off = np.subtract(lens.matrix, TRUE.matrix)
+    assert np.abs(off).max() < 1.0
+    assert (np.abs(off) < 5 * np.array(lens.deviation)).all()
+
+
+def test_the_lens_bends_as_it_does(lens: Lens, studio: Any) -> None:
+    """Wherever there were corners, points come to lie within half a pixel of where they should."""
+    fx, fy, cx, cy = lens.matrix
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    x, y = np.meshgrid(np.linspace(-0.8, 0.7, 20), np.linspace(-0.8, 0.4, 20))
+    points = np.stack([x, y, 1 + 0 * x], axis=-1).reshape(-1, 3)
+    still = np.zeros(3)
+    mine = cv2.projectPoints(points, still, still, matrix, np.array(lens.distortion))[0]
+    true = cv2.projectPoints(points, still, still, studio.matrix, studio.bend)[0]
+    assert np.linalg.norm(mine - true, axis=2).max() < 0.5
+
+
+def test_the_error_is_that_of_the_corners(lens: Lens) -> None:
+    assert 0.02 < lens.error < 0.2
+    assert lens.error == pytest.approx(np.sqrt(np.mean([s.error**2 for s in lens.used])), rel=0.01)
+
+
+def test_the_board_is_as_far_away_as_its_squares_say(views: Views, lens: Lens) -> None:
+    assert all(0.15 < seen.distance < 0.45 for seen in lens.used)
+    twice = solve(views, BOARD._replace(square=0.05))
+    for one, other in zip(lens.used, twice.used, strict=True):
+        assert other.distance == pytest.approx(2 * one.distance, rel=1e-3)
+
+
+def test_a_picture_whose_corners_are_wrong_is_left_out_and_named(views: Views, lens: Lens) -> None:
+    moved = views.found[0].corners + 8 * np.sin(views.found[1].corners)
+    bent = View("bent.png", moved.astype(np.float32))
+    worse = solve(views._replace(found=(*views.found, bent)), BOARD)
+    assert "bent.png" in {seen.name for seen in worse.left_out}
+    assert worse.matrix == pytest.approx(lens.matrix, abs=0.5)
+    report = as_text(worse, views._replace(found=(*views.found, bent)))
+    assert "bent.png: left out: " in report
+
+
+def test_corners_in_the_middle_only_are_said_not_to_be_enough(views: Views, lens: Lens) -> None:
+    poor = lens._replace(covered=0.5)
+    assert "no corner was" in as_text(poor, views)
+    assert "no corner was" not in as_text(lens._replace(covered=0.9), views)
+
+
+def test_deviations_are_those_of_the_whole_least_squares_problem(studio: Any) -> None:
+    rng = np.random.default_rng(3)
+    poses = [studio.pose(rng) for _ in range(4)]
+    places = [(cv2.Rodrigues(turn)[0], place) for turn, place in poses]
+    lens = (studio.matrix, studio.bend)
+    per_view = [cv2.projectPoints(studio.points, *place, *lens)[1] for place in places]
+    whole = np.zeros((4 * 108, 4 * 6 + 8))
+    for i, by in enumerate(per_view):
+        rows = slice(108 * i, 108 * (i + 1))
+        whole[rows, 6 * i : 6 * i + 6] = by[:, :6]
+        whole[rows, 24:] = by[:, 6:14]
+    spread = np.diag(np.linalg.inv(whole.T @ whole))[24:28]
+    variance = 4 * 54 * 0.1**2 / (4 * 108 - 32)
+    found = deviations(studio.points, places, *lens, 0.1)
+    assert found == pytest.approx(np.sqrt(variance * spread), rel=1e-4)
+
+
+def test_one_picture_from_straight_ahead_leaves_the_deviations_infinite(studio: Any) -> None:
+    places = [(np.zeros(3), np.array([-0.1, -0.06, 0.3]))]
+    assert deviations(studio.points, places, studio.matrix, np.zeros(5), 0.1) == (np.inf,) * 4
+
+
+# The command
+
+
+def test_the_file_is_a_camera_that_a_mission_can_have(
+    shots: list[str], lens: Lens, missions: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "camera.yaml"
+    assert main(["camera", *shots, "-o", str(out), "--name", "deck"]) == 0
+    mission = (missions / "three_eyes.yaml").read_text(encoding="utf-8")
+    shutil.copytree(missions / "worlds", tmp_path / "worlds")
+    path = tmp_path / "eyes.yaml"
+    path.write_text(
+        mission.replace("camera: aideck", "camera: deck") + out.read_text(encoding="utf-8"),
+        encoding="utf-8",
+    )
+    camera = load(path, Registry()).scene.agents[0].camera
+    assert camera is not None
+    assert (camera.width, camera.height) == (324, 244)
+    assert camera.matrix == pytest.approx(lens.matrix, abs=0.006)
+    assert camera.distortion == pytest.approx(lens.distortion, abs=6e-6)
+
+
+def test_the_report_names_every_picture_and_its_error(
+    shots: list[str], lens: Lens, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = blank(tmp_path / "empty.png")
+    main(["camera", *shots, empty, "-o", str(tmp_path / "camera.yaml")])
+    out = capsys.readouterr().out
+    for seen in lens.used:
+        assert f"{seen.name}: {seen.error:.3f} px at {seen.distance:.2f} m\n" in out
+    assert f"{empty}: no board\n" in out
+    assert f"RMS {lens.error:.3f} px over {len(lens.used)} pictures\n" in out
+
+
+def test_without_a_file_the_camera_alone_is_printed(
+    shots: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["camera", *shots]) == 0
+    printed = capsys.readouterr()
+    assert list(YAML(typ="safe").load(printed.out)["cameras"]) == ["calibrated"]
+    assert "RMS" in printed.err
+
+
+def test_it_is_a_command_of_star(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["calibrate", "camera", "nowhere.png"]) == 2
+    assert capsys.readouterr().err == "nowhere.png: cannot be read: No such file or directory\n"
+
+
+def test_the_command_is_offered_without_numpy() -> None:
+    (offer,) = star_calibrate.star_commands()
+    assert offer.name == "calibrate"
+    assert offer.make is star_calibrate._calibrate
+
+
+# What is refused
+
+
+def test_pictures_without_the_board_are_named_and_too_few_are_refused(
+    shots: list[str], tmp_path: Path
+) -> None:
+    empty = blank(tmp_path / "empty.png")
+    assert refused([*shots[:4], empty]) == (
+        f"{empty}: no board of 9x6 inner corners found\n"
+        "4 pictures with a board of 9x6 inner corners are too few, expected at least 6; take more,"
+        " with the whole board in each, or give --board as it was printed"
+    )
+
+
+def test_another_board_than_the_printed_one_is_not_found(shots: list[str]) -> None:
+    assert "no board of 8x7 inner corners found" in refused([*shots[:3], "--board", "8x7"])
+
+
+def test_pictures_from_straight_ahead_do_not_settle_the_focal_length(take: Take) -> None:
+    said = refused(take(8, 0.0))
+    assert "the pictures do not settle the focal length" in said
+    assert said.endswith("add some of the board tilted by 30 to 45 degrees, to all sides")
+
+
+def test_corners_that_no_lens_explains_are_refused(views: Views) -> None:
+    rng = np.random.default_rng(0)
+    shaken = tuple(
+        View(v.name, v.corners + rng.normal(0, 3, v.corners.shape).astype(np.float32))
+        for v in views.found
+    )
+    with pytest.raises(InputError, match=r"px RMS, expected at most 1 px; is the board flat"):
+        solve(views._replace(found=shaken), BOARD)
+
+
+def test_pictures_of_different_sizes_are_refused(shots: list[str], tmp_path: Path) -> None:
+    other = blank(tmp_path / "other.png", 640, 480)
+    assert refused([shots[0], other]) == f"{other}: is 640x480 px, but {shots[0]} is 324x244"
+
+
+def test_pictures_that_are_no_camera_s_are_refused(tmp_path: Path) -> None:
+    tiny = blank(tmp_path / "tiny.png", 12, 40)
+    expected = "is 12x40 px, expected 16 to 4096 px each way, as missions have it"
+    assert refused([tiny]) == f"{tiny}: {expected}"
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture", b"\x89PNG\r\n\x1a\n"])
+def test_files_that_are_no_pictures_are_refused(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(content)
+    wanted = "is no picture that can be read; expected PNG, JPEG, PGM, ..."
+    assert refused([str(path)]) == f"{path}: {wanted}"
+
+
+def test_every_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    names = [str(tmp_path / "a.png"), str(tmp_path / "b.png")]
+    assert refused(names) == "\n".join(
+        f"{name}: cannot be read: No such file or directory" for name in names
+    )
+
+
+def test_a_picture_that_is_named_twice_is_refused(shots: list[str]) -> None:
+    assert refused([shots[0], shots[1], shots[0]]) == f"{shots[0]}: is there twice"
+
+
+@pytest.mark.parametrize("board", ["9", "9x", "2x6", "9x6x3", "x", "9*6", "-9x6"])
+def test_what_is_no_board_is_refused(board: str) -> None:
+    assert refused(["a.png", f"--board={board}"]) == (
+        f"--board {board!r}: expected inner corners as 9x6, at least 3 each way"
+    )
+
+
+@pytest.mark.parametrize("square", ["0", "-1", "nan", "inf"])
+def test_what_is_no_square_is_refused(square: str) -> None:
+    assert refused(["a.png", f"--square={square}"]).startswith("--square ")
+
+
+@pytest.mark.parametrize("name", ["", "all", "1st", "a b", "a:"])
+def test_what_is_no_name_is_refused(name: str) -> None:
+    assert refused(["a.png", f"--name={name}"]).startswith(f"--name {name!r}: expected a letter")
+
+
+def test_a_file_that_cannot_be_written_is_named(shots: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "nowhere" / "camera.yaml"
+    said = refused([*shots, "-o", str(out)])
+    assert said == f"--out {out}: cannot be written: No such file or directory"
