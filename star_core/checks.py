@@ -27,6 +27,7 @@ def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str
     groups = agents_by_name(document.data, scene)
     faults = [
         *_groups(document.data, scene),
+        *_reserve(document.data, scene),
         *_limits(document.data),
         *_cameras(document.data),
         *_starts(document.data, scene, registry),
@@ -60,6 +61,21 @@ def _groups(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
         for i, member in enumerate(members):
             if member not in scene.names:
                 yield ("groups", name, i), _unknown("agent", member, scene.names)
+
+
+def _reserve(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
+    reserve = data.get("reserve", {})
+    for i, name in enumerate(reserve.get("agents", ())):
+        if name not in scene.names:
+            yield ("reserve", "agents", i), _unknown("agent", name, scene.names)
+    if set(scene.names) <= set(reserve.get("agents", ())):
+        yield ("reserve", "agents"), "every agent is in reserve; leave one to be relieved"
+    low, high = scene.limits.height
+    if not low <= reserve.get("height", low) <= high:
+        yield (
+            ("reserve", "height"),
+            f"{reserve['height']:g} m is outside the heights to fly at, from {low:g} to {high:g} m",
+        )
 
 
 def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:

@@ -138,8 +138,10 @@ class Step:
 class Task(Protocol):
     """One running step of a mission: a verb, its agents and its options.
 
-    It may have ``stay(rows)``: some of its agents left the mission, and it is to go on with these
-    rows. One that has not is made and begun anew for them.
+    Agents can leave a mission, and others can take their places. A task may have ``stay(rows)``: go
+    on with these of its agents; ``swap(old, new)``: another agent takes one's part; and
+    ``join(rows)``: go on with these, some of which are new. One without `stay` or `swap` is made
+    and begun anew instead; without `join`, who is new waits for the next step.
     """
 
     def begin(self, estimate: Estimate, health: Health) -> float:

@@ -100,6 +100,7 @@ class Mission:
         parts: The transport, localizer, planner and avoider, by kind.
         steps: What to do, one after the other.
         safety: What becomes of agents in trouble, by the trouble.
+        reserve: Who relieves others, and when; empty if nobody does.
         document: The mission as read, with what was set on the command line.
         world: The world as read.
     """
@@ -109,8 +110,14 @@ class Mission:
     parts: Mapping[str, Part]
     steps: tuple[Node, ...]
     safety: Mapping[str, Mapping[str, Any]]
+    reserve: Mapping[str, Any]
     document: Document
     world: Document
+
+    @property
+    def reserve_rows(self) -> tuple[int, ...]:
+        """Rows of the agents that are in reserve at the start."""
+        return tuple(self.scene.names.index(name) for name in self.reserve.get("agents", ()))
 
 
 def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
@@ -143,6 +150,7 @@ def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mis
             for i, step in enumerate(document.data["mission"])
         ),
         safety=document.data.get("safety", {}),
+        reserve=document.data.get("reserve", {}),
         document=document,
         world=world,
     )

@@ -15,6 +15,9 @@ from star_core.errors import PluginError
 SHARED: Final = ("agents", "until", "timeout", "on_failure")
 """What every verb of a plugin takes beside its own options; the core itself handles it."""
 
+JOIN, LEAVE = "join", "leave"
+"""Verbs before which, and after which, the core changes who is in the mission."""
+
 RESERVED: Final = {"task": SHARED, "command": ()}
 """Names no option of a kind may have; those of the parts are chosen by ``use``."""
 

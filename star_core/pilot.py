@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from star_core.mission import Mission
 from star_core.observers import Observers
 from star_core.phases import AIRBORNE, MissionPhase
 from star_core.registry import Registry
+from star_core.relief import Relief
+from star_core.roster import Roster
 from star_core.rules import Answer, Rules
 from star_core.safety import SafetyFilter
 from star_core.summary import Meter
@@ -73,8 +76,12 @@ class Pilot:
         self._crew = crew
         self._interrupts = interrupts
         self.observers = Observers(registry.manager)
-        self._course = Course(mission, registry, self.event, self.observers.events)
+        self._roster = Roster(self._n, mission.reserve_rows)
+        self._course = Course(mission, registry, self._roster, self.event, self.observers.events)
         self._rules = Rules(mission.scene, mission.safety)
+        self._relief = Relief(
+            mission.scene, self._roster, self._rules, mission.reserve, partial(self.event, "relief")
+        )
         self._safety = SafetyFilter(mission.scene)
         self._corrected = {why: np.full(self._n, -np.inf) for why in CORRECTED}  # s, when last
         self._lost_since = np.full(self._n, np.inf)  # s
@@ -158,6 +165,7 @@ class Pilot:
             self._course.reason = why
             return Status.FAILURE
         status, wishes = self._course.step(estimate, health)
+        self._relief.step(estimate, health, wishes)
         for command in wishes.commands:
             self._helm.order(command, estimate)
         if wishes.leave:
@@ -213,7 +221,8 @@ class Pilot:
 
     def _nobody_left(self) -> str:
         """Say so if the safety rules have taken every agent out of the mission."""
-        return "the safety rules left no agent" if self._rules.answer.all() else ""
+        nobody = self._rules.answer.any() and self._roster.left().all()
+        return "the safety rules left no agent" if nobody else ""
 
     def _lost_too_long(self) -> str:
         """Say who was lost for so long, and is in no step that says what to do, that all land."""
@@ -280,9 +289,7 @@ class Pilot:
 
     def _left(self) -> Mask:
         """Agents whose failure the mission allowed."""
-        left = np.zeros(self._n, np.bool_)
-        left[sorted(self._course.left)] = True
-        return left
+        return self._roster.left()
 
     def _record(
         self,

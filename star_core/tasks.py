@@ -1,9 +1,9 @@
-"""Runs the steps of a mission: in order, at once, again; and merges what they want."""
+"""Runs the steps of a mission: in order, at once, again."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
@@ -15,9 +15,12 @@ from star_core.contracts import Status, Step, Task
 from star_core.errors import ContractError
 from star_core.flight import Event
 from star_core.mission import Action, Mission, Node, Parallel, Repeat
+from star_core.options import JOIN, LEAVE
 from star_core.registry import Registry
-from star_core.swarm import AgentPhase, Command, Estimate, Goals, Health, Order
+from star_core.roster import Roster
+from star_core.swarm import AgentPhase, Estimate, Health
 from star_core.table import Mask
+from star_core.wishes import Wishes
 
 OUT: Final = (int(AgentPhase.LOST), int(AgentPhase.EMERGENCY))
 """Phases in which an agent cannot go on with a step."""
@@ -25,79 +28,36 @@ OUT: Final = (int(AgentPhase.LOST), int(AgentPhase.EMERGENCY))
 PATIENCE: Final = 5.0
 """How much longer a step may take than its condition waits for, s."""
 
-NUMBERED: Final = (Order.TAKEOFF, Order.LAND, Order.GOTO)
-"""Orders that say where and how fast."""
 
 Tell: TypeAlias = Callable[[str, str], None]
 
 
 @dataclass(slots=True)
-class Wishes:
-    """What the running steps want in one tick, merged.
+class Turn:
+    """A step under way.
 
     Attributes:
-        position: (N, 3) goals so far, m, map frame; the other fields are as in `Goals`.
-        commands: Orders of this tick.
-        doing: The steps under way.
-        leave: Agents that are to land and leave the mission.
+        action: What is done.
+        crew: Who does it: the row of the agent that holds each of its places.
+        task: What decides, as a plugin made it.
+        blame: Whose fault it is if that raises.
+        limit: How long it may take, s.
+        begun: When it began, s.
+        entry: What `Course.steps` says of it.
     """
 
-    position: np.ndarray
-    velocity: np.ndarray
-    yaw: np.ndarray
-    speed: np.ndarray
-    active: Mask
-    commands: list[Command] = field(default_factory=list)
-    doing: list[str] = field(default_factory=list)
-    leave: set[int] = field(default_factory=set)
+    action: Action
+    crew: dict[int, int]
+    task: Task
+    blame: Blame
+    limit: float
+    begun: float
+    entry: dict[str, Any]
 
-    @classmethod
-    def none(cls, n: int) -> Wishes:
-        """Nothing wanted of `n` agents."""
-        return cls(
-            np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n, np.bool_)
-        )
-
-    def fresh(self) -> None:
-        """Begin another tick: goals stay where they are, and stand still."""
-        self.velocity[:] = 0.0
-        self.commands, self.doing, self.leave = [], [], set()
-
-    def add(self, step: Step, rows: tuple[int, ...], n: int) -> None:
-        """Merge a task's answer, which may speak for its own rows only.
-
-        Raises:
-            ContractError: It speaks for others, has another number of rows, or is not finite.
-        """
-        own = np.zeros(n, np.bool_)
-        own[list(rows)] = True
-        for command in step.commands:
-            agents = expect(command, Command).agent
-            if not (set(agents.tolist()) <= set(rows)):
-                raise ContractError(f"commands agents {agents.tolist()!r}, its own are {rows!r}")
-            for name in ("position", "yaw", "duration") if command.order in NUMBERED else ():
-                values = getattr(command, name)
-                if not np.isfinite(values).all():
-                    raise ContractError(f"Command.{name} is {values.tolist()!r}, expected numbers")
-            self.commands.append(command)
-        if step.goals is None:
-            return
-        goals = expect(step.goals, Goals)
-        if len(goals.active) != n:
-            raise ContractError(f"Goals.position has {len(goals.active)} rows, expected {n}")
-        if (goals.active > own).any():
-            raise ContractError("has goals for agents that are not its own")
-        about = np.flatnonzero(goals.active)
-        for name in ("position", "velocity", "yaw", "speed"):
-            values = getattr(goals, name)[about]
-            if not np.isfinite(values).all():
-                raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
-            getattr(self, name)[about] = values
-        self.active[about] = True
-
-    def goals(self) -> Goals:
-        """The merged goals as a table."""
-        return Goals(self.position, self.velocity, self.yaw, self.speed, self.active)
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Rows of the agents that do it."""
+        return tuple(self.crew.values())
 
 
 class Course:
@@ -106,12 +66,11 @@ class Course:
     Args:
         mission: What to fly.
         registry: Where its verbs are found.
+        roster: Who is in the mission; an agent that leaves its place leaves its steps.
         tell: Told of each step's begin and end: kind and text.
         events: Everything that is told in the flight, the newest last.
 
     Attributes:
-        left: Agents that left the mission, as a step that failed allowed them to, or a safety
-            rule said.
         excused: (N,) who may be lost without failing its step; to be set before each tick.
         reason: Why the mission failed, once it has.
         no_way: Why there is no way to an agent's goal, by row; to be set after each tick.
@@ -119,11 +78,17 @@ class Course:
     """
 
     def __init__(
-        self, mission: Mission, registry: Registry, tell: Tell, events: Sequence[Event]
+        self,
+        mission: Mission,
+        registry: Registry,
+        roster: Roster,
+        tell: Tell,
+        events: Sequence[Event],
     ) -> None:
         self._scene = mission.scene
         self._n = len(self._scene.agents)
         self._registry = registry
+        self._roster = roster
         self._tell = tell
         self._events = events
         self._targets = tuple(dict.fromkeys(tag.of for tag in self._scene.world.targets))
@@ -138,7 +103,6 @@ class Course:
         self._running = self._sequence(mission.steps)
         self._estimate: Estimate
         self._health: Health
-        self.left: set[int] = set()
         self.excused: Mask = np.zeros(self._n, np.bool_)
         self.reason = ""
         self.no_way: dict[int, str] = {}
@@ -163,7 +127,7 @@ class Course:
 
     def drop(self, row: int, estimate: Estimate) -> None:
         """Take an agent out of every step; its goal is the place where it is."""
-        self.left.add(row)
+        self._roster.vacate([row])
         self._wishes.active[row] = False
         alone = np.zeros(self._n, np.bool_)
         alone[row] = True
@@ -210,46 +174,58 @@ class Course:
         yield Status.SUCCESS
 
     def _action(self, action: Action) -> Iterator[Status]:
-        rows = tuple(row for row in action.rows if row not in self.left)
-        if not rows:
+        if action.verb == JOIN:
+            self._muster(action)
+        crew = self._roster.holders(action.rows)
+        if not crew:
             self._tell("step", f"{action.place}: {action.verb} is left out: nobody is left for it")
             yield Status.SUCCESS
             return
-        who = self._scene.named(rows)
-        self._tell("step", f"{action.place}: {action.verb} begins for {who}")
-        blame, task, limit = self._begin(action, rows)
-        for row in rows:
-            self.no_way.pop(row, None)  # that was said of the step before
-        begun = self._estimate.time
-        entry = self._entered(action, rows)
-        while True:
-            if self.left.intersection(rows):
-                rows = tuple(row for row in rows if row not in self.left)
-                if not rows:
-                    why = "nobody is left for it"
-                    break
-                task = self._hand_on(action, blame, task, rows)
-                who = self._scene.named(rows)
-            self._wishes.doing.append(f"{action.verb} {who}")
-            if why := self._gone(rows):
-                break
-            with blame:
-                step = expect(task.step(self._estimate, self._health), Step)
-                self._wishes.add(step, rows, self._n)
-            if step.status is Status.SUCCESS or self._fulfilled(action, rows, begun):
-                self._tell("step", f"{action.place}: {action.verb} is done")
-                entry |= {"ended_s": self._estimate.time, "outcome": "success"}
-                yield Status.SUCCESS
-                return
-            if step.status is Status.FAILURE:
-                why = step.reason or "failed and gave no reason"
-                break
-            if self._estimate.time - begun >= limit:
-                why = f"timed out after {limit:.3g} s"
-                break
+        turn = self._begin(action, crew)
+        while (now := self._step(turn))[0] is Status.RUNNING:
             yield Status.RUNNING
-        entry |= {"ended_s": self._estimate.time, "outcome": "failure"}
-        yield self._failed(action, rows, why)
+        status, why = now
+        outcome = "success" if status is Status.SUCCESS else "failure"
+        turn.entry |= {"ended_s": self._estimate.time, "outcome": outcome}
+        if status is Status.FAILURE and turn.rows:
+            yield self._failed(action, turn.rows, why)
+            return
+        if status is Status.FAILURE:  # its agents left the mission, and the others need not know
+            self._tell("failure", f"{action.place}: {action.verb} failed: {why}")
+            yield Status.SUCCESS
+            return
+        self._tell("step", f"{action.place}: {action.verb} is done")
+        if action.verb == LEAVE:
+            self._roster.vacate(turn.rows, retire=True)
+        yield Status.SUCCESS
+
+    def _muster(self, action: Action) -> None:
+        """Let agents that are in reserve be in the mission."""
+        for place in action.rows:
+            if place in self._roster.retired:
+                self._roster.take(place, place)
+
+    def _step(self, turn: Turn) -> tuple[Status, str]:
+        """Run one tick of a step; return how far it is, and why it failed."""
+        action = turn.action
+        now = self._roster.holders(action.rows)
+        if now != turn.crew:
+            self._hand_on(turn, now)
+        if not turn.crew:
+            return Status.FAILURE, "nobody is left for it"
+        self._wishes.doing.append(f"{action.verb} {self._scene.named(turn.rows)}")
+        if why := self._gone(turn.rows):
+            return Status.FAILURE, why
+        with turn.blame:
+            step = expect(turn.task.step(self._estimate, self._health), Step)
+            self._wishes.add(step, turn.rows, self._n)
+        if step.status is Status.SUCCESS or self._fulfilled(turn):
+            return Status.SUCCESS, ""
+        if step.status is Status.FAILURE:
+            return Status.FAILURE, step.reason or "failed and gave no reason"
+        if self._estimate.time - turn.begun >= turn.limit:
+            return Status.FAILURE, f"timed out after {turn.limit:.3g} s"
+        return Status.RUNNING, ""
 
     def _prepare(self, nodes: Sequence[Node]) -> None:
         """Make every step's task once before anything moves: what is slow or wrong shows now."""
@@ -273,46 +249,16 @@ class Course:
         source = self._registry.find("task", action.verb).source
         return Blame(f"task {action.verb!r} ({source})")
 
-    def _begin(self, action: Action, rows: tuple[int, ...]) -> tuple[Blame, Task, float]:
-        """Begin a step's task; return it with its time-out, s."""
-        blame = self._blame(action)
+    def _begin(self, action: Action, crew: dict[int, int]) -> Turn:
+        """Begin a step for those that hold its places."""
+        rows = tuple(crew.values())
+        who = self._scene.named(rows)
+        self._tell("step", f"{action.place}: {action.verb} begins for {who}")
         task = self._made.pop(id(action), None) if rows == action.rows else None
-        task = task or self._task(action, rows)
-        with blame:
-            limit = float(task.begin(self._estimate, self._health))
-            if not limit < np.inf:
-                raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")
-        if action.until is not None:
-            limit = max(limit, longest(action.until) + PATIENCE)
-        return blame, task, limit if action.timeout is None else action.timeout
-
-    def _hand_on(self, action: Action, blame: Blame, task: Task, rows: tuple[int, ...]) -> Task:
-        """Leave a step to those of its agents that are left; return the task that goes on with it.
-
-        A task that cannot be told is begun anew for the others.
-        """
-        stay = getattr(task, "stay", None)
-        if stay is not None:
-            with blame:
-                stay(rows)
-            return task
-        return self._begin(action, rows)[1]
-
-    def _fulfilled(self, action: Action, rows: tuple[int, ...], begun: float) -> bool:
-        """Whether the condition holds that ends a step."""
-        if action.until is None:
-            return False
-        finder = self._health.finder.tolist()
-        found = [name for name, row in zip(self._targets, finder, strict=True) if row >= 0]
-        return holds(
-            action.until,
-            Situation(
-                rows, begun, self._estimate, self._health, self._scene.names, found, self._events
-            ),
-        )
-
-    def _entered(self, action: Action, rows: tuple[int, ...]) -> dict[str, Any]:
-        """Enter a step that begins in `steps`."""
+        blame = self._blame(action)
+        task, limit = self._started(action, task or self._task(action, rows), blame)
+        for row in rows:
+            self.no_way.pop(row, None)  # that was said of the step before
         entry = {
             "place": action.place,
             "verb": action.verb,
@@ -322,7 +268,66 @@ class Course:
             "outcome": None,
         }
         self.steps.append(entry)
-        return entry
+        return Turn(action, crew, task, blame, limit, self._estimate.time, entry)
+
+    def _started(self, action: Action, task: Task, blame: Blame) -> tuple[Task, float]:
+        """Start a task; return it with the time-out of its step, s."""
+        with blame:
+            limit = float(task.begin(self._estimate, self._health))
+            if not limit < np.inf:
+                raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")
+        if action.until is not None:
+            limit = max(limit, longest(action.until) + PATIENCE)
+        return task, limit if action.timeout is None else action.timeout
+
+    def _hand_on(self, turn: Turn, now: dict[int, int]) -> None:
+        """Let a step go on with those that hold its places now.
+
+        A task that cannot be told is begun anew. Whoever fills a place that was empty is in the
+        next step only, if the task cannot be told of it.
+        """
+        before = turn.crew
+        kept = {place: now[place] for place in before if place in now}
+        swaps = [(before[place], row) for place, row in kept.items() if before[place] != row]
+        turn.crew = kept
+        told: tuple[Any, ...] = tuple(
+            getattr(turn.task, name, None) for name in ("swap", "stay", "join")
+        )
+        swap, stay, join = told
+        if not kept:
+            return
+        if (swaps and swap is None) or (len(kept) < len(before) and stay is None):
+            task = self._task(turn.action, turn.rows)
+            turn.task, limit = self._started(turn.action, task, turn.blame)
+            if turn.action.timeout is None:
+                turn.limit = self._estimate.time - turn.begun + limit
+            return
+        with turn.blame:
+            for old, new in swaps:
+                swap(old, new)
+            if len(kept) < len(before):
+                stay(turn.rows)
+            if len(kept) < len(now) and join is not None:
+                turn.crew = now
+                join(turn.rows)
+
+    def _fulfilled(self, turn: Turn) -> bool:
+        """Whether the condition holds that ends a step."""
+        until = turn.action.until
+        if until is None:
+            return False
+        finder = self._health.finder.tolist()
+        found = [name for name, row in zip(self._targets, finder, strict=True) if row >= 0]
+        now = Situation(
+            rows=turn.rows,
+            begun=turn.begun,
+            estimate=self._estimate,
+            health=self._health,
+            names=self._scene.names,
+            targets=found,
+            events=self._events,
+        )
+        return holds(until, now)
 
     def _gone(self, rows: tuple[int, ...]) -> str:
         """Say which agents of a step cannot go on, if any."""
@@ -347,7 +352,7 @@ class Course:
             return Status.FAILURE
         lost = {row for row in rows if self._health.phase[row] in OUT}
         leave = set(rows) if action.on_failure == "land" else lost
-        self.left |= leave
+        self._roster.vacate(leave, retire=action.on_failure == "land")
         self._wishes.leave |= leave
         self._tell("failure", f"{text}; on_failure: {action.on_failure}")
         return Status.SUCCESS

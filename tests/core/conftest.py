@@ -131,6 +131,8 @@ def _wait(_scene: star.Scene, _rows: tuple[int, ...], seconds: float, **end: Any
 VERBS: Mapping[str, tuple[Callable[..., Any], str]] = {  # how it is made, and its options
     "climb": (partial(_order, Order.TAKEOFF, AgentPhase.FLYING), ""),
     "descend": (partial(_order, Order.LAND, AgentPhase.LANDED), ""),
+    "join": (partial(_order, Order.TAKEOFF, AgentPhase.FLYING), ""),
+    "leave": (partial(_order, Order.LAND, AgentPhase.LANDED), ""),
     "ride": (partial(_order, Order.GOTO, None), "to yaw_deg seconds"),
     "visit": (_visit, "to yaw_deg"),
     "wait": (_wait, "seconds limit fails"),
@@ -149,7 +151,7 @@ class Lab:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.swarm = ("cf1", "cf2")
+        self.swarm: tuple[str, ...] = ("cf1", "cf2")
         self.frames: star.Transform | None = None
         self.realtime = False
         self.closed: Counter[str] = Counter()

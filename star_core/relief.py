@@ -1,0 +1,161 @@
+"""Reserves: agents that take over from those whose batteries run low, in flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from star_core.roster import Roster
+from star_core.rules import SAGS, Rules
+from star_core.scene import Scene
+from star_core.swarm import AgentPhase, Command, Estimate, Health, Order
+from star_core.table import Array, Mask
+from star_core.wishes import Wishes
+
+CLEAR: Final = 0.5
+"""How far others in the air must be from the pad of an agent that takes off, in the plane, m."""
+
+HOME: Final = 0.15
+"""How near to its pad an agent that flies home must be before it lands, in the plane, m."""
+
+SETTLED: Final = 0.15
+"""What an agent that is to land is slower than, m/s."""
+
+HEARD: Final = 0.5
+"""How long ago an agent that takes off may have been heard, s."""
+
+CLIMB: Final = 0.3
+"""Mean speed of a climb, m/s, as of the verb ``takeoff``."""
+
+DEFAULTS: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
+"""What the mission schema says of a reserve."""
+
+DOWN: Final = (int(AgentPhase.GROUNDED), int(AgentPhase.LANDED))
+
+
+class Relief:
+    """Sends reserves up and brings home whom they relieve.
+
+    An agent on the ground is ready if it is heard and located, its battery is above a voltage, and
+    nobody flies near its pad; once relieved and given another battery, it is a reserve again. A
+    reserve fills a place that the safety rules have emptied, or relieves the agent in flight whose
+    battery is lowest, once that stays below a voltage. It takes the place over when it has climbed;
+    only then does the other fly to its own pad, and land.
+
+    Args:
+        scene: Agents, pads (where agents start) and limits.
+        roster: Who is in the mission.
+        rules: What became of whom; forgotten for an agent that is ready again.
+        reserve: The mission's ``reserve``; empty if it has none.
+        tell: Told what is done: text, and the agent.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        roster: Roster,
+        rules: Rules,
+        reserve: Mapping[str, Any],
+        tell: Callable[[str, str], None],
+    ) -> None:
+        n = len(scene.agents)
+        self._scene = scene
+        self._roster = roster
+        self._rules = rules
+        self._exists = bool(reserve)
+        self._options = {**DEFAULTS, **reserve}
+        self._tell = tell
+        self._pad = np.array([agent.start for agent in scene.agents])
+        self._low_since = np.full(n, np.nan)  # s
+        self._coming: dict[int, int] = {}  # which place each agent that climbs is to take
+        self._home: set[int] = set()  # who flies to its pad
+
+    def step(self, estimate: Estimate, health: Health, wishes: Wishes) -> None:
+        """Do what is to be done in a tick; what it takes is added to `wishes`."""
+        if not self._exists:
+            return
+        flying = health.phase == AgentPhase.FLYING
+        low = flying & (health.battery < self._options["relieve_below"])
+        self._low_since = np.where(low, np.fmin(self._low_since, estimate.time), np.nan)
+        self._take_over(health, wishes)
+        self._fly_home(estimate, health, wishes)
+        for place in self._wanted(estimate):
+            row = self._ready(estimate, health)
+            if row is None:
+                return
+            self._send_up(row, place, estimate, wishes)
+
+    def _wanted(self, estimate: Estimate) -> list[int]:
+        """Places that a reserve should take and none is on its way to, the most urgent first."""
+        long = estimate.time - self._low_since >= SAGS
+        tired = [(self._low_since[row], row) for row in np.flatnonzero(long).tolist()]
+        places = [self._roster.place(row) for _, row in sorted(tired)]
+        wanted = [*self._roster.vacancies(), *(place for place in places if place is not None)]
+        return [place for place in wanted if place not in self._coming.values()]
+
+    def _ready(self, estimate: Estimate, health: Health) -> int | None:
+        """The agent on the ground with the fullest battery that may take off, if there is one."""
+        down = np.isin(health.phase, DOWN) & estimate.valid & self._roster.left()
+        down &= (health.age <= HEARD) & (health.battery > self._options["ready_above"])
+        down[list(self._coming)] = False
+        for row in np.flatnonzero(down)[np.argsort(-health.battery[down], kind="stable")].tolist():
+            if self._clear(estimate.position, np.isin(health.phase, DOWN), row):
+                self._rules.answer[row] = 0
+                return int(row)
+        return None
+
+    def _clear(self, position: Array, down: Mask, row: int) -> bool:
+        """Whether nobody flies near an agent on the ground."""
+        others = ~down
+        others[row] = False
+        away = np.hypot(*(position[others, :2] - position[row, :2]).T)
+        return bool((away > CLEAR).all())
+
+    def _send_up(self, row: int, place: int, estimate: Estimate, wishes: Wishes) -> None:
+        name = self._scene.agents[row].name
+        top = estimate.position[[row]].copy()
+        climb = self._options["height"] - float(top[0, 2])
+        top[0, 2] = self._options["height"]
+        duration = np.array([max(1.0, climb / CLIMB)])
+        yaw = estimate.yaw[[row]]
+        wishes.commands.append(Command(Order.TAKEOFF, np.array([row]), top, yaw, duration))
+        wishes.send(row, top[0], yaw[0], self._scene.limits.speed)
+        self._coming[row] = place
+        self._home.discard(row)
+        whom = self._roster.holders([place])
+        what = f"to relieve {self._scene.named(whom.values())}" if whom else "to fill a place"
+        self._tell(f"{name} takes off {what}", name)
+
+    def _take_over(self, health: Health, wishes: Wishes) -> None:
+        """Let those that have climbed take their places, and forget those that cannot."""
+        for row, place in list(self._coming.items()):
+            if health.phase[row] == AgentPhase.FLYING:
+                del self._coming[row]
+                relieved = self._roster.holders([place]).get(place)
+                self._roster.take(place, row)
+                name = self._scene.agents[row].name
+                self._tell(f"{name} takes over", name)
+                if relieved is not None:
+                    self._home.add(relieved)
+            elif (
+                health.phase[row] in {AgentPhase.LOST, AgentPhase.EMERGENCY}
+                or (self._rules.answer[row])
+            ):
+                del self._coming[row]
+                wishes.leave.add(row)
+
+    def _fly_home(self, estimate: Estimate, health: Health, wishes: Wishes) -> None:
+        """Lead those that were relieved to their pads, and land them there."""
+        for row in list(self._home):
+            if health.phase[row] != AgentPhase.FLYING or self._rules.answer[row]:
+                self._home.discard(row)
+                continue
+            here = estimate.position[row]
+            over = np.array([*self._pad[row, :2], here[2]])
+            wishes.send(row, over, estimate.yaw[row], self._scene.limits.speed)
+            slow = np.linalg.norm(estimate.velocity[row]) < SETTLED
+            if np.hypot(*(here - over)[:2]) < HOME and slow:
+                self._home.discard(row)
+                wishes.leave.add(row)

@@ -1,0 +1,150 @@
+"""Reserves: who takes over from whom, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Order, Telemetry
+from tests.core.conftest import Lab
+
+TOUR = """
+  - climb: {}
+  - wait: {seconds: 12}
+  - descend: {}
+reserve: {agents: [cf3], relieve_below: 3.6, ready_above: 4.0, height: 1.0}
+"""
+FULL, TIRED = 4.1, 3.5
+
+
+@pytest.fixture(autouse=True)
+def _three(lab: Lab) -> None:
+    """Two agents, and a third in reserve, each with a full battery."""
+    lab.swarm = ("cf1", "cf2", "cf3")
+    lab.spoil("transport", "receive", volts({}))
+
+
+def volts(since: Mapping[tuple[int, float], float]) -> Callable[..., Telemetry]:
+    """Batteries are full, but an agent's is at so many V from a mission time on, s."""
+
+    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        battery = np.full(len(telemetry.age), FULL)
+        for (row, time), volt in since.items():
+            if telemetry.time >= time:
+                battery[row] = volt
+        return replace(telemetry, battery=battery)
+
+    return wrong
+
+
+def agents(lab: Lab, verb: str) -> list[list[str]]:
+    (summary,) = lab.summaries
+    return [step["agents"] for step in summary["steps"] if step["verb"] == verb]
+
+
+def test_a_reserve_stays_down_while_nobody_needs_it(lab: Lab) -> None:
+    assert lab.fly(TOUR)["outcome"] == "completed"
+    assert lab.went("cf3") == []
+    assert agents(lab, "descend") == [["cf1", "cf2"]]
+
+
+def test_a_reserve_takes_over_from_one_whose_battery_is_low(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
+    summary = lab.fly(TOUR)
+    assert summary["outcome"] == "completed"
+    assert lab.said("relief") == ["cf3 takes off to relieve cf1", "cf3 takes over"]
+    assert lab.went("cf3") == ["taking_off", "flying", "landing", "landed"]
+    assert sorted(agents(lab, "descend")[0]) == ["cf2", "cf3"]
+
+
+def test_who_is_relieved_goes_only_when_the_other_is_there_and_lands_at_home(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
+    lab.fly(TOUR)
+    when = {(who, phase): time for time, who, phase in lab.phases}
+    assert when["cf1", "landing"] >= when["cf3", "flying"]
+    assert when["cf1", "landed"] < when["cf2", "landing"]
+    assert lab.ticks[-1].truth is not None
+    assert lab.ticks[-1].truth.position[0] == pytest.approx([0.0, 0.0, 0.0], abs=0.2)
+
+
+def test_with_a_new_battery_it_is_a_reserve_again(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED, (0, 8.0): FULL, (1, 8.0): TIRED}))
+    lab.fly(TOUR)
+    assert lab.said("relief") == [
+        "cf3 takes off to relieve cf1",
+        "cf3 takes over",
+        "cf1 takes off to relieve cf2",
+        "cf1 takes over",
+    ]
+    assert sorted(agents(lab, "descend")[0]) == ["cf1", "cf3"]
+
+
+def test_a_reserve_whose_battery_is_not_full_stays_down(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED, (2, 0.0): 3.9}))
+    lab.fly(TOUR)
+    assert lab.said("relief") == []
+
+
+def test_a_battery_that_sags_for_a_moment_is_no_reason(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED, (0, 2.5): FULL}))
+    lab.fly(TOUR)
+    assert lab.said("relief") == []
+
+
+def test_a_reserve_fills_the_place_of_one_that_a_rule_took_out(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): 3.0}))
+    summary = lab.fly(f"{TOUR}safety: {{battery_low: {{below: 3.2}}}}\n")
+    assert summary["outcome"] == "completed"
+    assert "cf3 takes over" in lab.said("relief")
+    assert sorted(agents(lab, "descend")[0]) == ["cf2", "cf3"]
+
+
+def test_nobody_takes_off_under_another(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
+    lab.fly(TOUR.replace("wait: {seconds: 12}", "visit: {agents: cf2, to: [0, 2, 1]}").replace(
+        "  - descend", "  - wait: {seconds: 9}\n  - descend"
+    ))  # fmt: skip
+    assert lab.said("relief") == []
+
+
+def test_everybody_is_down_when_the_mission_ends_while_a_reserve_climbs(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
+    lab.fly(TOUR.replace("seconds: 12", "seconds: 2.2"))
+    down = {AgentPhase.GROUNDED, AgentPhase.LANDED}
+    assert {AgentPhase(phase) for phase in lab.ticks[-1].health.phase.tolist()} <= down
+    assert 2 in lab.ordered(Order.TAKEOFF)
+
+
+def test_a_reserve_is_in_no_step_though_the_step_is_for_all(lab: Lab) -> None:
+    lab.fly(TOUR)
+    assert agents(lab, "climb") == [["cf1", "cf2"]]
+
+
+def test_a_mission_whose_agents_are_all_in_reserve_is_refused(lab: Lab) -> None:
+    with pytest.raises(Exception, match="every agent is in reserve; leave one to be relieved"):
+        lab.load(TOUR.replace("[cf3]", "[cf1, cf2, cf3]"))
+
+
+def test_a_reserve_that_is_nobody_is_refused(lab: Lab) -> None:
+    with pytest.raises(Exception, match="no agent named 'cf4'; did you mean 'cf3'"):
+        lab.load(TOUR.replace("[cf3]", "[cf4]"))
+
+
+# Verbs that change who is in the mission, with the laboratory's own tasks under their names
+
+
+def test_whoever_joins_is_in_the_steps_that_follow(lab: Lab) -> None:
+    lab.fly(TOUR.replace("  - wait", "  - join: {agents: cf3}\n  - wait"))
+    assert agents(lab, "climb") == [["cf1", "cf2"]]
+    assert agents(lab, "join") == [["cf3"]]
+    assert agents(lab, "wait") == [["cf1", "cf2", "cf3"]]
+
+
+def test_whoever_left_is_in_no_step_and_nobody_fills_its_place(lab: Lab) -> None:
+    lab.fly(TOUR.replace("  - wait", "  - leave: {agents: cf2}\n  - wait"))
+    assert agents(lab, "wait") == [["cf1"]]
+    assert lab.said("relief") == []
