@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from star_apriltag.batch import Batched
+from star_apriltag.floor import Floor
 from star_apriltag.follower import Sight, Smoothed
 from star_apriltag.smoother import Smoother
 from star_apriltag.vision import look
@@ -46,9 +47,10 @@ def main() -> None:
 
 
 def frames() -> dict[str, float]:
-    """From image to pose, for images in which a tag was found; and guided matching, a tag."""
+    """From image to pose, where a tag was found; guided matching, a tag; following the floor."""
     took = timed(Smoothed, "look", lambda answer: bool(answer and answer[0].views))
     matching = timed(look, "find")
+    measuring = timed(Floor, "look")
     flown("paper_box.yaml", "localizer={use: apriltag, processes: 0}")
     theirs = timed(Batched, "_optimise")
     flown("paper_box.yaml", "localizer={use: apriltag, method: batch, processes: 0}")
@@ -57,6 +59,7 @@ def frames() -> dict[str, float]:
         "frame_ms_median": 1000 * statistics.median(took),
         "frame_ms_p95": 1000 * ordered[int(0.95 * len(ordered))],
         "guided_match_ms_median": 1000 * statistics.median(matching),
+        "floor_ms_median": 1000 * statistics.median(measuring),
         "batch_graph_at_the_end_ms": 1000 * statistics.median(theirs[-50:]),
     }
 

@@ -68,6 +68,12 @@ OPTIONS: dict[str, Any] = {
             "description": "Whether tags of the map that are not detected, for they are too far or "
             "partly out of sight, are looked for where they should be; with method: smoother.",
         },
+        "floor": {
+            "type": "boolean",
+            "default": False,
+            "description": "Whether the floor's texture measures the way from image to image, "
+            "where it has any; the floor is the map's plane z = 0; with method: smoother.",
+        },
         "processes": {
             "type": ["integer", "null"],
             "minimum": 0,
@@ -103,6 +109,7 @@ def make(  # noqa: PLR0913 -- a mission's own options
     survey: float = 0.005,
     lag: float = 2.5,
     guided: bool = True,
+    floor: bool = False,
     processes: int | None = None,
     worst: float = 1.0,
     stale: float = 0.5,
@@ -119,6 +126,7 @@ def make(  # noqa: PLR0913 -- a mission's own options
             camera_deviation=math.radians(camera_deviation_deg),
             lag=lag,
             guided=guided,
+            floor=floor,
         ),
         processes=processes,
         feedback=feedback,

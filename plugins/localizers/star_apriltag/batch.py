@@ -2,9 +2,15 @@
 
 As its paper has it: a node for each image with tags, at 6 Hz; between nodes the motion that the
 on-board estimator reports; from node to landmark the pose that the image shows; a prior on each
-landmark; Levenberg and Marquardt over all of it since take-off. One deviation serves all of them,
-as in the released code, and nothing is gated. Kinder than that code, images carry the time they
-were taken, corners are those of ``method: smoother``, and the camera's lever arm counts.
+landmark; Levenberg and Marquardt over all of it since take-off. What the paper leaves open is as in
+the released code: one deviation serves every factor in all six directions, nothing is gated and no
+factor is robust; a tag's pose is the one that its homography gives, whichever of the two a small
+tag looks like; an image counts for when it arrived; and the camera sits in the body's middle,
+turned only.
+
+Kinder than that code, motion between nodes is odometry and not the difference of two sights, the
+camera's rotation counts once, tags may be mounted anyhow, corners are those of
+``method: smoother``, and no fix reaches the on-board estimator.
 """
 
 from __future__ import annotations
@@ -20,11 +26,11 @@ from star_apriltag.reckoning import Belief, Known, travel
 from star_apriltag.smoother import Node
 from star_apriltag.track import Track
 from star_apriltag.vision.detector import Detector
+from star_apriltag.vision.homography import flat_pose
 from star_apriltag.vision.landmark import Place
 from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.look import Look
 from star_apriltag.vision.rigid import Pose
-from star_apriltag.vision.square import solve
 from star_core import Agent, Odometry, Rows, Tag
 
 PERIOD: Final = 1 / 6  # s from one node to the next, at least
@@ -67,23 +73,24 @@ class Batched:
         """Take in an image, if it is time for a node; targets are not looked for."""
         if self._lens is None or self._detector is None:
             return None
-        if sight.taken < self.known.node.time + PERIOD:
+        time = sight.taken if sight.arrived is None else sight.arrived
+        if time < self.known.node.time + PERIOD:
             return None
         tags, corners = sight.tags, sight.corners
         if sight.image is not None:
             found = self._detector.detect(sight.image)
             tags, corners = found.tag, found.corners
+        turned = Pose(self._lens.mounting.rotation, np.zeros(3))
         seen = {}
         for tag, pixels in zip(tags.tolist(), corners, strict=True):
             place = self._places.get(tag)
             if place is None:
                 continue
-            square = solve(pixels, self._lens.undistort(pixels), place.size, self._lens)
-            if square is not None:
-                best = min(square.solutions, key=lambda solution: solution.surprise)
-                seen[tag] = _as_gtsam(self._lens.mounting @ best.pose)
+            pose = flat_pose(self._lens.undistort(pixels), place.size)
+            if pose is not None:
+                seen[tag] = _as_gtsam(turned @ pose)
         if seen:
-            self._optimise(sight.taken, seen)
+            self._optimise(time, seen)
         return None
 
     def _optimise(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:

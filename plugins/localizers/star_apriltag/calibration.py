@@ -18,6 +18,7 @@ SCALE_DEVIATION: Final = 0.08  # before anything is known, of each component
 BIAS_DEVIATION: Final = math.radians(0.25)  # rad/s, before anything is known
 FLOOR = 0.05**2 * 0.7  # m²/m: 5 % error of scale with the floor, correlated over 0.7 m
 WALK = 0.012**2  # m²/s: the flow sensor's noise
+SEEN_FLOOR, SEEN_WALK = 0.006**2, 0.002**2  # m²/m and m²/s, where images measured the way
 YAW_WALK = math.radians(0.1) ** 2  # rad²/s: the gyro's noise
 
 
@@ -95,8 +96,10 @@ class Calibration:
             old.deviation**2
             + new.deviation**2
             + (turn * way) ** 2
-            + FLOOR * motion.length
-            + WALK * motion.duration
+            + FLOOR * motion.blind_length
+            + WALK * motion.blind_duration
+            + SEEN_FLOOR * (motion.length - motion.blind_length)
+            + SEEN_WALK * (motion.duration - motion.blind_duration)
         ) / way**2
         gain, shrink = _gain(self._scale_variance, noise, abs(ratio - self.scale) / math.sqrt(2))
         self.scale += gain * (ratio - self.scale)

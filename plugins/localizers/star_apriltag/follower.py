@@ -8,6 +8,7 @@ from typing import Final, NamedTuple, Protocol
 import gtsam
 import numpy as np
 
+from star_apriltag.floor import Floor
 from star_apriltag.reckoning import Belief, Known
 from star_apriltag.relocation import Claim, Relocation
 from star_apriltag.smoother import Smoother
@@ -23,13 +24,23 @@ BEHIND: Final = 0.35  # s beyond the latency, by which the graph trails where no
 
 
 class Sight(NamedTuple):
-    """An image, or the tags found in one on board."""
+    """An image, or the tags found in one on board.
+
+    Attributes:
+        row: Of the agent.
+        taken: When it was taken, s.
+        image: None if tags were found on board.
+        tags: (K,) numbers of those.
+        corners: (K, 4, 2) px.
+        arrived: When it arrived, s; None if that does not matter.
+    """
 
     row: int
     taken: float
     image: Image | None
     tags: Rows
     corners: Array
+    arrived: float | None = None
 
 
 class Follower(Protocol):
@@ -64,6 +75,7 @@ class Smoothed:
         lag: For how long poses stay in the graph, s.
         latency: How long images are under way, s.
         guided: Whether to look where known tags should be that were not detected.
+        floor: Whether to measure motion by how the floor moves from image to image.
     """
 
     def __init__(
@@ -76,9 +88,10 @@ class Smoothed:
         lag: float,
         latency: float,
         guided: bool = True,
+        floor: bool = False,
     ) -> None:
         self._behind = latency + BEHIND
-        self._eye = None
+        self._eye = self._floor = None
         mounting = Pose(np.eye(3), np.zeros(3))
         if agent.camera is not None:
             self._eye = Eye(
@@ -88,6 +101,7 @@ class Smoothed:
                 guided=guided,
             )
             mounting = self._eye.lens.mounting
+            self._floor = Floor(self._eye.lens) if floor else None
         smoother = Smoother(mounting, camera_deviation=camera_deviation, lag=lag)
         self.tracker = Tracker(agent, smoother)
         self._relocation = Relocation()
@@ -110,6 +124,9 @@ class Smoothed:
         tracker = self.tracker
         if self._eye is None or not sight.taken > tracker.node.time:
             return None
+        measured = False
+        if sight.image is not None and self._floor is not None:
+            measured = tracker.measure(self._floor, sight.image, sight.taken)
         belief = tracker.at(sight.taken)
         prediction = _prediction(belief, tracker.camera_turn)
         if sight.image is None:
@@ -126,6 +143,9 @@ class Smoothed:
             if (agreed := self._relocation.consider(claim, tracker.track)) is not None:
                 log.info("an agent is found again elsewhere at %.2f s", sight.taken)
                 tracker.restart(agreed.time, agreed.pose, agreed.covariance)
+                measured = False
+        if measured and not look.views:
+            tracker.see(sight.taken, (), prediction.motion)
         return look, belief
 
 

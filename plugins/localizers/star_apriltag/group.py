@@ -29,6 +29,7 @@ class Settings(NamedTuple):
         camera_deviation: How wrong the cameras' rotations may be, rad.
         lag: For how long poses stay in the graph, s.
         guided: Whether to look where known tags should be that were not detected.
+        floor: Whether to measure motion by how the floor moves from image to image.
     """
 
     method: str
@@ -37,6 +38,7 @@ class Settings(NamedTuple):
     camera_deviation: float
     lag: float
     guided: bool = True
+    floor: bool = False
 
 
 class Heard(NamedTuple):
@@ -115,6 +117,7 @@ class Group:
                 lag=settings.lag,
                 latency=settings.latency,
                 guided=settings.guided,
+                floor=settings.floor,
             )
             for row in rows
         }

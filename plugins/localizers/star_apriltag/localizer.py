@@ -118,12 +118,19 @@ def sights(telemetry: Telemetry, latency: float) -> Iterator[Sight]:
     frames, found = telemetry.frames, telemetry.detections
     nothing = (np.zeros(0, np.int64), np.zeros((0, 4, 2)))
     taken = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived - latency)
-    for row, time, image in zip(frames.agent.tolist(), taken.tolist(), frames.image, strict=True):
-        sights.append(Sight(row, time, image, *nothing))
+    for row, time, arrived, image in zip(
+        frames.agent.tolist(),
+        taken.tolist(),
+        frames.arrived.tolist(),
+        frames.image,
+        strict=True,
+    ):
+        sights.append(Sight(row, time, image, *nothing, arrived))
     taken = np.where(np.isfinite(found.taken), found.taken, found.arrived - latency)
     for row, time in sorted(set(zip(found.agent.tolist(), taken.tolist(), strict=True))):
         rows = (found.agent == row) & (taken == time)
-        sights.append(Sight(row, time, None, found.tag[rows], found.corners[rows]))
+        arrived = float(found.arrived[rows].max())
+        sights.append(Sight(row, time, None, found.tag[rows], found.corners[rows], arrived))
     known = (sight for sight in sights if sight.taken <= telemetry.time + AHEAD)
     yield from sorted(known, key=lambda sight: (sight.taken, sight.row))
 

@@ -22,6 +22,8 @@ START_YAW: Final = math.radians(3.0)  # rad
 # What odometry is good for between two nodes.
 WAY: Final = 0.022  # m/√m
 SWAY: Final = 0.007  # m/√s
+SEEN_WAY: Final = 0.006  # m/√m, where images measured it
+SEEN_SWAY: Final = 0.002  # m/√s
 LEAST: Final = 0.0005  # m
 RISE: Final = 0.01  # m/√s
 YAW: Final = math.radians(0.175)  # rad/√s
@@ -165,5 +167,8 @@ def _deviations(motion: Motion) -> Array:
     """(6,) of turn and shift, over a motion."""
     passed = math.sqrt(motion.duration)
     tilt = TILT * passed + LEAST_TILT
-    aside = math.sqrt(WAY**2 * motion.length + SWAY**2 * motion.duration) + LEAST
+    variance = WAY**2 * motion.blind_length + SWAY**2 * motion.blind_duration
+    variance += SEEN_WAY**2 * (motion.length - motion.blind_length)
+    variance += SEEN_SWAY**2 * (motion.duration - motion.blind_duration)
+    aside = math.sqrt(max(variance, 0.0)) + LEAST
     return np.array([tilt, tilt, YAW * passed, aside, aside, RISE * passed + LEAST])

@@ -1,4 +1,4 @@
-"""What one agent's odometry says of its motion."""
+"""What one agent's odometry says of its motion, and what better measures of it say."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from star_core import Array, Odometry, Rows
 
 ROOM: Final = 1 << 13  # samples kept: 82 s at 100 Hz, well beyond the longest gap between fixes
+COLUMNS: Final = 9  # time, velocity, yaw rate, roll, pitch, height, and whether it is blind
 
 
 class Motion(NamedTuple):
@@ -19,12 +20,16 @@ class Motion(NamedTuple):
         turn: Change of yaw, rad.
         length: Way flown, m.
         duration: s.
+        blind_length: Part of the way that nothing but the flow sensor measured, m.
+        blind_duration: Likewise, s.
     """
 
     shift: complex
     turn: float
     length: float
     duration: float
+    blind_length: float
+    blind_duration: float
 
 
 class Stance(NamedTuple):
@@ -53,7 +58,7 @@ class Track:
     """
 
     def __init__(self) -> None:
-        self._rows = np.zeros((2 * ROOM, 8))
+        self._rows = np.zeros((2 * ROOM, COLUMNS))
         self._end = 0
 
     def add(self, odometry: Odometry, rows: Rows) -> None:
@@ -66,15 +71,13 @@ class Track:
                 odometry.roll[rows],
                 odometry.pitch[rows],
                 odometry.height[rows],
+                np.ones(len(rows)),
             ]
         )
         table = table[np.isfinite(table).all(axis=1)]
         newer = np.maximum.accumulate(np.append(self.newest, table[:-1, 0])) < table[:, 0]
         table = table[newer][-ROOM:]
-        if self._end + len(table) > len(self._rows):
-            kept = self._rows[self._end - ROOM : self._end].copy()
-            self._end = len(kept)
-            self._rows[: self._end] = kept
+        self._make_room(len(table))
         self._rows[self._end : self._end + len(table)] = table
         self._end += len(table)
 
@@ -97,7 +100,8 @@ class Track:
         """
         times = self._rows[: self._end, 0]
         if end <= begin or not len(times):
-            return Motion(0j, 0.0, 0.0, max(0.0, end - begin))
+            still = max(0.0, end - begin)
+            return Motion(0j, 0.0, 0.0, still, 0.0, still)
         first = min(int(np.searchsorted(times, begin, side="right")), len(times) - 1)
         last = min(int(np.searchsorted(times, end)), len(times) - 1)
         rows = self._rows[first : last + 1]
@@ -107,12 +111,55 @@ class Track:
         turns = (rows[:, 4] - yaw_bias) * took
         after = np.cumsum(turns)
         steps = scale * (rows[:, 1] + 1j * rows[:, 2]) * took
+        lengths, blind = np.abs(steps), rows[:, 8]
         return Motion(
             shift=complex(np.exp(1j * (after - turns / 2)) @ steps),
             turn=float(after[-1]),
-            length=float(np.abs(steps).sum()),
+            length=float(lengths.sum()),
             duration=end - begin,
+            blind_length=float(lengths @ blind),
+            blind_duration=float(took @ blind),
         )
+
+    def correct(self, begin: float, end: float, shift: complex, *, yaw_bias: float) -> None:
+        """Make the way between two times what something better than the flow sensor measured.
+
+        Velocities in the body change by one and the same amount; turns stay what they are. If
+        there are no samples up to `end` yet, nothing changes.
+
+        Args:
+            begin: s.
+            end: s.
+            shift: As `between` returns it for these times and this yaw bias, m.
+            yaw_bias: What to take from the yaw rate, rad/s.
+        """
+        if not begin < end <= self.newest:
+            return
+        self._make_room(2)
+        rows = self._rows[self._cut(begin) : self._cut(end)]
+        took = np.diff(rows[:, 0], prepend=begin)
+        turns = (rows[:, 4] - yaw_bias) * took
+        turned = np.exp(1j * (np.cumsum(turns) - turns / 2)) * took
+        more = complex((shift - turned @ (rows[:, 1] + 1j * rows[:, 2])) / turned.sum())
+        rows[:, 1] += more.real
+        rows[:, 2] += more.imag
+        rows[:, 8] = 0.0
+
+    def _cut(self, time: float) -> int:
+        """Let a sample end at `time`, s, no later than the newest; return the row after it."""
+        row = int(np.searchsorted(self._rows[: self._end, 0], time))
+        if self._rows[row, 0] != time:
+            self._rows[row + 1 : self._end + 1] = self._rows[row : self._end].copy()
+            self._rows[row, 0] = time
+            self._end += 1
+        return row + 1
+
+    def _make_room(self, more: int) -> None:
+        """Forget old samples if there is no room for that many more."""
+        if self._end + more > len(self._rows):
+            kept = self._rows[self._end - ROOM : self._end].copy()
+            self._end = len(kept)
+            self._rows[: self._end] = kept
 
     def at(self, time: float) -> Stance:
         """Return the sample that holds at `time`, s; level and at rest if there is none."""

@@ -9,15 +9,16 @@ from typing import Final
 import gtsam
 
 from star_apriltag.calibration import Calibration, Place
+from star_apriltag.floor import Floor
 from star_apriltag.reckoning import Belief, Known, carried, carry, standing, travel
 from star_apriltag.smoother import Node, Smoother
 from star_apriltag.track import Motion, Track
 from star_apriltag.vision.pose import AT_REST, View
 from star_apriltag.vision.pose import Motion as BodyMotion
-from star_core import Agent, Array
+from star_core import Agent, Array, Image
 
 NODE_EVERY: Final = 0.5  # s: without tags the graph goes on all the same
-NOWHERE: Final = Motion(0j, 0.0, 0.0, 0.0)
+NOWHERE: Final = Motion(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Tracker:
@@ -49,6 +50,26 @@ class Tracker:
     def known(self) -> Known:
         """What is known of the agent by now."""
         return Known(self.node, self.calibration.scale, self.calibration.yaw_bias)
+
+    def measure(self, floor: Floor, image: Image, time: float) -> bool:
+        """Correct the odometry up to an image taken at `time`, s; return whether it could be.
+
+        Raises:
+            ValueError: It is no image of the agent's camera.
+        """
+        bias = self.calibration.yaw_bias
+        passage = floor.look(
+            image,
+            time,
+            self.track,
+            ground=self._ground,
+            yaw_bias=bias,
+            camera_turn=self.camera_turn,
+        )
+        if passage is None:
+            return False
+        self.track.correct(passage.begin, passage.end, passage.shift, yaw_bias=bias)
+        return True
 
     @property
     def camera_turn(self) -> Array:

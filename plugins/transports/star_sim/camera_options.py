@@ -64,7 +64,10 @@ OPTIONS: dict[str, Any] = {
         "jitter": _number(0.015, "Deviation of the latency, s.", 1),
         "drops": _number(0.0, "Share of the images that never arrive.", 1),
         "wrong_ids": _number(
-            0.0, "Share of the tags that are taken for another one; with mode: geometric.", 1
+            0.0,
+            "Share of the tags that are taken for another one in an image; where images are "
+            "rendered they bear its pattern there.",
+            1,
         ),
         "stamped": {
             "type": "boolean",

@@ -42,6 +42,7 @@ class Cameras:
             for tag in (*scene.world.landmarks, *scene.world.targets)
             if tag.of not in options.covered
         ]
+        self._tags = np.array([tag.id for tag in seen], np.int64)
         self._numbers = np.array(sorted(tag.id for tag in seen) or [0])
         rng = np.random.default_rng([scene.seed, _SURVEY_STREAM])
         tags = real_tags(seen, rng, position=options.survey, turn=options.survey_yaw)
@@ -86,7 +87,7 @@ class Cameras:
             eye = self._eyes[row]
             what: Any
             if isinstance(eye, Renderer):
-                what = eye.render(shot, stream)
+                what = eye.render(shot, stream, self._misprinted(stream))
             else:
                 tags, points = eye.spot(shot, stream)
                 what = (self._mistaken(tags, stream), points)
@@ -96,6 +97,15 @@ class Cameras:
     def _due(self, row: int) -> int:
         """The step nearest to when an agent's next image is due: rates hold on average."""
         return round(self._periods[row] / self._cameras[row].rate / STEP)
+
+    def _misprinted(self, stream: np.random.Generator) -> Rows | None:
+        """Let some tags of an image bear others' patterns: rows of those tags, or None."""
+        if not self._options.wrong_ids:
+            return None
+        bearing = self._mistaken(self._tags, stream)
+        rows = np.argsort(self._tags)
+        found: Rows = rows[np.searchsorted(self._tags, bearing, sorter=rows)]
+        return found
 
     def _mistaken(self, tags: Rows, stream: np.random.Generator) -> Rows:
         """Take some tags for others."""

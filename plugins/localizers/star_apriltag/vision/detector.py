@@ -67,11 +67,7 @@ class Detector:
         Raises:
             ValueError: It is no grey image of the camera's size.
         """
-        if image.shape != self._lens.shape or image.dtype != np.uint8:
-            raise ValueError(
-                f"image is {image.shape!r} of {image.dtype}, expected {self._lens.shape!r} of uint8"
-            )
-        image = np.ascontiguousarray(image)
+        image = self._lens.checked(image)
         corners, ids, _ = self._detector.detectMarkers(image)
         if not len(corners):
             return Found(np.zeros(0, np.int64), np.zeros((0, 4, 2)), np.zeros(0))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from star_apriltag.vision.rigid import Pose, matrix
-from star_core import Array, Camera
+from star_core import Array, Camera, Image
 
 ENOUGH: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-7)
 """When to stop undistorting a point: after 30 steps, or at 1e-7 px."""
@@ -44,6 +44,18 @@ class Lens:
         self.mounting = Pose(matrix(camera.rotation), np.array(camera.position))
         self._readout = camera.readout
         self._reach = _reach(self.distortion)
+
+    def checked(self, image: Image) -> Image:
+        """Return an image whose rows lie one after the other in memory.
+
+        Raises:
+            ValueError: It is no grey image of the camera's size.
+        """
+        if image.shape != self.shape or image.dtype != np.uint8:
+            raise ValueError(
+                f"image is {image.shape!r} of {image.dtype}, expected {self.shape!r} of uint8"
+            )
+        return np.ascontiguousarray(image)
 
     def undistort(self, pixels: Array) -> Array:
         """Return the (..., 2) rays that (..., 2) pixels show, NaN where the model has none.

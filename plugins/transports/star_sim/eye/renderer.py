@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from star_core import Camera, Image, Tag, World
+from star_core import Camera, Image, Rows, Tag, World
 from star_sim.contact import prisms
 from star_sim.eye.floor import Floor, draw_floor
 from star_sim.eye.motion import mounting, poses
@@ -64,8 +64,14 @@ class Renderer:
         self._spread, self._vignette = spread(blur), vignette(camera)
         self._noise, self._shot_noise = noise, shot_noise
 
-    def render(self, shot: Shot, rng: np.random.Generator) -> Image:
-        """Return the (height, width) image of a shot; its noise takes one number from `rng`."""
+    def render(self, shot: Shot, rng: np.random.Generator, printed: Rows | None = None) -> Image:
+        """Return the (height, width) image of a shot.
+
+        Args:
+            shot: Where the body is.
+            rng: Noise takes one number from it.
+            printed: (M,) rows of the tags whose patterns the tags bear; None for their own.
+        """
         lens, rays_ = self._optics, self._rays
         moved = self._moved(shot)
         slices = min(max(LEAST_SLICES, 2 * math.ceil(moved / SLICE / 2) + 1), MOST_SLICES)
@@ -76,7 +82,9 @@ class Renderer:
         if len(self._prisms[0]):
             draw_prisms(depth, shade, rays_, track, lens, self._field, *self._prisms)
         if len(self._tags[0]):
-            draw_tags(light, gap, depth, rays_, track, lens, self._field, *self._tags)
+            places, rims, patterns = self._tags
+            patterns = patterns if printed is None else patterns[printed]
+            draw_tags(light, gap, depth, rays_, track, lens, self._field, places, rims, patterns)
         draw_floor(light, gap, depth, shade, rays_, track, lens, *self._floor, moved > BLURRED)
         key = int(rng.integers(2**32))
         return develop(light, self._spread, self._vignette, self._noise, self._shot_noise, key)

@@ -43,6 +43,19 @@ def test_every_pose_since_the_start_stays_in_the_graph() -> None:
     assert 20 <= follower._count <= 31  # at 6 Hz at most
 
 
+def test_an_image_counts_for_when_it_arrived() -> None:
+    circle = Circle(10)
+    follower = Batched(circle.agent(), tuple(TAGS))
+    arrivals = set()
+    for heard in ticks([circle], 5.0, TAGS):
+        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)))
+        for sight in sights(heard, 0.15):
+            follower.look(sight)
+            arrivals.add(sight.arrived)
+    assert follower._count > 0
+    assert follower.known.node.time in arrivals
+
+
 def test_an_image_of_another_size_is_passed_over(caplog: pytest.LogCaptureFixture) -> None:
     circle = Circle(10)
     made = localizer(room([circle], TAGS), method="batch")

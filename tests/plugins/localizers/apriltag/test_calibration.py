@@ -117,3 +117,18 @@ def test_a_heading_that_passes_half_a_turn_is_no_outlier() -> None:
     calibration.learn(first, track)
     calibration.learn(second, track)
     assert calibration.yaw_bias > 0.5 * BIAS
+
+
+def test_it_is_surer_of_the_scale_where_images_measured_the_way() -> None:
+    circle = Circle(60, scale=SCALE)
+    seen, blind = odometry(circle), odometry(circle)
+    for begin in np.arange(0.0, 59.0, 0.5):
+        motion = seen.between(float(begin), float(begin) + 0.5)
+        seen.correct(float(begin), float(begin) + 0.5, motion.shift, yaw_bias=0.0)
+    off = []
+    for track in (seen, blind):
+        calibration = Calibration()
+        for time in (1.0, 6.0):
+            calibration.learn(place(circle, time), track)
+        off.append(abs(calibration.scale - SCALE))
+    assert off[0] < 0.5 * off[1]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -97,11 +97,11 @@ def test_wholly_beyond_the_newest_sample_too() -> None:
 
 
 def test_without_a_sample_nothing_moves() -> None:
-    assert Track().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0)
+    assert Track().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0, 0.0, 2.0)
 
 
 def test_a_time_that_ends_before_it_begins_holds_no_motion() -> None:
-    assert even(1.0).between(0.8, 0.3) == (0j, 0.0, 0.0, 0.0)
+    assert even(1.0).between(0.8, 0.3) == (0j, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("times", [[0.2, 0.1, 0.3], [0.1, 0.1, 0.3], [0.1, math.nan, 0.3]])
@@ -190,3 +190,52 @@ def test_without_a_sample_it_stands_level_and_still() -> None:
     stance = Track().at(1.0)
     assert (stance.roll, stance.pitch, stance.height, stance.yaw_rate) == (0, 0, 0, 0)
     assert not stance.velocity.any()
+
+
+@given(samples, st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2, unique=True).map(sorted))
+def test_a_corrected_way_is_the_one_that_was_measured(
+    rows: list[tuple[float, float, float, float]], share: list[float]
+) -> None:
+    made = track(rows)
+    begin, end = (s * made.newest for s in share)
+    assume(end - begin > 1e-6)
+    before, after = made.between(0.0, begin), made.between(end, made.newest)
+    turn = made.between(begin, end).turn
+    made.correct(begin, end, 0.3 - 0.1j, yaw_bias=0.0)
+    motion = made.between(begin, end)
+    assert motion.shift == pytest.approx(0.3 - 0.1j, abs=1e-9)
+    assert motion.turn == pytest.approx(turn, abs=1e-9)
+    assert made.between(0.0, begin).shift == pytest.approx(before.shift, abs=0.004)
+    assert made.between(end, made.newest).shift == pytest.approx(after.shift, abs=0.004)
+
+
+def test_a_way_is_corrected_under_the_yaw_bias_that_it_was_measured_with() -> None:
+    made = even(1.0, (1.0, 0.0), 0.5)
+    made.correct(0.2, 0.7, 0.4j, yaw_bias=0.1)
+    assert made.between(0.2, 0.7, yaw_bias=0.1).shift == pytest.approx(0.4j)
+
+
+def test_only_what_was_not_corrected_is_blind() -> None:
+    made = even(1.0)
+    made.correct(0.255, 0.755, 0.5 + 0j, yaw_bias=0.0)
+    motion = made.between(0.0, 2.0)
+    assert (motion.length, motion.duration) == pytest.approx((2.0, 2.0))
+    assert (motion.blind_length, motion.blind_duration) == pytest.approx((1.5, 1.5))
+
+
+def test_what_is_not_reported_yet_is_not_corrected() -> None:
+    made = even(1.0)
+    made.correct(0.5, 1.5, 9.0 + 0j, yaw_bias=0.0)
+    assert made.between(0.0, 1.0).shift == pytest.approx(1.0)
+
+
+def test_ways_are_corrected_when_its_room_is_full() -> None:
+    made, n = Track(), 2 * ROOM
+    made.add(stream(0.01 * np.arange(n), np.ones((n, 3)), np.zeros(n)), np.arange(n))
+    made.add(stream(0.01 * np.arange(n, 2 * n), np.ones((n, 3)), np.zeros(n)), np.arange(n))
+    while made._end < len(made._rows):
+        last = made.newest
+        made.add(stream([last + 0.01], np.ones((1, 3)), np.zeros(1)), np.arange(1))
+    end = made.newest
+    made.correct(end - 1.005, end - 0.005, 0.25 + 0j, yaw_bias=0.0)
+    assert made.between(end - 1.005, end - 0.005).shift == pytest.approx(0.25)

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 import pytest
 
@@ -174,6 +175,29 @@ def test_a_share_of_the_tags_is_taken_for_others() -> None:
     right = np.tile([0, 1, 9], len(seen.tag) // 3)
     assert np.mean(seen.tag != right) == pytest.approx(0.3, abs=0.03)
     assert set(seen.tag.tolist()) == {0, 1, 9}
+
+
+def pictures(**options: Any) -> list[set[int]]:
+    """Which tags OpenCV finds in rendered images."""
+    cameras = Cameras(
+        room(Camera(rate=50.0)), CameraOptions(**{**EXACT, "mode": "rendered"}, **options)
+    )
+    drones = hovering(1)
+    while (step := cameras.next_step) * STEP <= 2.0:
+        cameras.take(drones, step)
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    detector = cv2.aruco.ArucoDetector(family)
+    found = [detector.detectMarkers(image) for image in cameras.arrived(9.0)[0].image]
+    return [{int(n) for n in np.ravel(ids)} if corners else set() for corners, ids, _ in found]
+
+
+def test_rendered_tags_bear_the_patterns_of_others() -> None:
+    right = pictures()
+    assert right.count({0, 1, 9}) > 0.9 * len(right)
+    wrong = pictures(wrong_ids=0.1)
+    # All three are right with 0.9³; two of three bear one pattern else, or all change places.
+    assert wrong.count({0, 1, 9}) == pytest.approx(0.9**3 * len(wrong), abs=0.12 * len(wrong))
+    assert set().union(*wrong) == {0, 1, 9}
 
 
 def test_covered_landmarks_and_targets_are_not_seen() -> None:
