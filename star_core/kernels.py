@@ -36,6 +36,6 @@ def compiled(
 
 @cache
 def _sources(folder: Path) -> str:
-    """A name for all the sources in a folder and below."""
-    files = sorted(folder.rglob("*.py"))
+    """A name for all the sources in a folder."""
+    files = sorted(folder.glob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from star_core import Offer, Problem, hookimpl
@@ -81,3 +81,18 @@ def star_transports() -> Iterable[Offer[Transport]]:
         options=OPTIONS,
         check=check,
     )
+
+
+@hookimpl
+def star_commands() -> Iterable[Offer[int]]:
+    yield Offer(
+        name="fleet",
+        summary="Serve a mission's drones as simulated Crazyflies over UDP, for any client.",
+        make=_fleet,
+    )
+
+
+def _fleet(arguments: Sequence[str]) -> int:
+    from star_sim.fleet.command import run
+
+    return run(arguments)

@@ -15,19 +15,23 @@ What a runner can rely on, as the firmware has it:
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from star_core import Array, Command, ContractError, Order, Rows, Setpoint
+from star_sim.airframe import CYCLE
 from star_sim.compiled import Record, compiled
-from star_sim.drone import OFF, TRAJECTORY, VELOCITY, Drones
+from star_sim.drone import DEMAND, OFF, TRAJECTORY, VELOCITY, Drones
+from star_sim.position import wrap
 
 if TYPE_CHECKING:
     from star_core import Mask
 
 LEVEL_AFTER = 0.5  # s without a setpoint
 LOCK_AFTER = 2.0  # s without a setpoint
+MOST_TURN = 1.5  # rad, by which the yaw that is wanted may run ahead of the drone
 
 # The last four coefficients of a polynomial of order 7 on [0, 1], from what its end lacks in
 # value, slope, curvature and third derivative when the first four are given.
@@ -49,6 +53,24 @@ def follow(drone: Record, now: float) -> None:
         elif silence > LEVEL_AFTER:
             for axis in range(3):
                 drone.reference_velocity[axis] = 0.0
+    elif drone.mode == DEMAND:
+        _follow_demand(drone)
+
+
+@compiled
+def _follow_demand(drone: Record) -> None:
+    """Carry a demand's angles on by its rates, and turn its velocity with the drone."""
+    if drone.turn_rate != 0.0:
+        ahead = wrap(drone.reference_yaw + drone.turn_rate * CYCLE - drone.believed_yaw)
+        ahead = min(max(ahead, -MOST_TURN), MOST_TURN)
+        drone.reference_yaw = drone.believed_yaw + ahead
+    drone.tilt[0] += drone.tilt_rate[0] * CYCLE
+    drone.tilt[1] += drone.tilt_rate[1] * CYCLE
+    if drone.in_body:
+        cos, sin = math.cos(drone.believed_yaw), math.sin(drone.believed_yaw)
+        ahead, aside = drone.heading[0], drone.heading[1]
+        drone.reference_velocity[0] = cos * ahead - sin * aside
+        drone.reference_velocity[1] = sin * ahead + cos * aside
 
 
 @compiled

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from star_sim import airframe, battery
 
-OFF, TRAJECTORY, VELOCITY = 0, 1, 2  # what flies a drone: nothing, its commander, setpoints
+# What flies a drone: nothing, its commander, velocity setpoints, or a setpoint of `star_sim.fleet`.
+OFF, TRAJECTORY, VELOCITY, DEMAND = 0, 1, 2, 3
+
+FREE, SPEED, PLACE = 0, 1, 2  # what a demand says of an axis: nothing, a velocity, a position
 
 DRONE = np.dtype(
     [
@@ -32,7 +35,7 @@ DRONE = np.dtype(
         ("reference_velocity", "f8", 3),  # m/s
         ("reference_acceleration", "f8", 3),  # m/s²
         ("reference_yaw", "f8"),  # rad
-        ("mode", "i8"),  # OFF, TRAJECTORY or VELOCITY
+        ("mode", "i8"),  # OFF, TRAJECTORY, VELOCITY or DEMAND
         ("setpoint_time", "f8"),  # s, when the last setpoint came
         ("trajectory", "f8", (4, 8)),  # x, y, z, yaw over the fraction of time passed
         ("trajectory_start", "f8"),  # s
@@ -72,6 +75,14 @@ DRONE = np.dtype(
         ("flow_rest", "f8", 2),  # counts that were not whole
         # Contacts.
         ("clearance", "f8"),  # m, no obstacle is nearer
+        # What a demand asks for beside the references above.
+        ("axes", "i8", 3),  # FREE, SPEED or PLACE along x, y and z; x and y FREE hold the tilt
+        ("tilt", "f8", 2),  # rad, roll and pitch (nose down positive)
+        ("tilt_rate", "f8", 2),  # rad/s, at which the tilt that is wanted changes
+        ("lift", "f8"),  # N, thrust of all motors where z is FREE
+        ("heading", "f8", 2),  # m/s ahead and aside, where `in_body`
+        ("in_body", "i8"),  # whether the horizontal velocity turns with the drone
+        ("turn_rate", "f8"),  # rad/s, at which the yaw that is wanted changes
     ],
     align=True,
 )

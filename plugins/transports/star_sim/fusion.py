@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Corrections
+from star_core import Array, Corrections
 from star_sim.airframe import CYCLE
 from star_sim.drone import Drones
 from star_sim.estimator import FLOW_GAIN
@@ -24,8 +24,8 @@ RATE: Final = 0.1  # rad/s, what it takes a gyro's noise for
 
 # A velocity that is drawn by a gain g to measurements settles at the variance q (1 - g) / g, with q
 # what a step adds; its error lasts, so a position that integrates it gains 2 / g - 1 times that.
-_VELOCITY: Final = (ACCELERATION * CYCLE) ** 2 * (1 - FLOW_GAIN) / FLOW_GAIN
-POSITION_GROWTH: Final = CYCLE * _VELOCITY * (2 / FLOW_GAIN - 1)  # m²/s
+VELOCITY_VARIANCE: Final = (ACCELERATION * CYCLE) ** 2 * (1 - FLOW_GAIN) / FLOW_GAIN
+POSITION_GROWTH: Final = CYCLE * VELOCITY_VARIANCE * (2 / FLOW_GAIN - 1)  # m²/s
 YAW_GROWTH: Final = RATE**2 * CYCLE  # rad²/s
 
 
@@ -40,6 +40,16 @@ class Fusion:
         self._time = np.zeros(agents)  # s, up to which the variances were carried
         self._position = np.zeros(agents)  # m², along x and along y
         self._yaw = np.zeros(agents)  # rad²
+
+    def forget(self, row: int, now: float) -> None:
+        """Begin anew with an estimate that was set, at `now`, s, to what is known."""
+        self._time[row] = now
+        self._position[row] = self._yaw[row] = 0.0
+
+    def variance(self, now: float) -> tuple[Array, Array]:
+        """Return the variances at `now`, s: (N,) m² along x and along y, and (N,) rad² of yaw."""
+        passed = now - self._time
+        return self._position + POSITION_GROWTH * passed, self._yaw + YAW_GROWTH * passed
 
     def take(self, drones: Drones, corrections: Corrections, now: float) -> None:
         """Draw what the drones believe at `now`, s, to the poses they are sent."""

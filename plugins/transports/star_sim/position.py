@@ -10,7 +10,7 @@ import math
 
 from star_sim.airframe import CYCLE, GRAVITY, MASS
 from star_sim.compiled import Record, compiled
-from star_sim.drone import OFF, TRAJECTORY
+from star_sim.drone import DEMAND, FREE, OFF, PLACE, TRAJECTORY
 
 POSITION_GAIN = 2.0  # 1/s, the firmware's
 POSITION_SPEED = 1.0  # m/s, greatest that the position loop asks for, along each axis; as firmware
@@ -53,15 +53,38 @@ def aim(drone: Record) -> None:
     north = MASS * (cos * ay - sin * ax)
     share = min(1.0, TANGENT_LIMIT * lift / max(1e-9, math.sqrt(east * east + north * north)))
     drone.push[0], drone.push[1], drone.push[2] = share * east, share * north, lift
+    if drone.mode == DEMAND and drone.axes[0] == FREE:
+        _tilt(drone, lift)
     rate = YAW_GAIN * wrap(drone.reference_yaw - drone.believed_yaw)
     drone.yaw_rate = min(max(rate, -YAW_RATE_LIMIT), YAW_RATE_LIMIT)
+
+
+@compiled
+def _tilt(drone: Record, lift: float) -> None:
+    """Set the push along the body's z axis at the tilt that a demand wants.
+
+    Args:
+        drone: Its horizontal axes are FREE.
+        lift: Vertical force of the height loop, N; used where z is not FREE.
+    """
+    cr, sr = math.cos(drone.tilt[0]), math.sin(drone.tilt[0])
+    cp, sp = math.cos(drone.tilt[1]), math.sin(drone.tilt[1])
+    force = drone.lift
+    if drone.axes[2] != FREE:
+        force = lift / max(0.5, cr * cp)  # up to 60°
+    cy, sy = math.cos(drone.believed_yaw), math.sin(drone.believed_yaw)
+    x, y = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr
+    cos, sin = drone.slip[0], drone.slip[1]
+    drone.push[0], drone.push[1] = force * (cos * x + sin * y), force * (cos * y - sin * x)
+    drone.push[2] = force * cr * cp
+    drone.windup[0] = drone.windup[1] = 0.0
 
 
 @compiled
 def _acceleration(drone: Record, axis: int, gain: float) -> float:
     """Return the acceleration wanted along one axis of the odometry frame, m/s²."""
     wanted = drone.reference_velocity[axis]
-    if drone.mode == TRAJECTORY:
+    if drone.mode == TRAJECTORY or (drone.mode == DEMAND and drone.axes[axis] == PLACE):
         way = POSITION_GAIN * (drone.reference_position[axis] - drone.believed_position[axis])
         wanted += min(max(way, -POSITION_SPEED), POSITION_SPEED)
     missing = wanted - drone.believed_velocity[axis]

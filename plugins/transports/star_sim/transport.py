@@ -79,11 +79,22 @@ class Simulator:
             self._streams = noise_streams(scene.seed, n)
         self._order = np.argsort(self.drones["position"] @ SWEEP, kind="stable")
         self._keys = np.zeros(n)
-        self._fusion = Fusion(n)
+        self.fusion = Fusion(n)
         self._normals = np.zeros((BLOCK, n, 4))
         self._samples = np.zeros((BLOCK, n, 8))
         self._arrived: list[Array] = []  # (cycles, N, 8) since the last call of `receive`
         self._obstacles = prisms(scene.world)
+
+    @property
+    def time(self) -> float:
+        """Mission time, s."""
+        return self._step * STEP
+
+    @property
+    def sample(self) -> Array:
+        """(N, 8) what the estimators streamed last, as `star_sim.estimator.believe` says."""
+        row: Array = self._samples[(self._step // STEPS_PER_CYCLE - 1) % BLOCK]
+        return row
 
     def connect(self) -> None:
         """Compile the inner loop, so that the first tick is not late."""
@@ -141,7 +152,7 @@ class Simulator:
     def correct(self, corrections: Corrections) -> None:
         """Let the drones' estimators take poses in; without noise they know better."""
         if self._noise:
-            self._fusion.take(self.drones, corrections, self._step * STEP)
+            self.fusion.take(self.drones, corrections, self._step * STEP)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
         """Fly the active rows; nothing is clipped, as the firmware clips no velocity setpoint.

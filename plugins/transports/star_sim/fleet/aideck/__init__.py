@@ -1,0 +1,1 @@
+"""The AI-decks of simulated Crazyflies: their camera streams, and their links over WiFi."""

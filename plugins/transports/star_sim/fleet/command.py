@@ -1,0 +1,180 @@
+"""``star fleet`` as its user sees it: serves a mission's drones until it is told to stop."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from star_core import InputError, Mission, PluginError, Registry, load
+from star_sim.camera_options import CameraOptions
+
+if TYPE_CHECKING:
+    from star_sim.fleet.server import Fleet
+
+LAST_PORT = 65535
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Serve until interrupted and return the exit status, 0.
+
+    Raises:
+        InputError: The mission cannot be flown, or a port cannot be had.
+    """
+    options = parser().parse_args(arguments)
+    assignments = [] if options.seed is None else [f"seed={options.seed}"]
+    mission = load(Path(options.mission), Registry(), assignments)
+    agents = mission.scene.agents
+    _check_ports(options, len(agents))
+    from star_sim.fleet.server import Fleet
+
+    with ExitStack() as opened:
+        try:
+            fleet = Fleet(
+                mission.scene,
+                host=options.host,
+                port=options.port,
+                speed=options.speed,
+                **_of_simulator(mission, seen=options.cameras is not None),
+            )
+            opened.callback(fleet.close)
+            more = _over_tcp(fleet, mission, options, opened)
+        except PluginError as error:
+            raise InputError([str(error)]) from error
+        with _until_told(fleet):
+            for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
+                sys.stdout.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
+            sys.stdout.flush()
+            fleet.serve(options.duration)
+    if fleet.slipped:
+        sys.stderr.write(f"star: fleet: the clock stood still for {fleet.slipped:.1f} s in all\n")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line, apart so that the docs and the tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star fleet",
+        description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
+        epilog="Noise, battery and camera are what the mission says of its transport `sim`.",
+        allow_abbrev=False,
+    )
+    star.add_argument("mission", help="mission file (YAML)")
+    star.add_argument(
+        "--port",
+        type=_port,
+        default=19850,
+        metavar="N",
+        help="of the first drone; the others follow, 0 takes free ones: %(default)s",
+    )
+    star.add_argument(
+        "--tcp",
+        type=_port,
+        metavar="N",
+        help="serve the links as CPX over TCP too, from port N on, 0 takes free ones",
+    )
+    star.add_argument(
+        "--cameras",
+        type=_port,
+        metavar="N",
+        help="stream the cameras as AI-decks do, from port N on, 0 takes free ones",
+    )
+    star.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
+    star.add_argument("--seed", help="seed of every random number (the mission's)")
+    star.add_argument(
+        "--speed", type=_positive, default=1.0, metavar="X", help="times real time: %(default)g"
+    )
+    star.add_argument(
+        "--duration", type=_positive, metavar="S", help="simulated seconds to serve (for ever)"
+    )
+    return star
+
+
+def _check_ports(options: argparse.Namespace, agents: int) -> None:
+    """Refuse ports that there are not enough of.
+
+    Raises:
+        InputError: There are not.
+    """
+    for flag in ("port", "tcp", "cameras"):
+        first = getattr(options, flag)
+        if first and first + agents - 1 > LAST_PORT:
+            raise InputError(
+                [f"--{flag} {first}: no {agents} ports from there, {LAST_PORT} is the last"]
+            )
+
+
+def _over_tcp(
+    fleet: Fleet, mission: Mission, options: argparse.Namespace, opened: ExitStack
+) -> dict[int, list[str]]:
+    """Serve links and cameras over TCP if that is wanted, and return where, by row.
+
+    Raises:
+        PluginError: A port cannot be had.
+    """
+    if options.tcp is None and options.cameras is None:
+        return {}
+    from star_sim.fleet.wifi import Wifi  # image compression is slow to import
+
+    wifi = Wifi(fleet, mission.scene, options.host, links=options.tcp, cameras=options.cameras)
+    opened.callback(wifi.close)
+    found: dict[int, list[str]] = {row: [uri] for row, uri in wifi.links.items()}
+    for row, address in wifi.cameras.items():
+        found.setdefault(row, []).append(f"camera {address}")
+    return found
+
+
+def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
+    """Return what the mission says of the simulator, if it flies with it.
+
+    Args:
+        mission: To be served.
+        seen: Whether its cameras are to be streamed; they are then rendered, whatever it says.
+    """
+    part = mission.parts["transport"]
+    options = part.options if part.use == "sim" else {}
+    camera = CameraOptions.of({**options.get("camera", {}), "mode": "rendered"})
+    return {
+        "noise": options.get("noise", True),
+        "battery": options.get("battery", 1.0),
+        "camera": camera if seen else None,
+    }
+
+
+@contextmanager
+def _until_told(fleet: Fleet) -> Iterator[None]:
+    """Stop serving on Ctrl-C and its like."""
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        fleet.stop()
+
+    caught = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, stop) for number in caught]
+    try:
+        yield
+    finally:
+        for number, handler in zip(caught, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _port(text: str) -> int:
+    number = int(text)
+    if not 0 <= number <= LAST_PORT:
+        raise ValueError(text)
+    return number
+
+
+def _positive(text: str) -> float:
+    number = float(text)
+    if not 0 < number < float("inf"):
+        raise ValueError(text)
+    return number
+
+
+_port.__name__ = "port"  # as argparse calls them
+_positive.__name__ = "positive number"

@@ -1,0 +1,294 @@
+"""The fleet: all drones of a scene in one simulation, each behind a UDP port of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+
+from star_core import Agent, Frames, PluginError, Scene
+from star_sim.airframe import CYCLE
+from star_sim.camera_options import CameraOptions
+from star_sim.fleet.craft import Craft
+from star_sim.fleet.packet import is_null
+from star_sim.fleet.readings import Readings, Source
+from star_sim.fleet.supervisor import PERIOD
+from star_sim.fleet.variables import VARIABLES
+from star_sim.fleet.vehicle import Vehicle
+from star_sim.transport import Simulator
+
+PORT: Final = 19850  # where clients look first
+ADDRESS: Final = 0xE7E7E7E700  # of the radio of the vehicle in row -1
+DATAGRAM: Final = 64  # bytes: more than a packet has, so that one that is too long shows
+MOST_LATE: Final = 0.25  # s, that are caught up with; of more the clock lets go
+SILENT: Final = 5.0  # s of the clock on the wall, after which a client counts as gone
+BOOT: Final = range(3)  # updates of a supervisor until a vehicle that stands well is ready to fly
+LOOK: Final = 0.05  # s, between two looks at the cameras
+
+_SUPERVISE: Final = round(PERIOD / CYCLE)
+_LOOK: Final = round(LOOK / CYCLE)
+
+
+class Fleet:
+    """Serves the drones of a scene as CRTP over UDP, in real time.
+
+    Each agent has the port `port` plus its row, or a free one if `port` is 0. Whoever has sent the
+    last packet to it gets what it streams, until 5 s after the last one.
+
+    ``with Fleet(scene) as fleet:`` serves in a thread of its own.
+
+    Args:
+        scene: Agents, world and seed.
+        host: Address to serve at.
+        port: Of the first agent.
+        ports: Of each agent, in place of `port`.
+        noise: Whether the estimators err.
+        battery: Charge at the start, as a fraction of full.
+        camera: How cameras err; None switches them off.
+        speed: Simulated seconds per second.
+        arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
+        delay: How long each packet takes to the client, s of simulated time, in whole cycles.
+
+    Attributes:
+        simulator: What flies; the truth is there.
+        frame_listeners: Called with every `Frames` that is not empty.
+        vehicles: The firmware of each row.
+
+    Raises:
+        PluginError: A port cannot be had; it is named.
+    """
+
+    def __init__(  # noqa: PLR0913
+        self,
+        scene: Scene,
+        *,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        ports: Sequence[int] | None = None,
+        noise: bool = True,
+        battery: float = 1.0,
+        camera: CameraOptions | None = None,
+        speed: float = 1.0,
+        arms_itself: bool = True,
+        delay: float = 0.0,
+    ) -> None:
+        self.simulator = Simulator(scene, noise=noise, battery=battery, camera=camera)
+        self.frame_listeners: list[Callable[[Frames], None]] = []
+        self.vehicles = tuple(
+            Vehicle(
+                Craft(self.simulator, row),
+                row,
+                address(agent, row),
+                arms_itself=arms_itself,
+                camera=agent.camera is not None,
+            )
+            for row, agent in enumerate(scene.agents)
+        )
+        self.slipped = 0.0
+        """Seconds that the clock has let go of, because the machine was too slow."""
+        self.busy = 0.0
+        """Seconds that were spent in other things than waiting for packets or for time."""
+        self._speed, self._delay = speed, round(delay / CYCLE)
+        self._cycle = 0
+        self._info = np.zeros(len(scene.agents), np.int64)
+        self._lock = threading.RLock()
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._clients: list[tuple[tuple[str, int], float] | None] = [None] * len(scene.agents)
+        self._streams: list[list[Callable[[bytes], object]]] = [[] for _ in scene.agents]
+        self._late: list[tuple[int, int, bytes, tuple[str, int]]] = []
+        self._cut: set[int] = set()
+        self._sockets: list[socket.socket] = []
+        try:
+            self._open(scene, host, port, ports)
+        except BaseException:
+            self.close()
+            raise
+        self.simulator.connect()
+        for _ in BOOT:
+            self._supervise(0.0)
+
+    @property
+    def addresses(self) -> list[str]:
+        """Where each agent is to be reached, as a mission's ``uri``."""
+        return [f"udp://{host}:{port}" for host, port in (s.getsockname() for s in self._sockets)]
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.simulator.time
+
+    def handle(self, row: int, packet: bytes) -> list[bytes]:
+        """Give a packet to the vehicle in a row, from any thread, and return its answers."""
+        with self._lock:
+            return self.vehicles[row].handle(packet, self.simulator.time)
+
+    def listen(self, row: int, send: Callable[[bytes], object]) -> None:
+        """Have `send` called with every packet that a vehicle streams, beside its UDP client."""
+        self._streams[row].append(send)
+
+    def cut(self, row: int) -> None:
+        """Cut the link of a vehicle: it hears nothing and is not heard, and nobody is told."""
+        self._cut.add(row)
+
+    def restore(self, row: int) -> None:
+        """Mend a link that was cut."""
+        self._cut.discard(row)
+
+    def advance(self) -> None:
+        """Go on by one cycle of 10 ms."""
+        with self._lock:
+            self.simulator.wait((self._cycle + 1) * CYCLE)
+            self._cycle += 1
+            now = self.simulator.time
+            if self._cycle % _SUPERVISE == 0:
+                self._supervise(now)
+            readings = Readings(
+                Source(
+                    self.simulator.drones,
+                    self.simulator.sample,
+                    self._info,
+                    now,
+                    self.simulator.fusion,
+                ),
+                VARIABLES,
+            )
+            streamed = [vehicle.advance(readings, now) for vehicle in self.vehicles]
+            frames = Frames.none()
+            if self._cycle % _LOOK == 0:
+                frames = self.simulator.receive().frames
+        for row, packets in enumerate(streamed):
+            self._stream(row, packets)
+        self._send_late()
+        if len(frames.agent):
+            for listener in self.frame_listeners:
+                listener(frames)
+
+    def serve(self, until: float | None = None) -> None:
+        """Answer packets and let time pass, until `until`, s of simulated time, or `stop`."""
+        with selectors.DefaultSelector() as selector:
+            for row, each in enumerate(self._sockets):
+                selector.register(each, selectors.EVENT_READ, row)
+            began = time.monotonic() - self.simulator.time / self._speed
+            woke = time.monotonic()
+            while not self._stopped.is_set() and (until is None or self.simulator.time < until):
+                behind = woke - began - self.simulator.time / self._speed
+                if behind > MOST_LATE:
+                    began += behind
+                    self.slipped += behind
+                elif behind * self._speed >= CYCLE:
+                    self.advance()
+                due = began + (self.simulator.time + CYCLE) / self._speed
+                slept = time.monotonic()
+                ready = selector.select(max(0.0, due - slept))
+                self.busy += slept - woke
+                woke = time.monotonic()
+                for key, _ in ready:
+                    self._receive(key.data)
+
+    def stop(self) -> None:
+        """End `serve`, from any thread."""
+        self._stopped.set()
+
+    def close(self) -> None:
+        """Stop serving and give the ports back. Safe to call twice."""
+        self.stop()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        for each in self._sockets:
+            each.close()
+        self.simulator.close()
+
+    def __enter__(self) -> Self:
+        self._thread = threading.Thread(target=self.serve, name="fleet", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _open(self, scene: Scene, host: str, port: int, ports: Sequence[int] | None) -> None:
+        if ports is not None and len(ports) != len(scene.agents):
+            raise PluginError(f"{len(ports)} ports for {len(scene.agents)} agents")
+        for row, agent in enumerate(scene.agents):
+            wanted = (port + row if port else 0) if ports is None else ports[row]
+            each = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self._sockets.append(each)
+            each.setblocking(False)  # noqa: FBT003 -- it has no name
+            try:
+                each.bind((host, wanted))
+            except (OSError, OverflowError) as error:
+                raise PluginError(
+                    f"agent {agent.name!r}: port {wanted} of {host!r} cannot be had: {error}"
+                ) from error
+
+    def _supervise(self, now: float) -> None:
+        drones = self.simulator.drones
+        columns = (
+            drones["tumbled"].tolist(),
+            drones["crashed"].tolist(),
+            (now - drones["motors_time"]).tolist(),
+        )
+        found = zip(self.vehicles, *columns, strict=True)
+        for row, (vehicle, tumbled, crashed, resting) in enumerate(found):
+            vehicle.supervise(now, tumbled=tumbled != 0, crashed=crashed != 0, resting=resting)
+            self._info[row] = vehicle.info
+
+    def _receive(self, row: int) -> None:
+        """Answer one packet; if there are more, the selector says so again."""
+        try:
+            packet, client = self._sockets[row].recvfrom(DATAGRAM)
+        except OSError:  # none after all, or a client has closed its port
+            return
+        if row in self._cut:
+            return
+        if not is_null(packet):  # which asks who is there
+            self._clients[row] = client, time.monotonic()
+        for answer in self.handle(row, packet):
+            self._send(row, answer, client)
+
+    def _stream(self, row: int, packets: list[bytes]) -> None:
+        if not packets or row in self._cut:
+            return
+        for send in self._streams[row]:
+            for packet in packets:
+                send(packet)
+        known = self._clients[row]
+        if known is not None and time.monotonic() - known[1] < SILENT:
+            for packet in packets:
+                self._send(row, packet, known[0])
+
+    def _send(self, row: int, packet: bytes, client: tuple[str, int]) -> None:
+        if self._delay:
+            self._late.append((self._cycle + self._delay, row, packet, client))
+            return
+        with contextlib.suppress(OSError):  # its buffer is full, or it has gone
+            self._sockets[row].sendto(packet, client)
+
+    def _send_late(self) -> None:
+        while self._late and self._late[0][0] <= self._cycle:
+            _, row, packet, client = self._late.pop(0)
+            with contextlib.suppress(OSError):
+                self._sockets[row].sendto(packet, client)
+
+
+def address(agent: Agent, row: int) -> int:
+    """Return an agent's address on the radio: that of its ``radio://`` URI, or one by its row."""
+    last = (agent.uri or "").partition("?")[0].rpartition("/")[2]
+    if (agent.uri or "").startswith("radio://") and len(last) == 10:  # noqa: PLR2004 -- hex digits
+        with contextlib.suppress(ValueError):
+            return int(last, 16)
+    return ADDRESS + row + 1

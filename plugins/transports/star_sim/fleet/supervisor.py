@@ -1,0 +1,175 @@
+"""The supervisor of one vehicle: whether its motors may run, by the firmware's states.
+
+The states of ``supervisor_state_machine.c``: a vehicle that flies levels out when no setpoint came
+for 0.5 s, and is locked after 2 s, as on an emergency stop; a tumble in flight is a crash, from
+which one can recover. Whoever levels out does not count as landed: a link that is closed within
+1.5 s of landing locks the vehicle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from star_core import Supervisor as Bits
+
+PERIOD: Final = 0.04  # s, from one update to the next: 25 Hz
+LEVEL_AFTER: Final = 0.5  # s without a setpoint
+LOCK_AFTER: Final = 2.0  # s without a setpoint
+STILL_FLYING: Final = 2.0  # s after the motors were last on
+PREFLIGHT: Final = 30.0  # s that a vehicle stays armed without flying
+LANDED: Final = 3.0  # s that it stays armed after landing
+KEEP_ALIVE: Final = 1.0  # s within which the emergency-stop watchdog must be told again
+
+
+class State(Enum):
+    """Where a vehicle stands."""
+
+    UNFIT = "pre-flight checks not passed"
+    FIT = "pre-flight checks passed"
+    READY = "ready to fly"
+    FLYING = "flying"
+    LANDED = "landed"
+    LEVELLING = "warning, level out"
+    LOCKED = "locked"
+    CRASHED = "crashed"
+
+
+MOTORS_RUN: Final = frozenset({State.READY, State.FLYING, State.LANDED, State.LEVELLING})
+
+
+# Numbers, as sums of flags are made 25 times a second for each vehicle.
+_ARMED, _AUTO_ARM, _TUMBLED = int(Bits.ARMED), int(Bits.AUTO_ARM), int(Bits.TUMBLED)
+_ACTIVE, _FINISHED = int(Bits.COMMANDER_ACTIVE), int(Bits.COMMANDER_FINISHED)
+_STATE_BITS: Final = {
+    State.UNFIT: 0,
+    State.FIT: int(Bits.CAN_ARM),
+    State.READY: int(Bits.CAN_FLY),
+    State.FLYING: int(Bits.CAN_FLY | Bits.FLYING),
+    State.LANDED: int(Bits.CAN_FLY),
+    State.LEVELLING: int(Bits.CAN_FLY | Bits.FLYING),
+    State.LOCKED: int(Bits.LOCKED),
+    State.CRASHED: int(Bits.CRASHED),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What is found at an update.
+
+    Attributes:
+        tumbled: It lies on its back or side.
+        crashed: It has tumbled with its motors on, and nobody said to recover.
+        resting: For how long the motors have been off, s.
+        silence: For how long no setpoint came, s.
+        emergency: Somebody asked for a stop by a parameter.
+    """
+
+    tumbled: bool
+    crashed: bool
+    resting: float
+    silence: float
+    emergency: bool = False
+
+
+class Supervisor:
+    """States, and what leads from one to the next.
+
+    Args:
+        arms_itself: As vehicles with brushed motors do.
+    """
+
+    def __init__(self, *, arms_itself: bool = True) -> None:
+        self.state = State.UNFIT
+        self.armed = False
+        self._arms_itself = arms_itself
+        self._since = 0.0  # s, when the state was entered
+        self._stopped = False
+        self._told: float | None = None  # s, when the watchdog was last told
+        self._tumbled = False
+
+    @property
+    def motors_may_run(self) -> bool:
+        """Whether setpoints reach the motors."""
+        return self.state in MOTORS_RUN
+
+    def stop(self) -> None:
+        """Stop for good, at the next update."""
+        self._stopped = True
+
+    def keep_alive(self, now: float) -> None:
+        """Start the watchdog at `now`, s, or put it off: 1 s without another is a stop."""
+        self._told = now
+
+    def arm(self, *, armed: bool) -> bool:
+        """Arm or disarm, and return whether it is as wanted."""
+        if armed and not self.armed and self.state is not State.FIT:
+            return False
+        self.armed = armed
+        return True
+
+    def bits(self, *, plans: bool, finished: bool) -> int:
+        """Return ``supervisor.info``.
+
+        Args:
+            plans: Whether the high-level commander has a plan.
+            finished: Whether its time is over.
+        """
+        bits = _STATE_BITS[self.state] | _ARMED * self.armed | _AUTO_ARM * self._arms_itself
+        return bits | _TUMBLED * self._tumbled | _ACTIVE * plans | _FINISHED * finished
+
+    def update(self, found: Conditions, now: float) -> State | None:
+        """Go where the conditions lead at `now`, s; return the state if it is another one."""
+        self._tumbled = found.tumbled
+        after = self._next(found, now)
+        if after is self.state:
+            return None
+        self.state, self._since = after, now
+        if after not in MOTORS_RUN:
+            self.armed = after is State.FIT and self._arms_itself
+        return after
+
+    def _next(self, found: Conditions, now: float) -> State:  # noqa: C901, PLR0911, PLR0912 -- a table
+        state, flies = self.state, found.resting < STILL_FLYING
+        if state is State.LOCKED:
+            return state
+        late = self._told is not None and now - self._told > KEEP_ALIVE
+        if self._stopped or late or found.emergency:
+            return State.LOCKED
+        match state:
+            case State.FLYING | State.LEVELLING:
+                if found.tumbled or found.crashed:
+                    return State.CRASHED
+                if found.silence > LOCK_AFTER:
+                    return State.LOCKED
+                if not self.armed:
+                    return State.UNFIT
+                if state is State.LEVELLING:
+                    return state if found.silence > LEVEL_AFTER else State.FLYING
+                if found.silence > LEVEL_AFTER:
+                    return State.LEVELLING
+                return state if flies else State.LANDED
+            case State.CRASHED:
+                return state if found.crashed or found.tumbled else State.UNFIT
+            case State.UNFIT:
+                return state if found.tumbled or found.crashed else State.FIT
+            case State.FIT:
+                if found.tumbled:
+                    return State.UNFIT
+                return State.READY if self.armed else state
+            case State.READY if found.tumbled or not self.armed:
+                return State.UNFIT
+            case State.LANDED if not self.armed:
+                return State.UNFIT
+        if flies:
+            return State.FLYING
+        patience = PREFLIGHT if state is State.READY else LANDED
+        return State.UNFIT if self._disarms(now - self._since > patience) else state
+
+    def _disarms(self, late: bool) -> bool:  # noqa: FBT001
+        """Whether it is disarmed for being late; who arms itself is armed again at once."""
+        if late and not self._arms_itself:
+            self.armed = False
+            return True
+        return False

@@ -1,0 +1,61 @@
+"""The decks of simulated Crazyflies stream what their cameras see, and carry their links."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import pytest
+
+from star_core import Agent, Camera, Fence, Frames, Scene, World
+from star_radio.camera.client import CameraClient
+from star_sim.camera_options import CameraOptions
+from star_sim.fleet.aideck.crtp import CrtpOverTcp
+from star_sim.fleet.server import Fleet
+from star_sim.fleet.wifi import Wifi
+
+Until: TypeAlias = Callable[..., bool]
+
+
+def scene() -> Scene:
+    world = World("lab", Fence((-2, -2, 0), (2, 2, 2)))
+    return Scene((Agent("cf0", (0.0, 0.0, 0.0), camera=Camera()),), 0.05, world, realtime=True)
+
+
+@pytest.fixture
+def fleet() -> Iterator[Fleet]:
+    with Fleet(scene(), ports=[0], camera=CameraOptions()) as fleet:
+        yield fleet
+
+
+def test_what_a_simulated_camera_sees_arrives(fleet: Fleet, until: Until) -> None:
+    seen: list[Frames] = []
+    fleet.frame_listeners.append(seen.append)
+    wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0)
+    host, port = wifi.cameras[0].split(":")
+    with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
+        assert until(lambda: client.counts.images >= 2, within=30.0)
+        shots = client.arrived()
+    published = [image for frames in list(seen) for image in frames.image]
+    assert any((shots[0].image == image).all() for image in published)
+
+
+@pytest.mark.usefixtures("capfd")  # cflib prints
+def test_cflib_connects_over_tcp(fleet: Fleet, until: Until, tmp_path: Path) -> None:
+    crazyflie: Any = pytest.importorskip("cflib.crazyflie")
+    crtp = pytest.importorskip("cflib.crtp")
+    crtp.init_drivers()
+    with CrtpOverTcp("127.0.0.1", 0, partial(fleet.handle, 0)) as link:
+        fleet.listen(0, link.push)
+        cf = crazyflie.Crazyflie(rw_cache=str(tmp_path))
+        connected: list[str] = []
+        cf.fully_connected.add_callback(connected.append)
+        cf.open_link("tcp://{}:{}".format(*link.address))
+        assert until(lambda: connected, within=30.0)
+        router = cf.link.cpx._router
+        cf.close_link()
+        router.join(5)
+    assert len(connected) == 1

@@ -1,0 +1,83 @@
+"""Links and cameras over TCP."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from dataclasses import replace
+
+import pytest
+
+from star_core import Camera, PluginError, Scene
+from star_core.testing import scene
+from star_sim.camera_options import CameraOptions
+from star_sim.fleet.packet import Port, join
+from star_sim.fleet.server import Fleet
+from star_sim.fleet.wifi import Wifi
+
+
+def eyes() -> Scene:
+    room = scene(2)
+    one, two = room.agents
+    return replace(room, agents=(one, replace(two, camera=Camera())))
+
+
+def receive(client: socket.socket, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        more = client.recv(count - len(data))
+        assert more, "it hung up"
+        data += more
+    return data
+
+
+def place(address: str) -> tuple[str, int]:
+    host, _, port = address.removeprefix("tcp://").rpartition(":")
+    return host, int(port)
+
+
+def test_a_link_over_tcp_is_answered_and_streamed_to() -> None:
+    with Fleet(scene(1), port=0, speed=10.0) as fleet:
+        wifi = Wifi(fleet, scene(1), "127.0.0.1", links=0, cameras=None)
+        with socket.create_connection(place(wifi.links[0]), timeout=10) as client:
+
+            def say(packet: bytes) -> None:
+                client.sendall(struct.pack("<HBB", 2 + len(packet), 0x40 | 3 << 3 | 1, 3) + packet)
+
+            def hear() -> bytes:
+                (length,) = struct.unpack("<H", receive(client, 2))
+                return receive(client, length)[2:]
+
+            say(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)))
+            heard = [hear()]
+            say(join(Port.LOG, 1, b"\x03\x01\x01"))
+            heard += [hear() for _ in range(10)]
+            assert join(Port.LOG, 1, b"\x06\x01\0") in heard
+            assert sum(packet[:2] == b"\x52\x01" for packet in heard) > 3
+        wifi.close()
+
+
+def test_only_agents_with_a_camera_stream_images() -> None:
+    room = eyes()
+    with Fleet(room, port=0, camera=CameraOptions()) as fleet:
+        wifi = Wifi(fleet, room, "127.0.0.1", links=None, cameras=0)
+        assert list(wifi.cameras) == [1]
+        with socket.create_connection(place(wifi.cameras[1]), timeout=60) as client:
+            (length,) = struct.unpack("<H", receive(client, 2))
+            head = receive(client, length)[2:]
+            magic, width, height, depth, kind, size = struct.unpack("<BHHBBI", head)
+            assert (magic, width, height, depth, kind) == (0xBC, 324, 244, 1, 0)
+            assert size == 324 * 244
+        wifi.close()
+
+
+def test_a_port_that_is_taken_leaves_nothing_open() -> None:
+    with Fleet(scene(2), port=0) as fleet, socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(PluginError):
+            Wifi(fleet, scene(2), "127.0.0.1", links=port, cameras=None)
+        time.sleep(0.05)
+        assert not fleet.frame_listeners
