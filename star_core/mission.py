@@ -13,6 +13,7 @@ from star_core.camera import Camera
 from star_core.conditions import Condition
 from star_core.document import Document, override, read
 from star_core.errors import InputError, PluginError
+from star_core.include import expanded
 from star_core.options import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
@@ -126,7 +127,7 @@ def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mis
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
-    document = override(read(path), assignments)
+    document = expanded(override(read(path), assignments))
     found = schema.problems(document, schema.compose(registry.offers()))
     if found and not isinstance(document.data.get("world"), str):
         raise InputError(found)

@@ -22,7 +22,7 @@ RESERVED: Final = {"task": SHARED, "command": ()}
 """Names no option of a kind may have; those of the parts are chosen by ``use``."""
 
 OWN: Final = {
-    "task": ("parallel", "repeat", "each"),
+    "task": ("parallel", "repeat", "each", "include"),
     "command": ("run", "check", "plugins", "schema"),
 }
 """Names that STAR has taken itself."""

@@ -1,0 +1,160 @@
+"""Steps that stand in a file of their own: read, furnished with values, put where they belong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from star_core.document import Document, read
+from star_core.errors import InputError, instead
+from star_core.scene import inside
+from star_core.yaml_text import Location, Mark, Place
+
+DEEPEST: Final = 8
+"""Files that include each other in a row, at most: more is a circle."""
+
+KNOWN: Final = ("star", "name", "parameters", "mission")
+
+
+def expanded(document: Document) -> Document:
+    """Return a mission with every ``include`` replaced by the steps of the file that it names.
+
+    The steps stand there as a ``repeat`` of one time; their places are those in their own file. A
+    string that is ``$`` and the name of one of the file's parameters is replaced by its value.
+    What is no ``include`` as the schema has it stays, for the schema to complain of.
+
+    Raises:
+        InputError: A file cannot be read, is none of steps, includes itself, or is given values
+            that it does not take or lacks one; every reason found is listed.
+    """
+    data, places, problems = _node(document.data, (), document, document.path.parent, 0)
+    if problems:
+        raise InputError(problems)
+    return replace(document, data=data, places=places)
+
+
+Answer = tuple[Any, dict[Location, Place], list[str]]
+
+
+def _node(value: Any, at: Location, document: Document, folder: Path, depth: int) -> Answer:
+    """Return what stands at a place of a document, with the places in it, by their paths."""
+    places = {at: document.places[at]} if at in document.places else {}
+    problems: list[str] = []
+    if _is_include(value):
+        return _included(value["include"], at, document, folder, depth)
+    data: Any = value
+    if isinstance(value, dict | list):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        made = {key: _node(inner, (*at, key), document, folder, depth) for key, inner in pairs}
+        for _, own, faults in made.values():
+            places |= own
+            problems += faults
+        inner = {key: one for key, (one, _, _) in made.items()}
+        data = inner if isinstance(value, dict) else list(inner.values())
+    return data, places, problems
+
+
+def _is_include(value: Any) -> bool:
+    """Whether this is a step that includes a file."""
+    given = value.get("include") if isinstance(value, dict) and len(value) == 1 else None
+    return (
+        isinstance(given, dict)
+        and isinstance(given.get("file"), str)
+        and isinstance(given.get("with", {}), dict)
+        and set(given) <= {"file", "with"}
+    )
+
+
+def _included(
+    given: Mapping[str, Any], at: Location, document: Document, folder: Path, depth: int
+) -> Answer:
+    here = (*at, "include", "file")
+    if depth == DEEPEST:
+        circle = "includes itself, or files include each other too deeply"
+        return None, {}, [document.problem(here, circle)]
+    try:
+        path = inside(folder, given["file"])
+    except InputError as error:
+        return None, {}, [document.problem(here, str(error))]
+    try:
+        source = _steps(replace(read(path), path=document.path.parent / given["file"]))
+    except InputError as error:
+        return None, {}, list(error.problems)
+    parameters = source.data.get("parameters", {})
+    values = {**parameters, **given.get("with", {})}
+    problems = [
+        document.problem((*at, "include", "with", name), message, key=True)
+        for name, message in _misfits(given.get("with", {}), parameters)
+    ]
+    problems += [
+        document.problem((*at, "include"), f"needs a value for {name!r}: with: {{{name}: ...}}")
+        for name, value in values.items()
+        if value is None
+    ]
+    filled = _filled(source, values, problems)
+    data, places, faults = _node(filled.data["mission"], ("mission",), filled, folder, depth + 1)
+    where = (*at, "repeat", "steps")
+    step = document.places[at] if at in document.places else Place(Mark(1, 1), Mark(1, 1))
+    moved = {at: step, (*at, "repeat"): step, (*at, "repeat", "times"): step}
+    moved |= {(*where, *path[1:]): _of_file(place, filled.path) for path, place in places.items()}
+    return {"repeat": {"times": 1, "steps": data}}, moved, problems + faults
+
+
+def _steps(source: Document) -> Document:
+    """Return a file of steps as it is.
+
+    Raises:
+        InputError: It is none.
+    """
+    problems = [
+        source.problem((key,), f"unknown key {key!r}{instead(key, KNOWN)}", key=True)
+        for key in source.data
+        if key not in KNOWN
+    ]
+    if source.data.get("star") != 1:
+        problems.append(source.problem(("star",), "expected `star: 1`, the version of the format"))
+    if not isinstance(source.data.get("mission"), list):
+        problems.append(source.problem(("mission",), "expected `mission:`, a list of steps"))
+    if not isinstance(source.data.get("parameters", {}), dict):
+        problems.append(source.problem(("parameters",), "expected a map of names to values"))
+    if problems:
+        raise InputError(problems)
+    return source
+
+
+def _misfits(given: Mapping[str, Any], known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for name in given:
+        if name not in known:
+            yield name, f"the file has no parameter {name!r}{instead(name, known)}"
+
+
+def _filled(source: Document, values: Mapping[str, Any], problems: list[str]) -> Document:
+    """Return a file with values for its parameters; what is wrong is added to `problems`."""
+
+    def fill(value: Any, at: Location) -> Any:
+        if isinstance(value, dict):
+            return {key: fill(inner, (*at, key)) for key, inner in value.items()}
+        if isinstance(value, list):
+            return [fill(inner, (*at, i)) for i, inner in enumerate(value)]
+        if isinstance(value, str) and value.startswith("$"):
+            if value[1:] in values:
+                return values[value[1:]]
+            message = f"no parameter named {value[1:]!r}{instead(value[1:], values)}"
+            problems.append(source.problem(at, message))
+        return value
+
+    return replace(source, data={"mission": fill(source.data["mission"], ("mission",))})
+
+
+def _of_file(place: Place, path: Path) -> Place:
+    """A place that says which file it is in."""
+    return Place(
+        *(
+            mark
+            if mark.origin
+            else Mark(mark.line, mark.column, f"{path}:{mark.line}:{mark.column}")
+            for mark in (place.key, place.value)
+        )
+    )

@@ -1,0 +1,131 @@
+"""Steps from other files: values put in, places kept, mistakes located."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from star_core.errors import InputError
+from tests.core.conftest import Lab
+
+PATROL = """\
+star: 1
+name: patrol
+parameters: {who: all, seconds: 1, to: null}
+mission:
+  - visit: {agents: $who, to: $to}
+  - wait: {seconds: $seconds}
+"""
+TOUR = """
+  - climb: {}
+  - include: {file: patrol.yaml, with: {who: cf1, to: [2, 0, 1]}}
+  - descend: {}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _patrol(tmp_path: Path) -> None:
+    (tmp_path / "patrol.yaml").write_text(PATROL)
+
+
+def faults(lab: Lab, tour: str) -> list[str]:
+    """What is wrong with a mission, without its folder."""
+    with pytest.raises(InputError) as caught:
+        lab.load(tour)
+    return [problem.rpartition("/")[2] for problem in caught.value.problems]
+
+
+def test_the_steps_of_another_file_are_flown_with_the_values_given(lab: Lab) -> None:
+    summary = lab.fly(TOUR)
+    assert [(step["verb"], step["agents"]) for step in summary["steps"]] == [
+        ("climb", ["cf1", "cf2"]),
+        ("visit", ["cf1"]),
+        ("wait", ["cf1", "cf2"]),
+        ("descend", ["cf1", "cf2"]),
+    ]
+    assert summary["outcome"] == "completed"
+
+
+def test_a_value_that_is_not_given_is_the_one_of_the_file(lab: Lab) -> None:
+    summary = lab.fly(TOUR)
+    (wait,) = (step for step in summary["steps"] if step["verb"] == "wait")
+    assert wait["ended_s"] - wait["begun_s"] == pytest.approx(1.0)
+
+
+def test_a_step_is_placed_in_its_own_file(lab: Lab) -> None:
+    places = [step["place"].rpartition("/")[2] for step in lab.fly(TOUR)["steps"]]
+    assert places == [
+        "mission.yaml:11:5",
+        "patrol.yaml:5:5",
+        "patrol.yaml:6:5",
+        "mission.yaml:13:5",
+    ]
+
+
+def test_a_mistake_in_the_other_file_is_placed_there(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "patrol.yaml").write_text(PATROL.replace("wait:", "wit:"))
+    assert faults(lab, TOUR) == ["patrol.yaml:6:5: unknown verb 'wit'; did you mean 'wait'?"]
+
+
+def test_a_value_that_does_not_fit_is_told_where_it_is_used(lab: Lab) -> None:
+    assert faults(lab, TOUR.replace("who: cf1", "who: cf9")) == [
+        "patrol.yaml:5:21: no agent or group named 'cf9'; did you mean 'cf2'?"
+    ]
+
+
+def test_files_may_include_files(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "outer.yaml").write_text(
+        "star: 1\nparameters: {place: null}\n"
+        "mission: [include: {file: patrol.yaml, with: {to: $place, who: cf2}}]\n"
+    )
+    tour = "\n  - climb: {}\n  - include: {file: outer.yaml, with: {place: [0, 2, 1]}}"
+    assert [step["verb"] for step in lab.fly(tour)["steps"]] == ["climb", "visit", "wait"]
+
+
+@pytest.mark.parametrize(
+    ("tour", "fault"),
+    [
+        (
+            TOUR.replace("who: cf1", "wo: cf1"),
+            "mission.yaml:12:41: the file has no parameter 'wo'; did you mean 'who'?",
+        ),
+        (TOUR.replace(", to: [2, 0, 1]", ""), "needs a value for 'to': with: {to: ...}"),
+        (TOUR.replace("patrol.yaml", "petrol.yaml"), "did you mean 'patrol.yaml'?"),
+        (TOUR.replace("patrol.yaml", "../patrol.yaml"), "is outside the mission's folder"),
+        (TOUR.replace("file: patrol.yaml, ", ""), "include: missing option 'file'"),
+        (TOUR.replace("with:", "wth:"), "include: unknown option 'wth'; did you mean 'with'?"),
+    ],
+    ids=["parameter", "missing", "file", "outside", "no file", "option"],
+)
+def test_a_mistake_where_a_file_is_included_is_told(lab: Lab, tour: str, fault: str) -> None:
+    (said,) = faults(lab, tour)
+    assert fault in said or fault in f"mission.yaml:12:5: {said}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("star: 1", "star: 2", "patrol.yaml:1:7: expected `star: 1`, the version of the format"),
+        (
+            "parameters:",
+            "parametres:",
+            "patrol.yaml:3:1: unknown key 'parametres'; did you mean 'p",
+        ),
+        ("mission:", "steps:", "patrol.yaml:4:1: unknown key 'steps'"),
+        ("$who", "$whom", "patrol.yaml:5:21: no parameter named 'whom'; did you mean 'who'?"),
+        ("{who: all, seconds: 1, to: null}", "3", "patrol.yaml:3:13: expected a map of names"),
+        ("star: 1", "star: [", "patrol.yaml:"),
+    ],
+)
+def test_a_file_that_is_none_of_steps_is_refused(
+    lab: Lab, tmp_path: Path, old: str, new: str, fault: str
+) -> None:
+    (tmp_path / "patrol.yaml").write_text(PATROL.replace(old, new))
+    assert faults(lab, TOUR)[0].startswith(fault)
+
+
+def test_a_file_that_includes_itself_is_refused(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "patrol.yaml").write_text("star: 1\nmission: [include: {file: patrol.yaml}]\n")
+    (fault,) = faults(lab, "\n  - include: {file: patrol.yaml}")
+    assert fault == ("patrol.yaml:2:27: includes itself, or files include each other too deeply")
