@@ -25,6 +25,7 @@ class Situation:
     Attributes:
         rows: The agents of the step.
         begun: When the step began, s.
+        time: Mission time, s.
         estimate: Where everybody is.
         health: How everybody is.
         names: Of the agents, by row.
@@ -34,6 +35,7 @@ class Situation:
 
     rows: tuple[int, ...]
     begun: float
+    time: float
     estimate: Estimate
     health: Health
     names: Sequence[str]
@@ -119,7 +121,7 @@ KINDS: Final[Mapping[str, Callable[[Any, Situation], bool]]] = {
     "any": lambda given, now: any(holds(one, now) for one in given),
     "all": lambda given, now: all(holds(one, now) for one in given),
     "not": lambda given, now: not holds(given, now),
-    "elapsed": lambda given, now: bool(now.estimate.time - now.begun >= given - ROUNDING),
+    "elapsed": lambda given, now: bool(now.time - now.begun >= given - ROUNDING),
     "found": _found,
     "near": _near,
     "battery_below": lambda given, now: any(now.health.battery[row] < given for row in now.rows),

@@ -164,8 +164,8 @@ class Pilot:
         if why := self._nobody_left() or self._lost_too_long():
             self._course.reason = why
             return Status.FAILURE
-        status, wishes = self._course.step(estimate, health)
-        self._relief.step(estimate, health, wishes)
+        status, wishes = self._course.step(self._helm.time, estimate, health)
+        self._relief.step(self._helm.time, estimate, health, wishes)
         for command in wishes.commands:
             self._helm.order(command, estimate)
         if wishes.leave:
@@ -209,7 +209,7 @@ class Pilot:
 
     def _judge(self, estimate: Estimate, health: Health) -> None:
         """Let the safety rules take agents that are in trouble out of the mission."""
-        for row, answer, reason in self._rules.judge(estimate, health):
+        for row, answer, reason in self._rules.judge(self._helm.time, estimate, health):
             name = self._scene.agents[row].name
             self.event("safety", f"{name} {ANSWERS[answer]}: {reason}", name)
             self._course.drop(row, estimate)

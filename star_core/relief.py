@@ -72,24 +72,24 @@ class Relief:
         self._coming: dict[int, int] = {}  # which place each agent that climbs is to take
         self._home: set[int] = set()  # who flies to its pad
 
-    def step(self, estimate: Estimate, health: Health, wishes: Wishes) -> None:
-        """Do what is to be done in a tick; what it takes is added to `wishes`."""
+    def step(self, time: float, estimate: Estimate, health: Health, wishes: Wishes) -> None:
+        """Do what is to be done at a mission time, s; what it takes is added to `wishes`."""
         if not self._exists:
             return
         flying = health.phase == AgentPhase.FLYING
         low = flying & (health.battery < self._options["relieve_below"])
-        self._low_since = np.where(low, np.fmin(self._low_since, estimate.time), np.nan)
+        self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
         self._take_over(health, wishes)
         self._fly_home(estimate, health, wishes)
-        for place in self._wanted(estimate):
+        for place in self._wanted(time):
             row = self._ready(estimate, health)
             if row is None:
                 return
             self._send_up(row, place, estimate, wishes)
 
-    def _wanted(self, estimate: Estimate) -> list[int]:
+    def _wanted(self, time: float) -> list[int]:
         """Places that a reserve should take and none is on its way to, the most urgent first."""
-        long = estimate.time - self._low_since >= SAGS
+        long = time - self._low_since >= SAGS
         tired = [(self._low_since[row], row) for row in np.flatnonzero(long).tolist()]
         places = [self._roster.place(row) for _, row in sorted(tired)]
         wanted = [*self._roster.vacancies(), *(place for place in places if place is not None)]

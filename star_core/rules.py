@@ -61,15 +61,13 @@ class Rules:
         self._since = {name: np.full(n, np.nan) for name in self._rules}  # s, since when it is so
         self.answer = np.zeros(n, np.int64)
 
-    def judge(self, estimate: Estimate, health: Health) -> list[Verdict]:
-        """Return what is new in a tick."""
+    def judge(self, time: float, estimate: Estimate, health: Health) -> list[Verdict]:
+        """Return what is new at a mission time, s."""
         new = []
         for name, rule in self._rules.items():
             wrong, lasts, why = self._wrong(name, rule, estimate, health)
-            since = self._since[name] = np.where(
-                wrong, np.fmin(self._since[name], estimate.time), np.nan
-            )
-            fires = wrong & (estimate.time - since >= lasts)
+            since = self._since[name] = np.where(wrong, np.fmin(self._since[name], time), np.nan)
+            fires = wrong & (time - since >= lasts)
             answer = Answer[rule.get("then", "land").upper()]
             for row in np.flatnonzero(fires & (self.answer < answer)).tolist():
                 self.answer[row] = answer

@@ -101,6 +101,7 @@ class Course:
             self.close()
             raise
         self._running = self._sequence(mission.steps)
+        self._now = 0.0
         self._estimate: Estimate
         self._health: Health
         self.excused: Mask = np.zeros(self._n, np.bool_)
@@ -108,9 +109,12 @@ class Course:
         self.no_way: dict[int, str] = {}
         self.steps: list[dict[str, Any]] = []
 
-    def step(self, estimate: Estimate, health: Health) -> tuple[Status, Wishes]:
-        """Run one tick of every step under way; all that is wanted is in the answer."""
-        self._estimate, self._health = estimate, health
+    def step(self, now: float, estimate: Estimate, health: Health) -> tuple[Status, Wishes]:
+        """Run one tick of every step under way; all that is wanted is in the answer.
+
+        Time-outs go by mission time, `now`, s: an estimate is only as new as what was heard.
+        """
+        self._now, self._estimate, self._health = now, estimate, health
         self._wishes.fresh()
         status = next(self._running)
         return status, self._wishes
@@ -186,7 +190,7 @@ class Course:
             yield Status.RUNNING
         status, why = now
         outcome = "success" if status is Status.SUCCESS else "failure"
-        turn.entry |= {"ended_s": self._estimate.time, "outcome": outcome}
+        turn.entry |= {"ended_s": self._now, "outcome": outcome}
         if status is Status.FAILURE and turn.rows:
             yield self._failed(action, turn.rows, why)
             return
@@ -223,7 +227,7 @@ class Course:
             return Status.SUCCESS, ""
         if step.status is Status.FAILURE:
             return Status.FAILURE, step.reason or "failed and gave no reason"
-        if self._estimate.time - turn.begun >= turn.limit:
+        if self._now - turn.begun >= turn.limit:
             return Status.FAILURE, f"timed out after {turn.limit:.3g} s"
         return Status.RUNNING, ""
 
@@ -263,12 +267,12 @@ class Course:
             "place": action.place,
             "verb": action.verb,
             "agents": [self._scene.agents[row].name for row in rows],
-            "begun_s": self._estimate.time,
+            "begun_s": self._now,
             "ended_s": None,
             "outcome": None,
         }
         self.steps.append(entry)
-        return Turn(action, crew, task, blame, limit, self._estimate.time, entry)
+        return Turn(action, crew, task, blame, limit, self._now, entry)
 
     def _started(self, action: Action, task: Task, blame: Blame) -> tuple[Task, float]:
         """Start a task; return it with the time-out of its step, s."""
@@ -300,7 +304,7 @@ class Course:
             task = self._task(turn.action, turn.rows)
             turn.task, limit = self._started(turn.action, task, turn.blame)
             if turn.action.timeout is None:
-                turn.limit = self._estimate.time - turn.begun + limit
+                turn.limit = self._now - turn.begun + limit
             return
         with turn.blame:
             for old, new in swaps:
@@ -321,6 +325,7 @@ class Course:
         now = Situation(
             rows=turn.rows,
             begun=turn.begun,
+            time=self._now,
             estimate=self._estimate,
             health=self._health,
             names=self._scene.names,

@@ -21,6 +21,7 @@ def now(**changes: Any) -> Situation:
     there = Situation(
         rows=(0, 1),
         begun=5.0,
+        time=15.0,
         estimate=estimate(line, time=15.0),
         health=replace(health(3), battery=np.array([3.9, 3.6, 3.1])),
         names=NAMES,

@@ -404,3 +404,13 @@ def test_each_is_for_the_agents_that_it_names(lab: Lab) -> None:
     lab.fly("\n  - climb: {}\n  - each: {agents: cf2, steps: [wait: {seconds: 1}]}")
     assert ("wait begins for cf2") in [what for _, what in began(lab)]
     assert ("wait begins for cf1") not in [what for _, what in began(lab)]
+
+
+def test_a_step_times_out_though_nothing_is_heard_of_anybody(lab: Lab) -> None:
+    def frozen(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        return telemetry if telemetry.time < 3.0 else replace(telemetry, time=3.0)
+
+    lab.spoil("transport", "receive", frozen)
+    summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 9, timeout: 4}")
+    assert summary["reason"].endswith("wait failed: timed out after 4 s")
