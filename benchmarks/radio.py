@@ -1,0 +1,185 @@
+"""How long a swarm takes to connect, and how late its setpoints are, over UDP to ``star fleet``.
+
+``python benchmarks/radio.py`` prints a table, with ``--json`` one JSON object. The fleet runs in a
+process of its own. The peer is cflib's own ``Swarm.open_links`` to the same drones, interleaved
+with ours; ours also starts the estimators anew (0.1 s of it is held) and waits for the first
+report. A setpoint is late from when its tick is due until the datagrams of all drones are sent,
+while every drone reports every 10 ms; its peer is a loop that only sleeps, run right after it.
+What of that time the processor spent on it (``processor``) does not depend on who else computes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import logging
+import multiprocessing
+import statistics
+import sys
+import threading
+import time
+from multiprocessing.connection import Connection
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cflib.crtp
+import numpy as np
+from cflib.crazyflie.swarm import CachedCfFactory, Swarm
+
+import star_radio
+from star_core import PluginError, Scene, Setpoint
+from star_core.testing import scene
+
+MANY, FEW = 30, 10  # drones to connect, drones to steer
+ROUNDS = 3
+TICKS = 600  # half a minute at 20 Hz
+HANGS = 20.0  # s
+DEAD = "udp://127.0.0.1:9"  # nobody is there
+
+
+def serve(n: int, told: Connection) -> None:
+    """Serve `n` drones until somebody says so; runs in a process of its own."""
+    from star_sim.fleet.server import Fleet
+
+    with Fleet(scene(n), port=0, noise=False) as fleet:
+        told.send(fleet.addresses)
+        told.recv()
+
+
+class Drones:
+    """A fleet in another process, and the scene that reaches it."""
+
+    def __init__(self, n: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._told, theirs = context.Pipe()
+        self._process = context.Process(target=serve, args=(n, theirs), daemon=True)
+        self._process.start()
+        self.uris: list[str] = self._told.recv()
+
+    def scene(self, *, dead: int = 0) -> Scene:
+        """Their scene; the last `dead` of them have an address where nobody is."""
+        uris = self.uris[: len(self.uris) - dead] + [DEAD] * dead
+        room = scene(len(uris))
+        agents = (
+            dataclasses.replace(agent, uri=uri)
+            for agent, uri in zip(room.agents, uris, strict=True)
+        )
+        return dataclasses.replace(room, agents=tuple(agents), realtime=True)
+
+    def close(self) -> None:
+        """End the process."""
+        self._told.send("end")
+        self._process.join()
+
+
+def connected(room: Scene, cache: Path, **options: Any) -> tuple[float, str]:
+    """Return how long it takes to connect, s, and what is said against it."""
+    radio = star_radio.make(room, cache=str(cache), **options)
+    begun = time.perf_counter()
+    said = ""
+    try:
+        radio.connect()
+    except PluginError as error:
+        said = str(error)
+    took = time.perf_counter() - begun
+    radio.close()
+    return took, said
+
+
+def connected_by_cflib(uris: list[str], cache: Path) -> float:
+    """Return how long cflib takes to connect, s; `HANGS` where it waits for ever."""
+    swarm = Swarm(uris, factory=CachedCfFactory(rw_cache=str(cache)))
+    begun = time.perf_counter()
+    opening = threading.Thread(target=swarm.open_links, daemon=True)
+    opening.start()
+    opening.join(HANGS)  # it asks nothing twice over UDP
+    took = time.perf_counter() - begun
+    if not opening.is_alive():
+        swarm.parallel_safe(lambda link: link.close_link())  # one after the other takes 1 s each
+    return took
+
+
+def connecting(drones: Drones) -> dict[str, float]:
+    """Return medians of the time to connect all drones, s, and the ratios of cflib's to ours."""
+    found: dict[str, list[float]] = {}
+    for _ in range(ROUNDS):
+        with TemporaryDirectory() as ours, TemporaryDirectory() as theirs:
+            for what in ("cold", "cached"):
+                took, said = connected(drones.scene(), Path(ours))
+                if said:
+                    raise SystemExit(said)
+                found.setdefault(f"connect_{what}_s", []).append(took)
+                took = connected_by_cflib(drones.uris, Path(theirs))
+                found.setdefault(f"connect_{what}_cflib_s", []).append(took)
+            took, said = connected(drones.scene(dead=1), Path(ours))
+            if f"cf{MANY} (" not in said:
+                raise SystemExit(f"the dead drone is not named: {said!r}")
+            found.setdefault("dead_named_s", []).append(took)
+            took, _said = connected(drones.scene(dead=1), Path(ours), absent="fly-without")
+            found.setdefault("connect_without_s", []).append(took)
+    figures = {name: statistics.median(times) for name, times in found.items()}
+    for what in ("cold", "cached"):
+        ours_s, theirs_s = figures[f"connect_{what}_s"], figures[f"connect_{what}_cflib_s"]
+        figures[f"connect_{what}_ratio"] = theirs_s / ours_s
+    return figures
+
+
+def steering(drones: Drones) -> dict[str, float]:
+    """Return how late setpoints are, ms."""
+    room = drones.scene()
+    n = len(room.agents)
+    with TemporaryDirectory() as cache:
+        radio = star_radio.make(room, cache=cache)
+        radio.connect()
+        still = Setpoint(np.zeros((n, 3)), np.zeros(n), np.ones(n, np.bool_))
+        radio.wait(0.0)
+        late, busy, reports = [], [], 0
+        for i in range(1, TICKS + 1):
+            woke, at, used = radio.wait(i * room.period), time.monotonic(), time.thread_time()
+            reports += len(radio.receive().odometry.agent)
+            radio.send(still)
+            late.append(1000 * (woke - i * room.period + time.monotonic() - at))
+            busy.append(1000 * (time.thread_time() - used))
+        radio.close()
+    p50, p99 = np.percentile(late, [50, 99])
+    bare = float(np.percentile(sleeping(room.period), 99))
+    return {
+        "setpoint_p50_ms": float(p50),
+        "setpoint_p99_ms": float(p99),
+        "setpoint_worst_ms": max(late),
+        "setpoint_processor_p99_ms": float(np.percentile(busy, 99)),
+        "sleep_p99_ms": bare,
+        "setpoint_to_sleep_p99_ratio": float(p99) / bare,
+        "reports_per_drone_s": reports / n / (TICKS * room.period),
+    }
+
+
+def sleeping(period: float) -> list[float]:
+    """Return how late a loop is that does nothing but sleep until each tick is due, ms."""
+    begun = time.monotonic()
+    late = []
+    for i in range(1, TICKS + 1):
+        time.sleep(max(0.0, begun + i * period - time.monotonic()))
+        late.append(1000 * (time.monotonic() - begun - i * period))
+    return late
+
+
+def main() -> None:
+    """Measure, and print."""
+    cflib.crtp.init_drivers()
+    logging.getLogger("star_radio").setLevel(logging.ERROR)  # who is absent is so on purpose
+    figures: dict[str, float] = {}
+    for n, measure in ((MANY, connecting), (FEW, steering)):
+        drones = Drones(n)
+        figures |= measure(drones)
+        drones.close()
+    if "--json" in sys.argv[1:]:
+        print(json.dumps(figures))
+        return
+    for name, value in figures.items():
+        print(f"{name:24} {value:8.3f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""Transport ``radio``: Crazyflies, on the air or simulated by ``star fleet``, through cflib."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from star_core import Offer, Problem, hookimpl
+from star_radio import budget
+from star_radio.address import faults
+from star_radio.options import OPTIONS
+
+if TYPE_CHECKING:
+    from star_core import Scene, Transport
+
+
+def make(  # noqa: PLR0913 -- one argument for each option
+    scene: Scene,
+    *,
+    absent: str = "refuse",
+    patience: float = 2.0,
+    deadline: float = 30.0,
+    report: float | None = None,
+    mode: str = "legacy",
+    cache: str | None = None,
+    reset: bool = True,
+    parameters: Mapping[str, float] | None = None,
+    stop: str = "motors",
+    watchdog: bool = False,
+    cameras: Mapping[str, str] | None = None,
+    camera_latency: float = 0.15,
+    mocap: Mapping[str, Any] | None = None,
+    broadcast: int | None = None,
+) -> Transport:
+    """Return the links to a scene's agents, not open yet.
+
+    Raises:
+        PluginError: A system for motion capture or a dongle to broadcast with is not there.
+    """
+    from pathlib import Path
+
+    from star_radio.tables import Tables, user_cache
+    from star_radio.transport import Radio, Rules
+    from star_radio.vehicle import Manner
+
+    decks = capture = shouts = None
+    if mocap:
+        from star_radio.mocap import MotionCapture
+
+        names = mocap.get("names", {})
+        capture = MotionCapture(scene, kind=mocap["type"], hostname=mocap["hostname"], names=names)
+    if broadcast is not None:
+        from star_radio.shouts import Shouts
+
+        shouts = Shouts(scene, broadcast)
+    if cameras:
+        from star_radio.decks import Decks
+
+        decks = Decks(scene, cameras, camera_latency)
+    uris = [agent.uri or "" for agent in scene.agents]
+    return Radio(
+        scene,
+        Tables(Path(cache) if cache else user_cache()),
+        Manner(
+            period=report or budget.report_period(uris, mode),
+            patience=patience,
+            deadline=deadline,
+            reset=reset,
+            parameters=parameters or {},
+        ),
+        Rules(without=absent == "fly-without", latch=stop == "lock", watchdog=watchdog),
+        decks=decks,
+        mocap=capture,
+        shouts=shouts,
+    )
+
+
+def check(
+    scene: Scene,
+    *,
+    report: float | None = None,
+    mode: str = "legacy",
+    cameras: Mapping[str, str] | None = None,
+    mocap: Mapping[str, Any] | None = None,
+    watchdog: bool = False,
+    **_others: Any,
+) -> Iterable[Problem]:
+    """Say which agents cannot be reached or served, and what is not installed."""
+    from importlib.util import find_spec
+
+    for package, needed, path, install in (
+        ("cflib", True, (), "'star-swarm[radio]'"),
+        ("motioncapture", mocap is not None, ("mocap",), "motioncapture"),
+    ):
+        if needed and find_spec(package) is None:
+            yield Problem(path, f"it needs the package {package!r}: pip install {install}")
+    if watchdog and scene.period > 0.5:  # noqa: PLR2004 -- s; its time is 1 s
+        yield Problem(("watchdog",), f"it needs a tick of 0.5 s or less, got {scene.period:g} s")
+    yield from (Problem((), wrong) for wrong in faults(scene.agents))
+    uris = [agent.uri for agent in scene.agents if agent.uri]
+    yield from (Problem((), over) for over in budget.overloads(uris, mode, scene.period, report))
+    for name in cameras or {}:
+        if name not in scene.names:
+            yield Problem(("cameras", name), f"no agent is named {name!r}")
+
+
+@hookimpl
+def star_transports() -> Iterable[Offer[Transport]]:
+    yield Offer(
+        name="radio",
+        summary="Crazyflies by their links' addresses: radio, UDP, TCP or USB.",
+        make=make,
+        options=OPTIONS,
+        check=check,
+        realtime=True,
+    )

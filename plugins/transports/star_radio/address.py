@@ -1,0 +1,92 @@
+"""Addresses of links: what a Crazyflie is reached by."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+if TYPE_CHECKING:
+    from star_core import Agent
+
+FORMS = (
+    "radio://0/80/2M/E7E7E7E701 (dongle, channel, data rate, address), udp://127.0.0.1:19850, "
+    "tcp://192.168.4.1:5000 or usb://0"
+)
+_RADIO = re.compile(
+    r"radio://(?P<dongle>[0-9A-Fa-f]+)/(?P<channel>\d{1,3})/(?P<rate>250K|1M|2M)"
+    r"(/(?P<address>[0-9A-Fa-f]{1,10}))?(\?rate_limit=[1-9]\d*)?"
+)
+_LAST_CHANNEL = 125
+_FIRST_ADDRESS = "E7E7E7E7E7"
+
+
+@dataclass(frozen=True, slots=True)
+class RadioAddress:
+    """Where a Crazyflie listens on the air.
+
+    Attributes:
+        dongle: Number or serial of the Crazyradio.
+        channel: 0 to 125, 1 MHz each from 2400 MHz.
+        rate: 250K, 1M or 2M.
+        address: Ten hexadecimal digits.
+    """
+
+    dongle: str
+    channel: int
+    rate: str
+    address: str
+
+    @classmethod
+    def of(cls, uri: str) -> RadioAddress | None:
+        """Return the parts of a radio's URI, None if it is none.
+
+        >>> RadioAddress.of("radio://0/80/2M/E701")
+        RadioAddress(dongle='0', channel=80, rate='2M', address='000000E701')
+        """
+        found = _RADIO.fullmatch(uri)
+        if not found or int(found["channel"]) > _LAST_CHANNEL:
+            return None
+        address = (found["address"] or _FIRST_ADDRESS).upper().rjust(10, "0")
+        return cls(found["dongle"].upper(), int(found["channel"]), found["rate"], address)
+
+
+def faults(agents: Iterable[Agent]) -> Iterator[str]:
+    """Say which agents have no address, a wrong one, or that of another."""
+    seen: dict[str, str] = {}
+    for agent in agents:
+        if agent.uri is None:
+            yield f"agent {agent.name!r} has no 'uri': the address of its link"
+        elif wrong := fault(agent.uri):
+            yield f"agent {agent.name!r}: {wrong}"
+        elif agent.uri in seen:
+            yield f"agents {seen[agent.uri]!r} and {agent.name!r} have the same uri {agent.uri!r}"
+        else:
+            seen[agent.uri] = agent.name
+
+
+def fault(uri: str) -> str | None:
+    """Say what is wrong with the address of a link, None if nothing is.
+
+    >>> fault("udp://127.0.0.1:19850")
+    >>> fault("udp://127.0.0.1")
+    "'udp://127.0.0.1' has no port"
+    """
+    scheme = uri.partition("://")[0]
+    if scheme == "radio":
+        wrong = RadioAddress.of(uri) is None
+    elif scheme == "usb":
+        wrong = re.fullmatch(r"usb://\d+", uri) is None
+    elif scheme in {"udp", "tcp"}:
+        try:
+            parts = urlsplit(uri)
+            if parts.hostname and parts.port is None:
+                return f"{uri!r} has no port"
+            wrong = not parts.hostname or not parts.port or bool(parts.path or parts.query)
+        except ValueError:
+            wrong = True
+    else:
+        wrong = True
+    return f"{uri!r} is no address of a link; expected {FORMS}" if wrong else None

@@ -1,0 +1,71 @@
+"""How many packets a Crazyradio carries, and whether that is enough for a swarm.
+
+A Crazyradio asks: each packet up may bring one packet down. So an agent takes as many exchanges as
+it is sent setpoints or as it sends reports, whichever are more. Half of what a dongle carries is
+left for retries, orders and parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+
+from star_radio.address import RadioAddress
+
+CAPACITY: Mapping[str, int] = {"legacy": 300, "inline": 1370}
+"""Exchanges with several agents in 1 s. Legacy: 2.5 ms to tune and 0.7 ms to exchange, as told in
+issue 9 of bitcraze/crazyradio2-firmware; inline: what its issue 23 has for three drones with
+firmware 5.1. Nothing of this was measured here."""
+
+SHARE = 0.5  # of the capacity that may be planned with
+FASTEST = 0.01  # s, between two reports: the estimator's own period
+SLOWEST = 0.1  # s, between two reports: five are to be lost before an agent counts as lost
+
+
+def shared(uris: Iterable[str]) -> Counter[str]:
+    """Return how many agents each dongle serves.
+
+    >>> shared(["radio://0/80/2M/E7E7E7E701", "udp://127.0.0.1:19850"])
+    Counter({'0': 1})
+    """
+    found = (RadioAddress.of(uri) for uri in uris)
+    return Counter(radio.dongle for radio in found if radio)
+
+
+def report_period(uris: Iterable[str], mode: str) -> float:
+    """Return how often agents can report, as the time between two reports, s.
+
+    >>> report_period([f"radio://0/80/2M/E7E7E7E70{i}" for i in range(4)], "legacy")
+    0.03
+    """
+    most = max(shared(uris).values(), default=0)
+    tens = most / (SHARE * CAPACITY[mode]) / FASTEST
+    return round(max(1, math.ceil(tens - 1e-9)) * FASTEST, 2)
+
+
+def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None) -> Iterator[str]:
+    """Say which dongles cannot serve their agents, with the arithmetic.
+
+    Args:
+        uris: Of every agent.
+        mode: Of the dongles: a key of `CAPACITY`.
+        tick: Time between two setpoints, s.
+        report: Time between two reports, s; None as often as can be.
+    """
+    uris = list(uris)
+    room = SHARE * CAPACITY[mode]
+    for dongle, agents in sorted(shared(uris).items()):
+        between = report or min(SLOWEST, report_period(uris, mode))
+        each = max(1 / tick, 1 / between)
+        if agents * each <= room * (1 + 1e-9):
+            continue
+        can = math.floor(room / each + 1e-9)
+        others = "" if mode == "inline" else ", or mode: inline where the dongles' firmware has it"
+        yield (
+            f"dongle {dongle!r} is to serve {agents} agents with {each:g} exchanges/s each "
+            f"({1 / tick:g} setpoints/s up, {1 / between:g} reports/s down): "
+            f"{agents * each:g}/s, where {room:g}/s may be planned, {SHARE:.0%} of the "
+            f"{CAPACITY[mode]}/s of mode {mode!r}; it can serve {can}: lower the mission's rate, "
+            f"report less often, or share the agents among more dongles{others}"
+        )

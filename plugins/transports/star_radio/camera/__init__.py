@@ -1,0 +1,1 @@
+"""The cameras of AI-decks, read over WiFi."""

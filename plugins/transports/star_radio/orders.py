@@ -1,0 +1,162 @@
+"""CRTP packets of flight: setpoints, high-level orders, arming, and what a drone is told it sees.
+
+Angles are rad here and degrees only in the packets that have them so; every function says which
+frame it means. Formats follow the firmware's ``crtp_commander_generic.c``,
+``crtp_commander_high_level.c`` and ``crtp_localization_service.c``.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Final
+
+from star_radio.packets import packet
+
+PLATFORM, LOCALISATION, SETPOINT, HIGH_LEVEL, SUPERVISOR = 13, 6, 7, 8, 9
+GOTO_LINEAR_FROM = 8  # protocol version that knows GO_TO_2
+YAW_RATE_FROM = 9  # protocol version from which yaw rates are anticlockwise
+START_YAW_FROM = 10  # protocol version that knows START_TRAJECTORY_2
+SUPERVISOR_FROM = 12  # protocol version with a port for the supervisor
+EVERYBODY: Final = 0  # group mask
+KEEP_YAW: Final = 1
+_ROOT_HALF = math.sqrt(0.5)
+_MAGNITUDE = 511  # nine bits
+
+
+def velocity(velocity: Sequence[float], yaw_rate: float, version: int) -> bytes:
+    """Fly a velocity, m/s in the odometry frame, turning at `yaw_rate`, rad/s anticlockwise."""
+    rate = math.degrees(yaw_rate)
+    kind, rate = (8, rate) if version >= YAW_RATE_FROM else (1, -rate)
+    return packet(SETPOINT, 0, struct.pack("<Bffff", kind, *velocity, rate))
+
+
+def position(position: Sequence[float], yaw: float) -> bytes:
+    """Fly to a position, m in the odometry frame, with heading `yaw`, rad; without a trajectory."""
+    return packet(SETPOINT, 0, struct.pack("<Bffff", 7, *position, math.degrees(yaw)))
+
+
+def full_state(
+    position: Sequence[float],
+    velocity: Sequence[float],
+    acceleration: Sequence[float],
+    attitude: Sequence[float],
+    rates: Sequence[float],
+) -> bytes:
+    """Fly a whole state, in the odometry frame.
+
+    Args:
+        position: m.
+        velocity: m/s.
+        acceleration: m/s².
+        attitude: Unit quaternion x, y, z, w from the body to the odometry frame.
+        rates: About the body's axes, rad/s; the firmware reads milliradians per second.
+
+    Raises:
+        ValueError: A number is beyond what 16 bits of thousandths hold, ±32.767.
+    """
+    thousandths = [
+        round(1000 * value)
+        for value in (*position, *velocity, *acceleration, 0, *rates)  # 0 stands for the attitude
+    ]
+    if not all(-0x8000 <= value < 0x8000 for value in thousandths):  # noqa: PLR2004
+        raise ValueError(f"a state is sent in ±32.767, got {[v / 1000 for v in thousandths]!r}")
+    thousandths[9] = packed_quaternion(attitude)
+    return packet(SETPOINT, 0, struct.pack("<BhhhhhhhhhIhhh", 6, *thousandths))
+
+
+def no_more_setpoints() -> bytes:
+    """Let the high-level commander take over: without this it is heard and not flown."""
+    return packet(SETPOINT, 1, struct.pack("<BI", 0, 0))
+
+
+def takeoff(height: float, duration: float, group: int = EVERYBODY) -> bytes:
+    """Climb straight up to z = `height`, m in the odometry frame, within `duration`, s."""
+    return packet(HIGH_LEVEL, 0, struct.pack("<BBffBf", 7, group, height, 0.0, KEEP_YAW, duration))
+
+
+def land(height: float, duration: float, group: int = EVERYBODY) -> bytes:
+    """Descend straight down to z = `height`, m in the odometry frame, within `duration`, s."""
+    return packet(HIGH_LEVEL, 0, struct.pack("<BBffBf", 8, group, height, 0.0, KEEP_YAW, duration))
+
+
+def go_to(position: Sequence[float], yaw: float, duration: float, version: int) -> bytes:
+    """Fly to a position, m, and heading `yaw`, rad, in the odometry frame, within `duration`, s."""
+    where = struct.pack("<fffff", *position, yaw, duration)
+    if version >= GOTO_LINEAR_FROM:
+        return packet(HIGH_LEVEL, 0, bytes([12, EVERYBODY, 0, 0]) + where)
+    return packet(HIGH_LEVEL, 0, bytes([4, EVERYBODY, 0]) + where)
+
+
+def stop(group: int = EVERYBODY) -> bytes:
+    """Switch the motors off."""
+    return packet(HIGH_LEVEL, 0, bytes([3, group]))
+
+
+def define_trajectory(number: int, pieces: int, at: int = 0, *, compressed: bool = False) -> bytes:
+    """Name what was written to the trajectory memory at a place."""
+    return packet(HIGH_LEVEL, 0, struct.pack("<BBBBIB", 6, number, 1, compressed, at, pieces))
+
+
+def start_trajectory(
+    number: int, version: int, *, stretch: float = 1.0, relative: bool = False
+) -> bytes:
+    """Fly a trajectory, `stretch` times slower than defined; from here on if it is `relative`."""
+    if version >= START_YAW_FROM:
+        head = struct.pack("<BBBBBB", 13, EVERYBODY, relative, 0, 0, number)
+    else:
+        head = struct.pack("<BBBBB", 5, EVERYBODY, relative, 0, number)
+    return packet(HIGH_LEVEL, 0, head + struct.pack("<f", stretch))
+
+
+def arm(version: int) -> bytes:
+    """Let the motors be started."""
+    if version >= SUPERVISOR_FROM:
+        return packet(SUPERVISOR, 1, bytes([1, 1]))
+    return packet(PLATFORM, 0, bytes([1, 1]))
+
+
+def emergency_stop(version: int) -> bytes:
+    """Switch the motors off and lock the drone until it is switched off and on."""
+    if version >= SUPERVISOR_FROM:
+        return packet(SUPERVISOR, 1, bytes([3]))
+    return packet(LOCALISATION, 1, bytes([3]))
+
+
+def keep_alive(version: int) -> bytes:
+    """Feed the emergency-stop watchdog, which the first one starts: 1 s later the drone locks."""
+    if version >= SUPERVISOR_FROM:
+        return packet(SUPERVISOR, 1, bytes([4]))
+    return packet(LOCALISATION, 1, bytes([4]))
+
+
+def seen_at(position: Sequence[float]) -> bytes:
+    """Tell the estimator where the drone is, m in the odometry frame."""
+    return packet(LOCALISATION, 0, struct.pack("<fff", *position))
+
+
+def seen_as(position: Sequence[float], attitude: Sequence[float]) -> bytes:
+    """Tell the estimator a pose: m, and a unit quaternion x, y, z, w, in the odometry frame."""
+    return packet(LOCALISATION, 1, struct.pack("<Bfffffff", 8, *position, *attitude))
+
+
+def packed_quaternion(quaternion: Sequence[float]) -> int:
+    """Return a unit quaternion x, y, z, w in 32 bits: the three smallest of it, to 1/723.
+
+    The largest is left out, with the sign turned so that it is positive (firmware,
+    ``quatcompress.h``).
+
+    >>> hex(packed_quaternion([0, 0, 0, 1]))
+    '0xc0000000'
+    """
+    norm = math.sqrt(sum(value * value for value in quaternion))
+    largest = max(range(4), key=lambda i: abs(quaternion[i]))
+    turned = quaternion[largest] < 0
+    packed = largest
+    for i, value in enumerate(quaternion):
+        if i != largest:
+            negative = (value < 0) != turned
+            magnitude = int(_MAGNITUDE * (abs(value) / norm / _ROOT_HALF) + 0.5)
+            packed = packed << 10 | negative << 9 | magnitude
+    return packed

@@ -1,0 +1,100 @@
+"""CRTP packets of the connection: what asks a Crazyflie for its tables, and starts its reports.
+
+A packet is its header byte and up to 30 bytes, little-endian, as it goes onto the link. The
+protocol's own names stand in capitals; the formats are those of the firmware of protocol version 4
+(2018) and later.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+MOST: Final = 30  # bytes that a packet carries
+
+CONSOLE, PARAMETER, MEMORY, LOG, PLATFORM, LINK = 0, 2, 4, 5, 13, 15
+TABLE, SETTINGS, DATA = 0, 1, 2  # channels of LOG; of PARAMETER: TABLE, read, WRITE
+WRITE: Final = 2
+VERSION: Final = 1  # channel of PLATFORM
+PROTOCOL: Final = bytes([0])
+RESET, CREATE, APPEND, START = bytes([5]), bytes([6]), bytes([7]), bytes([3])
+TABLE_SIZE, TABLE_ITEM = bytes([3]), bytes([2])
+MEMORY_INFO, MEMORY_WRITE = 0, 2  # channels of MEMORY
+MEMORY_PIECE: Final = 24  # bytes of a memory that one packet writes
+
+_LEGACY: Final = 0x0C  # two bits that are set on the way up, and mean nothing on the way down
+
+
+def packet(port: int, channel: int, payload: bytes = b"") -> bytes:
+    """Return a packet.
+
+    >>> packet(LOG, SETTINGS, RESET).hex()
+    '5d05'
+
+    Raises:
+        ValueError: The payload is too long.
+    """
+    if len(payload) > MOST:
+        raise ValueError(f"a packet carries {MOST} bytes, got {len(payload)}")
+    return bytes([port << 4 | _LEGACY | channel]) + payload
+
+
+def address(header: int) -> tuple[int, int]:
+    """Return port and channel of a header byte, whose other two bits mean nothing.
+
+    >>> address(0x5E), address(0x52)
+    ((5, 2), (5, 2))
+    """
+    return header >> 4, header & 0x03
+
+
+def is_null(header: int) -> bool:
+    """Whether a header byte is that of a packet that only keeps the link alive."""
+    return header & 0xF3 == 0xF3  # noqa: PLR2004 -- port 15, channel 3
+
+
+def echo(sent: float) -> bytes:
+    """Ask for these bytes back: when they were sent, s."""
+    return packet(LINK, 0, struct.pack("<d", sent))
+
+
+def echoed(place: tuple[int, int], payload: bytes) -> float | None:
+    """Return when an echo was sent, s; None if it is none.
+
+    >>> echoed((LINK, 0), echo(1.5)[1:])
+    1.5
+    """
+    if place != (LINK, 0) or len(payload) != 8:  # noqa: PLR2004 -- one number
+        return None
+    sent: float = struct.unpack("<d", payload)[0]
+    return sent
+
+
+def table_item(port: int, number: int) -> bytes:
+    """Ask for one entry of a table of contents."""
+    return packet(port, TABLE, TABLE_ITEM + struct.pack("<H", number))
+
+
+def write_parameter(number: int, value: bytes) -> bytes:
+    """Set a parameter; the answer has the same bytes."""
+    return packet(PARAMETER, WRITE, struct.pack("<H", number) + value)
+
+
+def log_block(block: int, variables: bytes, command: bytes = CREATE) -> bytes:
+    """Make a block of log variables, or append to one."""
+    return packet(LOG, SETTINGS, command + bytes([block]) + variables)
+
+
+def start_block(block: int, period: float) -> bytes:
+    """Have a block reported every `period`, s: in steps of 10 ms, at most 2.55 s."""
+    return packet(LOG, SETTINGS, START + bytes([block, min(255, max(1, round(period * 100)))]))
+
+
+def memory_info(number: int) -> bytes:
+    """Ask what kind of memory has a number."""
+    return packet(MEMORY, MEMORY_INFO, bytes([2, number]))
+
+
+def write_memory(number: int, at: int, piece: bytes) -> bytes:
+    """Write up to `MEMORY_PIECE` bytes to a memory."""
+    return packet(MEMORY, MEMORY_WRITE, struct.pack("<BI", number, at) + piece)

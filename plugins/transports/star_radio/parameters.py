@@ -1,0 +1,64 @@
+"""Parameters of the firmware: how one is set, and how one knows that it is."""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+from star_core import PluginError
+from star_radio import packets
+from star_radio.answers import Question
+from star_radio.tables import Ask, Table
+
+FORMATS: Final = {
+    0x0: "<b", 0x1: "<h", 0x2: "<i", 0x3: "<q", 0x8: "<B", 0x9: "<H", 0xA: "<I", 0xB: "<Q",
+    0x5: "<e", 0x6: "<f", 0x7: "<d",
+}  # fmt: skip
+REAL: Final = {0x5, 0x6, 0x7}
+READ_ONLY: Final = 0x40  # a bit beside the type
+_TYPE = 0x0F
+
+
+def setting(table: Table, name: str, value: float) -> Question:
+    """Return the question that sets a parameter; it is accepted when the drone repeats the value.
+
+    Args:
+        table: The drone's parameters.
+        name: ``group.name``.
+        value: To set; a whole number where the parameter is one.
+
+    Raises:
+        PluginError: There is no such parameter, it is read-only, or it cannot have this value.
+    """
+    if name not in table:
+        raise PluginError(f"its firmware has no parameter {name!r}")
+    number, kind = table[name]
+    if kind & READ_ONLY:
+        raise PluginError(f"parameter {name!r} is read-only")
+    form = FORMATS[kind & _TYPE]
+    if kind & _TYPE not in REAL and value != int(value):
+        raise PluginError(f"parameter {name!r} is a whole number, got {value!r}")
+    try:
+        coded = struct.pack(form, value if kind & _TYPE in REAL else int(value))
+    except (struct.error, OverflowError) as error:
+        raise PluginError(f"parameter {name!r} cannot be {value!r}: {error}") from error
+    packet = packets.write_parameter(number, coded)
+    return Question(
+        packet,
+        (packets.PARAMETER, packets.WRITE),
+        packet[1:3],
+        f"parameter {name!r}",
+        accepts=lambda payload: payload[2:] == coded,
+    )
+
+
+def set_now(table: Table, name: str, value: float, ask: Ask) -> None:
+    """Set a parameter, and wait until the drone has it.
+
+    Raises:
+        PluginError: As `setting`, or the drone does not answer, or answers another value.
+    """
+    question = setting(table, name, value)
+    answer = ask(question.packet, question.start, question.about)
+    if not question.accepts(answer):
+        raise PluginError(f"parameter {name!r} was set to {value!r} and reads {answer[2:].hex()!r}")

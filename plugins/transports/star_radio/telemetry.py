@@ -1,0 +1,127 @@
+"""Gathers the reports of all drones into one `Telemetry`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from star_core import Array, Detections, Frames, Odometry, Rows, Telemetry
+from star_radio import report
+from star_radio.report import Layout
+from star_radio.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Reports of several drones: a long table in the order of the drones and of time.
+
+    Attributes:
+        agent: (K,) row of the drone.
+        time: (K,) s of the computer's clock.
+        values: (K, 13) columns of `star_radio.report`.
+    """
+
+    agent: Rows
+    time: Array
+    values: Array
+
+
+class Gatherer:
+    """What every drone reported last.
+
+    Args:
+        vehicles: The drone of each row; one that is not connected reports nothing.
+    """
+
+    def __init__(self, vehicles: Sequence[Vehicle]) -> None:
+        self._vehicles = vehicles
+        self.last = np.full((len(vehicles), len(report.SOURCES)), np.nan)
+        self._newest = 0.0  # mission time, s
+
+    def gather(self, began: float, frames: Frames) -> Telemetry:
+        """Return what arrived since the last call.
+
+        Args:
+            began: When mission time was 0, s of the computer's clock.
+            frames: What the cameras sent.
+        """
+        samples = self._read()
+        if len(samples.agent):
+            self.last[samples.agent] = samples.values  # of one drone's rows the newest is last
+            self._newest = max(self._newest, float(samples.time.max()) - began)
+        now = time.monotonic()
+        state = self.last[:, report.STATE]
+        return Telemetry(
+            time=self._newest,
+            position=self.last[:, [report.X, report.Y, report.Z]],
+            velocity=self.last[:, [report.VX, report.VY, report.VZ]],
+            attitude=quaternion(*self.last[:, [report.ROLL, report.PITCH, report.YAW]].T),
+            battery=self.last[:, report.BATTERY],
+            state=np.nan_to_num(state).astype(np.int64),
+            age=np.array([now - vehicle.heard for vehicle in self._vehicles]),
+            odometry=odometry(samples, began),
+            frames=frames,
+            detections=Detections.none(),
+        )
+
+    def _read(self) -> Samples:
+        """Read what arrived: drones with the same layout together."""
+        agents: list[int] = []
+        times: list[float] = []
+        by_layout: dict[Layout, tuple[list[int], list[bytes]]] = {}
+        for row, vehicle in enumerate(self._vehicles):
+            found = vehicle.reports()
+            if not found or vehicle.layout is None:
+                continue
+            places, payloads = by_layout.setdefault(vehicle.layout, ([], []))
+            places.extend(range(len(agents), len(agents) + len(found)))
+            payloads.extend(payload for _time, payload in found)
+            agents.extend([row] * len(found))
+            times.extend(made for made, _payload in found)
+        values = np.empty((len(agents), len(report.SOURCES)))
+        for layout, (places, payloads) in by_layout.items():
+            values[places] = layout.read(payloads)
+        return Samples(np.array(agents, np.int64), np.array(times), values)
+
+
+def odometry(samples: Samples, began: float) -> Odometry:
+    """Return samples since mission time 0, with velocities turned into the level body frame."""
+    kept = samples.time >= began
+    values = samples.values[kept]
+    yaw = values[:, report.YAW]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    east, north = values[:, report.VX], values[:, report.VY]
+    ahead, aside = cos * east + sin * north, cos * north - sin * east
+    return Odometry(
+        agent=samples.agent[kept],
+        time=samples.time[kept] - began,
+        velocity=np.stack([ahead, aside, values[:, report.VZ]], axis=1),
+        yaw_rate=values[:, report.YAW_RATE],
+        roll=values[:, report.ROLL],
+        pitch=values[:, report.PITCH],
+        height=values[:, report.Z],
+    )
+
+
+def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """Return (N, 4) unit quaternions x, y, z, w that turn by roll, then pitch, then yaw, rad.
+
+    Right-handed about x, y and z of the odometry frame, in this order.
+
+    >>> quaternion(np.zeros(1), np.zeros(1), np.array([np.pi])).round(6) + 0.0
+    array([[0., 0., 1., 0.]])
+    """
+    cr, cp, cy = np.cos(roll / 2), np.cos(pitch / 2), np.cos(yaw / 2)
+    sr, sp, sy = np.sin(roll / 2), np.sin(pitch / 2), np.sin(yaw / 2)
+    return np.stack(
+        [
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        ],
+        axis=1,
+    )

@@ -1,0 +1,275 @@
+"""One Crazyflie: how it is connected, told what to do, and let go."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from star_core import PluginError
+from star_radio import orders, packets
+from star_radio.answers import Question
+from star_radio.clock import Clock
+from star_radio.link import Link
+from star_radio.parameters import set_now, setting
+from star_radio.report import Layout, stamp
+from star_radio.tables import Table, Tables
+from star_radio.trajectory import Piece, upload
+
+ESTIMATOR_RESET: Final = "kalman.resetEstimation"
+POSITION_DEVIATION: Final = "locSrv.extPosStdDev"  # m
+ATTITUDE_DEVIATION: Final = "locSrv.extQuatStdDev"  # rad
+OLDEST: Final = 4  # protocol version with tables of more than 255 entries
+HELD: Final = 0.1  # s, for which the estimator's reset is held, as Bitcraze's own tools do
+LOOK: Final = 0.005  # s between two looks for the first report
+GOODBYE: Final = 0.3  # s, for which a drone may confirm that it reports no more
+FORGIVEN: Final = 0.1  # share by which a deviation may change without being told
+_BUSY: Final = 16  # errno of an order that the supervisor blocks for now
+_WORDS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: "it is wrong"}
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How drones are to be connected.
+
+    Attributes:
+        period: Time between two reports, s.
+        patience: After which a drone that does not answer is absent, s.
+        deadline: After which one that answers slowly is given up, s.
+        reset: Whether its estimator starts anew where it stands.
+        parameters: What to set, by ``group.name``.
+    """
+
+    period: float
+    patience: float = 2.0
+    deadline: float = 30.0
+    reset: bool = True
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+class Vehicle:
+    """A Crazyflie over its link.
+
+    Args:
+        name: Of the agent.
+        link: To it; not open yet.
+
+    Attributes:
+        version: Of the protocol that its firmware speaks.
+        layout: Of its reports; None before it is connected.
+        parameters: Its table of parameters.
+        clock: Of its reports.
+        heard: When its last report arrived, s of the computer's clock; before the first, when it
+            was made.
+    """
+
+    def __init__(self, name: str, link: Link) -> None:
+        self.name = name
+        self.link = link
+        self.version = 0
+        self.layout: Layout | None = None
+        self.parameters: Table = {}
+        self.clock = Clock()
+        self.heard = time.monotonic()
+        self._told = {POSITION_DEVIATION: 0.0, ATTITUDE_DEVIATION: 0.0}
+        self._steered = False  # whether setpoints fly it
+        self._until = self._patience = 0.0
+        self._first: list[tuple[float, bytes]] = []  # reports that came while it was connected
+
+    def connect(self, tables: Tables, manner: Manner) -> None:
+        """Open the link and have it report.
+
+        Raises:
+            PluginError: It cannot be reached, is too old, or refuses; says why.
+        """
+        self._until = time.monotonic() + manner.deadline
+        self._patience = manner.patience
+        self.link.open(manner.patience)
+        question = packets.packet(packets.PLATFORM, packets.VERSION, packets.PROTOCOL)
+        self.version = self._ask(question, packets.PROTOCOL, "its protocol version")[1]
+        if self.version < OLDEST:
+            raise PluginError(
+                f"{self.link.uri} speaks protocol version {self.version}, expected {OLDEST} or "
+                "later: update its firmware"
+            )
+        variables = tables.of(packets.LOG, self._ask)
+        layout = Layout.of(variables)
+        self.parameters = tables.of(packets.PARAMETER, self._ask)
+        for name, value in manner.parameters.items():
+            set_now(self.parameters, name, value, self._ask)
+        if manner.reset:
+            set_now(self.parameters, ESTIMATOR_RESET, 1, self._ask)
+            time.sleep(HELD)
+            set_now(self.parameters, ESTIMATOR_RESET, 0, self._ask)
+        self.link.post(orders.no_more_setpoints())  # a client before may have left some
+        for _attempt in range(2):
+            layout.begin(variables, manner.period, self._ask)
+            if self._reports(layout, manner.patience):
+                self.layout = layout
+                return
+        raise PluginError(f"{self.link.uri} does not report its state")
+
+    def reports(self) -> list[tuple[float, bytes]]:
+        """Return what was reported since the last call: when, by the computer's clock, and what."""
+        layout = self.layout
+        if layout is None:
+            return []
+        arrivals, self._first = self._first + self.link.reports(), []
+        found = []
+        for arrived, payload in arrivals:
+            if layout.fits(payload):
+                self.heard = arrived
+                found.append((self.clock.time(stamp(payload), arrived), payload))
+        return found
+
+    def steer(self, velocity: Sequence[float], yaw_rate: float) -> None:
+        """Fly a velocity, m/s in the odometry frame, turning at `yaw_rate`, rad/s."""
+        self._steered = True
+        self.link.steer(orders.velocity(velocity, yaw_rate, self.version))
+
+    def steer_state(self, setpoint: bytes) -> None:
+        """Fly what `orders.full_state` or `orders.position` packed."""
+        self._steered = True
+        self.link.steer(setpoint)
+
+    def order(self, packet: bytes, what: str, *, sent: bool = False) -> None:
+        """Give a high-level order, and again until it is confirmed; a newer one takes its place.
+
+        Setpoints are ended first: else the order would be heard and not flown.
+
+        Args:
+            packet: The order.
+            what: Its name, for messages.
+            sent: Whether it has just been broadcast.
+        """
+        self._steered = False
+        self.link.post(orders.no_more_setpoints())
+        self.link.assure(
+            Question(
+                packet,
+                (orders.HIGH_LEVEL, 0),
+                packet[1:4],  # comes back, and then an error number
+                f"the order to {what}",
+                topic="order",
+                accepts=lambda payload: _error(payload) != _BUSY,
+            ),
+            sent=sent,
+        )
+
+    def arm(self) -> None:
+        """Let the motors be started."""
+        packet = orders.arm(self.version)
+        if self.version >= orders.SUPERVISOR_FROM:
+            place = (orders.SUPERVISOR, 1)
+            self.link.assure(Question(packet, place, b"\x81", "the order to arm", topic="arm"))
+        else:
+            self.link.post(packet)  # older firmware does not answer
+
+    def lock(self) -> None:
+        """Stop the motors until the drone is switched off and on; nobody confirms it."""
+        for _time in range(3):
+            self.link.post(orders.emergency_stop(self.version))
+
+    def correct(
+        self,
+        position: Sequence[float],
+        attitude: Sequence[float],
+        position_deviation: float,
+        attitude_deviation: float,
+        *,
+        sent: bool = False,
+    ) -> None:
+        """Tell the estimator where the drone is, in the odometry frame, and how sure that is.
+
+        Args:
+            position: m.
+            attitude: Unit quaternion x, y, z, w.
+            position_deviation: m.
+            attitude_deviation: rad.
+            sent: Whether the pose has just been broadcast.
+
+        Raises:
+            PluginError: The firmware cannot be told how sure it is.
+        """
+        self._tell(POSITION_DEVIATION, position_deviation)
+        self._tell(ATTITUDE_DEVIATION, attitude_deviation)
+        if not sent:
+            self.link.post(orders.seen_as(position, attitude))
+
+    def upload(self, number: int, pieces: Sequence[Piece]) -> None:
+        """Upload a trajectory; not for use in a tick.
+
+        Raises:
+            ContractError: It does not fit.
+            PluginError: The drone refuses, or does not answer.
+        """
+        self._until = math.inf
+        upload(number, pieces, self._ask)
+
+    def follow(self, number: int, *, stretch: float = 1.0, relative: bool = False) -> None:
+        """Fly a trajectory that was uploaded, `stretch` times slower; `relative` is from here."""
+        packet = orders.start_trajectory(number, self.version, stretch=stretch, relative=relative)
+        self.order(packet, f"follow trajectory {number}")
+
+    def chase(self, now: float) -> list[str]:
+        """Ask again what is not confirmed; say what was refused, or never confirmed."""
+        said = []
+        for question in self.link.chase(now):
+            answer = question.answer if question.answer is not None else question.refused
+            error = _error(answer) if answer and question.topic == "order" else 0
+            if error:
+                why = _WORDS.get(error, f"error {error}")
+                said.append(f"{self.name} refuses {question.about}: {why}")
+            elif question.answer is None:
+                said.append(f"{self.name} does not confirm {question.about}")
+        return said
+
+    def close(self) -> None:
+        """Let the drone go, and never lock it.
+
+        The high-level commander may be used again by whoever connects next; a drone that setpoints
+        fly is told nothing, so that its own time-out levels it and lets it down.
+        """
+        if self.layout is not None:
+            if not self._steered:
+                self.link.post(orders.no_more_setpoints())
+            reset = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
+            with suppress(PluginError):  # it may be gone
+                self.link.ask(reset, packets.RESET, "the end of reports", patience=GOODBYE)
+        self.link.close()
+
+    def _tell(self, name: str, deviation: float) -> None:
+        """Set a deviation that has changed by more than `FORGIVEN`."""
+        if abs(deviation - self._told[name]) > FORGIVEN * self._told[name]:
+            try:
+                question = setting(self.parameters, name, deviation)
+            except PluginError as error:
+                raise PluginError(f"{self.name}: {error}") from error
+            question.topic = name
+            self.link.assure(question)
+            self._told[name] = deviation
+
+    def _reports(self, layout: Layout, patience: float) -> bool:
+        """Wait for the first report; say whether it came."""
+        until = min(self._until, time.monotonic() + patience)
+        while time.monotonic() < until:
+            self._first = [found for found in self.link.reports() if layout.fits(found[1])]
+            if self._first:
+                self.heard = self._first[-1][0]
+                return True
+            time.sleep(LOOK)
+        return False
+
+    def _ask(self, packet: bytes, start: bytes, about: str) -> bytes:
+        patience = min(self._patience, self._until - time.monotonic())
+        if patience <= 0:
+            raise PluginError(f"{self.link.uri} is too slow: it is not connected in time")
+        return self.link.ask(packet, start, about, patience=patience)
+
+
+def _error(payload: bytes) -> int:
+    """Return the error number of an order's confirmation; 0 is none."""
+    return payload[3] if len(payload) > 3 else 0  # noqa: PLR2004

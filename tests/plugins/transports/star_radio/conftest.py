@@ -1,0 +1,69 @@
+"""A swarm of scripted Crazyflies, and a radio to them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import pytest
+
+import star_radio
+from star_core import Scene
+from star_core.testing import scene
+from star_radio.transport import Radio
+from tests.plugins.transports.star_radio.peer import Peer
+
+Open: TypeAlias = Callable[..., Radio]
+Peers: TypeAlias = Callable[..., list[Peer]]
+
+
+def reached(uris: list[str], rate: float = 20.0) -> Scene:
+    """A scene whose agents have addresses."""
+    room = scene(len(uris), rate=rate)
+    agents = tuple(
+        dataclasses.replace(agent, uri=uri) for agent, uri in zip(room.agents, uris, strict=True)
+    )
+    return dataclasses.replace(room, agents=agents, realtime=True)
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.fixture
+def peers(stack: ExitStack) -> Peers:
+    def start(n: int = 1, **how: Any) -> list[Peer]:
+        return [stack.enter_context(Peer(**how)) for _ in range(n)]
+
+    return start
+
+
+@pytest.fixture
+def make(tmp_path: Path, stack: ExitStack) -> Open:
+    """Make a radio to some addresses; it is closed at the end."""
+
+    def make(uris: list[str], **options: Any) -> Radio:
+        given: dict[str, Any] = {"cache": str(tmp_path), "patience": 0.6} | options
+        radio = star_radio.make(reached(uris), **given)
+        assert isinstance(radio, Radio)
+        stack.callback(radio.close)
+        return radio
+
+    return make
+
+
+@pytest.fixture
+def connect(make: Open) -> Open:
+    """Make a radio to some peers, and connect it."""
+
+    def connect(peers: list[Peer], **options: Any) -> Radio:
+        radio = make([peer.uri for peer in peers], **options)
+        radio.connect()
+        return radio
+
+    return connect

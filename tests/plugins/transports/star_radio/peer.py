@@ -1,0 +1,210 @@
+"""A scripted Crazyflie behind a UDP socket: it answers, reports and remembers."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+LOG_TYPES = {1: "<B", 2: "<H", 3: "<I", 4: "<b", 5: "<h", 6: "<i", 7: "<f", 8: "<e"}
+VALUES: dict[str, float] = {
+    "stateEstimateZ.x": 0, "stateEstimateZ.y": 0, "stateEstimateZ.z": 0,
+    "stateEstimateZ.vx": 0, "stateEstimateZ.vy": 0, "stateEstimateZ.vz": 0,
+    "stateEstimate.roll": 0, "stateEstimate.pitch": 0, "stateEstimate.yaw": 0,
+    "stateEstimateZ.rateYaw": 0, "pm.vbatMV": 4000, "supervisor.info": 15, "radio.rssi": 40,
+}  # fmt: skip
+PARAMETERS: dict[str, tuple[int, bytes]] = {
+    "kalman.resetEstimation": (0x08, b"\0"),
+    "locSrv.extPosStdDev": (0x06, struct.pack("<f", 0.01)),
+    "locSrv.extQuatStdDev": (0x06, struct.pack("<f", 4.5e-3)),
+    "ring.effect": (0x18, b"\6"),
+    "system.selftestPassed": (0x48, b"\1"),
+    "velCtlPid.vxKp": (0x06, struct.pack("<f", 25.0)),
+}
+
+
+class Peer:
+    """One Crazyflie, as far as a client can tell.
+
+    Args:
+        version: Of the protocol.
+        lacks: Log variables and parameters that its firmware does not have.
+
+    Attributes:
+        values: What it reports, in the firmware's units, by log variable.
+        got: Every packet that came but echoes, header masked, oldest first.
+        echoes: How many of those came.
+        mute: Set to say nothing more.
+        lose: How many answers to packets that begin like that get lost.
+        errors: Error numbers with which to answer high-level orders, by command.
+        boot: Its clock's lead, s.
+    """
+
+    def __init__(self, *, version: int = 12, lacks: tuple[str, ...] = ()) -> None:
+        self.version = version
+        self.values = {name: value for name, value in VALUES.items() if name not in lacks}
+        self.parameters = {k: v for k, v in PARAMETERS.items() if k not in lacks}
+        self.stored = {name: value for name, (_kind, value) in self.parameters.items()}
+        self.got: list[bytes] = []
+        self.echoes = 0
+        self.mute = threading.Event()
+        self.lose: Counter[bytes] = Counter()
+        self.errors: dict[int, list[int]] = {}
+        self.refuses_block = 0
+        self.memory = bytearray(4096)
+        self.boot = 3.0
+        self._block: list[tuple[int, int]] = []
+        self._period: float | None = None
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(0.002)
+        self._client: tuple[str, int] | None = None
+        self._ended = False
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    @property
+    def uri(self) -> str:
+        return f"udp://127.0.0.1:{self._socket.getsockname()[1]}"
+
+    def sent_to(self, port: int, channel: int) -> list[bytes]:
+        """Payloads that came to a port and channel."""
+        return [packet[1:] for packet in list(self.got) if packet[0] == port << 4 | channel]
+
+    def until(self, done: Callable[[], bool], within: float = 5.0) -> bool:
+        """Wait until something has happened; say whether it has."""
+        end = time.monotonic() + within
+        while not done():
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.002)
+        return True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._ended = True
+        self._thread.join()
+        self._socket.close()
+
+    def _serve(self) -> None:
+        due = 0.0
+        while not self._ended:
+            try:
+                data, self._client = self._socket.recvfrom(64)
+            except TimeoutError:
+                data = b""
+            except OSError:  # the client is gone
+                data = b""
+            if data:
+                self._take(data)
+            now = time.monotonic()
+            if self._period and now >= due:
+                due = max(due + self._period, now)
+                self.report(now)
+
+    def _take(self, data: bytes) -> None:
+        packet = bytes([data[0] & 0xF3]) + data[1:]
+        if packet[0] == 0xF0:
+            self.echoes += 1
+        else:
+            self.got.append(packet)
+        if self.mute.is_set():
+            return
+        answer = self._answer(packet[0] >> 4, packet[0] & 3, packet[1:])
+        if answer is None:
+            return
+        for start, times in self.lose.items():
+            if times and packet.startswith(start):
+                self.lose[start] -= 1
+                return
+        self.say(packet[:1] + answer)
+
+    def say(self, packet: bytes) -> None:
+        if self._client is not None:
+            self._socket.sendto(packet, self._client)
+
+    def _answer(self, port: int, channel: int, payload: bytes) -> bytes | None:  # noqa: C901, PLR0911
+        match port, channel:
+            case 15, 0:
+                return payload
+            case 13, 1:
+                return bytes([payload[0], self.version])
+            case 5, 0:
+                return self._table(payload, [(name, 7) for name in self.values], 0xAAAA0001)
+            case 5, 1:
+                return self._log(payload)
+            case 2, 0:
+                kinds = [(name, kind) for name, (kind, _value) in self.parameters.items()]
+                return self._table(payload, kinds, 0xBBBB0002)
+            case 2, 2:
+                return self._write(payload)
+            case 8, 0:
+                errors = self.errors.get(payload[0], [])
+                return (payload + b"\0")[:3] + bytes([errors.pop(0) if errors else 0])
+            case 9, 1 if payload[0] == 1:
+                return bytes([0x81, 1, payload[1]])
+            case 4, 0:
+                return (
+                    b"\1\2"
+                    if payload == b"\1"
+                    else payload + bytes([0x12 * payload[1]]) + bytes(12)
+                )
+            case 4, 2:
+                at = int.from_bytes(payload[1:5], "little")
+                self.memory[at : at + len(payload) - 5] = payload[5:]
+                return payload[:5] + b"\0"
+        return None
+
+    def _table(self, payload: bytes, entries: list[tuple[str, int]], salt: int) -> bytes:
+        if payload == b"\3":
+            return b"\3" + struct.pack("<HI", len(entries), salt + len(entries)) + b"\x10\x80"
+        name, kind = entries[int.from_bytes(payload[1:3], "little")]
+        return payload[:3] + bytes([kind]) + name.replace(".", "\0").encode() + b"\0"
+
+    def _log(self, payload: bytes) -> bytes:
+        if payload == b"\5":
+            self._block, self._period = [], None
+            return b"\5\0\0"
+        if payload[0] in {6, 7}:
+            if self.refuses_block:
+                return payload[:2] + bytes([self.refuses_block])
+            if payload[0] == 6 and self._block:
+                return payload[:2] + bytes([17])
+            self._block += list(struct.iter_unpack("<BH", payload[2:]))
+        elif payload[0] == 3:
+            self._period = payload[2] / 100
+        return payload[:2] + b"\0"
+
+    def _write(self, payload: bytes) -> bytes | None:
+        name = list(self.parameters)[int.from_bytes(payload[:2], "little")]
+        if self.parameters[name][0] & 0x40:
+            return None
+        self.stored[name] = payload[2:]
+        return payload
+
+    def report(self, now: float) -> None:
+        """Send the block once."""
+        if self.mute.is_set():
+            return
+        names = list(self.values)
+        data = b"".join(
+            struct.pack(
+                LOG_TYPES[kind],
+                self.values[names[number]] if kind > 6 else int(self.values[names[number]]),
+            )
+            for kind, number in self._block
+        )
+        stamp = int((now + self.boot) * 1000) % (1 << 24)
+        self.say(bytes([0x52, 1]) + stamp.to_bytes(3, "little") + data)

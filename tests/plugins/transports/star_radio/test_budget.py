@@ -1,0 +1,50 @@
+"""What a Crazyradio can serve, and what the check says when it cannot."""
+
+from __future__ import annotations
+
+import pytest
+
+from star_radio.budget import overloads, report_period
+
+
+def on_dongle(n: int, dongle: int = 0) -> list[str]:
+    return [f"radio://{dongle}/80/2M/E7E7E7E7{i:02X}" for i in range(n)]
+
+
+def test_one_drone_reports_as_fast_as_it_estimates() -> None:
+    assert report_period(on_dongle(1), "legacy") == 0.01
+
+
+def test_three_drones_share_what_a_dongle_carries() -> None:
+    assert report_period(on_dongle(3), "legacy") == 0.02
+    assert list(overloads(on_dongle(3), "legacy", 0.05, None)) == []
+
+
+def test_a_second_dongle_helps() -> None:
+    assert report_period(on_dongle(2) + on_dongle(2, 1), "legacy") == 0.02
+
+
+def test_udp_is_not_counted() -> None:
+    uris = [f"udp://127.0.0.1:{19850 + i}" for i in range(100)]
+    assert report_period(uris, "legacy") == 0.01
+    assert list(overloads(uris, "legacy", 0.05, 0.01)) == []
+
+
+def test_reports_that_are_too_many_are_refused_with_the_arithmetic() -> None:
+    assert list(overloads(on_dongle(3), "legacy", 0.05, 0.01)) == [
+        "dongle '0' is to serve 3 agents with 100 exchanges/s each (20 setpoints/s up, "
+        "100 reports/s down): 300/s, where 150/s may be planned, 50% of the 300/s of mode "
+        "'legacy'; it can serve 1: lower the mission's rate, report less often, or share the "
+        "agents among more dongles, or mode: inline where the dongles' firmware has it"
+    ]
+
+
+def test_setpoints_that_are_too_many_are_refused() -> None:
+    [told] = overloads(on_dongle(8), "legacy", 0.05, None)
+    assert "8 agents with 20 exchanges/s each (20 setpoints/s up, 16.6667 reports/s down)" in told
+    assert "it can serve 7" in told
+
+
+@pytest.mark.parametrize(("n", "fits"), [(68, True), (69, False)])
+def test_the_published_table_is_met(n: int, fits: bool) -> None:  # noqa: FBT001
+    assert (not list(overloads(on_dongle(n), "inline", 0.1, 0.1))) is fits

@@ -1,0 +1,52 @@
+"""Time stamps become times of the computer's clock."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from star_radio.clock import TURNS_AT, WINDOW, Clock
+
+LEAD = 1234.5  # s, of the computer's clock
+
+
+def run(delays: list[float], start: int = 0, drift: float = 0.0) -> list[float]:
+    """Return by how much the times of reports every 10 ms are wrong, s."""
+    clock = Clock()
+    wrong = []
+    for i, delay in enumerate(delays):
+        true = LEAD + 0.01 * i * (1 + drift)
+        wrong.append(clock.time((start + 10 * i) % TURNS_AT, true + delay) - true)
+    return wrong
+
+
+@given(st.lists(st.floats(0.001, 0.3), min_size=2, max_size=50))
+def test_times_are_late_by_the_least_delay_so_far(delays: list[float]) -> None:
+    wrong = run(delays)
+    least = [min(delays[: i + 1]) for i in range(len(delays))]
+    assert all(abs(a - b) < 1e-6 for a, b in zip(wrong, least, strict=True))
+
+
+def test_a_stamp_turns_over() -> None:
+    wrong = run([0.002] * 100, start=TURNS_AT - 500)
+    assert max(abs(late - 0.002) for late in wrong) < 1e-6
+
+
+def test_times_follow_a_clock_that_is_fast_or_slow() -> None:
+    for drift in (-40e-6, 40e-6):
+        wrong = run([0.002] * 6000, drift=drift)
+        assert max(abs(late - 0.002) for late in wrong) < 2.5 * WINDOW * 40e-6
+
+
+def test_a_drone_that_restarts_counts_anew() -> None:
+    clock = Clock()
+    clock.time(60_000, 100.0)
+    assert clock.time(20, 101.0) == 101.0
+    assert abs(clock.time(30, 101.5) - 101.01) < 1e-9
+
+
+def test_a_packet_that_is_late_is_no_restart() -> None:
+    clock = Clock()
+    for i in range(10):
+        clock.time(1000 + 10 * i, 50 + 0.01 * i)
+    assert abs(clock.time(1030, 50.3) - 50.03) < 1e-9

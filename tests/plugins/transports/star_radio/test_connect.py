@@ -1,0 +1,200 @@
+"""Opening the links: what is set up, what is refused, and who is named."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from pathlib import Path
+
+import pytest
+
+from star_core import PluginError
+from tests.plugins.transports.star_radio.conftest import Open, Peers
+
+NOBODY = "udp://127.0.0.1:9"  # the port `discard`, which nobody serves
+
+
+def test_a_drone_reports_as_soon_as_it_is_connected(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.values["stateEstimateZ.x"] = 1500
+    radio = connect([drone])
+    telemetry = radio.receive()
+    assert telemetry.position.tolist() == [[1.5, 0.0, 0.0]]
+    assert telemetry.age[0] < 0.5
+
+
+def test_the_estimator_starts_anew(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    connect([drone])
+    assert drone.sent_to(2, 2)[:2] == [b"\0\0\1", b"\0\0\0"]
+
+
+def test_an_estimator_is_left_alone_where_that_is_wanted(peers: Peers, connect: Open) -> None:
+    [drone] = peers(lacks=("kalman.resetEstimation",))
+    connect([drone], reset=False)
+    assert drone.sent_to(2, 2) == []
+
+
+def test_the_second_of_two_drones_reads_no_table(peers: Peers, connect: Open) -> None:
+    drones = peers(3)
+    connect(drones)
+    asked = [sum(payload[0] == 2 for payload in drone.sent_to(5, 0)) for drone in drones]
+    assert sorted(asked) == [0, 0, 13]
+
+
+def test_the_next_flight_reads_no_table(peers: Peers, connect: Open) -> None:
+    drones = peers()
+    connect(drones).close()
+    [again] = peers()
+    connect([again])
+    assert again.sent_to(5, 0) == again.sent_to(2, 0) == [b"\3"]
+
+
+def test_a_cache_that_is_spoilt_is_read_anew(peers: Peers, connect: Open, tmp_path: Path) -> None:
+    connect(peers()).close()
+    for path in tmp_path.glob("*.json"):
+        path.write_text('{"a": [1')
+    [again] = peers()
+    connect([again])
+    assert len(again.sent_to(5, 0)) == 14
+    assert all(json.loads(path.read_text()) for path in tmp_path.glob("*.json"))
+
+
+def test_what_gets_lost_is_asked_again(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.lose.update({b"\xd1": 1, b"\x50\3": 1, b"\x50\2\5\0": 2, b"\x51\6": 1, b"\x22": 1})
+    assert connect([drone], patience=3.0).receive().age[0] < 1
+
+
+def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
+    [drone] = peers()
+    radio = make([NOBODY, drone.uri, "udp://127.0.0.1:7"])
+    with pytest.raises(PluginError) as caught:
+        radio.connect()
+    told = str(caught.value)
+    assert told.startswith(
+        "cannot reach 2 of 3 agents: cf1 (no answer about its protocol version from "
+        "udp://127.0.0.1:9 in 0.6 s"
+    )
+    assert "cf3 (no answer about its protocol version from udp://127.0.0.1:7" in told
+    assert told.endswith("'absent: fly-without' flies without them")
+    assert "cf2" not in told
+
+
+def test_the_others_fly_without_an_absent_drone(
+    peers: Peers, make: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    [drone] = peers()
+    radio = make([NOBODY, drone.uri], absent="fly-without")
+    begun = time.monotonic()
+    radio.connect()
+    assert time.monotonic() - begun < 5
+    telemetry = radio.receive()
+    assert telemetry.age[0] > 0.5 > telemetry.age[1]
+    assert "cannot reach 1 of 2 agents: cf1" in caplog.text
+
+
+def test_nobody_flies_when_all_are_absent(make: Open) -> None:
+    with pytest.raises(PluginError, match="cannot reach 1 of 1 agents: cf1"):
+        make([NOBODY], absent="fly-without").connect()
+
+
+def test_an_address_without_a_driver_is_named(make: Open) -> None:
+    with pytest.raises(PluginError, match=r"cf1 .cflib has no driver for 'tin://can'"):
+        make(["tin://can"]).connect()
+
+
+def test_a_dongle_that_is_not_there_is_named(make: Open) -> None:
+    with pytest.raises(PluginError, match=r"cf1 \(radio://0/80/2M: .*[Cc]razyradio"):
+        make(["radio://0/80/2M"]).connect()
+
+
+def test_old_firmware_is_refused(peers: Peers, connect: Open) -> None:
+    with pytest.raises(PluginError, match="speaks protocol version 3, expected 4 or later"):
+        connect(peers(version=3))
+
+
+def test_an_answer_that_is_too_short_is_told(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone._table = lambda payload, _entries, _salt: payload  # type: ignore[method-assign,assignment]
+    with pytest.raises(PluginError, match=r"cf1 .udp://.* answers what is no answer: unpack_from"):
+        connect([drone])
+
+
+def test_log_variables_that_lack_are_named(peers: Peers, connect: Open) -> None:
+    lacks = ("supervisor.info", "pm.vbatMV")
+    with pytest.raises(
+        PluginError,
+        match=r"no log variable 'pm.vbatMV' or 'pm.vbat', 'supervisor.info'; update it",
+    ):
+        connect(peers(lacks=lacks))
+
+
+def test_a_drone_needs_no_radio_to_be_connected(peers: Peers, connect: Open) -> None:
+    assert connect(peers(lacks=("radio.rssi",))).receive().age[0] < 1
+
+
+def test_a_block_that_cannot_be_added_is_named(peers: Peers, connect: Open) -> None:
+    drones = peers()
+    drones[0].refuses_block = 12
+    with pytest.raises(
+        PluginError, match=r"cf1 .it refuses the log block.*: it has no memory left"
+    ):
+        connect(drones)
+
+
+def test_a_drone_that_does_not_report_is_named(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone._log = lambda payload: payload[:2] + b"\0\0"  # type: ignore[method-assign]
+    with pytest.raises(PluginError, match="does not report its state"):
+        connect([drone])
+
+
+def test_parameters_are_set_in_their_own_types(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    connect([drone], parameters={"velCtlPid.vxKp": 22.5, "ring.effect": 7})
+    assert drone.stored["velCtlPid.vxKp"] == struct.pack("<f", 22.5)
+    assert drone.stored["ring.effect"] == b"\7"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("pid.nothing", 1, "its firmware has no parameter 'pid.nothing'"),
+        ("system.selftestPassed", 1, "parameter 'system.selftestPassed' is read-only"),
+        ("ring.effect", 1.5, "parameter 'ring.effect' is a whole number, got 1.5"),
+        ("ring.effect", 300, "parameter 'ring.effect' cannot be 300: "),
+    ],
+)
+def test_a_parameter_that_cannot_be_set_is_named(
+    peers: Peers, connect: Open, name: str, value: float, message: str
+) -> None:
+    with pytest.raises(PluginError, match=f"cf1 .{message}"):
+        connect(peers(), parameters={name: value})
+
+
+def test_a_parameter_that_is_not_confirmed_is_named(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.lose[b"\x22\3\0"] = 1000
+    with pytest.raises(PluginError, match=r"no answer about parameter .ring.effect. from udp://"):
+        connect([drone], parameters={"ring.effect": 7})
+
+
+def test_closing_neither_locks_a_drone_nor_leaves_it_reporting(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    before = len(drone.got)
+    radio.close()
+    radio.close()
+    assert drone.got[before] == b"\x71" + bytes(5)  # the high-level commander may be used again
+    assert set(drone.got[before + 1 :]) == {b"\x51\5"}  # and no report comes any more
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # cflib's own socket
+def test_cflib_writes_nothing(peers: Peers, make: Open, capfd: pytest.CaptureFixture[str]) -> None:
+    radio = make([peers()[0].uri, "tcp://127.0.0.1:9"], absent="fly-without")
+    radio.connect()
+    radio.close()
+    out, err = capfd.readouterr()
+    assert out == err == ""

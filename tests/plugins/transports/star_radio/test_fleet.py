@@ -1,0 +1,275 @@
+"""The transport against simulated Crazyflies that have their own firmware's ways, in real time."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import star_radio
+from star_core import (
+    Command,
+    Corrections,
+    Order,
+    Registry,
+    Scene,
+    Setpoint,
+    Supervisor,
+    Telemetry,
+    fly,
+    load,
+)
+from star_core.testing import scene
+from star_radio.trajectory import Piece
+from star_radio.transport import Radio
+from star_sim.fleet.aideck.crtp import CrtpOverTcp
+from star_sim.fleet.server import Fleet
+
+TICK = 0.05  # s
+MISSION = """\
+star: 1
+name: over-udp
+world: room.yaml
+rate: 20
+transport: {use: radio, cache: CACHE, patience: 1.0}
+localizer: flow
+planner: straight
+avoider: orca
+swarm:
+  cf1: {start: [0, 0, 0], uri: URI0}
+  cf2: {start: [0, 1, 0], yaw_deg: 90, uri: URI1}
+mission:
+  - takeoff: {agents: cf1, height: 0.5}
+  - takeoff: {agents: cf2, height: 0.5, LET}
+  - goto: {agents: cf1, by: [0.5, 0, 0], yaw_deg: 30}
+  - land: {}
+"""
+
+
+ROOM = """\
+star: 1
+name: room
+fence: {low: [-3, -3, 0], high: [3, 3, 2]}
+"""
+
+
+class Flight:
+    """A radio to a fleet, and its clock."""
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        room: Scene,
+        cache: Path,
+        *,
+        uris: Sequence[str] = (),
+        **options: object,
+    ) -> None:
+        agents = (
+            dataclasses.replace(agent, uri=uri)
+            for agent, uri in zip(room.agents, uris or fleet.addresses, strict=True)
+        )
+        reached = dataclasses.replace(room, agents=tuple(agents), realtime=True)
+        self.radio = star_radio.make(reached, cache=str(cache), **options)  # type: ignore[arg-type]
+        assert isinstance(self.radio, Radio)
+        self.vehicles = self.radio.vehicles
+        self.n = len(room.agents)
+        self._tick = 0
+        self.radio.connect()
+        self.now = self.tick()
+
+    def tick(self, velocity: Sequence[float] | None = None) -> Telemetry:
+        self.radio.wait(self._tick * TICK)
+        self._tick += 1
+        self.now = self.radio.receive()
+        if velocity is not None:
+            n = self.n
+            self.radio.send(Setpoint(np.tile(velocity, (n, 1)), np.zeros(n), np.ones(n, np.bool_)))
+        return self.now
+
+    def until(self, done: Callable[[Telemetry], object], within: float = 6.0) -> bool:
+        return any(done(self.tick()) for _ in range(round(within / TICK)))
+
+    def order(self, order: Order, z: float = 0.0, duration: float = 1.0) -> None:
+        n = self.n
+        position = np.tile([0.0, 0.0, z], (n, 1))
+        self.radio.command(
+            Command(order, np.arange(n), position, np.zeros(n), np.full(n, duration))
+        )
+
+    def down(self) -> bool:
+        """Land, and say whether everybody is on the ground for good."""
+        self.order(Order.LAND)
+        return self.until(lambda now: finished(now) and not flying(now))
+
+
+def finished(now: Telemetry) -> bool:
+    return bool((now.state & int(Supervisor.COMMANDER_FINISHED)).all())
+
+
+def flying(now: Telemetry) -> bool:
+    return bool((now.state & int(Supervisor.FLYING)).any())
+
+
+def high(now: Telemetry) -> bool:
+    return bool((now.position[:, 2] > 0.4).all()) and finished(now)
+
+
+@pytest.fixture
+def fleet() -> Iterator[Fleet]:
+    with Fleet(scene(1), port=0, noise=False) as fleet:
+        yield fleet
+
+
+def flown(
+    folder: Path, uris: Sequence[str], options: str = "", takeoff: str = ""
+) -> dict[str, Any]:
+    """Fly `MISSION` over links to some addresses, and return its summary."""
+    (folder / "room.yaml").write_text(ROOM)
+    text = MISSION.replace("CACHE", f"'{folder / 'cache'}'{options}").replace("LET", takeoff)
+    for i, uri in enumerate(uris):
+        text = text.replace(f"URI{i}", uri)
+    (folder / "mission.yaml").write_text(text)
+    registry = Registry()
+    return fly(load(folder / "mission.yaml", registry), registry)
+
+
+def test_a_mission_is_flown(tmp_path: Path) -> None:
+    with Fleet(scene(2), port=0) as fleet:
+        summary = flown(tmp_path, fleet.addresses)
+        assert summary["outcome"] == "completed", summary["reason"]
+        moved = fleet.simulator.drones["position"] - fleet.simulator.drones["origin"]
+        assert np.allclose(moved[0], [0.5, 0, 0], atol=0.15)
+        assert np.allclose(moved[1], [0, 0, 0], atol=0.15)
+
+
+def test_a_mission_that_allows_it_is_flown_without_who_is_absent(tmp_path: Path) -> None:
+    with Fleet(scene(1), port=0, noise=False) as fleet:
+        uris = [*fleet.addresses, "udp://127.0.0.1:9"]
+        summary = flown(tmp_path, uris, ", absent: fly-without", "on_failure: continue")
+        assert summary["outcome"] == "completed", summary["reason"]
+        moved = fleet.simulator.drones["position"] - fleet.simulator.drones["origin"]
+        assert np.allclose(moved[0], [0.5, 0, 0], atol=0.15)
+
+
+def test_a_drone_takes_off_flies_and_lands(fleet: Fleet, tmp_path: Path) -> None:
+    flight = Flight(fleet, scene(1), tmp_path)
+    flight.order(Order.TAKEOFF, 0.5)
+    assert flight.until(high)
+    for _ in range(30):
+        flight.tick([0.3, 0.0, 0.0])
+    assert flight.now.position[0, 0] > 0.2
+    assert flight.now.velocity[0, 0] > 0.15
+    assert flight.now.age[0] < 0.3
+    assert flight.down()
+    flight.radio.close()
+
+
+def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_landed(
+    fleet: Fleet, tmp_path: Path
+) -> None:
+    first = Flight(fleet, scene(1), tmp_path)
+    first.order(Order.TAKEOFF, 0.5)
+    assert first.until(high)
+    first.tick([0.0, 0.0, 0.0])
+    first.order(Order.LAND)
+    assert first.until(finished)
+    first.radio.close()
+    time.sleep(2.5)
+    second = Flight(fleet, scene(1), tmp_path)
+    assert not second.now.state[0] & int(Supervisor.LOCKED)
+    second.order(Order.TAKEOFF, 0.5)
+    assert second.until(high)
+    assert second.down()
+    second.radio.close()
+
+
+def test_a_drone_that_setpoints_fly_is_left_to_its_time_out(fleet: Fleet, tmp_path: Path) -> None:
+    flight = Flight(fleet, scene(1), tmp_path)
+    flight.order(Order.TAKEOFF, 0.5)
+    assert flight.until(high)
+    flight.tick([0.0, 0.0, 0.0])
+    flight.radio.close()
+    end = time.monotonic() + 8
+    while fleet.simulator.drones["position"][0, 2] > 0.1 and time.monotonic() < end:
+        time.sleep(0.05)
+    assert fleet.simulator.drones["position"][0, 2] < 0.1
+
+
+def test_a_trajectory_is_flown(fleet: Fleet, tmp_path: Path) -> None:
+    flight = Flight(fleet, scene(1), tmp_path)
+    rise = np.zeros((4, 8))
+    rise[0, 1] = 0.2  # m/s along x
+    flight.vehicles[0].upload(
+        1, [Piece(rise, 1.0), Piece(rise + np.eye(4, 8) * [[0.2], [0], [0], [0]], 1.0)]
+    )
+    flight.order(Order.TAKEOFF, 0.5)
+    assert flight.until(high)
+    flight.vehicles[0].follow(1, relative=True)
+    assert flight.until(lambda now: now.position[0, 0] > 0.3)
+    assert flight.until(finished)
+    assert flight.down()
+    flight.radio.close()
+
+
+def test_corrections_reach_the_estimator(tmp_path: Path) -> None:
+    with Fleet(scene(1), port=0) as fleet:
+        flight = Flight(fleet, scene(1), tmp_path)
+        flight.order(Order.TAKEOFF, 0.5)
+        assert flight.until(high)
+        turn, sure = np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([0.01])
+        for _ in range(20):
+            here = flight.tick([0.0, 0.0, 0.0]).position
+            flight.radio.correct(
+                Corrections(
+                    np.zeros(1, np.int64), np.array([[1.0, 0, float(here[0, 2])]]), turn, sure, sure
+                )
+            )
+        assert flight.now.position[0, 0] > 0.7
+        assert flight.down()
+        flight.radio.close()
+
+
+def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
+    fleet: Fleet, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    server = CrtpOverTcp("127.0.0.1", 0, lambda packet: fleet.handle(0, packet))
+    fleet.listen(0, server.push)
+    flight = Flight(fleet, scene(1), tmp_path, uris=["tcp://{}:{}".format(*server.address)])
+    flight.order(Order.TAKEOFF, 0.5)
+    assert flight.until(high)
+    assert flight.now.age[0] < 0.3
+    server.close()
+    assert flight.until(lambda now: now.age[0] > 0.5)
+    link = flight.vehicles[0].link
+    assert flight.until(lambda _now: link.broken == "the connection is gone"), link.broken
+    time.sleep(0.3)
+    used = time.process_time()
+    time.sleep(0.2)
+    flight.radio.close()
+    assert time.process_time() - used < 0.15  # nothing spins
+    assert capfd.readouterr().out == ""
+
+
+def test_a_stop_that_locks_locks(fleet: Fleet, tmp_path: Path) -> None:
+    flight = Flight(fleet, scene(1), tmp_path, stop="lock")
+    flight.order(Order.TAKEOFF, 0.3)
+    assert flight.until(flying)
+    flight.order(Order.STOP)
+    assert flight.until(lambda now: now.state[0] & int(Supervisor.LOCKED))
+    flight.radio.close()
+
+
+def test_the_watchdog_of_a_client_that_hangs_locks(fleet: Fleet, tmp_path: Path) -> None:
+    flight = Flight(fleet, scene(1), tmp_path, watchdog=True)
+    for _ in range(30):
+        flight.tick()
+    assert not flight.now.state[0] & int(Supervisor.LOCKED)
+    time.sleep(1.5)
+    assert flight.until(lambda now: now.state[0] & int(Supervisor.LOCKED))
+    flight.radio.close()

@@ -1,0 +1,442 @@
+"""Flying: reports in, orders and setpoints out, and what is done about those that are not heard."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from star_core import Array, Command, ContractError, Corrections, Order, PluginError, Setpoint
+from star_radio import orders
+from star_radio.trajectory import Piece
+from star_radio.transport import Radio
+from tests.plugins.transports.star_radio.conftest import Open, Peers
+
+NOBODY = "udp://127.0.0.1:9"
+
+
+def ticks(radio: Radio, n: int, first: int = 0) -> float:
+    """Let ticks of 50 ms pass; return the mission time."""
+    now = 0.0
+    for i in range(first, first + n):
+        now = radio.wait(i * 0.05)
+    return now
+
+
+def told(order: Order, n: int = 1, *, z: float = 0.8, yaw: float = 0.5) -> Command:
+    return Command(
+        order, np.arange(n), np.tile([1.0, 2.0, z], (n, 1)), np.full(n, yaw), np.full(n, 2.0)
+    )
+
+
+def flown(velocity: Array, yaw: float = 0.0) -> Setpoint:
+    n = len(velocity)
+    return Setpoint(velocity, np.full(n, yaw), np.ones(n, np.bool_))
+
+
+def velocity_of(payload: bytes) -> tuple[float, ...]:
+    kind, *values = struct.unpack("<Bffff", payload)
+    assert kind == 8
+    return tuple(values)
+
+
+def test_telemetry_is_in_si_and_right_handed(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.values |= {
+        "stateEstimateZ.x": 1000, "stateEstimateZ.y": -500, "stateEstimateZ.z": 800,
+        "stateEstimateZ.vx": 100, "stateEstimateZ.vy": 200, "stateEstimateZ.vz": -50,
+        "stateEstimate.roll": 10.0, "stateEstimate.pitch": 5.0, "stateEstimate.yaw": 90.0,
+        "stateEstimateZ.rateYaw": 250, "pm.vbatMV": 3712, "supervisor.info": 0x11F,
+    }  # fmt: skip
+    radio = connect([drone])
+    telemetry = radio.receive()
+    assert np.allclose(telemetry.position, [[1, -0.5, 0.8]])
+    assert np.allclose(telemetry.velocity, [[0.1, 0.2, -0.05]])
+    assert np.allclose(telemetry.battery, [3.712])
+    assert telemetry.state.tolist() == [0x11F]
+    x, y, z, w = telemetry.attitude[0]
+    nose = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)])
+    up = math.sin(math.radians(5.0))  # the firmware's pitch is nose up positive
+    assert np.allclose(nose, [0, math.cos(math.radians(5.0)), up], atol=1e-3)
+    ticks(radio, 3)
+    odometry = radio.receive().odometry
+    assert len(odometry.agent) >= 2
+    assert np.allclose(odometry.velocity, [0.2, -0.1, -0.05])  # it looks along y
+    assert np.allclose(odometry.yaw_rate, 0.25)
+    assert np.allclose(odometry.roll, math.radians(10), atol=1e-4)
+    assert np.allclose(odometry.pitch, -math.radians(5), atol=1e-4)
+    assert np.allclose(odometry.height, 0.8)
+
+
+def test_firmware_without_the_compressed_state_reports_the_same(
+    peers: Peers, connect: Open
+) -> None:
+    [drone] = peers(lacks=tuple(f"stateEstimateZ.{name}" for name in ("x", "vy", "rateYaw")))
+    drone.values |= {"stateEstimate.x": 1.5, "stateEstimate.vy": 0.25, "gyro.z": 90.0}
+    radio = connect([drone])
+    ticks(radio, 3)
+    telemetry = radio.receive()
+    assert telemetry.position[0, 0] == 1.5
+    assert telemetry.velocity[0, 1] == 0.25
+    assert np.allclose(telemetry.odometry.yaw_rate, math.pi / 2)
+
+
+def test_samples_have_the_mission_time_they_were_taken_at(peers: Peers, connect: Open) -> None:
+    drones = peers(2)
+    drones[1].boot = 1000.0
+    radio = connect(drones)
+    ticks(radio, 1)
+    radio.receive()
+    now = ticks(radio, 8, first=1)
+    telemetry = radio.receive()
+    for row in range(2):
+        mine = telemetry.odometry.time[telemetry.odometry.agent == row]
+        assert len(mine) > 5
+        assert (np.diff(mine) > 0).all()
+        assert 0 <= mine[0] < mine[-1] <= now
+        assert mine[-1] > now - 0.3
+    assert telemetry.time == telemetry.odometry.time.max()
+
+
+def test_time_is_that_of_the_clock_and_starts_at_the_first_tick(make: Open) -> None:
+    radio = make([NOBODY])
+    time.sleep(0.05)
+    assert radio.wait(0.0) < 0.04
+    begun = time.monotonic()
+    assert radio.wait(0.1) >= 0.1
+    assert time.monotonic() - begun > 0.05
+
+
+def test_a_tick_that_is_late_does_not_wait(make: Open) -> None:
+    radio = make([NOBODY])
+    radio.wait(0.0)
+    time.sleep(0.1)
+    begun = time.monotonic()
+    assert radio.wait(0.05) >= 0.1
+    assert time.monotonic() - begun < 0.05
+
+
+def test_a_drone_hears_of_us_while_nothing_is_to_be_said(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    vehicle = connect([drone]).vehicles[0]
+    assert drone.until(lambda: drone.echoes >= 2)
+    assert drone.until(lambda: 0 < vehicle.link.round_trip < 1)
+
+
+def test_a_drone_that_falls_silent_ages(peers: Peers, connect: Open) -> None:
+    drones = peers(2)
+    radio = connect(drones)
+    ticks(radio, 2)
+    drones[0].mute.set()
+    ticks(radio, 11, first=2)
+    age = radio.receive().age
+    assert age[0] > 0.4
+    assert age[1] < 0.3
+
+
+def test_a_drone_that_is_gone_stops_nobody(peers: Peers, connect: Open) -> None:
+    gone, other = peers(2)
+    radio = connect([gone, other])
+    ticks(radio, 1)
+    gone.__exit__(None, None, None)
+    for i in range(1, 8):
+        radio.wait(i * 0.05)
+        radio.receive()
+        radio.send(flown(np.zeros((2, 3))))
+    radio.command(told(Order.LAND, 2))
+    assert other.until(lambda: len(other.sent_to(7, 0)) == 7 and bool(other.sent_to(8, 0)))
+    assert radio.receive().age[1] < 0.3
+
+
+def test_setpoints_go_to_the_active_rows_only(peers: Peers, connect: Open) -> None:
+    drones = peers(2)
+    radio = connect(drones)
+    radio.receive()
+    wanted = Setpoint(np.array([[0.1, 0.2, 0.3], [1, 1, 1]]), np.zeros(2), np.array([True, False]))
+    sent = radio.send(wanted)
+    assert drones[0].until(lambda: bool(drones[0].sent_to(7, 0)))
+    assert np.allclose(velocity_of(drones[0].sent_to(7, 0)[0]), (0.1, 0.2, 0.3, 0))
+    assert drones[1].sent_to(7, 0) == []
+    assert sent.active.tolist() == [True, False]
+    assert (sent.velocity == wanted.velocity).all()
+
+
+@pytest.mark.parametrize(("yaw", "rate"), [(0.1, 0.3), (-0.1, -0.3), (3.0, 2.0), (-3.0, -2.0)])
+def test_a_heading_is_turned_to(peers: Peers, connect: Open, yaw: float, rate: float) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    radio.receive()
+    radio.send(flown(np.zeros((1, 3)), yaw))
+    assert drone.until(lambda: bool(drone.sent_to(7, 0)))
+    assert velocity_of(drone.sent_to(7, 0)[0])[3] == pytest.approx(math.degrees(rate), rel=1e-3)
+
+
+def test_a_setpoint_that_is_not_finite_is_refused(peers: Peers, connect: Open) -> None:
+    radio = connect(peers())
+    with pytest.raises(ContractError, match="the setpoint of cf1 is not finite"):
+        radio.send(flown(np.full((1, 3), np.nan)))
+
+
+def test_who_is_absent_is_sent_nothing(peers: Peers, make: Open) -> None:
+    [drone] = peers()
+    radio = make([NOBODY, drone.uri], absent="fly-without")
+    radio.connect()
+    assert radio.send(flown(np.zeros((2, 3)))).active.tolist() == [False, True]
+    radio.command(told(Order.TAKEOFF, 2))
+    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
+
+
+def test_an_order_ends_setpoints_first(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    radio.receive()
+    before = len(drone.got)
+    radio.send(flown(np.zeros((1, 3))))
+    radio.command(told(Order.LAND, z=0.0))
+    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
+    assert [packet[0] for packet in drone.got[before:]] == [0x70, 0x71, 0x80]
+
+
+def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    before = len(drone.got)
+    radio.command(told(Order.TAKEOFF))
+    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
+    assert drone.got[before : before + 3] == [
+        b"\x91\1\1", b"\x71" + bytes(5), b"\x80" + orders.takeoff(0.8, 2.0)[1:],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("order", "packet"),
+    [
+        (Order.GOTO, orders.go_to((1.0, 2.0, 0.8), 0.5, 2.0, 12)),
+        (Order.LAND, orders.land(0.8, 2.0)),
+        (Order.STOP, orders.stop()),
+    ],
+)
+def test_orders_are_given(peers: Peers, connect: Open, order: Order, packet: bytes) -> None:
+    [drone] = peers()
+    connect([drone]).command(told(order))
+    assert drone.until(lambda: drone.sent_to(8, 0) == [packet[1:]])
+
+
+def test_arming_is_an_order_of_its_own(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    connect([drone]).command(told(Order.ARM))
+    assert drone.until(lambda: drone.sent_to(9, 1) == [b"\1\1"])
+
+
+def test_an_order_that_got_lost_is_given_again(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.lose[b"\x80"] = 2
+    radio.command(told(Order.LAND))
+    ticks(radio, 16)
+    assert len(drone.sent_to(8, 0)) == 3
+
+
+def test_an_order_is_given_again_while_the_supervisor_blocks_it(
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    [drone] = peers()
+    drone.errors[7] = [16, 16]
+    radio = connect([drone])
+    radio.command(told(Order.TAKEOFF))
+    ticks(radio, 16)
+    assert len(drone.sent_to(8, 0)) == 3
+    assert caplog.text == ""
+
+
+def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.lose[b"\x80\7"] = 100
+    radio.command(told(Order.TAKEOFF))
+    radio.command(told(Order.LAND))
+    ticks(radio, 12)
+    assert [payload[0] for payload in drone.sent_to(8, 0)] == [7, 8]
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(8, "it does not know it"), (16, "its supervisor blocks it"), (5, "error 5")],
+)
+def test_an_order_that_is_refused_is_told(
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture, error: int, words: str
+) -> None:
+    [drone] = peers()
+    drone.errors[8] = [error] * 100
+    radio = connect([drone])
+    radio.command(told(Order.LAND))
+    ticks(radio, 50)
+    assert f"radio: cf1 refuses the order to land: {words}" in caplog.text
+
+
+def test_an_order_that_is_never_confirmed_is_told(
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.mute.set()
+    radio.command(told(Order.GOTO))
+    ticks(radio, 50)
+    assert "radio: cf1 does not confirm the order to go to a place" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (Command(Order.LAND, [0], np.zeros((1, 3)), [0.0], [0.0]), "duration must be positive"),  # type: ignore[arg-type]
+        (told(Order.LAND, z=math.nan), "position must be finite"),
+        (told(Order.GOTO, yaw=math.nan), "yaw must be finite"),
+    ],
+)
+def test_an_order_that_makes_no_sense_is_refused(
+    make: Open, command: Command, message: str
+) -> None:
+    with pytest.raises(ContractError, match=message):
+        make([NOBODY]).command(command)
+
+
+def test_a_stop_can_lock(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    connect([drone], stop="lock").command(told(Order.STOP))
+    assert drone.until(lambda: drone.sent_to(9, 1) == [b"\3"] * 3)
+
+
+def test_a_stop_does_not_lock_otherwise(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    connect([drone]).command(told(Order.STOP))
+    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
+    assert drone.sent_to(9, 1) == []
+
+
+def test_the_watchdog_is_fed(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone], watchdog=True)
+    ticks(radio, 12)
+    assert drone.sent_to(9, 1)[:2] == [b"\4", b"\4"]
+
+
+def seen(position: float, attitude: float) -> Corrections:
+    return Corrections(
+        agent=np.zeros(1, np.int64),
+        position=np.array([[1.0, 2.0, 3.0]]),
+        attitude=np.array([[0.0, 0.0, 0.0, 1.0]]),
+        position_deviation=np.array([position]),
+        attitude_deviation=np.array([attitude]),
+    )
+
+
+def test_corrections_come_after_the_deviations_they_are_weighed_with(
+    peers: Peers, connect: Open
+) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    before = len(drone.got)
+    radio.correct(seen(0.05, 0.1))
+    assert drone.until(lambda: bool(drone.sent_to(6, 1)))
+    assert [packet[0] for packet in drone.got[before:]] == [0x22, 0x22, 0x61]
+    assert drone.stored["locSrv.extPosStdDev"] == struct.pack("<f", 0.05)
+    assert drone.stored["locSrv.extQuatStdDev"] == struct.pack("<f", 0.1)
+    assert drone.sent_to(6, 1) == [orders.seen_as((1, 2, 3), (0, 0, 0, 1))[1:]]
+
+
+def test_deviations_are_told_when_they_change(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    before = len(drone.sent_to(2, 2))
+    for deviation in (0.05, 0.052, 0.0548, 0.06):
+        radio.correct(seen(deviation, 0.1))
+    assert drone.until(lambda: len(drone.sent_to(6, 1)) == 4)
+    assert len(drone.sent_to(2, 2)) - before == 3  # two at first, one change beyond 10 %
+
+
+def test_firmware_that_cannot_be_told_deviations_is_named(peers: Peers, connect: Open) -> None:
+    radio = connect(peers(lacks=("locSrv.extPosStdDev",)))
+    with pytest.raises(PluginError, match=r"cf1: its firmware has no parameter 'locSrv.extPosStdD"):
+        radio.correct(seen(0.1, 0.1))
+
+
+def trajectory(n: int) -> list[Piece]:
+    return [Piece(np.full((4, 8), i / 10), 1.0 + i) for i in range(n)]
+
+
+def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    vehicle = connect([drone]).vehicles[0]
+    vehicle.upload(1, trajectory(3))
+    numbers = np.frombuffer(drone.memory[: 3 * 132], "<f4").reshape(3, 33)
+    assert np.allclose(numbers[:, 0], [0, 0.1, 0.2])
+    assert np.allclose(numbers[:, 32], [1, 2, 3])
+    vehicle.follow(1, stretch=2.0, relative=True)
+    define, start = (
+        orders.define_trajectory(1, 3),
+        orders.start_trajectory(1, 12, stretch=2.0, relative=True),
+    )
+    assert drone.until(lambda: drone.sent_to(8, 0) == [define[1:], start[1:]])
+
+
+def test_a_trajectory_that_is_refused_is_told(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.errors[6] = [12]
+    with pytest.raises(PluginError, match="trajectory 1 is refused: error '0c'"):
+        connect([drone]).vehicles[0].upload(1, trajectory(1))
+
+
+@pytest.mark.parametrize("n", [0, 32])
+def test_a_trajectory_has_as_many_pieces_as_fit(n: int, peers: Peers, connect: Open) -> None:
+    with pytest.raises(ContractError, match=f"a trajectory has 1 to 31 pieces, got {n}"):
+        connect(peers()).vehicles[0].upload(1, trajectory(n))
+
+
+def test_a_piece_has_four_polynomials_of_order_seven() -> None:
+    with pytest.raises(ContractError, match=r"has shape \(3, 8\), expected \(4, 8\)"):
+        Piece(np.zeros((3, 8)), 1.0)
+    with pytest.raises(ContractError, match=r"a piece lasts 0.0 s, expected more than 0"):
+        Piece(np.zeros((4, 8)), 0.0)
+
+
+def test_reports_that_are_none_are_passed_over(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    for junk in (b"\x52", b"\x52\1\2", b"\x52\2" + bytes(28), b"\x00hello", b"\xff", b"\x81"):
+        drone.say(junk)
+    ticks(radio, 3)
+    assert len(radio.receive().odometry.agent) > 0
+
+
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(noise=st.lists(st.binary(min_size=1, max_size=40), min_size=20, max_size=60))
+def test_no_datagram_breaks_a_link(
+    noise: list[bytes], peers: Peers, connect: Open, stack: ExitStack
+) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    for datagram in noise:
+        drone.say(datagram)
+    drone.values["stateEstimateZ.x"] = 1234
+    ticks(radio, 4)
+    assert radio.receive().position[0, 0] == pytest.approx(1.234)
+    stack.close()
+
+
+def test_a_late_reader_keeps_the_newest_reports(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.until(lambda: False, within=0.1)
+    for i in range(1500):
+        drone.values["stateEstimateZ.x"] = i
+        drone.report(time.monotonic())
+    drone.mute.set()
+    time.sleep(0.3)
+    telemetry = radio.receive()
+    assert telemetry.position[0, 0] == pytest.approx(1.499)

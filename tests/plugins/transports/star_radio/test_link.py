@@ -1,0 +1,158 @@
+"""A link whose driver blocks, fails or lies: nobody waits, and nobody else suffers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import cflib.crtp
+import pytest
+from cflib.crtp.crtpstack import CRTPPacket
+
+from star_core import PluginError
+from star_radio.answers import Question
+from star_radio.link import Link
+
+
+class Driver:
+    """A driver of cflib's that does what a test wants."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.go = threading.Event()
+        self.go.set()
+        self.error: Callable[[str], None] = lambda _message: None
+        self.fails = ""
+        self.opening = 0.0  # s
+        self.closed = False
+        self.inbox: list[CRTPPacket] = []
+
+    def connect(self, uri: str, quality: object, error: Callable[[str], None]) -> None:
+        time.sleep(self.opening)
+        self.error = error
+
+    def send_packet(self, packet: CRTPPacket) -> None:
+        self.go.wait(5)
+        if self.fails:
+            raise OSError(self.fails)
+        self.sent.append(bytes([packet.header & 0xF3]) + bytes(packet.data))
+
+    def receive_packet(self, wait: float) -> CRTPPacket | None:
+        if self.inbox:
+            return self.inbox.pop(0)
+        time.sleep(wait / 10)
+        return None
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def driver(monkeypatch: pytest.MonkeyPatch) -> Driver:
+    driver = Driver()
+    monkeypatch.setattr(cflib.crtp, "CLASSES", [lambda: driver])
+    return driver
+
+
+@pytest.fixture
+def link(driver: Driver) -> Iterator[Link]:
+    with ExitStack() as stack:
+        link = Link("usb://0", "cf1")
+        link.open(1.0)
+        stack.callback(link.close)
+        stack.callback(driver.go.set)
+        yield link
+
+
+def soon(done: Callable[[], bool]) -> bool:
+    end = time.monotonic() + 3
+    while not done() and time.monotonic() < end:
+        time.sleep(0.002)
+    return done()
+
+
+def order(number: int) -> bytes:
+    return bytes([0x8C, number])
+
+
+def setpoint(number: int) -> bytes:
+    return bytes([0x7C, number])
+
+
+def test_nobody_waits_for_a_link_that_blocks(driver: Driver, link: Link) -> None:
+    driver.go.clear()
+    begun = time.monotonic()
+    for number in range(100):
+        link.steer(setpoint(number))
+        link.post(order(number))
+    assert time.monotonic() - begun < 1
+
+
+def test_the_latest_setpoint_is_sent_when_a_link_goes_on(driver: Driver, link: Link) -> None:
+    driver.go.clear()
+    link.post(order(0))
+    time.sleep(0.05)
+    for number in range(1, 4):
+        link.steer(setpoint(number))
+    driver.go.set()
+    assert soon(lambda: len(driver.sent) == 2)
+    assert driver.sent == [b"\x80\0", b"\x70\3"]
+
+
+def test_a_setpoint_that_waits_is_void_after_an_order(driver: Driver, link: Link) -> None:
+    driver.go.clear()
+    link.post(order(0))
+    time.sleep(0.05)
+    link.steer(setpoint(1))
+    link.post(order(2))
+    link.post(order(3))
+    driver.go.set()
+    assert soon(lambda: len(driver.sent) == 3)
+    assert driver.sent == [b"\x80\0", b"\x80\2", b"\x80\3"]
+
+
+def test_a_driver_that_raises_is_noted(driver: Driver, link: Link) -> None:
+    driver.fails = "unplugged"
+    link.post(order(0))
+    assert soon(lambda: link.broken == "unplugged")
+
+
+def test_what_a_driver_complains_of_is_told_with_what_is_not_answered(
+    driver: Driver, link: Link
+) -> None:
+    threading.Thread(target=driver.error, args=("Trouble\nToo many packets lost",)).start()
+    assert soon(lambda: bool(link.broken))
+    with pytest.raises(
+        PluginError, match=r"about it from usb://0 in 0.05 s \(Too many packets lost\)"
+    ):
+        link.ask(order(0), b"\0", "it", patience=0.05)
+
+
+def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver) -> None:
+    driver.opening = 0.3
+    with pytest.raises(PluginError, match=r"usb://0: not opened in 0.05 s"):
+        Link("usb://0", "cf1").open(0.05)
+    assert soon(lambda: driver.closed)
+
+
+def test_an_answer_is_known_by_its_beginning(driver: Driver, link: Link) -> None:
+    for header, data in ((0x5D, b"\7\1\0"), (0x5C, b"\6\1\0"), (0x51, b"\6\1\5")):
+        driver.inbox.append(CRTPPacket(header, data))
+    assert link.ask(b"\x5d\6\1", b"\6\1", "it", patience=1.0) == b"\6\1\5"
+
+
+def test_only_the_newest_question_of_a_topic_is_asked_again(driver: Driver, link: Link) -> None:
+    for number in (1, 2):
+        link.assure(Question(order(number), (8, 0), bytes([number]), "it", topic="order"))
+    assert soon(lambda: not link.chase(time.monotonic()) and len(driver.sent) == 3)
+    assert driver.sent == [b"\x80\1", b"\x80\2", b"\x80\2"]
+
+
+def test_a_link_that_is_closed_sends_nothing(driver: Driver, link: Link) -> None:
+    link.close()
+    link.close()
+    link.post(order(0))
+    assert driver.closed
+    assert driver.sent == []

@@ -1,0 +1,102 @@
+"""Tables of contents: shared, kept, and never half."""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from star_core import PluginError
+from star_radio.packets import LOG
+from star_radio.tables import Entry, Table, Tables, user_cache
+
+NAMES = ["pm.vbat", "stateEstimate.x"]
+
+
+class Drone:
+    """Answers questions about a table of two variables."""
+
+    def __init__(self, *, checksum: int = 7, dies: bool = False) -> None:
+        self.asked = 0
+        self._checksum = checksum
+        self._dies = dies
+
+    def ask(self, packet: bytes, _start: bytes, about: str) -> bytes:
+        self.asked += 1
+        if packet[1] == 3:
+            return b"\3" + struct.pack("<HI", len(NAMES), self._checksum)
+        time.sleep(0.01)
+        if self._dies:
+            raise PluginError(f"no answer about {about}")
+        return packet[1:4] + b"\7" + NAMES[packet[2]].replace(".", "\0").encode() + b"\0"
+
+
+EXPECTED: Table = {"pm.vbat": Entry(0, 7), "stateEstimate.x": Entry(1, 7)}
+
+
+def test_one_of_many_drones_is_read() -> None:
+    tables, drones = Tables(None), [Drone() for _ in range(8)]
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda drone: tables.of(LOG, drone.ask), drones))
+    assert found == [EXPECTED] * 8
+    assert sorted(drone.asked for drone in drones) == [1] * 7 + [3]
+
+
+def test_another_drone_is_read_when_one_dies_at_it() -> None:
+    tables, dying, other = Tables(None), Drone(dies=True), Drone()
+    failed = threading.Event()
+
+    def first() -> None:
+        with pytest.raises(PluginError, match="no answer about entry 0 of its log table"):
+            tables.of(LOG, dying.ask)
+        failed.set()
+
+    thread = threading.Thread(target=first)
+    thread.start()
+    assert tables.of(LOG, other.ask) == EXPECTED
+    thread.join()
+    assert failed.is_set()
+
+
+def test_other_firmware_has_a_table_of_its_own(tmp_path: Path) -> None:
+    tables, one, other = Tables(tmp_path), Drone(), Drone(checksum=8)
+    tables.of(LOG, one.ask)
+    tables.of(LOG, other.ask)
+    assert other.asked == 3
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "log-00000007-2.json",
+        "log-00000008-2.json",
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", '{"pm.vbat": 3}', '{"pm.vbat": [0, 7]}', "\0"])
+def test_a_file_that_is_no_whole_table_is_not_believed(tmp_path: Path, text: str) -> None:
+    (tmp_path / "log-00000007-2.json").write_text(text)
+    assert Tables(tmp_path).of(LOG, Drone().ask) == EXPECTED
+
+
+def test_a_folder_that_cannot_be_written_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert Tables(tmp_path / "file").of(LOG, Drone().ask) == EXPECTED
+    assert "tables of contents are not kept in" in caplog.text
+
+
+def test_an_entry_without_a_name_is_refused() -> None:
+    drone = Drone()
+
+    def ask(packet: bytes, start: bytes, about: str) -> bytes:
+        return drone.ask(packet, start, about)[:4]
+
+    with pytest.raises(PluginError, match="entry 0 of its log table cannot be read: '02000007'"):
+        Tables(None).of(LOG, lambda p, s, a: drone.ask(p, s, a) if p[1] == 3 else ask(p, s, a))
+
+
+def test_tables_are_kept_in_the_users_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert user_cache() == Path("/somewhere/star-swarm/radio")
