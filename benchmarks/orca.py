@@ -34,6 +34,7 @@ MOMENTS = (0.1, 0.275, 0.45, 0.625, 0.8)  # as a share of the time that the long
 TICKS = 10  # one after the other, with the wishes held
 TIMED_AGENTS = 4_000  # at each moment so many, times ticks, but no less than three rounds
 NO_OBSTACLES = outlines(World("empty", Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))))
+NO_FENCE = (-math.inf, -math.inf, math.inf, math.inf)
 ALIKE = 1e-3  # m/s; pyrvo computes in float32
 
 
@@ -180,7 +181,18 @@ def for_ours(state: State) -> tuple[Any, ...]:
     """The kernel's arguments: ORCA as published, everybody avoiding."""
     n = len(state.position)
     each = (np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_))
-    limits = (HORIZON, HORIZON, RADIUS, False, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
+    limits = (
+        NO_FENCE,
+        HORIZON,
+        HORIZON,
+        RADIUS,
+        False,
+        NEIGHBOUR_DISTANCE,
+        MOST,
+        math.inf,
+        PERIOD,
+        0.0,
+    )
     return (*state, *each, *NO_OBSTACLES, *limits)
 
 

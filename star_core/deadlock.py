@@ -1,4 +1,4 @@
-"""Who has a goal and gets no nearer to it."""
+"""Who has a goal and gets no nearer to it: because it waits for its turn, or for ever."""
 
 from __future__ import annotations
 
@@ -7,34 +7,47 @@ from typing import Final
 import numpy as np
 
 from star_core.flight import Tick
+from star_core.near import pairs
 from star_core.swarm import AgentPhase, Paths
-from star_core.table import Array
+from star_core.table import Array, Mask
 
 PATIENCE: Final = 5.0  # s without progress
 PROGRESS: Final = 0.05  # m nearer than ever before
 EVERY: Final = 0.25  # s from one look to the next
 ARRIVED: Final = 0.3  # m: no deadlock so near, where agents wait for a tight place
+NEAR: Final = 1.0
+"""Distance within which an agent waits for another, m: two drones that keep the usual 0.4 m, and
+what they need at 0.5 m/s to see each other, to brake and to let one pass between."""
 
 
 class Deadlocks:
-    """Counts deadlocks: an agent that is not there and for `PATIENCE` got no nearer.
+    """Counts who stands still: all of them as waits, and as deadlocks those that wait for nobody.
 
-    What counts is the rest of the way that the planner means to fly. Agents whose goals move are
-    left out.
+    An agent waits if it is not there and got no nearer for `PATIENCE`. What counts is the rest of
+    the way that the planner means to fly. Agents whose goals move are left out.
+
+    It waits for those ahead of it, within `NEAR`, and for those these wait for in their turn. While
+    one of all these has got nearer to its own goal within `PATIENCE`, the wait can end: that is a
+    queue. Where none has, it is a deadlock: nobody can go before another does, as with processes
+    that wait for each other and reach no active one in their wait-for graph. One that stands still
+    with nobody ahead, or only with agents that have arrived, is in a deadlock too.
 
     Args:
         agents: How many there are.
 
     Attributes:
-        count: How many there were, each counted once until the agent gets on.
+        waits: How many waits there were, each counted once until the agent gets on.
+        count: How many of them became deadlocks.
     """
 
     def __init__(self, agents: int) -> None:
+        self.waits = 0
         self.count = 0
         self._goal = np.full((agents, 3), np.nan)
         self._best = np.full(agents, np.inf)  # m left, the least so far
         self._since = np.zeros(agents)  # s, of the last progress
-        self._counted = np.zeros(agents, np.bool_)
+        self._waits = np.zeros(agents, np.bool_)  # has been counted
+        self._deadlocked = np.zeros(agents, np.bool_)  # has been counted
         self._due = -np.inf  # s, when to look again
 
     def add(self, tick: Tick) -> None:
@@ -51,9 +64,40 @@ class Deadlocks:
         better = new | ~(left > self._best - PROGRESS)
         self._best = np.where(better, left, self._best)
         self._since = np.where(better, tick.time, self._since)
-        stuck = flies & ~better & (left > ARRIVED) & (tick.time - self._since > PATIENCE)
-        self.count += int((stuck & ~self._counted).sum())
-        self._counted = (self._counted | stuck) & ~better
+        gets_on = flies & (tick.time - self._since <= PATIENCE)
+        stuck = flies & ~gets_on & (left > ARRIVED)
+        self.waits += int((stuck & ~self._waits).sum())
+        self._waits = (self._waits | stuck) & ~better
+        if stuck.any():
+            wanted = tick.plan.setpoint.velocity
+            stuck &= ~waiting(tick.estimate.position, wanted, gets_on)
+        self.count += int((stuck & ~self._deadlocked).sum())
+        self._deadlocked = (self._deadlocked | stuck) & ~better
+
+
+def waiting(position: Array, wanted: Array, gets_on: Mask) -> Mask:
+    """Return who gets on, or waits for somebody who does: (N,).
+
+    Args:
+        position: (N, 3) where agents are, m.
+        wanted: (N, 3) where each wants to go, m/s.
+        gets_on: (N,) who gets on.
+
+    Example:
+        >>> queue = np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]])
+        >>> waiting(queue, np.array([[1.0, 0, 0]] * 3), np.array([False, False, True]))
+        array([ True,  True,  True])
+        >>> waiting(queue, np.array([[1.0, 0, 0]] * 3), np.array([True, False, False]))
+        array([ True, False, False])
+    """
+    first, second = pairs(position, NEAR)
+    waits, ahead = np.concatenate([first, second]), np.concatenate([second, first])
+    towards = np.einsum("ij,ij->i", position[ahead] - position[waits], wanted[waits]) > 0
+    waits, ahead = waits[towards], ahead[towards]
+    answer = gets_on.copy()
+    while (more := answer[ahead] & ~answer[waits]).any():
+        answer[waits[more]] = True
+    return answer
 
 
 def remaining(position: Array, goal: Array, paths: Paths) -> Array:

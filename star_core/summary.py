@@ -127,6 +127,7 @@ class Meter:
                 "agent_obstacle": self._agent_obstacle,
             },
             "deadlocks": self._deadlocks.count,
+            "waits": self._deadlocks.waits,
             "corrected": dict(self._corrected),
             "min_separation_m": _known(self._separation),
             "min_clearance_m": _known(self._clearance),

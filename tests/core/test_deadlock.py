@@ -7,42 +7,57 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from star_core import AgentPhase, Goals, Paths, Tick
-from star_core.deadlock import Deadlocks
+from star_core.deadlock import Deadlocks, waiting
 
 Track = Callable[[float], float]
 NO_PATHS = Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
 
 
-def deadlocks(
-    x: Track,
+def flown(
+    tracks: list[tuple[Track, Track]],
     seconds: float,
-    goal: Track = lambda _time: 5.0,
     *,
     phase: AgentPhase = AgentPhase.FLYING,
     active: bool = True,
     paths: Paths = NO_PATHS,
-) -> int:
-    """How often an agent at `x` that is to fly to `goal`, both on one axis, is in a deadlock."""
-    found = Deadlocks(1)
+) -> Deadlocks:
+    """What is counted of agents that are somewhere and want to go somewhere, all on one axis."""
+    n = len(tracks)
+    found = Deadlocks(n)
     for time in np.arange(0.0, seconds, 0.05):
-        goals = Goals(
-            np.array([[goal(time), 0.0, 0.0]]),
-            np.zeros((1, 3)),
-            np.zeros(1),
-            np.ones(1),
-            np.array([active]),
-        )
+        position, goal = np.zeros((n, 3)), np.zeros((n, 3))
+        position[:, 0] = [at(time) for at, _ in tracks]
+        goal[:, 0] = [to(time) for _, to in tracks]
+        goals = Goals(goal, np.zeros((n, 3)), np.zeros(n), np.ones(n), np.full(n, active))
+        setpoint = SimpleNamespace(velocity=np.sign(goal - position))
         tick = SimpleNamespace(
             time=float(time),
             goals=goals,
-            health=SimpleNamespace(phase=np.array([int(phase)])),
-            estimate=SimpleNamespace(position=np.array([[x(time), 0.0, 0.0]])),
-            plan=SimpleNamespace(paths=paths),
+            health=SimpleNamespace(phase=np.full(n, int(phase))),
+            estimate=SimpleNamespace(position=position),
+            plan=SimpleNamespace(paths=paths, setpoint=setpoint),
         )
         found.add(cast("Tick", tick))
+    return found
+
+
+def deadlocks(x: Track, seconds: float, goal: Track = lambda _time: 5.0, **options: Any) -> int:
+    """How often an agent at `x` that is to fly to `goal` is in a deadlock; nobody else is there."""
+    found = flown([(x, goal)], seconds, **options)
+    assert found.waits == found.count  # who waits, waits for nobody
     return found.count
+
+
+def stands(x: float, goal: float) -> tuple[Track, Track]:
+    return lambda _time: x, lambda _time: goal
+
+
+def crawls(x: float, goal: float) -> tuple[Track, Track]:
+    return lambda time: x + 0.02 * time, lambda _time: goal
 
 
 def test_who_stands_far_from_its_goal_is_in_one_deadlock_however_long() -> None:
@@ -83,3 +98,47 @@ def test_a_way_round_counts_by_what_is_left_of_it() -> None:
     round_ = Paths(np.array([0, 0]), np.array(ahead))
     assert deadlocks(lambda time: 4.8 - 0.05 * time, 20.0) == 1  # it flies away from its goal
     assert deadlocks(lambda time: 4.8 - 0.05 * time, 20.0, paths=round_) == 0  # on a way round it
+
+
+def test_who_stands_behind_one_that_gets_on_waits() -> None:
+    found = flown([stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
+    assert (found.waits, found.count) == (1, 0)
+
+
+def test_who_stands_behind_one_that_stands_behind_one_that_gets_on_waits() -> None:
+    found = flown([stands(-0.8, 5.0), stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
+    assert (found.waits, found.count) == (2, 0)
+
+
+def test_two_that_stand_face_to_face_are_in_a_deadlock_with_all_behind_them() -> None:
+    found = flown([stands(-0.5, 5.0), stands(0.0, 5.0), stands(0.5, -5.0)], 20.0)
+    assert (found.waits, found.count) == (3, 3)
+
+
+def test_that_one_behind_or_far_ahead_gets_on_helps_nobody() -> None:
+    assert flown([stands(0.0, 5.0), crawls(-0.9, 0.0)], 20.0).count == 1
+    assert flown([stands(0.0, 5.0), crawls(1.1, 5.0)], 20.0).count == 1
+
+
+def test_who_stands_behind_one_that_has_arrived_is_in_a_deadlock() -> None:
+    found = flown([stands(0.0, 5.0), stands(0.5, 0.5)], 20.0)
+    assert (found.waits, found.count) == (1, 1)
+
+
+def test_a_wait_becomes_a_deadlock_when_the_last_that_got_on_stops() -> None:
+    stops: tuple[Track, Track] = (lambda time: 0.5 + 0.02 * min(time, 10.0), lambda _time: 5.0)
+    before, after = (flown([stands(0.0, 5.0), stops], seconds) for seconds in (12.0, 20.0))
+    assert (before.waits, before.count) == (1, 0)
+    assert (after.waits, after.count) == (2, 2)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_who_gets_on_counts_as_such_and_more_that_do_free_no_fewer(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    position, wanted = random.uniform(-1, 1, (2, 12, 3))
+    few = random.random(12) < 0.2
+    more = few | (random.random(12) < 0.2)
+    some, others = waiting(position, wanted, few), waiting(position, wanted, more)
+    assert some[few].all()
+    assert others[some].all()
+    assert not waiting(position, wanted, np.zeros(12, np.bool_)).any()

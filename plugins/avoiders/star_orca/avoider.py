@@ -22,7 +22,8 @@ class Orca:
 
     Active rows with a valid estimate avoid, each at no more than the scene's greatest speed. All
     other rows are answered as they came; where they are is known, the others give way to them in
-    full. Obstacles are avoided by agents at their height, or less than 10 cm over or under them.
+    full. Obstacles are avoided by agents at their height, or less than 10 cm over or under them,
+    and nobody makes room by leaving the fence.
     The kernel is compiled, or fetched from disk, when the avoider is made: never in flight.
 
     Args:
@@ -70,6 +71,8 @@ class Orca:
         self._virtual = obstacles == "virtual-agents"
         world = replace(scene.world, obstacles=()) if obstacles == "none" else scene.world
         self._outlines = outlines(world)
+        low, high = scene.world.fence.low, scene.world.fence.high
+        self._fence = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
         self._warm_up(scene)
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
@@ -83,6 +86,7 @@ class Orca:
             self._speed,
             avoids,
             *self._outlines,
+            self._fence,
             self._horizon,
             self._obstacle_horizon,
             self._clearance,

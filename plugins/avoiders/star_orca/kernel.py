@@ -9,8 +9,10 @@ import numpy as np
 from star_core import Array, Mask, Rows, compiled
 from star_orca.column import climb
 from star_orca.edges import layer_at, nearest_edges
+from star_orca.fence import SIDES, inside_fence
 from star_orca.half_planes import half_planes
 from star_orca.keep_right import BLOCKED, QUARTER, side_to_take, turned_right
+from star_orca.lanes import lane_turn
 from star_orca.linear_program import solve
 from star_orca.neighbours import AVOIDS, ROW, VX, VY, X, Y, Z, nearest, sort_into_cells
 from star_orca.obstacle_planes import obstacle_plane
@@ -30,6 +32,7 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     edges: Array,
     first: Rows,
     height: Array,
+    fence: tuple[float, float, float, float],
     horizon: float,
     obstacle_horizon: float,
     clearance: float,
@@ -64,15 +67,17 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
         edges: (E, 13) edges of obstacles: this and the next two are `star_orca.outlines.Outlines`.
         first: (L + 1,) first edge of each layer.
         height: (L - 1,) where each layer but the lowest begins, m.
+        fence: Least x and y that agents may be at, then greatest, m; may be infinite.
         horizon: Time for which no two shall collide, s.
-        obstacle_horizon: Time for which none shall collide with an obstacle, s.
+        obstacle_horizon: Time for which none shall collide with an obstacle or leave the fence, s.
         clearance: Distance that each keeps to obstacles, m.
         virtual: Whether obstacles are virtual agents, else they are RVO2's half-planes.
         communication_radius: How far away in the plane neighbours are looked for, m.
         most: No more than so many neighbours are looked at, the nearest.
         vertical: Agents that are and stay further apart in height than this are no neighbours, m.
         period: Time from one call to the next, in which two that overlap shall come apart, s.
-        turn: How far a wish is turned right when a neighbour is ahead, rad: see `keep_right`.
+        turn: How far a wish is turned right when a neighbour is ahead, rad: see `keep_right` and
+            `lanes`; 0 for no rule of the road.
 
     Returns:
         (N, 3) m/s.
@@ -84,25 +89,34 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     neighbours, distance = np.empty(most, np.int64), np.empty(most)
     room = min(len(edges), MOST_EDGES)
     seen = (np.empty(room, np.int64), np.empty(room))
-    planes, scratch = np.empty((most + room, 3)), np.empty((most + room, 3))
+    rows = SIDES + room + most
+    planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
     answer = wish.copy()
     for me in range(len(agents)):
         if agents[me, AVOIDS] == 0.0:
             continue
         i = int(agents[me, ROW])
         count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
-        hard = 0
+        hard = inside_fence(agents[me], fence, 1.0 / obstacle_horizon, speed[i], planes, 0)
         if room:
             look = (obstacle_horizon * speed[i] + clearance, clearance, 1.0 / obstacle_horizon)
-            hard = beside_obstacles(agents[me], edges, first, height, look, virtual, seen, planes)
+            hard = beside_obstacles(
+                agents[me], edges, first, height, look, virtual, seen, planes, hard
+            )
         half_planes(agents, me, neighbours, count, horizon, period, planes[hard:])
         x, y, z = wish[i, 0], wish[i, 1], wish[i, 2]
         squared = x * x + y * y + z * z
         if squared > speed[i] * speed[i]:
             scale = speed[i] / math.sqrt(squared)
             x, y, z = scale * x, scale * y, scale * z
-        side = side_to_take(agents, me, neighbours, count, x, y, wish) if turn != 0.0 else 0.0
-        wish_x, wish_y = turned_right(x, y, side * turn) if side != 0.0 else (x, y)
+        side, wish_x, wish_y = 0.0, x, y
+        if turn != 0.0 and count > 0:
+            side = side_to_take(agents, me, neighbours, count, x, y, wish)
+            around = (cell[me], start, columns)
+            lane = lane_turn(agents, me, around, (communication_radius, vertical), x, y, wish)
+            if lane > turn:
+                side = 1.0
+            wish_x, wish_y = turned_right(x, y, max(lane, turn) * side)
         to_x, to_y = solve(planes, hard + count, hard, speed[i], wish_x, wish_y, scratch)
         least = BLOCKED * (x * x + y * y)
         if side != 0.0 and x * to_x + y * to_y < least:
@@ -119,7 +133,7 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
 
 
 @compiled
-def beside_obstacles(
+def beside_obstacles(  # noqa: PLR0913, PLR0917 -- as above
     agent: Array,
     edges: Array,
     first: Rows,
@@ -128,8 +142,9 @@ def beside_obstacles(
     virtual: bool,  # noqa: FBT001
     seen: tuple[Rows, Array],
     planes: Array,
+    count: int,
 ) -> int:
-    """Fill `planes` with what the obstacles at an agent's height leave free; return how many.
+    """Add to `planes` what the obstacles at an agent's height leave free; return how many it holds.
 
     Args:
         agent: Its row of the table of `sort_into_cells`.
@@ -141,10 +156,10 @@ def beside_obstacles(
         virtual: Whether obstacles are virtual agents.
         seen: (K,) and (K,) room for `nearest_edges`.
         planes: (K, 3) where the half-planes go.
+        count: How many there are.
     """
     layer = layer_at(agent[Z], height)
     span = (first[layer], first[layer + 1])
-    count = 0
     if span[0] == span[1]:
         return count
     flight = (agent[X], agent[Y], agent[VX], agent[VY])

@@ -21,6 +21,7 @@ MEASURES: Final = (
     "collisions.agent_agent",
     "collisions.agent_obstacle",
     "deadlocks",
+    "waits",
     "min_separation_m",
     "min_clearance_m",
     "flight_time_s",

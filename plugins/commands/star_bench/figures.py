@@ -20,7 +20,8 @@ class Figures:
         success: Whether everybody arrived and landed, and nothing was hit.
         agent_agent: Collisions of agents.
         agent_obstacle: Collisions with obstacles.
-        deadlocks: How often an agent that had a goal made no progress for 5 s.
+        deadlocks: How often one made no progress for 5 s, nor anybody that it waited for.
+        waits: How often an agent that had a goal made no progress for 5 s, deadlocks included.
         separation: Least distance of two agents, m.
         clearance: Least distance from an obstacle, m.
         time_ratio: Time of the last to arrive over what it would take it straight at the limit of
@@ -34,6 +35,7 @@ class Figures:
     agent_agent: float | None
     agent_obstacle: float | None
     deadlocks: float | None
+    waits: float | None
     separation: float | None
     clearance: float | None
     time_ratio: float | None
@@ -60,6 +62,7 @@ def figures(row: Mapping[str, str], scenario: Scenario, speed: float) -> Figures
         agent_agent=agent_agent,
         agent_obstacle=agent_obstacle,
         deadlocks=_json(row.get("deadlocks")),
+        waits=_json(row.get("waits")),
         separation=_json(row.get("min_separation_m")),
         clearance=_json(row.get("min_clearance_m")),
         time_ratio=time_ratio(_json(row.get("steps"), []), scenario, speed),

@@ -14,8 +14,9 @@ from typing import Final
 from star_bench.scenario import GAP, Spot
 
 JITTER: Final = 0.05  # m, how far a spot is shaken at most
-PITCH: Final = GAP + 2 * JITTER
-"""Distance of neighbours before they are shaken, m: then they are still `GAP` apart."""
+PITCH: Final = 1.0
+"""Distance of neighbours before they are shaken, m. Between two that have arrived a third can pass,
+each keeping a radius of 0.2 m for itself: else who comes last has a puzzle of sliding pieces."""
 
 TRIES: Final = 2000
 """Spots that are drawn for one agent before there counts to be no room."""
@@ -36,7 +37,7 @@ def place(index: int, lanes: int) -> tuple[int, float]:
     """Return the row of one of some agents that stand in rows of `lanes`, and how far aside, m.
 
     >>> [place(i, 3) for i in range(4)]
-    [(0, -0.6), (0, 0.0), (0, 0.6), (1, -0.6)]
+    [(0, -1.0), (0, 0.0), (0, 1.0), (1, -1.0)]
     """
     row, lane = divmod(index, lanes)
     return row, (lane - (lanes - 1) / 2) * PITCH

@@ -47,6 +47,7 @@ COLUMNS: Final[Mapping[str, tuple[Column, str | None]]] = {
     "agent-agent collisions": (_known(sum, lambda one: one.agent_agent), ".0f"),
     "agent-obstacle collisions": (_known(sum, lambda one: one.agent_obstacle), ".0f"),
     "deadlocks": (_known(sum, lambda one: one.deadlocks), ".0f"),
+    "waits": (_known(sum, lambda one: one.waits), ".0f"),
     "min separation (m)": (_known(min, lambda one: one.separation), ".2f"),
     "min clearance (m)": (_known(min, lambda one: one.clearance), ".2f"),
     "time ratio": (_known(fmean, lambda one: one.time_ratio), ".2f"),
@@ -58,14 +59,15 @@ COLUMNS: Final[Mapping[str, tuple[Column, str | None]]] = {
 """What each column says of some flights, and how it is shown; None stands in the CSV only."""
 
 LEGEND: Final = """\
-Success: everybody arrived and landed, and nothing was hit. Collisions and deadlocks (an agent with
-a goal that makes no progress for 5 s) are sums over runs, separation and clearance the least of all
-runs, the rest means over the runs that have the figure. Time ratio: time of the last to arrive over
-its straight way at the speed limit, of runs in which all arrived. Path ratio: what all flew, climb
-and descent taken off and waiting for the last included, over their straight ways, of runs that
-completed. Corrected: ticks of an agent in which the safety filter changed its setpoint.
-Microseconds are for one agent in one tick. Noise on: the estimate errs by 3 cm along each axis,
-correlated over 1 s.
+Success: everybody arrived and landed, and nothing was hit. A wait is an agent with a goal that
+makes no progress for 5 s; it is a deadlock if nobody makes any that the agent waits for: who is
+ahead of it within 1 m, who is ahead of these, and so on. Collisions, deadlocks and waits are sums
+over runs, separation and clearance the least of all runs, the rest means over the runs that have
+the figure. Time ratio: time of the last to arrive over its straight way at the speed limit, of runs
+in which all arrived. Path ratio: what all flew, climb and descent taken off and waiting for the
+last included, over their straight ways, of runs that completed. Corrected: ticks of an agent in
+which the safety filter changed its setpoint. Microseconds are for one agent in one tick. Noise on:
+the estimate errs by 3 cm along each axis, correlated over 1 s.
 """
 
 

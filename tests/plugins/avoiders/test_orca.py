@@ -24,9 +24,10 @@ def world(*polygons: Polygon, height: tuple[float, float] = (-1.0, 1.0)) -> Worl
 
 
 NOTHING = outlines(world())
+NO_FENCE = (-np.inf, -np.inf, np.inf, np.inf)
 
 
-def ask(
+def ask(  # noqa: PLR0913 -- the kernel has more
     position: Array,
     velocity: Array,
     wish: Array,
@@ -35,11 +36,12 @@ def ask(
     turn: float = 0.0,
     around: Outlines = NOTHING,
     virtual: bool = False,
+    fence: tuple[float, ...] = NO_FENCE,
     kernel: Any = orca,
 ) -> Array:
     n = len(position)
     everybody = np.ones(n, np.bool_) if avoids is None else avoids
-    limits = (HORIZON, HORIZON, RADIUS, virtual, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
+    limits = (fence, HORIZON, HORIZON, RADIUS, virtual, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
     each = (np.full(n, RADIUS), np.full(n, SPEED), everybody)
     tables = (position.copy(), velocity.copy(), wish.copy())
     return cast("Array", kernel(*tables, *each, *around, *limits))
@@ -136,6 +138,94 @@ def test_with_somebody_ahead_a_wish_is_turned_to_the_right() -> None:
     position, wish = np.array([[0.0, 0, 0], [1.9, 0, 0]]), np.array([[0.1, 0, 0], [0.1, 0, 0]])
     answer = ask(position, np.zeros((2, 3)), wish, turn=0.1)
     assert answer[0] == pytest.approx([0.1 * np.cos(0.1), -0.1 * np.sin(0.1), 0.0])
+
+
+def turn_of(answer: Array) -> float:
+    """How far right of the x axis a velocity leads, rad."""
+    return float(-np.arctan2(answer[1], answer[0]))
+
+
+def meeting(ahead: float, left: float, wish: tuple[float, float] = (-0.15, 0.0)) -> float:
+    """How far right the first of two turns, rad: the other is so far ahead and left of it, m."""
+    position = np.array([[0.0, 0.0, 0.0], [ahead, left, 0.0]])
+    wishes = np.array([[0.15, 0.0, 0.0], [*wish, 0.0]])
+    return turn_of(ask(position, np.zeros((2, 3)), wishes, turn=0.1)[0])
+
+
+def test_who_comes_the_other_way_is_kept_on_the_left_from_afar() -> None:
+    assert meeting(1.9, -0.5) == pytest.approx(np.arctan((2 * RADIUS + 0.5) / 1.9))
+
+
+def test_who_comes_on_the_left_already_asks_for_no_more_than_the_small_turn() -> None:
+    assert meeting(1.5, 0.4) == pytest.approx(0.1)
+
+
+def test_nobody_turns_farther_than_the_steepest_lane() -> None:
+    assert meeting(0.95, -0.8) == pytest.approx(np.radians(35.0))
+
+
+def test_who_crosses_makes_nobody_take_a_lane() -> None:
+    assert abs(meeting(1.0, 0.1, (0.0, 0.1))) == pytest.approx(0.1)
+
+
+def test_who_comes_far_out_on_the_right_is_left_there() -> None:
+    assert meeting(1.5, -1.0) == pytest.approx(-0.1)
+
+
+def test_one_that_crosses_ahead_to_the_right_is_passed_behind() -> None:
+    assert meeting(1.0, 0.6, (0.0, -0.2)) == pytest.approx(-0.1)
+
+
+def test_one_that_crosses_behind_to_the_right_is_passed_ahead() -> None:
+    assert meeting(0.5, 1.5, (0.0, -0.2)) == pytest.approx(0.1)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.floats(0, 2 * np.pi))
+def test_the_rule_of_the_road_turns_with_the_room(seed: int, angle: float) -> None:
+    state = crowd(20, seed)
+    answer = ask(*(turned(table, angle) for table in state), turn=0.1)
+    assert answer == pytest.approx(turned(ask(*state, turn=0.1), angle), abs=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_lanes_do_not_depend_on_rows_nor_on_cells(seed: int) -> None:
+    state = crowd(60, seed)
+    order = np.random.default_rng(seed).permutation(60)
+    answer = ask(*(table[order] for table in state), turn=0.1)
+    assert answer == pytest.approx(ask(*state, turn=0.1)[order], abs=1e-6)
+
+
+ROOM = (-1.0, -1.0, 1.0, 1.0)
+
+
+def test_an_agent_nears_the_fence_no_faster_than_it_gets_there_within_the_horizon() -> None:
+    here, wish = np.array([[0.5, 0.0, 0.0]]), np.array([[0.9, 0.2, 0.0]])
+    answer = ask(here, wish, wish, fence=ROOM)
+    assert answer == pytest.approx(np.array([[0.5 / HORIZON, 0.2, 0.0]]))
+
+
+def test_one_that_is_outside_the_fence_is_brought_back() -> None:
+    here, wish = np.array([[0.0, -1.2, 0.0]]), np.array([[0.3, -0.3, 0.0]])
+    answer = ask(here, wish, wish, fence=ROOM)
+    assert answer == pytest.approx(np.array([[0.3, 0.2 / HORIZON, 0.0]]))
+
+
+def test_one_that_is_far_outside_is_brought_back_at_half_its_speed() -> None:
+    here, wish = np.array([[-90.0, 0.0, 0.0]]), np.zeros((1, 3))
+    assert ask(here, wish, wish, fence=ROOM) == pytest.approx(np.array([[SPEED / 2, 0.0, 0.0]]))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_nobody_makes_room_by_leaving_the_fence(seed: int) -> None:
+    position, velocity, wish = crowd(20, seed)
+    low, high = np.array([-2.0, -2.5, 0.0]), np.array([2.5, 3.0, 0.0])
+    position, fence = np.clip(position, low, high), (*low[:2].tolist(), *high[:2].tolist())
+    then = position + HORIZON * ask(position, velocity, wish, fence=fence, turn=0.1)
+    assert (then >= low - 1e-9).all()
+    assert (then <= high + 1e-9).all()
 
 
 def test_an_agent_gives_way_in_full_to_one_that_does_not_avoid() -> None:

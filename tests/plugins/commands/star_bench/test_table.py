@@ -107,6 +107,7 @@ def test_figures_are_read_from_a_row() -> None:
     found = figures(
         row(
             deadlocks=2,
+            waits=7,
             min_clearance_m=0.25,
             corrected={"fence": 1, "speed": 0, "separation": 4},
             compute_us={"avoider": 12.5, "planner": 3.0},
@@ -116,7 +117,8 @@ def test_figures_are_read_from_a_row() -> None:
         TWO,
         0.5,
     )
-    assert (found.deadlocks, found.separation, found.clearance) == (2, 0.4, 0.25)
+    assert (found.deadlocks, found.waits) == (2, 7)
+    assert (found.separation, found.clearance) == (0.4, 0.25)
     assert (found.time_ratio, found.path_ratio) == (2.0, 1.0)
     assert found.corrected == 5
     assert found.compute == {"avoider": 12.5, "planner": 3.0, "localizer": None, "safety": None}
@@ -124,8 +126,8 @@ def test_figures_are_read_from_a_row() -> None:
 
 def test_what_a_row_does_not_have_is_not_known() -> None:
     found = figures(row(), TWO, 0.5)
-    unknown = (found.deadlocks, found.clearance, found.time_ratio, found.path_ratio)
-    assert unknown == (None,) * 4
+    unknown = (found.deadlocks, found.waits, found.clearance, found.time_ratio, found.path_ratio)
+    assert unknown == (None,) * 5
     assert found.corrected is None
 
 
@@ -140,11 +142,11 @@ def test_a_flight_that_did_not_complete_has_no_path_ratio() -> None:
 
 def test_counts_are_sums_distances_least_and_ratios_means() -> None:
     found = cells(
-        flight(agent_agent=1, deadlocks=2, separation=0.3, time_ratio=1.5, path_ratio=1.2),
-        flight(agent_agent=3, deadlocks=0, separation=0.2, time_ratio=2.5, path_ratio=1.4),
+        flight(agent_agent=1, deadlocks=2, waits=4, separation=0.3, time_ratio=1.5, path_ratio=1.2),
+        flight(agent_agent=3, deadlocks=0, waits=1, separation=0.2, time_ratio=2.5, path_ratio=1.4),
     )
     assert found["runs"] == 2
-    assert (found["agent-agent collisions"], found["deadlocks"]) == (4, 2)
+    assert (found["agent-agent collisions"], found["deadlocks"], found["waits"]) == (4, 2, 5)
     assert found["min separation (m)"] == 0.2
     assert (found["time ratio"], found["path ratio"]) == pytest.approx((2.0, 1.3))
 
@@ -187,7 +189,10 @@ def test_flights_are_grouped_and_pooled_for_each_avoider_and_noise() -> None:
 
 def test_the_page_shows_what_is_not_known_as_a_dash() -> None:
     page = as_markdown(rows([(KEY, flight(agent_agent=0, separation=0.4))]))
-    assert "| orca | circle | 2 | off | 1 | 100.0% | 0 | - | - | 0.40 | - | - | - | - | - |" in page
+    assert (
+        "| orca | circle | 2 | off | 1 | 100.0% | 0 | - | - | - | 0.40 | - | - | - | - | - |"
+        in page
+    )
 
 
 def test_the_page_tells_what_its_columns_mean() -> None:
