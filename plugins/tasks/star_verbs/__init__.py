@@ -1,4 +1,4 @@
-"""The verbs that every mission knows: takeoff, land, hold, wait, goto and follow."""
+"""The verbs that every mission knows: takeoff, land, join, leave, hold, wait, goto, follow."""
 
 from __future__ import annotations
 

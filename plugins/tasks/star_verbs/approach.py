@@ -45,15 +45,21 @@ class Approach:
         self._yaw = None if yaw_deg is None else math.radians(yaw_deg)
         self._within = within
         self._target: Array | None = None
+        self._yaws: Array = np.zeros(len(rows))
         self._fault: str | None = None
 
     def stay(self, rows: tuple[int, ...]) -> None:
         """Go on with some of the agents, each to the point it had."""
         kept = self.crew.stay(rows)
-        if self.goals is not None and self._target is not None:
-            yaw = self.goals.yaw[self.crew.rows]
-            self._target = self._target[kept]
-            self.goals = self.crew.goals(self._target, yaw, self._speed)
+        if self._target is not None:
+            self._yaws, self._target = self._yaws[kept], self._target[kept]
+            self.goals = self.crew.goals(self._target, self._yaws, self._speed)
+
+    def swap(self, old: int, new: int) -> None:
+        """Let another agent fly to the point that one had."""
+        self.crew.swap(old, new)
+        if self._target is not None:
+            self.goals = self.crew.goals(self._target, self._yaws, self._speed)
 
     def spread(self, estimate: Estimate, centre: Sequence[float], spacing: float) -> Array:
         """Return (K, 3) places around `centre`, each agent's the one that suits all best, m."""
@@ -63,9 +69,11 @@ class Approach:
 
     def aim(self, estimate: Estimate, target: Array) -> None:
         """Send the agents to `target` (K, 3), m."""
-        yaw = estimate.yaw[self.crew.rows] if self._yaw is None else np.full(len(target), self._yaw)
+        self._yaws = (
+            estimate.yaw[self.crew.rows] if self._yaw is None else np.full(len(target), self._yaw)
+        )
         self._target = target
-        self.goals = self.crew.goals(target, yaw, self._speed)
+        self.goals = self.crew.goals(target, self._yaws, self._speed)
 
     def fault(self) -> str:
         """Say which agents were sent where no agent can be, and why not; empty if none were.

@@ -6,14 +6,17 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Problem
+from star_verbs.envelope import limit_faults, place_faults, room_faults, samples, thinned
 from star_verbs.places import slot_faults
 from star_verbs.routes import least_distance, route, way_faults
 from star_verbs.slots import slots
+from star_verbs.trajectory import read
 
 if TYPE_CHECKING:
     from star_core import Scene
 
 SPACING = 0.6  # m, the default in the schemas
+POLY7 = ("format", "timescale", "relative")  # options of `follow` for trajectories
 
 
 def takeoff(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
@@ -36,6 +39,15 @@ def goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Proble
 
 
 def follow(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    if options.get("format") == "poly7":
+        yield from _poly7(scene, len(rows), options)
+        return
+    yield from (
+        Problem((key,), f"{key!r} goes with 'format: poly7' only")
+        for key in ("timescale", "relative")
+        if key in options
+    )
+    options = {key: value for key, value in options.items() if key not in POLY7}
     before = list(_one_of("file", "path", options)) or list(_company(options))
     if before:
         yield from before
@@ -51,6 +63,32 @@ def follow(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Prob
     yield from (
         Problem((key,), message) for message in way_faults(scene, way, options.get(key, ""))
     )
+
+
+def _poly7(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem]:
+    """What is wrong with a trajectory; where one that is relative leads is seen at its begin."""
+    allowed = {*POLY7, "file", "spacing"}
+    wrong = [
+        Problem((key,), f"{key!r} does not go with 'format: poly7'")
+        for key in options
+        if key not in allowed
+    ]
+    if "file" not in options:
+        wrong.append(Problem((), "'format: poly7' needs 'file'"))
+    if wrong:
+        return wrong
+    name = options["file"]
+    try:
+        found = samples(read(scene.file(name), name))
+    except InputError as error:
+        return [Problem(("file",), message) for message in error.problems]
+    faults = [*limit_faults(scene, found, options.get("timescale", 1.0), name)]
+    if options.get("relative", True):
+        faults += room_faults(scene, found, name)
+    else:
+        shifts = slots(agents, (0.0, 0.0, 0.0), options.get("spacing", SPACING))
+        faults += place_faults(scene, thinned(found), shifts, name)
+    return [Problem(("file",), message) for message in faults]
 
 
 def _one_of(one: str, other: str, options: dict[str, Any]) -> Iterable[Problem]:

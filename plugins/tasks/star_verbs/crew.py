@@ -39,6 +39,12 @@ class Crew:
         self._active[self.rows] = True
         return kept
 
+    def swap(self, old: int, new: int) -> None:
+        """Let another agent take one's part."""
+        self.rows = np.where(self.rows == old, new, self.rows)
+        self._active = np.zeros_like(self._active)
+        self._active[self.rows] = True
+
     def located(self, estimate: Estimate) -> bool:
         """Whether every one of them is located."""
         return bool(estimate.valid[self.rows].all())

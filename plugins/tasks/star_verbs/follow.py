@@ -3,26 +3,65 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from star_core import Array, Estimate, Health, Scene, Status, Step
 from star_verbs.assignment import assign
 from star_verbs.crew import Crew
-from star_verbs.path import Path
-from star_verbs.routes import Route
 from star_verbs.timeouts import time_out
+
+Point = tuple[float, float, float]
 
 NEAR = 0.15  # m: at the start and at the end
 LAG = 0.3  # m behind its point that an agent may be before the points slow down
 STOP = 0.6  # m behind its point at which they wait
-CATCH_UP = 1.5  # times the path's speed is what an agent may fly to make up its lag
 TURN = math.radians(60)  # rad/s: the yaw goal turns no faster
 LEVEL = 1e-6  # a path's direction less level than this has no heading
 
 
+class Line(Protocol):
+    """Where a line is, by how much of it is flown: a distance, m, or a time, s."""
+
+    def at(self, flown: Array) -> tuple[Array, Array]:
+        """Return (K, 3) points, m, and (K, 3) their derivatives, at (K,) places."""
+        ...
+
+    def yaw(self, flown: Array) -> Array | None:
+        """Return (K,) headings at (K,) places, rad; None if the line has none."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A line, and how a number of agents fly along it.
+
+    Attributes:
+        line: The line.
+        length: How much of it each agent flies: m, or s of its own time.
+        pace: How much of it is flown in a second.
+        speed: Speed on the way to its beginning, m/s.
+        fastest: What an agent may fly to make up its lag, m/s.
+        ahead: Where on it each agent begins.
+        beside: How far each agent's line is shifted, m; None lets it begin where the agent is.
+        fault: Says why a line that is shifted so cannot be flown; nothing if it can.
+    """
+
+    line: Line
+    length: float
+    pace: float
+    speed: float
+    fastest: float
+    ahead: Sequence[float]
+    beside: Sequence[Point] | None
+    fault: Callable[[Sequence[Point]], str]
+
+
 class Follow:
-    """Leads agents along a route by points that move on it at one pace.
+    """Leads agents along a line by points that move on it at one pace.
 
     The agents first fly to where they begin. When all have stopped there the points set out; they
     slow down, all alike, when the agent farthest behind its point is more than `LAG` behind, and
@@ -32,32 +71,18 @@ class Follow:
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
-        route: The line, and where on it and beside it each of as many agents flies.
-        speed: Speed along it, m/s; the scene's limit at most.
-        along: Whether to look along the path; else the agents look where the route says, or
+        way: The line, and where on it and beside it each of as many agents flies.
+        along: Whether to look along the path; else the agents look where the line says, or
             where they looked when the step began.
-        fault: Why the route cannot be flown; empty if it can.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        rows: tuple[int, ...],
-        route: Route,
-        *,
-        speed: float,
-        along: bool,
-        fault: str,
-    ) -> None:
+    def __init__(self, scene: Scene, rows: tuple[int, ...], way: Way, *, along: bool) -> None:
         self._crew = Crew(scene, rows)
-        self._path = Path(route.point, route.yaw_deg)
-        self._length = route.length
-        self._ahead = np.array(route.ahead)  # (K,)
-        self._beside = np.array(route.beside)  # (K, 3)
-        self._speed = min(speed, scene.limits.speed)
-        self._fastest = min(CATCH_UP * self._speed, scene.limits.speed)
+        self._way = way
+        self._ahead = np.array(way.ahead, np.float64)  # (K,)
+        self._beside = np.array(way.beside or np.zeros((len(rows), 3)))  # (K, 3)
         self._along = along
-        self._fault = fault
+        self._fault = "" if way.beside is None else way.fault(way.beside)
         self._flown = 0.0
         self._time = 0.0
         self._under_way = False
@@ -66,28 +91,29 @@ class Follow:
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         self._line_up(estimate)
-        way = self._crew.journey(estimate, self._point) + self._length
-        return time_out(way / self._speed)
+        way = self._way
+        journey = self._crew.journey(estimate, self._point)
+        return time_out(journey / way.speed + way.length / way.pace)
 
     def step(self, estimate: Estimate, health: Health) -> Step:
+        if self._point is None:
+            self._line_up(estimate)
         if self._fault:
             return Step(status=Status.FAILURE, reason=self._fault)
         if self._point is None:
-            self._line_up(estimate)
-            if self._point is None:
-                return Step()
+            return Step()
         passed, self._time = estimate.time - self._time, estimate.time
         lag = self._crew.farthest(estimate, self._point)
         if not self._under_way:
             self._under_way = lag <= NEAR and self._crew.slow(estimate)
         pace = self._pace(lag) if self._under_way else 0.0
-        self._flown = min(self._flown + pace * passed, self._length)
-        over = self._flown >= self._length
-        point, tangent = self._path.at(self._ahead + self._flown)
+        self._flown = min(self._flown + pace * passed, self._way.length)
+        over = self._flown >= self._way.length
+        point, tangent = self._way.line.at(self._ahead + self._flown)
         self._point = point + self._beside
         self._turn(tangent, passed)
         velocity = None if over else pace * tangent
-        speed = self._fastest if self._under_way else self._speed
+        speed = self._way.fastest if self._under_way else self._way.speed
         goals = self._crew.goals(self._point, self._yaw, speed, velocity)
         done = over and self._crew.farthest(estimate, self._point) <= NEAR
         return Step(goals, status=Status.SUCCESS if done else Status.RUNNING)
@@ -99,20 +125,27 @@ class Follow:
         if self._point is not None:
             self._point = self._point[kept]
 
+    def swap(self, old: int, new: int) -> None:
+        self._crew.swap(old, new)
+
     def _line_up(self, estimate: Estimate) -> None:
         """Give each agent the beginning that suits all best."""
         if not self._crew.located(estimate):
             return
-        start = self._path.at(self._ahead)[0] + self._beside
-        mine = assign(estimate.position[self._crew.rows], start)
-        self._ahead, self._beside = self._ahead[mine], self._beside[mine]
-        self._point = start[mine]
+        start, here = self._way.line.at(self._ahead)[0], estimate.position[self._crew.rows]
+        if self._way.beside is None:
+            self._beside = here - start
+            self._fault = self._way.fault([(x, y, z) for x, y, z in self._beside.tolist()])
+        else:
+            mine = assign(here, start + self._beside)
+            start, self._ahead, self._beside = start[mine], self._ahead[mine], self._beside[mine]
+        self._point = start + self._beside
         self._yaw = estimate.yaw[self._crew.rows]
         self._time = estimate.time
 
     def _pace(self, lag: float) -> float:
-        """Speed of the moving points when the agent farthest behind is `lag` behind, m/s."""
-        return self._speed * min(max((STOP - lag) / (STOP - LAG), 0.0), 1.0)
+        """How much of the line is flown in a second when the farthest agent is `lag` m behind."""
+        return self._way.pace * min(max((STOP - lag) / (STOP - LAG), 0.0), 1.0)
 
     def _turn(self, tangent: Array, passed: float) -> None:
         """Turn the yaw goals towards where the agents should look."""
@@ -121,7 +154,7 @@ class Follow:
             level = np.hypot(tangent[:, 0], tangent[:, 1]) > LEVEL
             wanted = np.where(level, np.arctan2(tangent[:, 1], tangent[:, 0]), self._yaw)
         else:
-            wanted = self._path.yaw(self._ahead + self._flown)
+            wanted = self._way.line.yaw(self._ahead + self._flown)
         if wanted is not None:
             error = (wanted - self._yaw + math.pi) % math.tau - math.pi
             most = TURN * passed

@@ -50,6 +50,9 @@ class Goto:
     def stay(self, rows: tuple[int, ...]) -> None:
         self._approach.stay(rows)
 
+    def swap(self, old: int, new: int) -> None:
+        self._approach.swap(old, new)
+
     def _aim(self, estimate: Estimate) -> None:
         crew = self._approach.crew
         if not crew.located(estimate):

@@ -51,6 +51,9 @@ class Land:
     def stay(self, rows: tuple[int, ...]) -> None:
         self._crew.stay(rows)
 
+    def swap(self, old: int, new: int) -> None:
+        self._crew.swap(old, new)
+
     def _duration(self, estimate: Estimate) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         """(K,) time of each agent's descent, s."""
         rows = self._crew.rows

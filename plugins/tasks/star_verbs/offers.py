@@ -61,7 +61,7 @@ def _goto(
     return Goto(approach, to=to, by=by, spacing=spacing)
 
 
-def _follow(
+def _follow(  # noqa: PLR0913 -- a mission's own options
     scene: Scene,
     rows: tuple[int, ...],
     *,
@@ -69,16 +69,42 @@ def _follow(
     heading: str = "fixed",
     spacing: float = 0.6,
     laps: int = 1,
+    format: str = "waypoints",  # noqa: A002 -- the mission's own word
+    timescale: float = 1.0,
+    relative: bool = True,
     **source: Any,
 ) -> Task:
     from star_verbs.follow import Follow
-    from star_verbs.routes import route, way_faults
+    from star_verbs.ways import along_route, in_its_own_time
 
-    way = route(scene, len(rows), spacing=spacing, laps=laps, **source)
-    name = source.get("file") or source["path"]
-    # Looked at again: fewer agents than the mission was checked for fly other lines.
-    fault = "; ".join(way_faults(scene, way, name))
-    return Follow(scene, rows, way, speed=speed, along=heading == "along", fault=fault)
+    if format == "poly7":
+        way = in_its_own_time(
+            scene, len(rows), spacing, source["file"], timescale=timescale, relative=relative
+        )
+    else:
+        way = along_route(scene, len(rows), speed, spacing=spacing, laps=laps, **source)
+    return Follow(scene, rows, way, along=heading == "along")
+
+
+def _join(
+    scene: Scene,
+    rows: tuple[int, ...],
+    *,
+    height: float = 0.8,
+    speed: float = 0.3,
+    battery: float = 3.8,
+) -> Task:
+    from star_verbs.join import Join
+
+    return Join(scene, rows, height=height, speed=speed, battery=battery)
+
+
+def _leave(
+    scene: Scene, rows: tuple[int, ...], *, speed: float | None = None, descent: float = 0.2
+) -> Task:
+    from star_verbs.leave import Leave
+
+    return Leave(scene, rows, speed=speed, descent=descent)
 
 
 def _wait(_scene: Scene, _rows: tuple[int, ...]) -> Task:
@@ -163,6 +189,38 @@ OFFERS: tuple[Offer[Task], ...] = (
         },
     ),
     Offer(
+        name="join",
+        summary="Take off from reserve, and be in the mission from then on.",
+        make=_join,
+        check=checks.takeoff,
+        options={
+            "type": "object",
+            "required": ["agents"],
+            "properties": {
+                "height": _positive("Height to climb to, z in the map, m.", default=0.8),
+                "speed": _positive("Mean speed of the climb, m/s.", default=0.3),
+                "battery": {
+                    "type": "number",
+                    "minimum": 0,
+                    "description": "Voltage on the ground that each agent needs, V.",
+                    "default": 3.8,
+                },
+            },
+        },
+    ),
+    Offer(
+        name="leave",
+        summary="Fly to where one started, land, and be in the mission no more.",
+        make=_leave,
+        options={
+            "type": "object",
+            "properties": {
+                "speed": _TRAVEL_SPEED,
+                "descent": _positive("Mean speed of the descent, m/s.", default=0.2),
+            },
+        },
+    ),
+    Offer(
         name="wait",
         summary="Stay where everybody is until a condition holds; for 60 s at most if not said.",
         make=_wait,
@@ -203,9 +261,26 @@ OFFERS: tuple[Offer[Task], ...] = (
             "properties": {
                 "file": {
                     "type": "string",
-                    "description": "CSV file in the mission's folder with columns x, y, z in the "
-                    "map, m, and if wanted yaw_deg, degrees. Give this or 'path'.",
+                    "description": "CSV file in the mission's folder, of the 'format' said. Give "
+                    "this or 'path'.",
                     "examples": ["paths/inspection.csv"],
+                },
+                "format": {
+                    "enum": ["waypoints", "poly7"],
+                    "description": "Of the file. waypoints: columns x, y, z in the map, m, and if "
+                    "wanted yaw_deg, degrees. poly7: Crazyswarm2's duration, s, and polynomials of "
+                    "7th degree for x, y, z, m, and yaw, rad, flown in the file's own time.",
+                    "default": "waypoints",
+                },
+                "timescale": _positive(
+                    "How many times its own time a poly7 file is flown in: 2 is half as fast.",
+                    default=1.0,
+                ),
+                "relative": {
+                    "type": "boolean",
+                    "description": "Whether a poly7 file begins where each agent is, shifted and "
+                    "not turned; false: it lies in the map.",
+                    "default": True,
                 },
                 "path": {
                     "enum": ["box", "circle", "figure8"],

@@ -18,3 +18,6 @@ class Wait:
 
     def stay(self, rows: tuple[int, ...]) -> None:
         """Whoever is left waits on."""
+
+    def swap(self, old: int, new: int) -> None:
+        """Whoever comes waits too."""

@@ -22,9 +22,9 @@ LEAST: dict[str, dict[str, Any]] = {
 }
 
 
-def test_there_are_six_verbs() -> None:
+def test_there_are_eight_verbs() -> None:
     assert [offer.name for offer in star_verbs.star_tasks()] == [
-        "takeoff", "land", "hold", "wait", "goto", "follow",
+        "takeoff", "land", "hold", "join", "leave", "wait", "goto", "follow",
     ]  # fmt: skip
 
 

@@ -1,0 +1,81 @@
+"""``star explain`` as its user sees it: reads a mission, prints or draws its plan."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from star_core import Registry, load
+from star_explain.facts import facts
+from star_explain.mermaid import mermaid
+from star_explain.plan import plan
+from star_explain.rehearsal import Group, Part, Told, rehearse
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Explain a mission and return the exit status, 0.
+
+    Raises:
+        InputError: The mission cannot be flown; every reason found is listed.
+    """
+    options = parser().parse_args(arguments)
+    registry = Registry()
+    mission = load(Path(options.mission), registry, options.set)
+    told = rehearse(mission, registry)
+    if options.mermaid:
+        text = mermaid(mission.name, told)
+    elif options.json:
+        text = json.dumps({"mission": mission.name, "plan": as_data(told)}, indent=2) + "\n"
+    else:
+        text = "\n".join([*facts(mission, registry), "", *plan(told, registry)]) + "\n"
+    sys.stdout.write(text)
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line, apart so that the docs and the tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star explain",
+        description="Print a mission as a plan: who does what, for how long if nothing is in the "
+        "way, and at most for how long; with the options that were left to their defaults.",
+        allow_abbrev=False,
+    )
+    star.add_argument("mission", help="mission file (YAML)")
+    star.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="set a value of the mission: avoider.radius=0.3",
+    )
+    how = star.add_mutually_exclusive_group()
+    how.add_argument("--mermaid", action="store_true", help="print a Mermaid flowchart, only")
+    how.add_argument("--json", action="store_true", help="print the steps as JSON, only")
+    return star
+
+
+def as_data(part: Part) -> dict[str, Any]:
+    """Return a step as plain data: times in s, null where they are not known."""
+    times = {"takes_s": part.takes, "timeout_s": part.limit}
+    if isinstance(part, Group):
+        how = "at_once" if part.at_once else "in_order"
+        return {how: [as_data(inner) for inner in part.parts], "times": part.times, **times}
+    return _step(part, times)
+
+
+def _step(told: Told, times: dict[str, float | None]) -> dict[str, Any]:
+    action = told.action
+    return {
+        "verb": action.verb,
+        "place": action.place,
+        "agents": list(told.agents),
+        "options": dict(action.options),
+        "until": action.until,
+        "on_failure": action.on_failure,
+        "fault": told.fault,
+        **times,
+    }

@@ -1,0 +1,99 @@
+"""What a mission says beside its steps: world, swarm, parts and safety, line by line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from star_core import Mission, Registry
+from star_explain.words import left_out, options, value
+
+RULES: Final[Mapping[str, tuple[str, float, str]]] = {
+    "battery_low": ("below", 3.5, "battery below {:g} V"),
+    "link_lost": ("after", 0.5, "not heard for {:g} s"),
+    "position_lost": ("after", 1.0, "not located for {:g} s"),
+    "fence_near": ("within", 0.0, "within {:g} m of the fence"),
+    "tumbled": ("", 0.0, "tumbled, crashed or locked"),
+}
+"""By rule the name of its number, what it is if the mission does not say, and how it is told."""
+
+RESERVE: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0}
+"""V, what the mission schema says of a reserve without its numbers."""
+
+
+def facts(mission: Mission, registry: Registry) -> Iterator[str]:
+    """Yield a line for each fact."""
+    yield f"{mission.name} ({mission.document.path})"
+    yield from _limits(mission)
+    yield ""
+    yield from _world(mission)
+    yield ""
+    yield from _swarm(mission)
+    yield ""
+    yield "parts"
+    for part in mission.parts.values():
+        schema = registry.find(part.kind, part.use).offer.options
+        given, rest = options(part.options), options(left_out(part.options, schema))
+        yield f"  {part.kind:11}{part.use}{f'  {given}' if given else ''}"
+        if rest:
+            yield f"{'':13}by default {rest}"
+    yield ""
+    yield from _safety(mission)
+
+
+def _limits(mission: Mission) -> Iterator[str]:
+    scene, limits = mission.scene, mission.scene.limits
+    low, high = limits.height
+    yield f"  {1 / scene.period:g} ticks a second, seed {scene.seed}"
+    yield (
+        f"  at most {limits.speed:g} m/s and {limits.acceleration:g} m/s², from {low:g} to "
+        f"{high:g} m high, {limits.separation:g} m apart"
+    )
+
+
+def _world(mission: Mission) -> Iterator[str]:
+    world = mission.scene.world
+    low, high = world.fence.low, world.fence.high
+    size = " by ".join(f"{b - a:g}" for a, b in zip(low, high, strict=True))
+    yield f"world {world.name} ({mission.world.path})"
+    yield f"  fence      {size} m, from {value(low)} to {value(high)}"
+    if world.obstacles:
+        yield f"  obstacles  {', '.join(obstacle.name for obstacle in world.obstacles)}"
+    for kind, tags in (("landmarks", world.landmarks), ("targets", world.targets)):
+        if tags:
+            sheets = dict.fromkeys(tag.of for tag in tags)
+            numbers = ", ".join(str(tag.id) for tag in tags)
+            yield f"  {kind:11}{len(sheets)}: tags {numbers}"
+
+
+def _swarm(mission: Mission) -> Iterator[str]:
+    given = mission.document.data
+    yield "swarm"
+    wide = max(len(name) for name in mission.scene.names)
+    for agent in mission.scene.agents:
+        more = [f"yaw {math.degrees(agent.yaw):g}°"] if agent.yaw else []
+        more += [str(agent.uri)] if agent.uri else []
+        more += [f"camera {given['swarm'][agent.name]['camera']}"] if agent.camera else []
+        yield f"  {agent.name:{wide}}  at {', '.join([value(agent.start), *more])}"
+    for name, members in given.get("groups", {}).items():
+        yield f"  group {name}: {', '.join(members)}"
+    if mission.reserve:
+        volts = {**RESERVE, **mission.reserve}
+        yield (
+            f"  in reserve: {', '.join(mission.reserve['agents'])}, for whose battery is below "
+            f"{volts['relieve_below']:g} V; ready above {volts['ready_above']:g} V"
+        )
+
+
+def _safety(mission: Mission) -> Iterator[str]:
+    yield "safety"
+    for name, rule in mission.safety.items():
+        yield f"  {name}: {_rule(name, rule)}"
+    if not mission.safety:
+        yield "  no rules"
+
+
+def _rule(name: str, rule: Mapping[str, Any]) -> str:
+    key, default, told = RULES.get(name, ("", 0.0, options(rule)))
+    return f"{told.format(rule.get(key, default))}, then {rule.get('then', 'land')}"

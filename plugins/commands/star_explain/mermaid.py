@@ -1,0 +1,99 @@
+"""The steps of a mission as a flowchart in Mermaid's text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import count
+
+from star_explain.plan import alike, ending, times, whose
+from star_explain.rehearsal import Group, Part, Told
+from star_explain.words import options
+
+INDENT = "  "
+
+
+def mermaid(name: str, told: Group) -> str:
+    """Return a flowchart, from top to bottom, of what is known of a mission's steps."""
+    chart = _Chart()
+    chart.line(f"start([{label(name)}])")
+    end = chart.sequence(told.parts, "start")
+    chart.line("done([done])")
+    chart.line(f"{end} --> done")
+    return "\n".join(["flowchart TD", *chart.lines]) + "\n"
+
+
+def label(*rows: str) -> str:
+    """Return rows of text as a label that holds whatever is in them.
+
+    >>> label('say "no"', "a#b")
+    '"say #quot;no#quot;<br/>a#35;b"'
+    """
+    escapes = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", "&": "#amp;", "`": "#96;"}
+    return '"' + "<br/>".join("".join(escapes.get(c, c) for c in row) for row in rows) + '"'
+
+
+class _Chart:
+    """Collects the lines of a chart."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._number = count(1)
+        self._depth = 1
+
+    def line(self, text: str) -> None:
+        self.lines.append(f"{INDENT * self._depth}{text}")
+
+    def sequence(self, parts: Sequence[Part], before: str) -> str:
+        """Draw steps one after the other behind a node; return the last node."""
+        for part in parts:
+            before = self._part(part, before)
+        return before
+
+    def _part(self, part: Part, before: str) -> str:
+        if isinstance(part, Told):
+            node = self._node("[{}]", *_rows(part))
+            self.line(f"{before} --> {node}")
+            return node
+        same = alike(part)
+        if same is not None:
+            return self._framed(f"each by itself: {', '.join(whose(part))}", same, before)
+        if not part.at_once:
+            often = f"{part.times} times" if part.times > 1 else "one after the other"
+            return self._framed(often, part, before)
+        fork = self._node("{{{{{}}}}}", "at once")
+        self.line(f"{before} --> {fork}")
+        ends = [self._part(branch, fork) for branch in part.parts]
+        join = self._node("{{{{{}}}}}", "all done")
+        for end in ends:
+            self.line(f"{end} --> {join}")
+        return join
+
+    def _framed(self, title: str, group: Group, before: str) -> str:
+        """Draw steps in a frame."""
+        frame = f"g{next(self._number)}"
+        self.line(f"subgraph {frame} [{label(title)}]")
+        self._depth += 1
+        first = len(self.lines)
+        end = self.sequence(group.parts, before)
+        self._depth -= 1
+        self.line("end")
+        entering = [line for line in self.lines[first:-1] if line.strip().startswith(f"{before} -")]
+        for line in entering:  # an arrow from outside would pull its node into the frame
+            self.lines.remove(line)
+            self.line(line.strip())
+        return end
+
+    def _node(self, shape: str, *rows: str) -> str:
+        name = f"n{next(self._number)}"
+        self.line(name + shape.format(label(*rows)))
+        return name
+
+
+def _rows(told: Told) -> Iterator[str]:
+    yield f"{told.action.verb} {', '.join(told.agents) or 'nobody'}"
+    if told.action.options:
+        yield options(told.action.options)
+    yield times(told)
+    yield from ending(told)
+    if told.fault:
+        yield f"! in rehearsal: {told.fault}"

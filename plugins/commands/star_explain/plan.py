@@ -1,0 +1,85 @@
+"""The steps of a mission as a numbered plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from star_core import Registry
+from star_explain.rehearsal import Group, Part, Told
+from star_explain.words import condition, left_out, options, seconds
+
+
+def plan(told: Group, registry: Registry) -> Iterator[str]:
+    """Yield the lines of a plan."""
+    yield f"plan: {times(told)}"
+    yield from _steps(told.parts, "", registry)
+
+
+def times(part: Part) -> str:
+    """Return how long a step takes, and at most."""
+    takes = f"about {seconds(part.takes)}" if part.takes is not None else "as long as it takes"
+    if part.limit is None:
+        return f"{takes}, time-out not known"
+    given = " (given)" if isinstance(part, Told) and part.given else ""
+    return f"{takes}, at most {seconds(part.limit)}{given}"
+
+
+def alike(group: Group) -> Group | None:
+    """Return the steps of the first branch if all branches do the same steps, as with ``each``."""
+    branches = [part for part in group.parts if isinstance(part, Group) and part.times == 1]
+    several = group.at_once and len(branches) == len(group.parts) > 1
+    if several and len({_places(branch) for branch in branches}) == 1:
+        return branches[0]
+    return None
+
+
+def whose(part: Part) -> tuple[str, ...]:
+    """Return the names of all agents of a step, each once."""
+    if isinstance(part, Told):
+        return part.agents
+    return tuple(dict.fromkeys(name for inner in part.parts for name in whose(inner)))
+
+
+def ending(told: Told) -> list[str]:
+    """Return what ends a step beside itself and its time-out, and what follows a failure."""
+    until = [f"until {condition(told.action.until)}"] if told.action.until is not None else []
+    what = {"land": "its agents land", "continue": "the next step begins"}
+    return until + [
+        f"if it fails, {what[told.action.on_failure]}"
+        for _ in range(told.action.on_failure != "abort")
+    ]
+
+
+def _places(part: Part) -> tuple[str, ...]:
+    if isinstance(part, Told):
+        return (part.action.place,)
+    return tuple(place for inner in part.parts for place in _places(inner))
+
+
+def _steps(parts: Sequence[Part], number: str, registry: Registry) -> Iterator[str]:
+    for i, part in enumerate(parts, start=1):
+        here = f"{number}{i}"
+        indent = "  " * (here.count(".") + 1)
+        if isinstance(part, Told):
+            yield from _step(part, here, indent, registry)
+        elif (same := alike(part)) is not None:
+            yield f"{indent}{here}  each by itself, {', '.join(whose(part))}: {times(part)}"
+            yield from _steps(same.parts, f"{here}.", registry)
+        else:
+            how = "at once" if part.at_once else "one after the other"
+            often = f"{part.times} times " if part.times > 1 else ""
+            yield f"{indent}{here}  {often}{how}: {times(part)}"
+            yield from _steps(part.parts, f"{here}.", registry)
+
+
+def _step(told: Told, number: str, indent: str, registry: Registry) -> Iterator[str]:
+    given = options(told.action.options)
+    who = ", ".join(told.agents) or "nobody"
+    yield f"{indent}{number}  {told.action.verb} {who}{f'  {given}' if given else ''}"
+    inside = indent + " " * (len(number) + 2)
+    schema = registry.find("task", told.action.verb).offer.options
+    if rest := options(left_out(told.action.options, schema)):
+        yield f"{inside}by default {rest}"
+    yield f"{inside}{'; '.join([times(told), *ending(told)])}"
+    if told.fault:
+        yield f"{inside}! in rehearsal: {told.fault}"

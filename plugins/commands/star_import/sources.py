@@ -1,0 +1,72 @@
+"""The files that are given to an import, sorted by what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from star_core import InputError
+from star_import.located import Value, read
+
+
+@dataclass(slots=True)
+class Sources:
+    """Files of each sort, as far as there are any.
+
+    Attributes:
+        mission: The original STAR's list of commands, and its path.
+        environment: Its obstacles and tags, and their path.
+        robots: Crazyswarm2's robots, and their path.
+        trajectories: Paths of polynomial trajectories.
+    """
+
+    mission: tuple[Path, Value] | None = None
+    environment: tuple[Path, Value] | None = None
+    robots: tuple[Path, Value] | None = None
+    trajectories: list[Path] = field(default_factory=list)
+
+
+def sorted_out(paths: Sequence[Path]) -> Sources:
+    """Read files and sort them by what they hold.
+
+    Raises:
+        InputError: One cannot be read, holds nothing that is known, or the same as another.
+    """
+    found = Sources()
+    problems: list[str] = []
+    for path in paths:
+        try:
+            _add(found, path)
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def _add(found: Sources, path: Path) -> None:
+    if path.suffix == ".csv":
+        if not path.is_file():
+            raise InputError([f"{path}: no such file"])
+        if path.name in [one.name for one in found.trajectories]:
+            raise InputError([f"{path}: another file is called {path.name!r}; rename one"])
+        found.trajectories.append(path)
+        return
+    value = read(path)
+    keys = value.map().keys()
+    sorts = {
+        "mission": "command_sequence" in keys,
+        "environment": bool(keys & {"environment", "april_tags"}),
+        "robots": "robots" in keys,
+    }
+    for sort, is_it in sorts.items():
+        if is_it:
+            if before := getattr(found, sort):
+                raise InputError([f"{path}: holds what {before[0]} holds too; give one of them"])
+            setattr(found, sort, (path, value))
+    if not any(sorts.values()):
+        raise value.wrong(
+            "holds none of 'command_sequence', 'environment', 'april_tags' (the original STAR) "
+            "and 'robots' (Crazyswarm2)"
+        )

@@ -1,0 +1,81 @@
+"""What ``follow`` leads its agents along: a route at a speed, or a trajectory in its own time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from star_core import Scene
+from star_verbs.envelope import place_faults, samples, thinned
+from star_verbs.follow import Way
+from star_verbs.path import Path
+from star_verbs.routes import route, way_faults
+from star_verbs.slots import slots
+from star_verbs.timed_path import TimedPath
+from star_verbs.trajectory import read
+
+Point = tuple[float, float, float]
+CATCH_UP = 1.5  # times the path's speed is what an agent may fly to make up its lag
+
+
+def along_route(scene: Scene, agents: int, speed: float, **source: Any) -> Way:
+    """Return the way of `agents` agents along a file's points or a named path.
+
+    Args:
+        scene: The mission's scene.
+        agents: How many.
+        speed: Along the path, m/s; the scene's limit at most.
+        source: What `route` takes.
+
+    Raises:
+        InputError: The file cannot be used.
+    """
+    found = route(scene, agents, **source)
+    name = source.get("file") or source["path"]
+    speed = min(speed, scene.limits.speed)
+
+    def fault(_beside: Sequence[Point]) -> str:
+        # Looked at again: fewer agents than the mission was checked for fly other lines.
+        return "; ".join(way_faults(scene, found, name))
+
+    return Way(
+        line=Path(found.point, found.yaw_deg),
+        length=found.length,
+        pace=speed,
+        speed=speed,
+        fastest=min(CATCH_UP * speed, scene.limits.speed),
+        ahead=found.ahead,
+        beside=found.beside,
+        fault=fault,
+    )
+
+
+def in_its_own_time(
+    scene: Scene, agents: int, spacing: float, file: str, *, timescale: float, relative: bool
+) -> Way:
+    """Return the way of `agents` agents along a trajectory.
+
+    Args:
+        scene: The mission's scene.
+        agents: How many.
+        spacing: Least distance between those that fly side by side, m.
+        file: The trajectory, as the mission calls it.
+        timescale: How many times its own time it is flown in.
+        relative: Whether each agent's begins where the agent is; else they lie side by side about
+            its place in the map.
+
+    Raises:
+        InputError: The file cannot be used.
+    """
+    trajectory = read(scene.file(file), file)
+    looked_at = thinned(samples(trajectory))
+    return Way(
+        line=TimedPath(trajectory),
+        length=trajectory.duration,
+        pace=1 / timescale,
+        speed=scene.limits.speed,
+        fastest=scene.limits.speed,
+        ahead=(0.0,) * agents,
+        beside=None if relative else slots(agents, (0.0, 0.0, 0.0), spacing),
+        fault=lambda shifts: "; ".join(place_faults(scene, looked_at, shifts, file)),
+    )

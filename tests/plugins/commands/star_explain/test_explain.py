@@ -1,0 +1,349 @@
+"""The command ``star explain``."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from star_core import InputError, Offer, Registry, Step, fly, hookimpl, load, schema
+from star_core.cli import main as star
+from star_core.conditions import KINDS, longest
+from star_core.rules import DEFAULTS
+from star_core.tasks import PATIENCE
+from star_explain import rehearsal
+from star_explain.command import main
+from star_explain.facts import RESERVE, RULES
+from star_explain.rehearsal import Group, Told, holds_from, rehearse, waits
+from star_explain.words import condition
+
+MISSIONS = Path(__file__).parents[4] / "missions"
+HEAD = """\
+star: 1
+name: hop
+world: room.yaml
+swarm: {cf1: {start: [0, 0, 0]}, cf2: {start: [1, 0, 0]}}
+transport: sim
+localizer: flow
+planner: straight
+avoider: {use: orca, radius: 0.2}
+"""
+WORLD = "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 2]}\n"
+
+Write: TypeAlias = Callable[..., Path]
+Explain: TypeAlias = Callable[..., str]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write a mission of these steps, with what stands beside them."""
+
+    def written(steps: str, beside: str = "", world: str = WORLD) -> Path:
+        (tmp_path / "room.yaml").write_text(world, encoding="utf-8")
+        path = tmp_path / "hop.yaml"
+        path.write_text(f"{HEAD}{beside}\nmission:\n{steps}", encoding="utf-8")
+        return path
+
+    return written
+
+
+@pytest.fixture
+def explain(write: Write, capsys: pytest.CaptureFixture[str]) -> Explain:
+    """What is printed of a mission of these steps."""
+
+    def explained(steps: str, *arguments: str, beside: str = "", world: str = WORLD) -> str:
+        assert main([str(write(steps, beside, world)), *arguments]) == 0
+        return capsys.readouterr().out
+
+    return explained
+
+
+def told(path: Path, *plugins: object) -> Group:
+    registry = Registry(*plugins)
+    return rehearse(load(path, registry), registry)
+
+
+def test_every_step_is_told_with_its_agents_options_and_times(explain: Explain) -> None:
+    text = explain("  - takeoff: {height: 0.6}\n  - land: {agents: cf2}\n")
+    assert text[text.index("plan:") :].splitlines() == [
+        "plan: about 5.0 s, at most 25 s",
+        "  1  takeoff cf1, cf2  height: 0.6",
+        "     by default speed: 0.3",
+        "     about 2.0 s, at most 11 s",
+        "  2  land cf2",
+        "     by default speed: 0.2",
+        "     about 3.0 s, at most 14 s",
+    ]
+
+
+def test_time_outs_are_those_of_where_the_steps_before_lead(write: Write) -> None:
+    path = write(
+        "  - takeoff: {height: 1.0}\n"
+        "  - goto: {agents: cf1, to: [0, 2, 1], speed: 0.5}\n"
+        "  - goto: {agents: cf1, to: [0, 2, 1], speed: 0.5}\n"
+    )
+    _, there, still = told(path).parts
+    assert there.limit == pytest.approx(3 * 2 / 0.5 + 5, abs=0.1)
+    assert still.limit == pytest.approx(5.0, abs=0.7)  # a goto ends within 0.1 m of its goal
+
+
+def test_time_outs_are_those_of_a_flight(write: Write) -> None:
+    path = write("  - takeoff: {}\n  - goto: {to: [2, 2, 1]}\n  - land: {}\n")
+    begun = [part.takes for part in told(path).parts]
+    summary = fly(load(path, Registry()), Registry())
+    flown = [step["ended_s"] - step["begun_s"] for step in summary["steps"]]
+    assert summary["outcome"] == "completed"
+    for takes, really in zip(begun, flown, strict=True):
+        assert takes is not None
+        assert takes <= really + 0.2 <= 3 * takes + 5
+
+
+def test_a_time_out_of_the_mission_goes_before(explain: Explain) -> None:
+    assert "at most 40 s (given)" in explain("  - takeoff: {timeout: 40}\n")
+
+
+def test_a_condition_that_waits_lengthens_the_time_out(write: Write) -> None:
+    path = write("  - takeoff: {}\n  - wait: {until: {elapsed: 90}}\n")
+    (_, wait) = told(path).parts
+    assert wait.takes == pytest.approx(90.0)
+    assert wait.limit == 95.0
+
+
+def test_a_condition_that_is_not_known_beforehand_leaves_the_time_open(explain: Explain) -> None:
+    text = explain("  - takeoff: {}\n  - wait: {until: {battery_below: 3.5}, timeout: 7}\n")
+    assert "as long as it takes, at most 7.0 s (given); until a battery is below 3.5 V" in text
+
+
+def test_what_follows_a_failure_is_told(explain: Explain) -> None:
+    text = explain("  - takeoff: {on_failure: land}\n  - hold: {on_failure: continue}\n")
+    assert "; if it fails, its agents land" in text
+    assert "; if it fails, the next step begins" in text
+
+
+def test_steps_at_once_take_as_long_as_the_longest(write: Write) -> None:
+    path = write(
+        "  - takeoff: {}\n"
+        "  - parallel:\n      - hold: {agents: cf1, for: 2}\n      - hold: {agents: cf2, for: 7}\n"
+    )
+    (_, both) = told(path).parts
+    assert both.takes == pytest.approx(7.0)
+    assert both.limit == pytest.approx(26.0)
+
+
+def test_steps_over_again_take_as_often_as_long(explain: Explain) -> None:
+    steps = "  - takeoff: {}\n  - repeat: {times: 3, steps: [hold: {for: 2}]}\n"
+    assert "2  3 times one after the other: about 6.0 s, at most 33 s" in explain(steps)
+
+
+def test_steps_of_each_agent_are_told_once(explain: Explain) -> None:
+    text = explain("  - takeoff: {}\n  - each: {steps: [goto: {by: [0, 1, 0]}, land: {}]}\n")
+    assert "2  each by itself, cf1, cf2: about" in text
+    assert text.count("goto") == 1
+
+
+def test_a_step_that_would_fail_is_told(explain: Explain) -> None:
+    text = explain("  - takeoff: {}\n  - takeoff: {}\n")
+    assert "! in rehearsal: already in the air: cf1, cf2" in text
+    grounded = explain("  - goto: {to: [0, 1, 1]}\n")
+    assert "! in rehearsal: is not over when its time is" in grounded
+
+
+def test_who_is_in_reserve_does_nothing_until_it_joins(explain: Explain) -> None:
+    text = explain(
+        "  - takeoff: {}\n  - join: {agents: cf2}\n  - land: {}\n",
+        beside="reserve: {agents: [cf2]}",
+    )
+    assert "  1  takeoff cf1\n" in text
+    assert "  3  land cf1, cf2\n" in text
+    assert "in reserve: cf2, for whose battery is below 3.7 V; ready above 4 V" in text
+
+
+def test_parts_are_told_with_options_and_defaults(explain: Explain) -> None:
+    text = explain("  - land: {}\n")
+    assert "  avoider    orca  radius: 0.2\n" in text
+    assert "             by default horizon: 2, " in text
+
+
+def test_the_world_is_told_with_its_size_and_what_is_in_it(explain: Explain) -> None:
+    world = WORLD + (
+        "obstacles: {post: {cylinder: {centre: [2, 2], radius: 0.1}, height: [0, 2]}}\n"
+        "landmarks: {a: {tags: [0, 1], at: [-1, -1, 0]}}\n"
+        "targets: {b: {tags: [9], at: [2, 0, 0]}}\n"
+    )
+    text = explain("  - land: {}\n", world=world)
+    assert "  fence      6 by 6 by 2 m, from [-3, -3, 0] to [3, 3, 2]\n" in text
+    assert "  obstacles  post\n" in text
+    assert "  landmarks  1: tags 0, 1\n" in text
+    assert "  targets    1: tags 9\n" in text
+
+
+def test_safety_rules_are_told_with_their_numbers(explain: Explain) -> None:
+    rules = "safety: {battery_low: {below: 3.6}, link_lost: {then: hold}, tumbled: {then: stop}}"
+    text = explain("  - land: {}\n", beside=rules)
+    assert "  battery_low: battery below 3.6 V, then land\n" in text
+    assert "  link_lost: not heard for 0.5 s, then hold\n" in text
+    assert "  tumbled: tumbled, crashed or locked, then stop\n" in text
+
+
+def test_the_numbers_of_safety_rules_and_of_a_reserve_are_those_of_the_schema() -> None:
+    properties = schema.load("mission")["properties"]
+    rules = properties["safety"]["properties"]
+    assert list(rules) == list(RULES) == list(DEFAULTS)
+    for name, (key, default, _) in RULES.items():
+        assert DEFAULTS[name] == ({key: default} if key else {})
+    reserve = properties["reserve"]["properties"]
+    assert {name: reserve[name]["default"] for name in RESERVE} == RESERVE
+
+
+def test_the_patience_with_a_condition_is_that_of_a_flight() -> None:
+    assert rehearsal.PATIENCE == PATIENCE
+
+
+leaves = st.sampled_from(
+    [{"found": 1}, {"elapsed": 3.0}, {"elapsed": 9.0}, {"event": "x"}, {"battery_below": 3.5},
+     {"near": {"point": [0, 0, 1], "within": 0.5}}, {"near": {"agent": "a", "within": 0.5}},
+     {"found": "survivor"}]
+)  # fmt: skip
+conditions = st.recursive(
+    leaves,
+    lambda inner: (
+        st.builds(lambda one: {"not": one}, inner)
+        | st.builds(lambda kind, some: {kind: some}, st.sampled_from(["any", "all"]),
+                    st.lists(inner, min_size=1, max_size=3))
+    ),
+)  # fmt: skip
+
+
+@given(conditions)
+def test_a_condition_waits_as_long_as_in_a_flight(one: dict[str, Any]) -> None:
+    assert waits(one) == longest(one)
+
+
+@given(conditions)
+def test_a_condition_holds_when_only_time_is_asked_for_no_later_than_it_waits(
+    one: dict[str, Any],
+) -> None:
+    assert holds_from(one) in {3.0, 9.0, float("inf")}
+    if "not" not in str(one) and holds_from(one) < float("inf"):
+        assert holds_from(one) <= waits(one)
+
+
+@given(conditions)
+def test_every_condition_is_a_clause(one: dict[str, Any]) -> None:
+    assert "{" not in condition(one)
+
+
+def test_every_kind_of_condition_is_known_here() -> None:
+    assert set(KINDS) == {"any", "all", "not", "elapsed", "found", "near", "battery_below", "event"}
+
+
+CHARTS = [
+    "  - takeoff: {}\n  - land: {}\n",
+    "  - parallel: [takeoff: {agents: cf1}, takeoff: {agents: cf2}]\n",
+    "  - takeoff: {}\n  - repeat: {times: 2, steps: [hold: {}, hold: {}]}\n  - land: {}\n",
+    "  - takeoff: {}\n  - each: {steps: [hold: {}, land: {}]}\n",
+]
+EDGE = re.compile(r"(\w+) --> (\w+)")
+NODE = re.compile(r"(\w+)(?:\(\[.+\]\)|\[\".+\"\]|\{\{\".+\"\}\})")
+
+
+@pytest.mark.parametrize("steps", CHARTS)
+def test_every_node_of_a_chart_is_reached_from_the_start_and_leads_on(
+    explain: Explain, steps: str
+) -> None:
+    first, *lines = explain(steps, "--mermaid").splitlines()
+    assert first == "flowchart TD"
+    edges = [match.groups() for line in lines if (match := EDGE.fullmatch(line.strip()))]
+    nodes = {match[1] for line in lines if (match := NODE.fullmatch(line.strip()))}
+    frames = [line for line in lines if line.strip().startswith("subgraph")]
+    assert len(frames) == sum(line.strip() == "end" for line in lines)
+    assert len(edges) + len(nodes) + 2 * len(frames) == len(lines)
+    assert {end for edge in edges for end in edge} == nodes
+    assert {a for a, _ in edges} == nodes - {"done"}
+    assert {b for _, b in edges} == nodes - {"start"}
+
+
+def test_no_arrow_into_a_frame_pulls_the_step_before_into_it(explain: Explain) -> None:
+    lines = explain(CHARTS[2], "--mermaid").splitlines()
+    begin = next(i for i, line in enumerate(lines) if "subgraph" in line)
+    end = next(i for i, line in enumerate(lines) if line.strip() == "end")
+    inside = {m[1] for line in lines[begin + 1 : end] if (m := NODE.fullmatch(line.strip()))}
+    for line in lines[begin + 1 : end]:
+        if match := EDGE.fullmatch(line.strip()):
+            assert set(match.groups()) <= inside
+
+
+def test_what_is_in_a_chart_cannot_break_it(explain: Explain) -> None:
+    steps = "  - takeoff: {}\n  - wait: {until: {event: 'a\"]-->b'}, timeout: 1}\n"
+    text = explain(steps, "--mermaid")
+    assert "#quot;]--#gt;b" in text
+    assert 'a"]' not in text
+
+
+def test_json_has_the_same(explain: Explain) -> None:
+    data = json.loads(explain("  - takeoff: {}\n  - land: {agents: cf1}\n", "--json"))
+    assert [step["verb"] for step in data["plan"]["in_order"]] == ["takeoff", "land"]
+    assert data["plan"]["in_order"][1]["agents"] == ["cf1"]
+    assert data["plan"]["timeout_s"] == pytest.approx(13 + 17)
+
+
+def test_it_is_a_command_of_star_that_refuses_bad_input(
+    write: Write, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert star(["explain", str(write("  - land: {}\n"))]) == 0
+    assert star(["explain", str(write("  - fly: {}\n"))]) == 2
+    assert "hop.yaml:11:5: " in capsys.readouterr().err
+
+
+def test_values_can_be_set(explain: Explain) -> None:
+    assert "height: 1.2" in explain("  - takeoff: {}\n", "--set", "mission.0.takeoff.height=1.2")
+
+
+def test_a_mission_that_cannot_be_flown_is_refused(explain: Explain) -> None:
+    with pytest.raises(InputError, match="fly"):
+        explain("  - fly: {}\n")
+
+
+class Broken:
+    """Offers a verb whose task raises when it is begun."""
+
+    closed = 0
+
+    @hookimpl
+    def star_tasks(self) -> Iterator[Offer[Any]]:
+        yield Offer(name="break", summary="Raise.", make=lambda _scene, _rows: self)
+
+    def begin(self, _estimate: object, _health: object) -> float:
+        raise RuntimeError("no")
+
+    def step(self, _estimate: object, _health: object) -> Step:
+        return Step()
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def test_a_verb_that_raises_is_told_and_closed_and_the_others_are_explained(write: Write) -> None:
+    broken = Broken()
+    first, second = told(write("  - break: {}\n  - takeoff: {}\n"), broken).parts
+    assert isinstance(first, Told)
+    assert "raised RuntimeError('no')" in first.fault
+    assert first.limit is None
+    assert second.limit == pytest.approx(13.0)
+    assert broken.closed == 1
+
+
+@pytest.mark.parametrize("name", ["first_flight", "around", "three_eyes"])
+def test_missions_that_are_shipped_are_explained_without_a_fault(
+    capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    assert main([str(MISSIONS / f"{name}.yaml")]) == 0
+    text = capsys.readouterr().out
+    assert "plan: about" in text
+    assert "! in rehearsal" not in text

@@ -1,0 +1,63 @@
+"""Files of the original STAR and of Crazyswarm2, in their own grammar, and the command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+
+from star_core import Mission, Registry, load
+from star_import.command import main
+
+Import: TypeAlias = Callable[..., list[str]]
+
+ROBOTS = """\
+robots:
+  cf1: {enabled: true, uri: radio://0/80/2M/E7E7E7E701, initial_position: [-1.0, 0.0, 0.0], type: a}
+  cf2: {enabled: true, uri: radio://0/80/2M/E7E7E7E702, initial_position: [0.0, 0.0, 0.0], type: a}
+  cf3: {enabled: false, uri: radio://0/80/2M/E7E7E7E703, initial_position: [1.0, 0.0, 0.0], type: a}
+robot_types:
+  a: {battery: {voltage_critical: 3.7}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def place() -> Callable[[str, str], str]:
+    """Put a file into the folder one is in, and return its name."""
+
+    def put(name: str, text: str) -> str:
+        Path(name).write_text(text, encoding="utf-8")
+        return name
+
+    return put
+
+
+@pytest.fixture
+def take(capsys: pytest.CaptureFixture[str]) -> Import:
+    """Import files, and return what was told."""
+
+    def took(*arguments: str) -> list[str]:
+        assert main(arguments) == 0
+        return capsys.readouterr().out.splitlines()
+
+    return took
+
+
+@pytest.fixture
+def commands(place: Callable[[str, str], str], take: Import) -> Callable[..., Mission]:
+    """Import a mission of the original with two robots, and load what came out."""
+
+    def flown(text: str, *arguments: str) -> Mission:
+        place("m.yaml", f"command_sequence: [\n{text}\n]\n")
+        place("crazyflies.yaml", ROBOTS)
+        take("m.yaml", "crazyflies.yaml", "--force", *arguments)
+        return load(Path("imported/m.yaml"), Registry())
+
+    return flown

@@ -1,0 +1,221 @@
+"""Missions of the original STAR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from star_core import InputError, Mission, actions
+from star_core.cli import main as star
+from star_import.located import Value
+from star_import.notes import Notes
+from star_import.records import records
+from tests.plugins.commands.star_import.conftest import ROBOTS, Import
+
+Put = Callable[[str, str], str]
+Fly = Callable[..., Mission]
+"""A mission's commands, and options, to the mission that comes out."""
+
+
+def steps(mission: Mission) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
+    return [(a.verb, a.rows, dict(a.options)) for a in actions(mission.steps)]
+
+
+def refused(commands: Fly, text: str, *arguments: str) -> list[str]:
+    with pytest.raises(InputError) as raised:
+        commands(text, *arguments)
+    return list(raised.value.problems)
+
+
+def test_every_verb_has_its_step(commands: Fly) -> None:
+    mission = commands(
+        '"takeoff", "wait", "all", "", "",\n'
+        '"hold", "wait", "all", "2.5", "",\n'
+        '"goto_velocity", "wait", "cf1", "", "0.5 1 0.9 90",\n'
+        '"external", "wait", "cf2", "", "",\n'
+        '"land", "wait", "all", "", ""'
+    )
+    flight = {"to": [0.5, 1, 0.9], "yaw_deg": 90, "speed": 0.1, "within": 0.2}
+    assert steps(mission) == [
+        ("takeoff", (0, 1), {"height": 0.8, "speed": 0.2}),
+        ("hold", (0, 1), {"for": 2.5}),
+        ("goto", (0,), flight),
+        ("external", (1,), {"silence": 5, "then": "fail"}),
+        ("land", (0, 1), {}),
+    ]
+
+
+def test_orders_that_do_not_wait_run_with_the_next(commands: Fly) -> None:
+    mission = commands(
+        '"takeoff", "wait", "all", "", "",\n'
+        '"goto_velocity", "conc", "cf1", "", "0 1 1 0",\n'
+        '"goto_velocity", "wait", "cf2", "land", "0 -1 1 0",'
+    )
+    assert [type(step).__name__ for step in mission.steps] == ["Action", "Parallel"]
+    assert [verb for verb, _, _ in steps(mission)] == ["takeoff", "goto", "goto", "land"]
+
+
+def test_a_goto_turns_in_rad_and_a_goto_velocity_in_degrees(commands: Fly) -> None:
+    mission = commands(
+        '"goto", "wait", "cf1", "", "0 1 1 1.570796",\n'
+        '"goto_velocity", "wait", "cf1", "", "0 1 1 90"'
+    )
+    assert [options["yaw_deg"] for _, _, options in steps(mission)] == [
+        pytest.approx(90.0, abs=1e-3),
+        90,
+    ]
+
+
+def test_every_record_is_told_with_its_place_and_its_units(take: Import, commands: Fly) -> None:
+    commands('"hold", "wait", "cf1", "2", ""')
+    told = take("m.yaml", "crazyflies.yaml", "--force")
+    assert "m.yaml:2:1: hold of cf1 for 2 s" in told
+    assert "m.yaml:2:1: cf1: has not taken off by then" in told
+
+
+def test_a_goto_moves_nobody_as_executed(commands: Fly) -> None:
+    text = '"goto", "wait", "cf1", "", "0 1 1 0"'
+    assert steps(commands(text, "--as-executed")) == [("hold", (0,), {})]
+    assert steps(commands(text))[0][0] == "goto"
+
+
+def test_the_grid_moves_goals_as_executed(commands: Fly) -> None:
+    text = '"goto_velocity", "wait", "cf1", "", "0 1 1 0"'
+    ((_, _, options),) = steps(commands(text, "--as-executed"))
+    assert options["to"] == [-0.2, 0.8, 1]
+
+
+def test_all_take_off_as_executed_whoever_is_named(commands: Fly) -> None:
+    text = '"takeoff", "wait", "cf1", "", ""'
+    assert steps(commands(text, "--as-executed"))[0][1] == (0, 1)
+    assert steps(commands(text))[0][1] == (0,)
+
+
+def test_names_with_an_underscore_between_are_two(commands: Fly) -> None:
+    assert steps(commands('"takeoff", "wait", "cf1_cf2", "", ""'))[0][1] == (0, 1)
+
+
+def test_a_mission_without_commands_is_one_in_which_nobody_moves(place: Put, take: Import) -> None:
+    place("empty.yaml", "command_sequence: [\n  # a comment\n]\n")
+    told = take("empty.yaml", "--agent", "cf1=0,0")
+    assert "the list of commands: is empty; so is the mission: nobody moves" in told
+
+
+def test_a_record_without_a_task_is_told_and_marked(place: Put, take: Import) -> None:
+    place("m.yaml", 'command_sequence: ["", "wait", "all", "", ""]\n')
+    told = take("m.yaml", "--agent", "cf1=0,0")
+    assert "m.yaml:1:20: has no task: the original skips it; left out" in told
+    assert "  # line 1: no task, left out" in Path("imported/m.yaml").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("record", "told"),
+    [
+        ('"hold", "wait", "all", "2000", ""',
+         "m.yaml:2:24: 2000 is read as seconds, as the original's code does; its README says "
+         "milliseconds"),
+        ('"hold", "soon", "all", "2", ""', "m.yaml:2:9: 'soon' is read as 'conc'"),
+        ('"hold", "conc", "all", "2", ""', "m.yaml:2:1: the last record does not wait"),
+        ('"hold", "wait", "all", "2", "1 2 3"', "m.yaml:2:29: pose '1 2 3' of hold is ignored"),
+        ('"land", "wait", "all", "2", ""', "m.yaml:2:24: argument '2' of land is ignored"),
+        ('"goto_velocity", "wait", "cf1", "", "0 1 1 0.7"',
+         "m.yaml:2:1: yaw 0.7 is taken for degrees"),
+    ],
+)  # fmt: skip
+def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told: str) -> None:
+    commands(record)
+    said = take("m.yaml", "crazyflies.yaml", "--force")
+    assert [line for line in said if line.startswith(told)]
+
+
+@pytest.mark.parametrize(
+    ("record", "expected"),
+    [
+        ('"fly", "wait", "all", "", ""',
+         "m.yaml:2:1: no task 'fly', expected one of takeoff, hold, goto, goto_velocity, external, "
+         "land"),
+        ('"hold", "wait", "all", "", ""',
+         "m.yaml:2:24: '', expected a number: how long to hold, s"),
+        ('"hold", "wait", "all", "-2", ""', "m.yaml:2:24: -2 s is less than 0"),
+        ('"goto", "wait", "cf1", "", "0 1 1"',
+         "m.yaml:2:28: '0 1 1', expected 4 numbers: x, y, z in m and yaw in rad, with spaces "
+         "between"),
+        ('"goto", "wait", "cf1", "", "0 1 nan 1"',
+         "m.yaml:2:28: '0 1 nan 1', expected 4 numbers: x, y, z in m and yaw in rad, with spaces "
+         "between"),
+        ('"goto", "wait", "cf1", "fast", "0 1 1 0"',
+         "m.yaml:2:24: argument 'fast' of goto, expected '' or 'land'"),
+        ('"land", "wait", "", "", ""',
+         "m.yaml:2:17: names no agents, expected 'all' or names with spaces between"),
+        ('"land", "wait", "cf3", "", ""',
+         "m.yaml:2:17: no agent named 'cf3' among cf1, cf2; say where it stands: --agent cf3=X,Y"),
+        ('"land", "wait", "all", ""',
+         "m.yaml:1:19: has 4 strings, expected five for each record: task, wait or conc, agents, "
+         "argument, pose"),
+        ('"land", "wait", [], "", ""', "m.yaml:2:17: is a list, expected text"),
+        ('"goto", "wait", "cf1", "", "0 1 3 0"',
+         "m.yaml:2:1: as STAR reads it: [0, 1, 3] is outside the heights to fly at, from 0.5 to 2 "
+         "m"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_said_is_refused_with_its_place(
+    commands: Fly, record: str, expected: str
+) -> None:
+    assert refused(commands, record) == [expected]
+    assert not Path("imported").exists()
+
+
+def test_every_record_that_is_wrong_is_told(commands: Fly) -> None:
+    found = refused(commands, '"a", "wait", "all", "", "",\n"b", "wait", "all", "", ""')
+    assert [problem.split(": ")[0] for problem in found] == ["m.yaml:2:1", "m.yaml:3:1"]
+
+
+def test_a_mission_without_robots_is_refused(place: Put, take: Import) -> None:
+    place("m.yaml", "command_sequence: []\n")
+    with pytest.raises(InputError, match="does not say where the agents stand"):
+        take("m.yaml")
+
+
+def test_nothing_is_written_over_unless_told(place: Put, take: Import) -> None:
+    place("m.yaml", "command_sequence: []\n")
+    take("m.yaml", "--agent", "cf1=0,0")
+    with pytest.raises(InputError, match=r"imported/m\.yaml: is there already; --force"):
+        take("m.yaml", "--agent", "cf1=0,0")
+    take("m.yaml", "--agent", "cf1=0,0", "--force")
+
+
+def test_an_import_does_not_write_over_what_it_read(place: Put, take: Import) -> None:
+    place("crazyflies.yaml", ROBOTS)
+    with pytest.raises(InputError, match="is there already"):
+        take("crazyflies.yaml", "--out", ".")
+
+
+def test_it_is_a_command_of_star_that_refuses_bad_input(
+    place: Put, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place("m.yaml", 'command_sequence: ["fly", "wait", "all", "", ""]\n')
+    assert star(["import", "m.yaml", "--agent", "cf1=0,0"]) == 2
+    assert capsys.readouterr().err.startswith("m.yaml:1:20: no task 'fly', expected one of ")
+
+
+words = st.sampled_from(["takeoff", "hold", "goto", "land", "external", "", "wait", "conc", "cf1"])
+strings = st.lists(words | st.text("cf01_ .-e", max_size=6), max_size=15)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(texts=strings)
+def test_no_record_is_dropped_without_a_word(texts: list[str]) -> None:
+    listed = Value([Value(text, f"m.yaml:{i + 1}:1") for i, text in enumerate(texts)], "m.yaml:1:1")
+    notes = Notes()
+    try:
+        found = records(Value({"command_sequence": listed}, "m.yaml:1:1"), ["cf1", "cf2"], notes)
+    except InputError:
+        assert len(texts) % 5
+        return
+    wrong = {(int(problem.split(":")[1]) - 1) // 5 for problem in notes.problems}
+    assert len(found) + len(wrong) == len(texts) // 5

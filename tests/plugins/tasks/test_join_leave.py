@@ -1,0 +1,63 @@
+"""The verbs ``join`` and ``leave``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Order, Status
+from star_core.testing import estimate, health, scene
+
+GROUND = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+GROUNDED = AgentPhase.GROUNDED
+
+
+def joins(make: Any, where: Any = GROUND, volt: float = 4.1) -> Any:
+    """What the first agent is told when it is to join."""
+    task = make("join", scene(3), (0,), battery=3.8)
+    well = replace(health(3, GROUNDED), battery=np.array([volt, 4.0, 4.0]))
+    task.begin(estimate(GROUND), well)
+    return task.step(estimate(np.array(where)), well)
+
+
+def test_who_is_fit_takes_off(make: Any) -> None:
+    step = joins(make)
+    (command,) = step.commands
+    assert (command.order, command.agent.tolist()) == (Order.TAKEOFF, [0])
+    assert step.status is Status.RUNNING
+
+
+@pytest.mark.parametrize(("volt", "said"), [(3.7, "3.70"), (np.nan, "nan")])
+def test_who_has_too_little_battery_or_tells_none_stays_down(
+    make: Any, volt: float, said: str
+) -> None:
+    step = joins(make, volt=volt)
+    assert step.status is Status.FAILURE
+    assert step.reason == f"the battery of cf1 is at {said} V, 3.8 V needed"
+
+
+def test_nobody_takes_off_under_another(make: Any) -> None:
+    step = joins(make, [[-1.0, 0.0, 0.0], [-0.8, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    assert (step.status, step.reason) == (Status.FAILURE, "cf2 is above cf1")
+
+
+def test_whoever_leaves_flies_home_and_lands_there(make: Any, fly: Any) -> None:
+    room = scene(3)  # they start 1 m apart on a line
+    away = [[0.0, 2.0, 1.1], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]
+    flown = fly(make("leave", room, (0,)), room, away)
+    assert flown.status is Status.SUCCESS
+    assert flown.end[0] == pytest.approx([-1.0, 0.0, 0.0], abs=0.1)
+    (command,) = flown.commands
+    assert command.order is Order.LAND
+    high = flown.track[:-1, 0, 2]
+    there = np.hypot(*(flown.track[:-1, 0, :2] - [-1.0, 0.0]).T) > 0.2
+    assert high[there] == pytest.approx(1.1, abs=0.05)
+
+
+def test_whoever_leaves_has_time_for_the_way_and_the_descent(make: Any, fly: Any) -> None:
+    room = scene(1)
+    flown = fly(make("leave", room, (0,), speed=0.3), room, [[3.0, 0.0, 1.0]])
+    assert flown.time < flown.limit

@@ -1,0 +1,294 @@
+"""Trajectories of polynomial pieces: their files, and how ``follow`` flies them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from star_core import InputError, Limits, Obstacle, Scene, Status
+from star_core.testing import scene
+from star_verbs.trajectory import COLUMNS, Piece, Trajectory, read
+
+HEADER = ",".join(COLUMNS)
+WIDE = Limits(speed=2.0, acceleration=10.0)
+NOTHING = (0.0,) * 8
+coefficients = st.lists(st.floats(-2, 2), min_size=8, max_size=8).map(tuple)
+
+
+def rest_to_rest(start: float, way: float, duration: float) -> list[float]:
+    """The polynomial of fifth degree that stands still at both ends.
+
+    Its greatest speed is 15/8 way / duration, its greatest acceleration 10/sqrt(3) way / duration².
+    """
+    third, fourth, fifth = (f * way / duration**k for f, k in ((10, 3), (-15, 4), (6, 5)))
+    return [start, 0.0, 0.0, third, fourth, fifth, 0.0, 0.0]
+
+
+def row(duration: float, x: Sequence[float], yaw: Sequence[float] = NOTHING) -> str:
+    return ",".join(map(repr, [duration, *x, *NOTHING, *NOTHING, *yaw]))
+
+
+def there_and_back(way: float = 1.0, duration: float = 4.0) -> str:
+    out, back = rest_to_rest(0.0, way, duration), rest_to_rest(way, -way, duration)
+    return f"{HEADER}\n{row(duration, out)}\n{row(duration, back)}\n"
+
+
+def with_file(folder: Path, text: str, n: int = 1, limits: Limits = WIDE) -> Scene:
+    (folder / "path.csv").write_text(text, encoding="utf-8")
+    return replace(scene(n, limits=limits), folder=folder)
+
+
+def faults(folder: Path, text: str) -> list[str]:
+    (folder / "path.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as raised:
+        read(folder / "path.csv", "path.csv")
+    return list(raised.value.problems)
+
+
+@given(x=coefficients, yaw=coefficients, time=st.floats(0, 2))
+def test_a_piece_is_where_its_polynomials_are(
+    x: tuple[float, ...], yaw: tuple[float, ...], time: float
+) -> None:
+    moment = Piece(2.0, (x, NOTHING, NOTHING, yaw), 2).at(time)
+    polynomial = np.polynomial.Polynomial(x)
+    assert moment.point[0] == pytest.approx(polynomial(time), abs=1e-9)
+    assert moment.velocity[0] == pytest.approx(polynomial.deriv()(time), abs=1e-9)
+    assert moment.acceleration[0] == pytest.approx(polynomial.deriv(2)(time), abs=1e-9)
+    assert moment.yaw == pytest.approx(np.polynomial.Polynomial(yaw)(time), abs=1e-9)
+
+
+@given(time=st.floats(-5, 15))
+def test_a_trajectory_is_between_where_it_begins_and_where_it_ends(time: float) -> None:
+    line = (rest_to_rest(0.0, 1.0, 4.0), rest_to_rest(1.0, 2.0, 4.0))
+    pieces = [Piece(4.0, (tuple(x), NOTHING, NOTHING, NOTHING), 2) for x in line]
+    trajectory = Trajectory(pieces)
+    assert trajectory.duration == 8.0
+    assert -1e-9 <= trajectory.at(time).point[0] <= 3.0 + 1e-9
+    assert trajectory.at(-1.0).point[0] == 0.0
+    assert trajectory.at(9.0).point[0] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("header", [HEADER.title(), f"# {HEADER}", f"{HEADER},"])
+def test_headers_of_crazyswarm_numpy_and_others_are_read(tmp_path: Path, header: str) -> None:
+    text = there_and_back().replace(HEADER, header)
+    (tmp_path / "path.csv").write_text(text, encoding="utf-8")
+    found = read(tmp_path / "path.csv", "path.csv")
+    assert [piece.line for piece in found.pieces] == [2, 3]
+    assert found.duration == 8.0
+
+
+STILL = row(1.0, NOTHING)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "path.csv: has no piece, expected a header and a line for each"),
+        (f"{HEADER}\n", "path.csv: has no piece, expected a header and a line for each"),
+        (f"{STILL}\n{STILL}\n",
+         "path.csv:1: expected the header duration,x^0,…,yaw^7"),
+        (f"{HEADER}\n1,2\n", "path.csv:2: has 2 values, expected 33"),
+        (f"{HEADER}\n{STILL.replace('1.0', '-1.0')}\n",
+         "path.csv:2: duration is -1 s, expected more than 0"),
+        (f"{HEADER}\n{STILL.replace('1.0,0.0', '1.0,a')}\n",
+         "path.csv:2: x^0 is 'a', expected a number"),
+        (f"{HEADER}\n{row(1.0, (float('nan'), *NOTHING[1:]))}\n",
+         "path.csv:2: x^0 is 'nan', expected a finite number"),
+        (f"{HEADER}\n{STILL}\n{row(1.0, (0.3, *NOTHING[1:]))}\n",
+         "path.csv:3: begins 0.30 m from where the piece before ends, "
+         "expected no more than 0.05 m"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_file_is_said_with_its_line(
+    tmp_path: Path, text: str, expected: str
+) -> None:
+    assert faults(tmp_path, text) == [expected]
+
+
+def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "path.csv").write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match=r"path\.csv: cannot be read as CSV in UTF-8"):
+        read(tmp_path / "path.csv", "path.csv")
+
+
+POLY7: dict[str, Any] = {"file": "path.csv", "format": "poly7"}
+
+
+def test_it_is_flown_in_its_own_time_from_where_the_agent_is(
+    make: Any, fly: Any, tmp_path: Path
+) -> None:
+    room = with_file(tmp_path, there_and_back(way=1.0, duration=4.0))
+    flown = fly(make("follow", room, (0,), **POLY7), room, [[3.0, 2.0, 1.0]])
+    assert flown.status is Status.SUCCESS
+    assert flown.time == pytest.approx(8.0, abs=0.3)
+    assert flown.track[80, 0] == pytest.approx([4.0, 2.0, 1.0], abs=0.1)
+    assert flown.end[0] == pytest.approx([3.0, 2.0, 1.0], abs=0.15)
+
+
+def test_the_goal_moves_with_the_trajectorys_own_velocity(
+    make: Any, fly: Any, tmp_path: Path
+) -> None:
+    room = with_file(tmp_path, there_and_back(way=1.0, duration=4.0))
+    flown = fly(make("follow", room, (0,), **POLY7), room, [[0.0, 0.0, 1.0]])
+    fastest = max(goals.velocity[0, 0] for goals in flown.goals)
+    assert fastest == pytest.approx(15 / 8 * 1.0 / 4.0, abs=0.01)
+
+
+def test_a_timescale_of_2_takes_twice_as_long(make: Any, fly: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back(way=1.0, duration=4.0))
+    flown = fly(make("follow", room, (0,), **POLY7, timescale=2.0), room, [[0.0, 0.0, 1.0]])
+    assert flown.time == pytest.approx(16.0, abs=0.3)
+
+
+def test_one_that_lies_in_the_map_is_flown_to_first(make: Any, fly: Any, tmp_path: Path) -> None:
+    text = there_and_back().replace(HEADER, "H")
+    lifted = "\n".join(
+        ",".join([*cells[:17], "1.0", *cells[18:]])
+        for cells in (line.split(",") for line in text.splitlines()[1:])
+    )
+    room = with_file(tmp_path, f"{HEADER}\n{lifted}\n")
+    task = make("follow", room, (0,), **POLY7, relative=False)
+    flown = fly(task, room, [[0.0, 3.0, 1.0]])
+    assert flown.status is Status.SUCCESS
+    assert flown.end[0] == pytest.approx([0.0, 0.0, 1.0], abs=0.15)
+
+
+def test_agents_fly_it_each_from_its_own_place(make: Any, fly: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back(), n=2)
+    start = [[0.0, 0.0, 1.0], [0.0, 1.0, 1.2]]
+    flown = fly(make("follow", room, (0, 1), **POLY7), room, start)
+    apart = flown.track[:, 1] - flown.track[:, 0]
+    assert apart == pytest.approx(np.broadcast_to([0.0, 1.0, 0.2], apart.shape), abs=0.02)
+
+
+def test_its_heading_is_flown(make: Any, fly: Any, tmp_path: Path) -> None:
+    turn = (0.0, 0.2, *NOTHING[2:])
+    room = with_file(tmp_path, f"{HEADER}\n{row(5.0, NOTHING, turn)}\n")
+    flown = fly(make("follow", room, (0,), **POLY7), room, [[0.0, 0.0, 1.0]])
+    assert flown.yaw[-1][0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_it_waits_for_an_agent_that_lags(make: Any, fly: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back())
+    task = make("follow", room, (0,), **POLY7)
+    held = lambda time: np.array([1.0 <= time < 11.0])  # noqa: E731 -- read with the call
+    flown = fly(task, room, [[0.0, 0.0, 1.0]], stuck=held)
+    assert flown.status is Status.SUCCESS
+    assert flown.time > 15.0
+
+
+def test_it_may_take_three_times_its_duration_and_5_s(make: Any, fly: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back(duration=4.0))
+    task = make("follow", room, (0,), **POLY7, timescale=2.0)
+    assert fly(task, room, [[0.0, 0.0, 1.0]], longest=0.1).limit == pytest.approx(3 * 16.0 + 5)
+
+
+def test_one_that_would_lead_out_of_the_fence_from_here_fails(
+    make: Any, fly: Any, tmp_path: Path
+) -> None:
+    room = with_file(tmp_path, there_and_back(way=1.0))
+    flown = fly(make("follow", room, (0,), **POLY7), room, [[9.5, 0.0, 1.0]])
+    assert flown.status is Status.FAILURE
+    assert flown.reason.startswith("path.csv:2: 2.08 s after its start, [10.0")
+    assert "is outside the fence" in flown.reason
+
+
+def test_a_good_trajectory_is_no_problem(problems: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back())
+    assert problems("follow", room, (0,), **POLY7, timescale=1.0, relative=True) == []
+
+
+def test_one_that_is_too_fast_is_told_what_would_fit(problems: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back(way=2.0, duration=4.0), limits=Limits(speed=0.5))
+    ((path, message),) = problems("follow", room, (0,), **POLY7)
+    assert path == ("file",)
+    assert message == (
+        "path.csv:2: 2.00 s after its start it flies 0.94 m/s, faster than limits.speed of "
+        "0.5 m/s; timescale: 1.88 would fit"
+    )
+    assert problems("follow", room, (0,), **POLY7, timescale=1.88) == []
+    assert problems("follow", room, (0,), **POLY7, timescale=1.87) != []
+
+
+def test_one_that_speeds_up_too_much_is_told_what_would_fit(problems: Any, tmp_path: Path) -> None:
+    limits = Limits(speed=9.0, acceleration=1.0)
+    room = with_file(tmp_path, there_and_back(way=1.0, duration=2.0), limits=limits)
+    ((_, message),) = problems("follow", room, (0,), **POLY7)
+    assert "speeds up by 1.44 m/s², more than limits.acceleration of 1 m/s²" in message
+    assert message.endswith("; timescale: 1.21 would fit")  # sqrt(10 / sqrt(3) / 4) = 1.2014
+    assert problems("follow", room, (0,), **POLY7, timescale=1.21) == []
+
+
+def test_a_velocity_that_jumps_is_told_where(problems: Any, tmp_path: Path) -> None:
+    on, back = (0.0, 0.4, *NOTHING[2:]), (0.4, -0.4, *NOTHING[2:])
+    room = with_file(tmp_path, f"{HEADER}\n{row(1.0, on)}\n{row(1.0, back)}\n")
+    ((_, message),) = problems("follow", room, (0,), **POLY7)
+    assert message == (
+        "path.csv:3: 1.00 s after its start it changes its velocity by 0.80 m/s at once, more than "
+        "0.5 m/s in a tick; timescale: 1.6 would fit"
+    )
+
+
+def test_one_that_is_longer_than_the_room_is_a_problem(problems: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back(way=21.0, duration=60.0))
+    assert problems("follow", room, (0,), **POLY7) == [
+        (("file",), "path.csv: spans 21.00 m along x, the fence only 20.00 m")
+    ]
+
+
+def test_one_that_lies_in_an_obstacle_is_told_by_its_first_place(
+    problems: Any, tmp_path: Path
+) -> None:
+    room = with_file(tmp_path, there_and_back(), limits=replace(WIDE, height=(0.0, 2.0)))
+    post = Obstacle("post", (((0.5, -1.0), (0.7, -1.0), (0.7, 1.0), (0.5, 1.0)),), (0.0, 2.0))
+    room = replace(room, world=replace(room.world, obstacles=(post,)))
+    found = problems("follow", room, (0,), **POLY7, relative=False)
+    assert [message.split(": ")[0] for _, message in found] == ["path.csv:2", "path.csv:3"]
+    assert all(message.endswith("is inside obstacle 'post'") for _, message in found)
+
+
+def test_what_has_no_place_beside_a_trajectory_is_a_problem(problems: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back())
+    assert problems("follow", room, (0,), **POLY7, speed=0.3, heading="along") == [
+        (("speed",), "'speed' does not go with 'format: poly7'"),
+        (("heading",), "'heading' does not go with 'format: poly7'"),
+    ]
+    assert problems("follow", room, (0,), format="poly7") == [((), "'format: poly7' needs 'file'")]
+
+
+def test_a_timescale_of_waypoints_is_a_problem(problems: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, "x,y,z\n0,0,1\n1,0,1\n")
+    assert problems("follow", room, (0,), file="path.csv", timescale=2.0) == [
+        (("timescale",), "'timescale' goes with 'format: poly7' only")
+    ]
+
+
+def test_what_is_wrong_with_the_file_is_a_problem(problems: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, "")
+    assert problems("follow", room, (0,), **POLY7) == [
+        (("file",), "path.csv: has no piece, expected a header and a line for each")
+    ]
+
+
+def test_checking_a_trajectory_imports_no_numpy(tmp_path: Path) -> None:
+    (tmp_path / "path.csv").write_text(there_and_back(), encoding="utf-8")
+    code = (
+        "import sys; from pathlib import Path; import star_verbs\n"
+        "from star_core import Agent, Fence, Scene, World\n"
+        "offers = {offer.name: offer for offer in star_verbs.star_tasks()}\n"
+        "world = World('room', Fence((-5, -5, 0), (5, 5, 3)))\n"
+        f"scene = Scene((Agent('a', (0, 0, 0)),), 0.05, world, folder=Path({str(tmp_path)!r}))\n"
+        "options = {'file': 'path.csv', 'format': 'poly7'}\n"
+        "assert not list(offers['follow'].check(scene, (0,), **options))\n"
+        "assert 'numpy' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
