@@ -27,6 +27,19 @@ OPTIONS: dict[str, Any] = {
             "default": 1.0,
             "description": "Charge of every battery at the start, as a fraction of full.",
         },
+        "endurance": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "default": 420.0,
+            "description": "How long a full battery lets a drone hover, s.",
+        },
+        "swap_time": {
+            "type": ["number", "null"],
+            "minimum": 0,
+            "default": None,
+            "description": "How long a drone stands after a flight before somebody has changed its "
+            "battery, s; null changes none.",
+        },
         "speed": {
             "type": ["number", "null"],
             "exclusiveMinimum": 0,
@@ -44,6 +57,8 @@ def make(
     *,
     noise: bool = True,
     battery: float = 1.0,
+    endurance: float = 420.0,
+    swap_time: float | None = None,
     speed: float | None = None,
     camera: Mapping[str, Any] | None = None,
 ) -> Transport:
@@ -55,6 +70,8 @@ def make(
         scene,
         noise=noise,
         battery=battery,
+        endurance=endurance,
+        swap_time=swap_time,
         speed=speed,
         camera=None if wanted.mode == "off" else wanted,
     )

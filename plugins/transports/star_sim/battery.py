@@ -44,6 +44,6 @@ def drain(drone: Record) -> None:
     for motor in range(4):
         power += drone.thrust[motor] * math.sqrt(drone.thrust[motor])
     current = ELECTRONICS_CURRENT + CURRENT_PER_POWER * power
-    drone.charge = max(0.0, drone.charge - current * CYCLE / CAPACITY)
+    drone.charge = max(0.0, drone.charge - current * CYCLE / drone.capacity)
     drone.voltage = open_voltage(drone.charge) - RESISTANCE * current
     drone.thrust_limit = thrust_at(drone.voltage) if drone.charge > 0 else 0.0

@@ -51,6 +51,7 @@ DRONE = np.dtype(
         ("locked", "i8"),
         # The battery.
         ("charge", "f8"),  # as a fraction of full
+        ("capacity", "f8"),  # A s
         ("voltage", "f8"),  # V, under load
         ("thrust_limit", "f8"),  # N, of one motor
         # What the estimator believes, in the odometry frame.
@@ -111,6 +112,7 @@ def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: fl
     drones["misalignment"][:, 0] = 1.0
     drones["motors_time"] = -np.inf
     drones["charge"] = charge
+    drones["capacity"] = battery.CAPACITY
     drones["voltage"] = np.interp(charge, np.linspace(0, 1, 11), battery.VOLTAGE_OF_CHARGE)
     drones["thrust_limit"] = airframe.THRUST_MAX if charge > 0 else 0.0
     return drones

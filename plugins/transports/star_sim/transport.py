@@ -22,13 +22,16 @@ from star_core import (
 )
 from star_sim import commander
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
+from star_sim.battery import HOVER_CURRENT, HOVER_TIME, VOLTAGE_OF_CHARGE
 from star_sim.camera_options import CameraOptions
 from star_sim.contact import SWEEP, prisms
-from star_sim.drone import standing
+from star_sim.drone import OFF, standing
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance
 from star_sim.report import report
 from star_sim.sensors import TEXTURE_POINTS, draw_errors, draw_texture, noise_streams
+
+FULL = 0.95  # of its charge: a battery that has more is not changed
 
 
 class Simulator:
@@ -42,6 +45,8 @@ class Simulator:
         scene: Agents, world and seed.
         noise: Whether the estimators err; then a drone also starts a little beside its place.
         battery: Charge at the start, as a fraction of full.
+        endurance: How long a full battery lets a drone hover, s.
+        swap_time: How long a drone stands before it has a new battery, s; None changes none.
         speed: Mission seconds per second of real time; None is as fast as possible.
         camera: How cameras err; None switches them off.
     """
@@ -52,6 +57,8 @@ class Simulator:
         *,
         noise: bool = True,
         battery: float = 1.0,
+        endurance: float = HOVER_TIME,
+        swap_time: float | None = None,
         speed: float | None = None,
         camera: CameraOptions | None = None,
     ) -> None:
@@ -71,6 +78,9 @@ class Simulator:
             np.array([agent.yaw for agent in scene.agents], float),
             battery,
         )
+        self.drones["capacity"] = HOVER_CURRENT * endurance
+        self._swap_time = swap_time
+        self._stands_since = np.full(n, np.nan)  # s, of those that flew
         self._texture = np.zeros((TEXTURE_POINTS, TEXTURE_POINTS))
         self._streams: list[np.random.Generator] = []
         if noise:
@@ -122,6 +132,8 @@ class Simulator:
                 first = cycle % BLOCK
                 self._arrived.append(self._samples[first : first + rows].copy())
         now = self._step * STEP
+        if self._swap_time is not None:
+            self._change_batteries(now, self._swap_time)
         if self._speed is not None:
             self._keep_pace(now / self._speed)
         return now
@@ -187,6 +199,15 @@ class Simulator:
             steps,
             self._noise,
         )
+
+    def _change_batteries(self, now: float, takes: float) -> None:
+        """Give full batteries to drones that have stood since a flight for so long, s."""
+        drones = self.drones
+        stands = (drones["mode"] == OFF) & (drones["charge"] < FULL)
+        self._stands_since = np.where(stands, np.fmin(self._stands_since, now), np.nan)
+        changed = now - self._stands_since >= takes
+        drones["charge"][changed] = 1.0
+        drones["voltage"][changed] = VOLTAGE_OF_CHARGE[-1]
 
     def _odometry(self) -> Odometry:
         if not self._arrived:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from star_core import Order
 from star_sim import airframe, battery
 
 Flying = Callable[..., Any]
@@ -20,6 +21,42 @@ def test_a_full_battery_hovers_for_about_seven_minutes(start: Flying) -> None:
     flight.fly(42.0)
     used = before - flight.simulator.drones["charge"][0]
     assert used == pytest.approx(42 / 420, rel=0.02)
+
+
+def test_how_long_a_battery_hovers_is_an_option(start: Flying) -> None:
+    flight = start(rate=1.0, endurance=210.0)
+    flight.rise()
+    before = flight.simulator.drones["charge"][0]
+    flight.fly(21.0)
+    assert before - flight.simulator.drones["charge"][0] == pytest.approx(21 / 210, rel=0.02)
+
+
+def test_who_stands_for_so_long_after_a_flight_has_a_new_battery(start: Flying) -> None:
+    flight = start(endurance=30.0, swap_time=5.0)
+    flight.rise()
+    flight.order(Order.LAND, duration=3.0)
+    flight.fly(4.0)
+    used = flight.simulator.drones["charge"][0]
+    assert used < 0.9
+    flight.fly(3.0)
+    assert flight.simulator.drones["charge"][0] <= used
+    flight.fly(4.0)
+    assert flight.simulator.drones["charge"][0] > 0.99
+
+
+def test_nobody_changes_batteries_if_that_is_not_said(start: Flying) -> None:
+    flight = start(endurance=30.0)
+    flight.rise()
+    flight.order(Order.LAND, duration=3.0)
+    flight.fly(60.0)
+    assert flight.simulator.drones["charge"][0] < 0.9
+
+
+def test_a_battery_that_is_full_is_not_changed_and_one_in_the_air_never(start: Flying) -> None:
+    flight = start(endurance=60.0, swap_time=0.1)
+    flight.rise()
+    flight.fly(5.0)
+    assert flight.simulator.drones["charge"][0] < 0.9
 
 
 def test_voltage_falls_with_charge_and_sags_under_load(start: Flying) -> None:

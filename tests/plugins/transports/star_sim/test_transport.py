@@ -16,6 +16,7 @@ import star_sim
 from star_core import Setpoint, Transport
 from star_core.testing import scene
 from star_sim import camera_options
+from star_sim.battery import HOVER_TIME
 from star_sim.camera_options import CameraOptions
 
 Flying = Callable[..., Any]
@@ -140,7 +141,14 @@ def test_the_options_are_a_schema_whose_defaults_are_those_of_make() -> None:
     defaults = {
         name: option.get("default") for name, option in star_sim.OPTIONS["properties"].items()
     }
-    assert defaults == {"noise": True, "battery": 1.0, "speed": None, "camera": None}
+    assert defaults == {
+        "noise": True,
+        "battery": 1.0,
+        "endurance": HOVER_TIME,
+        "swap_time": None,
+        "speed": None,
+        "camera": None,
+    }
     assert defaults == star_sim.make.__kwdefaults__
 
 
