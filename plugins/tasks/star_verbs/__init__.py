@@ -1,4 +1,4 @@
-"""The verbs that every mission knows: takeoff, land, join, leave, hold, wait, goto, follow."""
+"""The verbs that every mission knows: those that take off, fly, wait and land."""
 
 from __future__ import annotations
 

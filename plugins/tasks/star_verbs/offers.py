@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import Offer
 from star_verbs import checks
+from star_verbs.formation.offer import OFFER as FORMATION
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
@@ -317,4 +318,5 @@ OFFERS: tuple[Offer[Task], ...] = (
             },
         },
     ),
+    FORMATION,
 )

@@ -1,29 +1,56 @@
-"""Which agent goes to which place."""
+"""Which agent takes which place."""
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Array
 from star_verbs.assignment import assign
 
-
-def total(position: Array, place: Array) -> float:
-    return float(np.linalg.norm(position - place, axis=1).sum())
+seeds = st.integers(0, 2**32 - 1)
 
 
-@given(st.integers(1, 5), st.integers(0, 2**32 - 1))
-def test_the_distances_flown_add_up_to_the_least_there_is(n: int, seed: int) -> None:
+def swarm(seed: int, agents: int, places: int, *, level: bool = False) -> tuple[Array, Array]:
     rng = np.random.default_rng(seed)
-    position, place = rng.uniform(-5, 5, (n, 3)), rng.uniform(-5, 5, (n, 3))
-    mine = assign(position, place)
-    assert sorted(mine) == list(range(n))
-    least = min(total(position, place[list(order)]) for order in permutations(range(n)))
-    assert total(position, place[mine]) <= least + 1e-3
+    here, there = rng.uniform(-2, 2, (agents, 3)), rng.uniform(-2, 2, (places, 3))
+    if level:
+        here[:, 2] = there[:, 2] = 0.8
+    return here, there
+
+
+@given(seeds, st.integers(1, 4), st.integers(0, 2))
+def test_no_other_assignment_flies_less_in_all(seed: int, agents: int, spare: int) -> None:
+    here, there = swarm(seed, agents, agents + spare)
+    flown = np.linalg.norm(here - there[assign(here, there)], axis=1).sum()
+    least = min(
+        np.linalg.norm(here - there[list(choice)], axis=1).sum()
+        for choice in permutations(range(agents + spare), agents)
+    )
+    assert flown == pytest.approx(least, abs=1e-4)
+
+
+@given(seeds, st.integers(2, 8))
+def test_no_two_ways_cross(seed: int, agents: int) -> None:
+    here, there = swarm(seed, agents, agents, level=True)
+    ends = np.hstack([here[:, :2], there[assign(here, there)][:, :2]])
+    for (a, b), (c, d) in combinations(ends.reshape(-1, 2, 2), 2):
+        assert not (_side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0)
+
+
+@given(seeds, st.integers(1, 6))
+def test_no_place_is_taken_twice(seed: int, agents: int) -> None:
+    here, there = swarm(seed, agents, agents + 2)
+    assert len(set(assign(here, there).tolist())) == agents
+
+
+def test_agents_in_a_row_move_up_and_do_not_overtake() -> None:
+    here = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    assert assign(here, here + np.array([1.0, 0, 0])).tolist() == [0, 1, 2]
 
 
 @given(st.permutations(range(8)))
@@ -32,8 +59,6 @@ def test_agents_that_stand_on_the_places_stay(order: list[int]) -> None:
     assert assign(place[order], place).tolist() == order
 
 
-def test_agents_in_a_row_do_not_overtake_each_other() -> None:
-    line = np.arange(4.0)[:, None] * [1.0, 0.0, 0.0]
-    ahead = line + np.array([10.0, 0.0, 0.0])
-    assert assign(line, ahead).tolist() == [0, 1, 2, 3]
-    assert assign(line, ahead[::-1]).tolist() == [3, 2, 1, 0]
+def _side(a: Array, b: Array, c: Array) -> float:
+    """On which side of the line from a to b the point c lies, as an area."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

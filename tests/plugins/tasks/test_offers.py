@@ -18,13 +18,14 @@ from star_verbs.offers import OFFERS
 by_name = pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
 LEAST: dict[str, dict[str, Any]] = {
     "goto": {"by": [0.0, 0.0, 0.1]},
+    "formation": {"shape": "line", "centre": [0.0, 0.0, 0.8]},
     "follow": {"path": "box", "size": 1.0, "centre": [0.0, 0.0, 0.8]},
 }
 
 
-def test_there_are_eight_verbs() -> None:
+def test_there_are_nine_verbs() -> None:
     assert [offer.name for offer in star_verbs.star_tasks()] == [
-        "takeoff", "land", "hold", "join", "leave", "wait", "goto", "follow",
+        "takeoff", "land", "hold", "join", "leave", "wait", "goto", "follow", "formation",
     ]  # fmt: skip
 
 

@@ -1,0 +1,175 @@
+"""The verb ``formation`` as it is flown."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Array, Estimate, Health, Scene, Status, Step, Task
+from star_core.testing import estimate, health, scene
+from star_verbs.formation.offer import make
+
+AIR = [[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]]
+ROOM = scene(3)
+LINE: dict[str, Any] = {"shape": "line", "centre": [0.0, 2.0, 1.0], "spacing": 0.5}
+MOVED: dict[str, Any] = {**LINE, "move": {"to": [3.0, 2.0, 1.0], "speed": 0.3}}
+ONE_SECOND: dict[str, Any] = {"for": 1.0}
+TWO_SECONDS: dict[str, Any] = {"for": 2.0}
+THREE_SECONDS: dict[str, Any] = {"for": 3.0}
+
+
+class Changing:
+    """A task that is told of a change at a time, s."""
+
+    def __init__(self, task: Task, when: float, method: str, *about: Any) -> None:
+        self._task = task
+        self._when = when
+        self._change: tuple[str, tuple[Any, ...]] | None = (method, about)
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        return self._task.begin(estimate, health)
+
+    def step(self, estimate: Estimate, health: Health) -> Step:
+        if self._change and estimate.time >= self._when:
+            method, about = self._change
+            getattr(self._task, method)(*about)
+            self._change = None
+        return self._task.step(estimate, health)
+
+
+def task(room: Scene = ROOM, crew: tuple[int, ...] = (0, 1, 2), **options: Any) -> Task:
+    return make(room, crew, **options)
+
+
+def apart(track: Array) -> Array:
+    """(T, 2) distances from the first agent to the others."""
+    distance: Array = np.linalg.norm(track[:, 1:] - track[:, :1], axis=2)
+    return distance
+
+
+def test_every_agent_flies_to_a_place(fly: Any) -> None:
+    flown = fly(task(**LINE), ROOM, AIR)
+    assert flown.status is Status.SUCCESS
+    assert flown.end == pytest.approx(np.array([[x, 2.0, 1.0] for x in (-0.5, 0, 0.5)]), abs=0.1)
+
+
+def test_agents_take_the_places_with_the_shortest_ways(fly: Any) -> None:
+    flown = fly(task(**LINE), ROOM, [AIR[2], AIR[0], AIR[1]])
+    assert flown.end[:, 0] == pytest.approx([0.5, -0.5, 0.0], abs=0.1)
+
+
+def test_agents_turn_with_the_formation(fly: Any) -> None:
+    flown = fly(task(**LINE, yaw_deg=90, **TWO_SECONDS), ROOM, AIR)
+    assert flown.yaw[-1] == pytest.approx([math.pi / 2] * 3)
+    assert np.ptp(flown.end[:, 0]) < 0.2
+    assert np.ptp(flown.end[:, 1]) == pytest.approx(1.0, abs=0.2)
+
+
+def test_agents_keep_their_headings_if_none_is_given(fly: Any) -> None:
+    assert fly(task(**LINE), ROOM, AIR).yaw[-1].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_grid_of_one_row_is_a_line(fly: Any) -> None:
+    flown = fly(task(shape="grid", centre=[0.0, 2.0, 1.0], rows=1), ROOM, AIR)
+    assert flown.end[:, 0] == pytest.approx([-0.6, 0.0, 0.6], abs=0.1)
+
+
+def test_a_formation_is_held_from_when_it_is_formed(fly: Any) -> None:
+    there = fly(task(**LINE), ROOM, AIR)
+    flown = fly(task(**LINE, **THREE_SECONDS), ROOM, AIR)
+    assert flown.time == pytest.approx(there.time + 3.0)
+
+
+def test_a_formation_moves_to_where_it_is_told(fly: Any) -> None:
+    flown = fly(task(**MOVED), ROOM, AIR)
+    assert flown.status is Status.SUCCESS
+    assert flown.end.mean(axis=0) == pytest.approx([3.0, 2.0, 1.0], abs=0.1)
+
+
+def test_a_formation_keeps_its_shape_while_it_moves(fly: Any) -> None:
+    formed = fly(task(**LINE), ROOM, AIR)
+    moved = apart(fly(task(**MOVED), ROOM, AIR).track)[len(formed.track) :]
+    assert len(moved) > 150  # ticks: it did move
+    assert moved == pytest.approx(np.broadcast_to([0.5, 1.0], moved.shape), abs=0.05)
+
+
+def test_a_formation_moves_at_its_speed(fly: Any) -> None:
+    formed, flown = fly(task(**LINE), ROOM, AIR), fly(task(**MOVED), ROOM, AIR)
+    assert flown.time - formed.time == pytest.approx(3.0 / 0.3, abs=1.0)
+
+
+def test_a_formation_waits_for_an_agent_that_is_held_up(fly: Any) -> None:
+    formed = fly(task(**LINE), ROOM, AIR).time
+
+    def stuck(time: float) -> Any:
+        return np.array([False, formed + 1 < time < formed + 9, False])
+
+    flown = fly(task(**MOVED), ROOM, AIR, stuck=stuck)
+    assert flown.status is Status.SUCCESS
+    assert abs(apart(flown.track)[round(formed * 20) :] - [0.5, 1.0]).max() < 0.45
+
+
+def test_nobody_sets_out_before_all_are_located(fly: Any) -> None:
+    flown = fly(task(**LINE), ROOM, AIR, located=lambda time: np.array([True, time >= 2.0, True]))
+    assert all(goals is None for goals in flown.goals[:40])
+    assert flown.status is Status.SUCCESS
+
+
+def test_an_agent_that_is_stuck_lets_it_not_be_formed(fly: Any) -> None:
+    stuck = fly(task(**LINE), ROOM, AIR, stuck=lambda _: np.array([True, False, False]))
+    assert stuck.status is Status.RUNNING
+
+
+def test_it_may_take_three_times_its_ways_and_its_time_and_5_s(fly: Any) -> None:
+    near: dict[str, Any] = {
+        **MOVED,
+        "centre": [0.0, 0.0, 0.8],
+        "move": {"to": [3.0, 0.0, 0.8], "speed": 0.3},
+    }
+    limit = fly(task(**near, **TWO_SECONDS), ROOM, AIR).limit
+    assert limit == pytest.approx(3 * (0.5 / 0.5 + 3.0 / 0.3 + 2.0) + 5)
+
+
+def test_a_formation_that_fewer_agents_cannot_fly_fails(fly: Any) -> None:
+    flown = fly(task(shape="line", centre=[9.8, 0.0, 1.0]), ROOM, AIR)
+    assert flown.status is Status.FAILURE
+    assert flown.reason.startswith("place 3 of 3: [10.4, 0, 1] is outside the fence")
+
+
+def test_who_stays_flies_on_to_its_place(fly: Any) -> None:
+    whole = fly(task(**MOVED), ROOM, AIR)
+    changed = Changing(task(**MOVED), 8.0, "stay", (0, 2))
+    flown = fly(changed, ROOM, AIR, stuck=lambda time: np.array([False, time > 8, False]))
+    assert flown.status is Status.SUCCESS
+    assert flown.end[[0, 2]] == pytest.approx(whole.end[[0, 2]], abs=0.05)
+    assert flown.goals[-1].active.tolist() == [True, False, True]
+
+
+def test_another_agent_can_take_a_place(fly: Any) -> None:
+    whole = fly(task(crew=(0, 1), **MOVED), ROOM, AIR)
+    changed = Changing(task(crew=(0, 1), **MOVED), 3.0, "swap", 1, 2)
+    flown = fly(changed, ROOM, AIR)
+    assert flown.status is Status.SUCCESS
+    assert flown.end[2] == pytest.approx(whole.end[1], abs=0.1)
+
+
+def test_a_place_is_fed_forward_only_while_it_moves() -> None:
+    at: dict[str, Any] = {"shape": "line", "centre": AIR[1], "spacing": 1.0}
+    moving = task(**at, move={"to": [1.0, 0.0, 0.8], "speed": 0.2}, **ONE_SECOND)
+    moving.begin(estimate(np.array(AIR)), health(3, AgentPhase.FLYING))
+    held = moving.step(estimate(np.array(AIR)), health(3)).goals
+    moved = moving.step(estimate(np.array(AIR), time=1.0), health(3)).goals
+    assert held is not None
+    assert not held.velocity.any()
+    assert moved is not None
+    assert moved.velocity.tolist() == [[0.2, 0.0, 0.0]] * 3
+
+
+def test_no_agent_is_asked_to_fly_faster_than_the_limit(fly: Any) -> None:
+    room = replace(ROOM, limits=replace(ROOM.limits, speed=0.2))
+    flown = fly(task(room, speed=9.0, **MOVED), room, AIR)
+    assert max(goals.speed.max() for goals in flown.goals) <= 0.2

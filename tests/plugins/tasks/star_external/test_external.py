@@ -1,0 +1,370 @@
+"""The verb ``external``, step by step, with a client on the loopback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from star_core import Estimate, Goals, Scene, Status, Step
+from star_core.testing import estimate, health
+from star_external.door import Door
+from star_external.external import LINES, External, Manner
+
+AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
+SOMEWHERE = {"goals": {"cf1": {"position": [0.5, 0.5, 1.0]}}}
+ALIVE: dict[str, Any] = {"goals": {}}
+SOON = 5.0  # s
+
+Connect = Callable[[], Any]
+Make = Callable[..., External]
+
+
+def at(time: float) -> Estimate:
+    return estimate(AIR, time=time)
+
+
+def begun(task: External) -> External:
+    assert task.begin(at(0.0), health(3)) == 60.0
+    return task
+
+
+def step(task: External, time: float = 0.0) -> Step:
+    return task.step(at(time), health(3))
+
+
+def flying(task: External, client: Any, *said: Any, time: float = 0.0) -> Step:
+    """Send what is to be said, and step until it is heard."""
+    client.send(*said)
+    door, until = task._door, monotonic() + SOON
+    while door._client is None or b"\n" not in door._unheard:
+        door.hear(0, 0.01)
+        assert monotonic() < until
+    return step(task, time)
+
+
+def goals(of: Step) -> Goals:
+    assert of.goals is not None
+    return of.goals
+
+
+def test_the_client_is_greeted(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False, rate=10))
+    step(task)
+    assert client.hear() == {
+        "star": 1,
+        "agents": ["cf1", "cf2"],
+        "rate": 10.0,
+        "lockstep": False,
+        "limits": {"speed": 0.5, "acceleration": 2.0, "height": [0.2, 1.8], "separation": 0.2},
+        "fence": {"low": [-10.0, -10.0, 0.0], "high": [10.0, 10.0, 3.0]},
+    }
+
+
+def test_the_client_is_told_where_its_agents_are(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    step(task, 1.25)
+    client.hear()
+    agent = {"velocity": [0.0, 0.0, 0.0], "yaw": 0.0, "phase": "flying", "battery": 4.0}
+    assert client.hear() == {
+        "time": 1.25,
+        "agents": {
+            "cf1": {"position": [-1.0, 0.0, 0.8], **agent},
+            "cf2": {"position": [0.0, 0.0, 0.8], **agent},
+        },
+    }
+
+
+def test_what_is_not_known_of_an_agent_is_null(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    lost = replace(at(0.0), valid=np.array([False, True, True]))
+    task.step(lost, replace(health(3), battery=np.array([np.nan, 4.0, 4.0])))
+    client.hear()
+    assert client.hear()["agents"]["cf1"] == {
+        "position": None, "velocity": None, "yaw": None, "phase": "flying", "battery": None,
+    }  # fmt: skip
+
+
+def test_state_lines_come_at_the_rate(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False, rate=5))
+    for tick in range(9):
+        step(task, tick * 0.05)
+    client.hear()
+    assert [client.hear()["time"] for _ in range(3)] == [0.0, 0.2, 0.4]
+
+
+def test_agents_keep_what_they_do_until_they_are_given_goals(
+    external: Make, connect: Connect
+) -> None:
+    connect()
+    assert step(begun(external(lockstep=False))) == Step()
+
+
+def test_agents_are_sent_to_the_goals(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    goal = {"position": [0.5, 0.5, 1.0], "velocity": [0.1, 0, 0], "yaw": 1.0, "speed": 0.3}
+    given = goals(flying(task, client, {"goals": {"cf2": goal}}))
+    assert given.active.tolist() == [False, True, False]
+    assert given.position[1].tolist() == [0.5, 0.5, 1.0]
+    assert given.velocity[1].tolist() == [0.1, 0.0, 0.0]
+    assert (given.yaw[1], given.speed[1]) == (1.0, 0.3)
+
+
+def test_a_goal_has_the_speed_of_the_mission_if_none_is_said(
+    external: Make, connect: Connect
+) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    assert goals(flying(task, client, SOMEWHERE)).speed[0] == 0.5
+
+
+def test_a_goal_stays_until_there_is_another(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    flying(task, client, SOMEWHERE)
+    assert goals(step(task, 0.05)).position[0].tolist() == [0.5, 0.5, 1.0]
+
+
+def test_a_step_ends_when_the_client_is_done(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    assert flying(task, client, {"done": True}).status is Status.SUCCESS
+    assert client.hear()["star"] == 1
+    client.hear()
+    assert client.hear() is None
+
+
+def test_a_step_fails_when_the_client_gives_up(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    ended = flying(task, client, {"fail": "no way"})
+    assert (ended.status, ended.reason) == (
+        Status.FAILURE, "the other process gave up: no way",
+    )  # fmt: skip
+
+
+def test_a_wrong_line_is_answered_and_changes_nothing(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    both = {"goals": {"cf1": {"position": [0, 0, 1]}, "cf3": {"position": [0, 0, 1]}}}
+    assert flying(task, client, both).goals is None
+    client.hear()
+    client.hear()
+    assert client.hear() == {
+        "error": "no agent named 'cf3' in this step; there are: cf1, cf2", "line": 1,
+    }  # fmt: skip
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
+@given(st.lists(st.binary(min_size=1, max_size=80), max_size=9))
+def test_whatever_is_said_the_step_goes_on_and_every_wrong_line_is_answered(
+    external: Make, connect: Connect, noise: list[bytes]
+) -> None:
+    lines = [line.replace(b"\n", b"?") for line in noise]
+    wrong = [i for i, line in enumerate(lines, start=1) if line.strip()]
+    task, client = begun(external(lockstep=False)), connect()
+    task._door.hang_up()
+    task._door.holder = None
+    assert task._door.meet(SOON)
+    client.send(*(line + b"\n" for line in lines), SOMEWHERE)
+    until = monotonic() + SOON
+    while step(task).goals is None:
+        assert monotonic() < until
+    task._door.hang_up()
+    told = iter(client.hear, None)
+    assert [line["line"] for line in told if "error" in line] == wrong
+
+
+def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    step(task)
+    client.hear()
+    client.hear()
+    client.send(70000 * b"x" + b"\n")
+    for tick in range(1, 10):
+        task._door.hear(0, 0.05)
+        step(task, tick * 0.05)
+    said = [client.hear() for _ in range(9)]
+    assert {"error": "the line is longer than 65536 bytes", "line": 1} in said
+
+
+def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    lines = [{"goals": {"cf1": {"position": [i / 100, 0, 1]}}} for i in range(2 * LINES)]
+    client.send(*lines)
+    task._door.meet(SOON)
+    task._door.hear(0, 0.2)
+    assert goals(step(task)).position[0, 0] == (LINES - 1) / 100
+    assert goals(step(task)).position[0, 0] == (2 * LINES - 1) / 100
+
+
+def test_a_client_that_says_nothing_lets_its_agents_hold(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False, silence=1.0))
+    flying(task, client, SOMEWHERE)
+    assert goals(step(task, 0.95)).position[0].tolist() == [0.5, 0.5, 1.0]
+    held = step(task, 1.0)
+    assert held.status is Status.RUNNING
+    assert goals(held).position[:2].tolist() == AIR[:2].tolist()
+    assert goals(held).active.tolist() == [True, True, False]
+
+
+def test_it_flies_on_when_it_is_heard_again(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False, silence=1.0))
+    flying(task, client, ALIVE)
+    step(task, 5.0)
+    again = flying(task, client, SOMEWHERE, time=5.05)
+    assert goals(again).position[0].tolist() == [0.5, 0.5, 1.0]
+    assert goals(step(task, 6.0)).position[0].tolist() == [0.5, 0.5, 1.0]
+
+
+def test_silence_can_fail_the_step(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False, silence=1.0, then="fail"))
+    flying(task, client, ALIVE)
+    ended = step(task, 1.0)
+    assert (ended.status, ended.reason) == (
+        Status.FAILURE, "nothing was heard of the other process for 1 s",
+    )  # fmt: skip
+
+
+def test_a_wrong_line_is_no_sign_of_life(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False, silence=1.0, then="fail"))
+    flying(task, client, ALIVE)
+    assert flying(task, client, b"nonsense\n", time=1.0).status is Status.FAILURE
+
+
+def test_a_client_that_comes_back_is_greeted_and_flies_on(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False, silence=1.0))
+    flying(task, client, ALIVE)
+    client.close()
+    while task._door.connected:
+        step(task, 0.05)
+    client = connect()
+    given = flying(task, client, SOMEWHERE, time=0.5)
+    assert client.hear()["star"] == 1
+    assert goals(given).position[0].tolist() == [0.5, 0.5, 1.0]
+
+
+def test_nobody_who_connects_fails_the_step(external: Make) -> None:
+    task = begun(external(lockstep=False, patience=3.0))
+    assert step(task, 2.95).status is Status.RUNNING
+    ended = step(task, 3.0)
+    host, port = task.address
+    assert ended.reason == f"nobody connected to {host}:{port} within 3 s"
+
+
+def test_in_lock_step_the_computers_time_counts(external: Make) -> None:
+    ended = step(begun(external(patience=0.05)))
+    assert ended.status is Status.FAILURE
+    assert ended.reason.endswith("within 0.05 s")
+
+
+def test_in_lock_step_each_state_has_one_answer(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(patience=SOON))
+    client.send(*({"goals": {"cf1": {"position": [i, 0, 1]}}} for i in range(4)))
+    given = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
+    assert given == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_in_lock_step_a_wrong_line_is_an_answer(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(patience=SOON))
+    client.send(b"nonsense\n", SOMEWHERE)
+    assert step(task).goals is None
+    assert goals(step(task, 0.05)).position[0].tolist() == [0.5, 0.5, 1.0]
+
+
+def test_in_lock_step_only_states_are_answered(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(patience=SOON, rate=10))
+    client.send(*({"goals": {"cf1": {"position": [i, 0, 1]}}} for i in range(2)))
+    given = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
+    assert given == [0.0, 0.0, 1.0, 1.0]
+
+
+def test_in_lock_step_an_answer_that_is_late_is_not_waited_for_twice(
+    external: Make, connect: Connect
+) -> None:
+    client, task = connect(), begun(external(patience=0.05, silence=1.0))
+    assert step(task) == Step()
+    for tick in range(1, 20):
+        step(task, tick * 0.05)
+    assert client.hear()["star"] == 1
+    assert client.hear()["time"] == 0.0
+    late = flying(task, client, SOMEWHERE, time=1.0)
+    assert goals(late).position[0].tolist() == [0.5, 0.5, 1.0]
+    client.send(ALIVE)
+    step(task, 1.05)
+    assert client.hear()["time"] == 1.05  # no state stood between without an answer
+
+
+def test_on_hardware_nothing_waits(door: Door, room: Scene, connect: Connect) -> None:
+    connect()
+    door.meet(SOON)
+    task = begun(External(replace(room, realtime=True), (0,), door, Manner(patience=1000.0)))
+    assert step(task) == Step()
+
+
+def test_goals_of_who_left_are_gone_and_refused(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    flying(task, client, SOMEWHERE)
+    task.stay((1,))
+    assert step(task, 0.05).goals is None
+    assert flying(task, client, SOMEWHERE, time=0.1).goals is None
+    said = [client.hear() for _ in range(6)]
+    assert [line["agents"] for line in said if "star" in line] == [["cf1", "cf2"], ["cf2"]]
+    assert said[-1]["error"] == "no agent named 'cf1' in this step; there are: cf2"
+
+
+def test_who_takes_a_part_takes_its_goal(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    flying(task, client, SOMEWHERE)
+    task.swap(0, 2)
+    given = goals(step(task, 0.05))
+    assert given.active.tolist() == [False, False, True]
+    assert given.position[2].tolist() == [0.5, 0.5, 1.0]
+
+
+def test_who_joins_can_be_given_goals(external: Make, connect: Connect) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    task.join((0, 1, 2))
+    given = goals(flying(task, client, {"goals": {"cf3": {"position": [0, 0, 1]}}}))
+    assert given.active.tolist() == [False, False, True]
+
+
+def test_a_step_takes_the_port_over_from_one_that_was_ended(
+    external: Make, connect: Connect
+) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    step(task)
+    following = begun(external(lockstep=False))
+    assert step(following) == Step()
+    step(following, 0.05)
+    client.hear()
+    client.hear()
+    assert client.hear() is None
+    client = connect()
+    assert flying(following, client, SOMEWHERE, time=0.1).goals is not None
+
+
+def test_two_steps_at_once_cannot_have_one_port(external: Make, connect: Connect) -> None:
+    connect()
+    one, other = begun(external(lockstep=False)), begun(external(lockstep=False))
+    step(one)
+    step(other)
+    step(one, 0.05)
+    ended = step(other, 0.05)
+    host, port = one.address
+    assert ended.status is Status.FAILURE
+    assert ended.reason == (
+        f"another step that runs now listens on {host}:{port}; give each its own 'port'"
+    )
+    assert step(one, 0.1).status is Status.RUNNING
+
+
+@pytest.mark.parametrize("rate", [None, 10])
+def test_a_step_of_the_next_tick_begins_at_once_after_one_that_ended_itself(
+    external: Make, connect: Connect, rate: float | None
+) -> None:
+    client, task = connect(), begun(external(lockstep=False, rate=rate))
+    flying(task, client, {"done": True})
+    client = connect()
+    assert flying(begun(external(lockstep=False)), client, SOMEWHERE).goals is not None

@@ -1,0 +1,137 @@
+"""Whole missions with the verb ``external``."""
+
+from __future__ import annotations
+
+import json
+import random
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+import pytest
+
+from star_core.cli import run
+
+FLIGHT = """\
+star: 1
+name: led
+world: room.yaml
+seed: 3
+swarm: {cf1: {start: [0, 0, 0]}, cf2: {start: [1, 0, 0]}}
+transport: sim
+localizer: flow
+planner: straight
+avoider: none
+mission:
+  - takeoff: {height: 0.5}
+  - external: {port: PORT}
+  - external: {port: PORT, until: {elapsed: 0.5}}
+  - repeat: {times: 2, steps: [external: {port: PORT, agents: cf1, until: {elapsed: 0.5}}]}
+"""
+ROOM = "star: 1\nname: room\nfence: {low: [-9, -9, 0], high: [9, 9, 3]}\n"
+STEPS = 4
+SOON = 30.0  # s
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port: int = server.getsockname()[1]
+        return port
+
+
+def connected(port: int) -> socket.socket:
+    until = time.monotonic() + SOON
+    while True:
+        try:
+            return socket.create_connection(("127.0.0.1", port), timeout=SOON)
+        except ConnectionRefusedError:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+
+
+def lead_up(lines: TextIO, dawdle: random.Random) -> None:
+    """Answer every state, slowly now and then, with goals above the agents."""
+    for line in lines:
+        state = json.loads(line)
+        if "star" in state:
+            continue
+        if dawdle.random() < 0.1:
+            time.sleep(0.02 * dawdle.random())
+        here = {name: agent["position"] for name, agent in state["agents"].items()}
+        goals = {name: {"position": [x, y, min(z + 0.2, 1.5)]} for name, (x, y, z) in here.items()}
+        over = all(z > 1.2 for _, _, z in here.values())
+        print(json.dumps({"done": True} if over else {"goals": goals}), file=lines, flush=True)
+
+
+def lead(port: int, seed: int) -> None:
+    """Lead the agents of every step up."""
+    dawdle = random.Random(seed)  # noqa: S311 -- a pause is no secret
+    for _ in range(STEPS):
+        with connected(port) as client, client.makefile("rw") as lines:
+            lead_up(lines, dawdle)
+
+
+def flown(folder: Path, seed: int) -> dict[str, Any]:
+    folder.mkdir()
+    port = free_port()
+    (folder / "room.yaml").write_text(ROOM)
+    (folder / "led.yaml").write_text(FLIGHT.replace("PORT", str(port)))
+    leader = threading.Thread(target=lead, args=(port, seed))
+    leader.start()
+    assert run([str(folder / "led.yaml"), "--json", "--out", str(folder / "out")]) == 0
+    leader.join(SOON)
+    summary: dict[str, Any] = json.loads((folder / "out" / "summary.json").read_text())
+    return summary
+
+
+def test_in_lock_step_a_flight_is_the_same_however_slow_the_other_process_is(
+    tmp_path: Path,
+) -> None:
+    steps = flown(tmp_path / "a", 1)["steps"]
+    assert [step["verb"] for step in steps] == ["takeoff", *STEPS * ["external"]]
+    assert flown(tmp_path / "b", 2)["steps"] == [
+        {**step, "place": step["place"].replace("/a/", "/b/")} for step in steps
+    ]
+    with (
+        np.load(tmp_path / "a" / "out" / "trajectory.npz") as a,
+        np.load(tmp_path / "b" / "out" / "trajectory.npz") as b,
+    ):
+        assert a["truth_position"][:, :, 2].max() > 1.2
+        for name in a:
+            assert np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f")
+
+
+def test_the_example_leads_two_drones_round_a_circle(missions: Path, tmp_path: Path) -> None:
+    port = str(free_port())
+    script = [sys.executable, str(missions / "external_goals.py"), port]
+    with subprocess.Popen(script, stderr=subprocess.PIPE, text=True) as example:
+        arguments = ["--set", f"mission.1.external.port={port}", "--json", "--out", str(tmp_path)]
+        assert run([str(missions / "external.yaml"), *arguments]) == 0
+        assert example.communicate(timeout=SOON)[1] == ""
+    assert example.returncode == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["outcome"] == "completed"
+    assert [step["outcome"] for step in summary["steps"]] == 3 * ["success"]
+    assert summary["path_length_m"]["total"] > 2 * 2 * 5.0  # two drones, two circles of 5 m round
+
+
+def test_without_another_process_the_example_lands(missions: Path, tmp_path: Path) -> None:
+    settings = {"port": free_port(), "patience": 0.05}
+    arguments = [f"--set=mission.1.external.{key}={value}" for key, value in settings.items()]
+    assert run([str(missions / "external.yaml"), *arguments, "--out", str(tmp_path)]) == 0
+    assert "nobody connected to 127.0.0.1:" in (tmp_path / "summary.json").read_text()
+
+
+def test_a_port_that_is_taken_is_told_before_anybody_takes_off(
+    missions: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        arguments = [f"--set=mission.1.external.port={port}", "--no-record"]
+        assert run([str(missions / "external.yaml"), *arguments]) == 2
+    assert f"cannot listen on 127.0.0.1:{port}: " in capsys.readouterr().err

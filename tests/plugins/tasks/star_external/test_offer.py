@@ -1,0 +1,119 @@
+"""What the verb ``external`` announces, and what is wrong with its options."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import star_external
+from star_core import Offer, Task
+from star_core.testing import scene
+from star_external.checks import check
+from star_external.external import Manner
+
+ROOM = scene(2)
+
+
+@pytest.fixture
+def offer() -> Offer[Task]:
+    (made,) = star_external.star_tasks()
+    return made
+
+
+def told(**options: Any) -> list[tuple[tuple[str | int, ...], str]]:
+    return [(problem.path, problem.message) for problem in check(ROOM, (0, 1), **options)]
+
+
+def test_the_schema_is_a_schema_and_its_examples_fit(offer: Offer[Task]) -> None:
+    Draft202012Validator.check_schema(offer.options)
+    for option in offer.options["properties"].values():
+        assert option["description"].endswith(".")
+        values = option.get("examples", []) + ([option["default"]] if "default" in option else [])
+        for value in values:
+            Draft202012Validator(option).validate(value)
+
+
+def test_defaults_are_those_of_the_schema(offer: Offer[Task]) -> None:
+    taken = dict(inspect.signature(Manner).parameters) | dict(
+        inspect.signature(offer.make).parameters
+    )
+    for name, option in offer.options["properties"].items():
+        assert taken[name].default == option.get("default")
+
+
+def test_what_is_made_is_a_task_and_listens_on_the_loopback_only(offer: Offer[Task]) -> None:
+    task: Any = offer.make(ROOM, (0,), port=0)
+    address, fits = task.address, isinstance(task, Task)
+    task.close()
+    assert fits
+    assert address[0] == "127.0.0.1"
+
+
+def test_steps_of_one_flight_share_a_port(offer: Offer[Task]) -> None:
+    one: Any = offer.make(ROOM, (0,), port=0)
+    other: Any = offer.make(ROOM, (1,), port=0)
+    assert one.address == other.address
+    one.close()
+    other.close()
+
+
+def test_a_port_can_be_opened_again_for_the_next_flight(offer: Offer[Task]) -> None:
+    one: Any = offer.make(ROOM, (0,), port=0)
+    one.close()
+    other: Any = offer.make(ROOM, (0,), port=0)
+    assert other.address
+    other.close()
+
+
+def test_a_port_that_was_chosen_is_told(
+    offer: Offer[Task], caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        task: Any = offer.make(ROOM, (0,), port=0)
+    task.close()
+    assert caplog.messages == [f"external: listens on 127.0.0.1:{task.address[1]}"]
+
+
+def test_that_others_can_steer_is_told(
+    offer: Offer[Task], caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        task: Any = offer.make(ROOM, (0,), port=0, listen="0.0.0.0")  # noqa: S104 -- what it is about
+    task.close()
+    assert "whoever reaches 0.0.0.0:" in caplog.messages[-1]
+
+
+def test_a_name_is_no_address() -> None:
+    ((path, message),) = told(listen="localhost")
+    assert path == ("listen",)
+    assert message == "'localhost' is no IPv4 address, expected one like 127.0.0.1"
+
+
+def test_a_silence_is_longer_than_from_state_to_state() -> None:
+    ((path, message),) = told(silence=0.5, rate=2)
+    assert path == ("silence",)
+    assert message == (
+        "a silence of 0.5 s is not longer than from one state line to the next, 0.5 s"
+    )
+
+
+def test_options_that_are_well_have_no_problem() -> None:
+    assert told(listen="0.0.0.0", silence=1, rate=2, port=0) == []  # noqa: S104 -- an option
+
+
+def test_announcing_and_checking_it_imports_no_numpy() -> None:
+    code = (
+        "import sys, star_external\n"
+        "from star_core import Agent, Fence, Scene, World\n"
+        "(offer,) = star_external.star_tasks()\n"
+        "scene = Scene((Agent('a', (0, 0, 0)),), 0.05, World('r', Fence((-5, -5, 0), (5, 5, 3))))\n"
+        "assert not list(offer.check(scene, (0,), rate=10, listen='127.0.0.1'))\n"
+        "assert not {'numpy', 'socket'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
