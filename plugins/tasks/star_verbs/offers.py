@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from star_core import Offer
 from star_verbs import checks
 from star_verbs.formation.offer import OFFER as FORMATION
+from star_verbs.quantities import point, positive
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
@@ -114,29 +115,14 @@ def _wait(_scene: Scene, _rows: tuple[int, ...]) -> Task:
     return Wait()
 
 
-def _point(description: str, example: list[float]) -> Mapping[str, Any]:
-    return {
-        "type": "array",
-        "items": {"type": "number"},
-        "minItems": 3,
-        "maxItems": 3,
-        "description": description,
-        "examples": [example],
-    }
-
-
-def _positive(description: str, **more: Any) -> Mapping[str, Any]:
-    return {"type": "number", "exclusiveMinimum": 0, "description": description, **more}
-
-
-_TRAVEL_SPEED = _positive("Greatest speed on the way, m/s; limits.speed at most and if not given.")
+_TRAVEL_SPEED = positive("Greatest speed on the way, m/s; limits.speed at most and if not given.")
 _YAW = {
     "type": "number",
     "description": "Heading to turn to, degrees anticlockwise from the map's x axis; "
     "each agent keeps its own if not given.",
     "examples": [90],
 }
-_SPACING = _positive(
+_SPACING = positive(
     "Least distance between the agents where several are sent to one place, m.", default=0.6
 )
 
@@ -149,8 +135,8 @@ OFFERS: tuple[Offer[Task], ...] = (
         options={
             "type": "object",
             "properties": {
-                "height": _positive("Height to climb to, z in the map, m.", default=0.8),
-                "speed": _positive("Mean speed of the climb, m/s.", default=0.3),
+                "height": positive("Height to climb to, z in the map, m.", default=0.8),
+                "speed": positive("Mean speed of the climb, m/s.", default=0.3),
             },
         },
     ),
@@ -160,7 +146,7 @@ OFFERS: tuple[Offer[Task], ...] = (
         make=_land,
         options={
             "type": "object",
-            "properties": {"speed": _positive("Mean speed of the descent, m/s.", default=0.2)},
+            "properties": {"speed": positive("Mean speed of the descent, m/s.", default=0.2)},
         },
     ),
     Offer(
@@ -178,7 +164,7 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "default": 0.0,
                     "examples": [5],
                 },
-                "at": _point(
+                "at": point(
                     "Where to stay, [x, y, z] in the map, m; several agents spread around it; "
                     "each agent stays where it is if not given.",
                     [0.0, 0.0, 1.2],
@@ -198,8 +184,8 @@ OFFERS: tuple[Offer[Task], ...] = (
             "type": "object",
             "required": ["agents"],
             "properties": {
-                "height": _positive("Height to climb to, z in the map, m.", default=0.8),
-                "speed": _positive("Mean speed of the climb, m/s.", default=0.3),
+                "height": positive("Height to climb to, z in the map, m.", default=0.8),
+                "speed": positive("Mean speed of the climb, m/s.", default=0.3),
                 "battery": {
                     "type": "number",
                     "minimum": 0,
@@ -217,7 +203,7 @@ OFFERS: tuple[Offer[Task], ...] = (
             "type": "object",
             "properties": {
                 "speed": _TRAVEL_SPEED,
-                "descent": _positive("Mean speed of the descent, m/s.", default=0.2),
+                "descent": positive("Mean speed of the descent, m/s.", default=0.2),
             },
         },
     ),
@@ -235,12 +221,12 @@ OFFERS: tuple[Offer[Task], ...] = (
         options={
             "type": "object",
             "properties": {
-                "to": _point(
+                "to": point(
                     "Where to, [x, y, z] in the map, m; several agents spread around it. "
                     "Give this or 'by'.",
                     [1.0, 0.5, 0.8],
                 ),
-                "by": _point(
+                "by": point(
                     "How far from where each agent is, [x, y, z] along the map's axes, m. "
                     "Give this or 'to'.",
                     [0.5, 0.0, 0.0],
@@ -248,7 +234,7 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "yaw_deg": _YAW,
                 "speed": _TRAVEL_SPEED,
                 "spacing": _SPACING,
-                "within": _positive("How near to its goal each agent must come, m.", default=0.1),
+                "within": positive("How near to its goal each agent must come, m.", default=0.1),
             },
         },
     ),
@@ -273,7 +259,7 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "7th degree for x, y, z, m, and yaw, rad, flown in the file's own time.",
                     "default": "waypoints",
                 },
-                "timescale": _positive(
+                "timescale": positive(
                     "How many times its own time a poly7 file is flown in: 2 is half as fast.",
                     default=1.0,
                 ),
@@ -288,16 +274,16 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "description": "A closed path; the figure 8 is a lemniscate of Gerono along x. "
                     "Give this or 'file'.",
                 },
-                "size": _positive(
+                "size": positive(
                     "Side of the box, diameter of the circle, length of the figure 8 along x, m. "
                     "Needed with 'path'.",
                     examples=[2.4],
                 ),
-                "width": _positive(
+                "width": positive(
                     "Of the path along y, m; the size if not given, half of it for the figure 8.",
                     examples=[1.2],
                 ),
-                "centre": _point(
+                "centre": point(
                     "Middle of the path, [x, y, z] in the map, m. Needed with 'path'.",
                     [0.0, 0.0, 0.8],
                 ),
@@ -313,7 +299,7 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "yaw_deg).",
                     "default": "fixed",
                 },
-                "speed": _positive("Speed along the path, m/s; limits.speed at most.", default=0.3),
+                "speed": positive("Speed along the path, m/s; limits.speed at most.", default=0.3),
                 "spacing": _SPACING,
             },
         },

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Offer
 from star_verbs.formation.checks import check
 from star_verbs.formation.shapes import SPACING
+from star_verbs.quantities import point, positive
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
@@ -47,23 +48,8 @@ def make(
     return Formation(scene, rows, shape(len(rows), given), manner)
 
 
-def _positive(description: str, **more: Any) -> Mapping[str, Any]:
-    return {"type": "number", "exclusiveMinimum": 0, "description": description, **more}
-
-
 def _many(description: str) -> Mapping[str, Any]:
     return {"type": "integer", "minimum": 1, "maximum": MOST, "description": description}
-
-
-def _point(description: str, example: Sequence[float]) -> Mapping[str, Any]:
-    return {
-        "type": "array",
-        "items": {"type": "number"},
-        "minItems": 3,
-        "maxItems": 3,
-        "description": description,
-        "examples": [list(example)],
-    }
 
 
 OFFER: Final[Offer[Task]] = Offer(
@@ -81,23 +67,23 @@ OFFER: Final[Offer[Task]] = Offer(
                 "that all of them fly add up to least. A line lies along x, a grid has its columns "
                 "along x, and a circle begins at its greatest x, before they are turned.",
             },
-            "centre": _point(
+            "centre": point(
                 "Middle of the formation, [x, y, z] in the map, m. For 'points' the map's origin "
                 "if not given.",
                 [0.0, 0.0, 0.8],
             ),
-            "spacing": _positive(
+            "spacing": positive(
                 f"Distance between neighbours, m; {SPACING:g} if not given. For a circle 'radius' "
                 "may be given instead.",
             ),
-            "radius": _positive("Of the circle, m.", examples=[0.8]),
+            "radius": positive("Of the circle, m.", examples=[0.8]),
             "rows": _many("Rows of the grid; as many as its columns need if not given."),
             "columns": _many("Columns of the grid; as square as it goes if not given."),
             "points": {
                 "type": "array",
                 "minItems": 1,
                 "maxItems": MOST,
-                "items": _point("Place, [x, y, z] from the centre, m.", [0.5, 0.0, 0.0]),
+                "items": point("Place, [x, y, z] from the centre, m.", [0.5, 0.0, 0.0]),
                 "description": "Places, from the centre, m; of more than there are agents some "
                 "stay empty.",
                 "examples": [[[0.0, 0.0, 0.8], [0.6, 0.0, 1.0]]],
@@ -109,11 +95,11 @@ OFFER: Final[Offer[Task]] = Offer(
                 "each agent keeps its own heading.",
                 "examples": [90],
             },
-            "speed": _positive(
+            "speed": positive(
                 "Greatest speed on the way to the places, m/s; limits.speed at most and if not "
                 "given."
             ),
-            "within": _positive("How near to its place each agent must come, m.", default=0.1),
+            "within": positive("How near to its place each agent must come, m.", default=0.1),
             "for": {
                 "type": "number",
                 "minimum": 0,
@@ -127,10 +113,10 @@ OFFER: Final[Offer[Task]] = Offer(
                 "required": ["to"],
                 "additionalProperties": False,
                 "properties": {
-                    "to": _point(
+                    "to": point(
                         "Where its centre moves to, [x, y, z] in the map, m.", [1.0, 0.0, 0.8]
                     ),
-                    "speed": _positive("Of the centre, m/s; limits.speed at most.", default=PACE),
+                    "speed": positive("Of the centre, m/s; limits.speed at most.", default=PACE),
                 },
             },
         },
