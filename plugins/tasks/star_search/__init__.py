@@ -1,0 +1,18 @@
+"""The verb ``search``: cover an area until targets are found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from star_core import Offer, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Task
+
+
+@hookimpl
+def star_tasks() -> Iterable[Offer[Task]]:
+    from star_search.offer import offer
+
+    yield offer()

@@ -1,0 +1,145 @@
+"""Lanes side by side over an area with holes, and a tour along them: a boustrophedon."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+import shapely
+from shapely import LineString, Polygon
+from shapely.affinity import rotate
+from shapely.geometry.base import BaseGeometry
+
+from star_core import Array
+
+SHORTEST: Final = 0.05  # m: a lane is no shorter
+INSIDE: Final = 1e-3  # m from the edge of where agents may be that lanes keep
+
+
+class Lane(NamedTuple):
+    """A straight stretch to fly, from one end to the other.
+
+    Attributes:
+        start: (2,) map frame, m.
+        end: (2,) map frame, m.
+    """
+
+    start: Array
+    end: Array
+
+    @property
+    def length(self) -> float:
+        """From end to end, m."""
+        return math.dist(self.start, self.end)
+
+    def reversed(self) -> Lane:
+        """Return the lane the other way round."""
+        return Lane(self.end, self.start)
+
+
+def strips(area: BaseGeometry, free: BaseGeometry, swath: float, angle: float) -> list[list[Lane]]:
+    """Return lanes at one angle, in groups that can be flown to and fro.
+
+    The lanes are as many as it takes to cover the area's width with `swath` each, and spread evenly
+    over it; near the edge they are moved to where an agent may be. Each is cut where obstacles
+    stand. Lanes that lie side by side make one group until an obstacle, or a corner of the area,
+    splits them in two or joins two: the cells of the boustrophedon decomposition (Choset,
+    Autonomous Robots 9(3), 2000), on lanes in place of a continuous sweep.
+
+    Args:
+        area: What is to be covered, m.
+        free: Where agents may be, m.
+        swath: Greatest distance between lanes, m.
+        angle: Direction of the lanes, rad, anticlockwise from the map's x axis.
+    """
+    level = rotate(area, -angle, origin=(0, 0), use_radians=True)
+    room = rotate(free, -angle, origin=(0, 0), use_radians=True).intersection(level)
+    west, south, east, north = level.bounds
+    if room.is_empty:
+        return []
+    low, high = room.bounds[1] + INSIDE, room.bounds[3] - INSIDE
+    count = max(1, math.ceil((north - south) / swath - 1e-9))
+    width = (north - south) / count
+    levels = np.clip(south + width * (np.arange(count) + 0.5), min(low, high), max(low, high))
+    groups: list[list[Lane]] = []
+    open_groups: list[tuple[float, float, list[Lane]]] = []
+    for y in dict.fromkeys(levels.tolist()):
+        spans = list(_spans(room, west, east, y))
+        grown: list[tuple[float, float, list[Lane]]] = []
+        for a, b in spans:
+            below = [one for one in open_groups if one[0] < b and a < one[1]]
+            alone = len(below) == 1 and sum(
+                below[0][0] < d and c < below[0][1] for c, d in spans
+            ) == 1  # fmt: skip
+            group = below[0][2] if alone else []
+            if not alone:
+                groups.append(group)
+            group.append(_lane(a, b, y, angle))
+            grown.append((a, b, group))
+        open_groups = grown
+    return groups
+
+
+def tour(groups: Sequence[Sequence[Lane]], start: Array) -> list[Lane]:
+    """Return the lanes of all groups in the order in which to fly them, each in its direction.
+
+    A group is flown to and fro. After it comes the group with the nearest corner, and it is begun
+    at that corner.
+
+    Args:
+        groups: As `strips` returns them.
+        start: (2,) where the tour begins, m.
+    """
+    left = [list(group) for group in groups if group]
+    here, flown = start, []
+    while left:
+        ways = ((i, way) for i, group in enumerate(left) for way in _ways(group))
+        best, way = min(ways, key=lambda one: math.dist(here, one[1][0].start))
+        flown += way
+        here = way[-1].end
+        del left[best]
+    return flown
+
+
+def length(lanes: Sequence[Lane]) -> float:
+    """Return the length of the lanes and of the straight ways between them, m."""
+    between = sum(math.dist(one.end, other.start) for one, other in pairwise(lanes))
+    return between + sum(lane.length for lane in lanes)
+
+
+def angles(area: Polygon) -> list[float]:
+    """Return the directions of an area's sides, each once, rad."""
+    ring = shapely.get_coordinates(area.exterior)
+    away = np.diff(ring, axis=0)
+    found = np.arctan2(away[:, 1], away[:, 0]) % math.pi
+    order = np.argsort(-np.hypot(*away.T), kind="stable")
+    return list(dict.fromkeys(np.round(found[order], 6).tolist()))
+
+
+def _ways(group: list[Lane]) -> Iterator[list[Lane]]:
+    """The four ways to fly a group to and fro."""
+    for lanes in (group, group[::-1]):
+        for first in (0, 1):
+            yield [
+                lane if (i + first) % 2 == 0 else lane.reversed() for i, lane in enumerate(lanes)
+            ]
+
+
+def _spans(room: BaseGeometry, west: float, east: float, y: float) -> list[tuple[float, float]]:
+    """Where a level line lies in the room, from west to east."""
+    line = room.intersection(LineString([(west - 1, y), (east + 1, y)]))
+    spans = []
+    for piece in shapely.get_parts(line):
+        a, _, b, _ = piece.bounds
+        if b - a >= SHORTEST:
+            spans.append((a + INSIDE, b - INSIDE))
+    return sorted(spans)
+
+
+def _lane(a: float, b: float, y: float, angle: float) -> Lane:
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, s], [-s, c]])
+    return Lane(np.array([a, y]) @ turn, np.array([b, y]) @ turn)

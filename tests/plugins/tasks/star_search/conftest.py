@@ -1,0 +1,202 @@
+"""A hall, scouts that fly exactly what the planner says, and targets that views show them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from dataclasses import field as made
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from star_core import (
+    Agent,
+    AgentPhase,
+    Array,
+    Camera,
+    Command,
+    Estimate,
+    Fence,
+    Health,
+    Limits,
+    Mask,
+    Obstacle,
+    Rows,
+    Scene,
+    Sightings,
+    Status,
+    Tag,
+    Task,
+    World,
+)
+from star_core.testing import estimate, health
+from star_search.field import Field
+from star_search.offer import make
+from star_search.view import View, view
+from star_visibility import make as make_planner
+
+FLAT = (0.0, 0.0, 0.0, 1.0)
+BLOCK = Obstacle("block", (((-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (-0.4, 0.4)),), (0.0, 2.5))
+HEIGHT = 0.8
+
+
+def hall_of(
+    agents: int = 2,
+    *,
+    half: float = 2.0,
+    obstacles: tuple[Obstacle, ...] = (BLOCK,),
+    targets: Mapping[str, tuple[float, float]] | None = None,
+    camera: Camera | None = Camera(),  # noqa: B008 -- frozen
+) -> Scene:
+    starts = [(-half + 0.5 + 0.7 * i, -half + 0.5, 0.0) for i in range(agents)]
+    tags = tuple(
+        Tag(100 + i, 0.168, (x, y, 0.0), FLAT, name)
+        for i, (name, (x, y)) in enumerate((targets or {}).items())
+    )
+    fence = Fence((-half, -half, 0.0), (half, half, 2.5))
+    return Scene(
+        agents=tuple(Agent(f"cf{i + 1}", at, 0.0, None, camera) for i, at in enumerate(starts)),
+        period=0.05,
+        world=World("hall", fence, obstacles, (), tags),
+        limits=Limits(speed=0.5, acceleration=2.0, height=(0.2, 1.8)),
+    )
+
+
+@dataclass
+class Searched:
+    """What became of a search."""
+
+    limit: float
+    field: Field
+    status: Status = Status.RUNNING
+    reason: str = ""
+    time: float = 0.0
+    commands: list[tuple[float, Command]] = made(default_factory=list)
+    position: list[Array] = made(default_factory=list)
+    goal: list[Array] = made(default_factory=list)
+    phase: Rows = made(default_factory=lambda: np.zeros(0, np.int64))
+    finder: Rows = made(default_factory=lambda: np.zeros(0, np.int64))
+
+    @property
+    def track(self) -> Array:
+        """(T, N, 3) where the scouts were."""
+        return np.array(self.position)
+
+
+class Scouts:
+    """Points that fly what the planner says; a target is seen where the view shows it."""
+
+    def __init__(self, scene: Scene, phase: AgentPhase = AgentPhase.FLYING) -> None:
+        n = len(scene.agents)
+        self.scene = scene
+        self.planner = make_planner(scene)
+        self.position = np.array([(*agent.start[:2], HEIGHT) for agent in scene.agents])
+        self.velocity = np.zeros((n, 3))
+        self.yaw = np.zeros(n)
+        self.phase: Rows = np.full(n, int(phase))
+        self.ready = np.full(n, np.inf)
+        self.valid: Mask = np.ones(n, np.bool_)
+        self.looks = np.zeros((len(scene.world.targets), n), np.int64)
+        self.finder: Rows = np.full(len(scene.world.targets), -1)
+        pieces = [shapely.Polygon(p) for o in scene.world.obstacles for p in o.polygons]
+        self.walls = shapely.union_all(pieces)
+        camera = scene.agents[0].camera
+        self.view: View | None = view(camera, HEIGHT, 0.168, 0.05) if camera else None
+
+    def now(self, time: float) -> tuple[Estimate, Health]:
+        seen = list(self.sighted())
+        sightings = Sightings.none()
+        if seen:
+            agent, tag, place = (list(column) for column in zip(*seen, strict=True))
+            k = len(seen)
+            spread = np.tile(np.eye(3) * 1e-3, (k, 1, 1))
+            sightings = Sightings(
+                np.array(agent),
+                np.array(tag),
+                np.full(k, time),
+                np.array(place),
+                np.zeros(k),
+                spread,
+            )
+        whole = estimate(self.position, velocity=self.velocity, time=time)
+        whole = replace(whole, yaw=self.yaw, valid=self.valid, sightings=sightings)
+        return whole, replace(health(len(self.yaw)), phase=self.phase, finder=self.finder)
+
+    def sighted(self) -> Any:
+        for k, tag in enumerate(self.scene.world.targets):
+            for row in np.flatnonzero(self.phase == AgentPhase.FLYING).tolist():
+                away = complex(*tag.position[:2]) - complex(*self.position[row, :2])
+                turned = away * np.exp(-1j * self.yaw[row])
+                sight = shapely.LineString(np.array([self.position[row, :2], tag.position[:2]]))
+                if self.shows(turned) and not self.walls.intersects(sight):
+                    self.looks[k, row] += 1
+                    if self.finder[k] < 0 and self.looks[k, row] >= 3:
+                        self.finder = self.finder.copy()
+                        self.finder[k] = row
+                    yield row, tag.id, tag.position
+
+    def shows(self, at: complex) -> bool:
+        points = np.array(self.view.points if self.view else [(np.inf, np.inf)])
+        return bool((np.abs(points - [at.real, at.imag]) <= 0.025).all(axis=1).any())
+
+    def move(self, now: Estimate, goals: Any) -> None:
+        landed = self.ready <= now.time
+        self.phase = np.where(landed, int(AgentPhase.LANDED), self.phase)
+        self.position[landed, 2] = 0.0
+        plan = self.planner.plan(now, goals)
+        assert not plan.unreachable.any(), plan.reasons
+        fly = plan.setpoint.active & (self.phase == AgentPhase.FLYING)
+        self.velocity = np.where(fly[:, None], plan.setpoint.velocity, 0.0)
+        self.yaw = np.where(fly, plan.setpoint.yaw, self.yaw)
+        self.position = self.position + self.scene.period * self.velocity
+
+
+def search_it(
+    scene: Scene,
+    *,
+    rows: tuple[int, ...] | None = None,
+    phase: AgentPhase = AgentPhase.FLYING,
+    meddle: Callable[[float, Task, Scouts], None] = lambda _time, _task, _scouts: None,
+    longest: float = 300.0,
+    **options: Any,
+) -> Searched:
+    """Search until it is over, or for `longest` seconds; `meddle` comes before all of it."""
+    scouts = Scouts(scene, phase)
+    task: Any = make(scene, rows or tuple(range(len(scene.agents))), **options)
+    meddle(0.0, task, scouts)
+    estimated, healthy = scouts.now(0.0)
+    limit = task.begin(estimated, healthy)
+    found = Searched(limit, field=task._field)
+    for tick in range(math.ceil(longest / scene.period)):
+        found.time = tick * scene.period
+        meddle(found.time, task, scouts)
+        estimated, healthy = scouts.now(found.time)
+        step = task.step(estimated, healthy)
+        found.position.append(scouts.position.copy())
+        found.status, found.reason = step.status, step.reason
+        if step.goals is not None:
+            found.goal.append(np.where(step.goals.active[:, None], step.goals.position, np.nan))
+        if step.status is not Status.RUNNING:
+            break
+        for command in step.commands:
+            found.commands.append((found.time, command))
+            scouts.phase = scouts.phase.copy()
+            scouts.phase[command.agent] = AgentPhase.LANDING
+            scouts.ready[command.agent] = found.time + command.duration
+        if step.goals is not None:
+            scouts.move(estimated, step.goals)
+    found.phase, found.finder = scouts.phase, scouts.finder
+    return found
+
+
+@pytest.fixture
+def hall() -> Callable[..., Scene]:
+    return hall_of
+
+
+@pytest.fixture
+def search() -> Callable[..., Searched]:
+    return search_it

@@ -1,0 +1,159 @@
+"""What the verb announces, and what its check finds."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import star_search
+from star_core import PluginError, Task
+from star_search import choice
+from star_search.offer import make, offer
+
+
+def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
+    check = offer().check
+    assert check is not None
+    rows = tuple(range(len(scene.agents)))
+    return [(problem.path, problem.message) for problem in check(scene, rows, **options)]
+
+
+def test_there_is_one_verb() -> None:
+    assert [one.name for one in star_search.star_tasks()] == ["search"]
+
+
+def test_the_schema_is_a_schema() -> None:
+    Draft202012Validator.check_schema(offer().options)
+    for option in offer().options["properties"].values():
+        assert option["description"].endswith(".")
+        for value in option.get("examples", []) + [option[k] for k in ("default",) if k in option]:
+            Draft202012Validator(option).validate(value)
+
+
+@pytest.mark.parametrize(
+    "area",
+    [[[0, 0], [1, 0]], {"low": [0, 0]}, {"low": [0, 0], "high": [1, 1], "x": 1}, [[0], [1], [2]]],
+)
+def test_the_schema_refuses_what_is_no_area(area: Any) -> None:
+    assert not Draft202012Validator(offer().options).is_valid({"area": area})
+
+
+def test_defaults_are_those_of_the_schema() -> None:
+    taken = {
+        name: parameter.default
+        for name, parameter in inspect.signature(make).parameters.items()
+        if parameter.default not in (inspect.Parameter.empty, None)
+    }
+    options = offer().options["properties"]
+    assert taken == {name: one["default"] for name, one in options.items() if "default" in one}
+
+
+def test_checking_imports_no_numpy() -> None:
+    code = (
+        "import sys, star_search\n"
+        "from star_core import Agent, Camera, Fence, Scene, World\n"
+        "(offer,) = star_search.star_tasks()\n"
+        "world = World('room', Fence((-5, -5, 0), (5, 5, 3)))\n"
+        "scene = Scene((Agent('a', (0, 0, 0), camera=Camera()),), 0.05, world)\n"
+        "area = [[0, 0], [1, 0], [0, 1]]\n"
+        "assert not list(offer.check(scene, (0,), area=area, swath=0.5))\n"
+        "assert 'numpy' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_good_search_has_no_problem(hall: Any) -> None:
+    assert problems(hall(targets={"red": (1, 1)}), targets=["red"], swath=1.0, height=0.7) == []
+
+
+def test_agents_without_a_camera_are_told(hall: Any) -> None:
+    ((path, message),) = problems(hall(camera=None))
+    assert path == ()
+    assert message == (
+        "cf1, cf2 have no camera to search with; give agents `camera: aideck`, "
+        "or name those that have one"
+    )
+
+
+def test_an_area_is_told_with_its_place(hall: Any) -> None:
+    ((path, message),) = problems(hall(), area={"low": [-1, -1], "high": [1, 5]})
+    assert path == ("area", "high")
+    assert message.startswith("[1, 5] is outside the fence")
+
+
+def test_a_height_that_nobody_flies_at_is_told(hall: Any) -> None:
+    low = replace(hall(), limits=replace(hall().limits, height=(0.2, 0.5)))
+    ((path, message),) = problems(low)
+    assert path == ("height",)
+    assert message == "0.8 m is outside the heights to fly at, from 0.2 to 0.5 m"
+
+
+def test_a_height_from_which_no_tag_is_made_out_is_told(hall: Any) -> None:
+    ((path, message),) = problems(hall(), height=1.8)
+    assert path == ("height",)
+    assert message.startswith("from 1.8 m at 0.3 m/s, 'cf1' makes out no tag on the floor")
+
+
+def test_lanes_farther_apart_than_the_camera_sees_are_told(hall: Any) -> None:
+    ((path, message),) = problems(hall(), swath=2.0)
+    assert path == ("swath",)
+    assert message.startswith("2 m is more than the 1.35 m in which 'cf1' makes out tags")
+
+
+def test_a_clearance_that_leaves_nothing_is_told(hall: Any) -> None:
+    ((path, message),) = problems(hall(), clearance=2.0)
+    assert (path, message) == (
+        ("clearance",), "2 m on both sides leave nothing of the fence's 4 m",
+    )  # fmt: skip
+
+
+def test_more_targets_than_there_are_are_told(hall: Any) -> None:
+    ((path, message),) = problems(hall(targets={"red": (1, 1)}), targets=2)
+    assert (path, message) == (("targets",), "2 is more than the 1 targets of the world")
+
+
+def test_a_target_of_another_name_is_told_with_what_was_meant(hall: Any) -> None:
+    room = hall(targets={"red": (1, 1), "blue": (-1, 1)})
+    ((path, message),) = problems(room, targets=["blue", "rde"])
+    assert (path, message) == (("targets", 1), "no target named 'rde'; did you mean 'red'?")
+    ((_, message),) = problems(room, targets=["xyz"])
+    assert message == "no target named 'xyz'; there are: red, blue"
+
+
+def test_what_is_made_is_a_task(hall: Any) -> None:
+    assert isinstance(make(hall(), (0,), pattern="frontier"), Task)
+
+
+def test_somebody_elses_pattern_is_offered_and_made(hall: Any, monkeypatch: Any) -> None:
+    theirs = EntryPoint("theirs", "star_search.frontier:Frontier", choice.GROUP)
+    monkeypatch.setattr(choice, "entry_points", lambda **_group: [theirs])
+    choice._installed.cache_clear()
+    try:
+        assert offer().options["properties"]["pattern"]["enum"] == ["frontier", "sweep", "theirs"]
+        assert isinstance(make(hall(), (0,), pattern="theirs"), Task)
+    finally:
+        choice._installed.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("star_nowhere:Spiral", "search pattern 'theirs' (star_nowhere:Spiral): No module named"),
+        ("builtins:id", "search pattern 'theirs' (builtins:id) made int, expected begin(estimate"),
+    ],
+)
+def test_a_pattern_that_is_none_is_named(
+    value: str, message: str, hall: Any, monkeypatch: Any
+) -> None:
+    theirs = EntryPoint("theirs", value, choice.GROUP)
+    monkeypatch.setattr(choice, "_installed", lambda: {"theirs": theirs})
+    with pytest.raises(PluginError) as raised:
+        make(hall(), (0,), pattern="theirs")
+    assert str(raised.value).startswith(message)

@@ -1,0 +1,163 @@
+"""The patterns: what they cover, how they share it, and that they come to an end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from star_core import Obstacle, Status
+from star_search.field import Field
+from star_search.frontier import Frontier
+from star_search.offer import make
+from star_search.pattern import Pattern
+from star_search.sweep import Sweep
+from star_search.viewpoints import Viewpoints
+
+both = pytest.mark.parametrize("pattern", ["sweep", "frontier"])
+WALL = Obstacle("wall", (((-0.05, -2.0), (0.05, -2.0), (0.05, 2.0), (-0.05, 2.0)),), (0.0, 2.5))
+
+
+def field_of(scene: Any, rows: tuple[int, ...] = (0, 1)) -> Field:
+    return Field(scene, rows, area=None, height=0.8, speed=0.3, swath=None, clearance=0.3)
+
+
+def test_both_keep_the_contract(hall: Any) -> None:
+    assert isinstance(Sweep(field_of(hall())), Pattern)
+    assert isinstance(Frontier(field_of(hall())), Pattern)
+
+
+@both
+def test_an_area_with_an_obstacle_is_covered_in_time(pattern: str, hall: Any, search: Any) -> None:
+    flown = search(hall(2), pattern=pattern)
+    assert flown.status is Status.SUCCESS
+    assert flown.field.chart.covered >= 0.99
+    assert flown.time < flown.limit / 2
+
+
+@both
+def test_goals_keep_clear_of_obstacles_and_the_fence(pattern: str, hall: Any, search: Any) -> None:
+    flown = search(hall(2), pattern=pattern, longest=20.0)
+    goals = np.array(flown.goal)[:, :, :2].reshape(-1, 2)
+    points = shapely.points(goals[np.isfinite(goals).all(axis=1)])
+    block = shapely.box(-0.4, -0.4, 0.4, 0.4)
+    assert shapely.distance(block, points).min() >= 0.3 - 1e-6
+    assert shapely.box(-1.7, -1.7, 1.7, 1.7).buffer(1e-6).contains(points).all()
+
+
+@both
+def test_more_scouts_are_done_sooner(pattern: str, hall: Any, search: Any) -> None:
+    alone, three = search(hall(1), pattern=pattern), search(hall(3), pattern=pattern)
+    assert three.time < 0.7 * alone.time
+
+
+@both
+def test_the_share_of_a_scout_that_leaves_goes_to_the_others(
+    pattern: str, hall: Any, search: Any
+) -> None:
+    def meddle(time: float, task: Any, scouts: Any) -> None:
+        if time == 5.0:
+            task.stay((0,))
+            scouts.phase = np.array([scouts.phase[0], 6])
+
+    flown = search(hall(2), pattern=pattern, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert flown.field.chart.covered >= 0.99
+    assert np.isnan(flown.goal[-1][1]).all()
+
+
+@both
+def test_a_scout_that_is_not_located_for_a_while_comes_back(
+    pattern: str, hall: Any, search: Any
+) -> None:
+    def meddle(time: float, _task: Any, scouts: Any) -> None:
+        scouts.valid = np.array([True, not 5.0 <= time < 10.0])
+
+    flown = search(hall(2), pattern=pattern, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert np.isnan(np.array(flown.goal)[140, 1]).all()
+    assert np.isfinite(np.array(flown.goal)[300, 1]).all()
+
+
+@both
+def test_only_the_area_is_searched(pattern: str, hall: Any, search: Any) -> None:
+    area = {"low": [-1.9, -1.9], "high": [-0.9, 0.0]}
+    flown = search(hall(2), pattern=pattern, area=area)
+    assert flown.status is Status.SUCCESS
+    assert flown.time < 25.0
+    assert flown.track[:, :, 0].max() < 0.5
+
+
+@both
+def test_what_nobody_can_see_is_not_waited_for(pattern: str, hall: Any, search: Any) -> None:
+    room = hall(1, obstacles=(WALL,))
+    flown = search(room, pattern=pattern)
+    assert flown.status is Status.SUCCESS
+    assert flown.track[:, :, 0].max() < 0.0
+    assert flown.field.chart.middle[np.flatnonzero(flown.field.chart.wanted), 0].max() < 0.0
+
+
+@both
+def test_each_side_of_a_wall_is_searched_by_who_is_there(
+    pattern: str, hall: Any, search: Any
+) -> None:
+    def meddle(time: float, _task: Any, scouts: Any) -> None:
+        if time == 0.0:
+            assert (scouts.position[:, 0] < 0).tolist() == [True, True, True, False]
+
+    room = hall(4, half=2.0, obstacles=(WALL,))
+    flown = search(room, pattern=pattern, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert flown.field.chart.covered >= 0.99
+
+
+def test_two_scouts_do_not_go_to_see_the_same(hall: Any) -> None:
+    from star_core.testing import estimate
+
+    room = hall(2)
+    frontier = Frontier(field_of(room))
+    here = estimate(np.array([[*agent.start[:2], 0.8] for agent in room.agents]))
+    frontier.begin(here, (0, 1))
+    frontier.lead(here, (0, 1))
+    one, other = (set(trip.cells.tolist()) for trip in frontier._trips.values())
+    assert one
+    assert other
+    assert not one & other
+
+
+def test_a_viewpoint_is_as_far_as_the_way_around_an_obstacle(hall: Any) -> None:
+    wall = Obstacle("wall", (((-0.05, -2.0), (0.05, -2.0), (0.05, 1.0), (-0.05, 1.0)),), (0.0, 2.5))
+    field = field_of(hall(2, obstacles=(wall,)))
+    points = Viewpoints(field, field.outlooks[0])
+    way = points.distance(np.array([-1.0, -1.0, 0.8]))
+    behind = np.argmin(np.hypot(points.pose[:, 0] - 1.0, points.pose[:, 1] + 1.0))
+    assert 2 * np.hypot(1.0, 2.3) <= way[behind] <= 1.25 * 2 * np.hypot(1.0, 2.3)
+
+
+def test_a_cell_that_cannot_be_seen_though_it_should_is_given_up(hall: Any, search: Any) -> None:
+    def meddle(_time: float, task: Any, _scouts: Any) -> None:
+        chart = task._field.chart
+        for looks in chart._looks.values():
+            looks[:-1][np.hypot(*(chart.middle - [1.0, 1.0]).T) < 0.15] = 0
+
+    flown = search(hall(2), pattern="frontier", coverage=1.0, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert flown.field.chart.left.any()
+    assert np.hypot(*(flown.track[-1, :, :2] - [1.0, 1.0]).T).min() < 1.2  # it was looked for
+
+
+def test_a_longer_way_has_more_time(hall: Any, search: Any) -> None:
+    small, large = (search(hall(2, half=half), longest=0.1) for half in (1.5, 4.0))
+    assert large.limit > 3 * small.limit
+
+
+def test_an_area_without_room_for_lanes_is_over_at_once(hall: Any, search: Any) -> None:
+    corner = {"low": [-0.3, -0.3], "high": [0.3, 0.3]}  # all of it is under the block
+    assert search(hall(1), area=corner).status is Status.SUCCESS
+
+
+def test_making_a_search_plans_nothing_that_flies(hall: Any) -> None:
+    task: Any = make(hall(2), (0, 1))
+    assert task._field.chart.covered == 0.0

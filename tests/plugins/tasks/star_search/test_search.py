@@ -1,0 +1,170 @@
+"""When a search begins and ends, and what finders do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Order, Status
+
+RED, BLUE = (1.2, 1.2), (-1.3, 1.0)
+TWO = {"red": RED, "blue": BLUE}
+
+
+def test_nobody_who_flies_is_a_failure(hall: Any, search: Any) -> None:
+    flown = search(hall(2), phase=AgentPhase.GROUNDED)
+    assert (flown.status, flown.reason) == (Status.FAILURE, "nobody flies; take off first")
+
+
+def test_it_waits_until_all_who_fly_are_located(hall: Any, search: Any) -> None:
+    def meddle(time: float, _task: Any, scouts: Any) -> None:
+        scouts.valid = np.array([True, time >= 2.0])
+
+    flown = search(hall(2), meddle=meddle, longest=4.0)
+    assert len(flown.goal) == pytest.approx(40, abs=1)  # the first goals are those after 2 s
+    assert np.isfinite(flown.goal[0]).all()
+
+
+def test_its_time_out_does_not_wait_for_a_location(hall: Any, search: Any) -> None:
+    def meddle(_time: float, _task: Any, scouts: Any) -> None:
+        scouts.valid = np.array([False])
+
+    flown = search(hall(1), meddle=meddle, longest=1.0)
+    assert 30.0 < flown.limit < 600.0
+
+
+def test_enough_targets_end_it(hall: Any, search: Any) -> None:
+    flown = search(hall(2, targets=TWO), targets=1)
+    assert flown.status is Status.SUCCESS
+    assert (flown.finder >= 0).sum() == 1
+    assert flown.field.chart.covered < 0.99
+
+
+def test_all_targets_of_the_world_end_it_if_nothing_is_said(hall: Any, search: Any) -> None:
+    flown = search(hall(2, targets=TWO))
+    assert flown.status is Status.SUCCESS
+    assert (flown.finder >= 0).all()
+    assert flown.field.chart.covered < 0.99
+
+
+def test_with_none_wanted_the_area_is_covered_whatever_is_found(hall: Any, search: Any) -> None:
+    flown = search(hall(2, targets=TWO), targets=0)
+    assert flown.status is Status.SUCCESS
+    assert flown.field.chart.covered >= 0.99
+
+
+def test_a_search_is_over_when_every_scout_has_landed_at_a_target(hall: Any, search: Any) -> None:
+    flown = search(hall(1, targets={"red": RED}), then="land")
+    assert flown.status is Status.SUCCESS
+    assert flown.phase.tolist() == [AgentPhase.LANDED]
+
+
+def test_targets_may_be_named(hall: Any, search: Any) -> None:
+    flown = search(hall(2, targets=TWO), targets=["red"])
+    assert flown.status is Status.SUCCESS
+    assert flown.finder[0] >= 0
+
+
+def test_a_covered_area_ends_it_though_targets_are_left(hall: Any, search: Any) -> None:
+    hidden = {"hidden": (0.0, 0.0)}  # under the block
+    flown = search(hall(2, targets=hidden), targets=1)
+    assert flown.status is Status.SUCCESS
+    assert flown.finder.tolist() == [-1]
+
+
+def test_a_smaller_coverage_is_reached_sooner(hall: Any, search: Any) -> None:
+    half, whole = search(hall(2), coverage=0.5), search(hall(2), coverage=0.99)
+    assert half.time < 0.6 * whole.time
+    assert half.field.chart.covered >= 0.5
+
+
+def test_the_finder_lands_at_its_target(hall: Any, search: Any) -> None:
+    flown = search(hall(2, targets={"red": RED}), targets=1, then="land")
+    ((_, command),) = flown.commands
+    assert flown.status is Status.SUCCESS
+    assert command.order is Order.LAND
+    assert command.agent.tolist() == flown.finder.tolist()
+    assert flown.phase[flown.finder[0]] == AgentPhase.LANDED
+    assert flown.position[-1][flown.finder[0], :2] == pytest.approx(RED, abs=0.2)
+
+
+def test_the_others_search_on_when_one_has_landed(hall: Any, search: Any) -> None:
+    flown = search(hall(2, targets={"red": RED}), then="land", targets=0)
+    assert flown.status is Status.SUCCESS
+    assert flown.field.chart.covered >= 0.99
+    assert (flown.phase == AgentPhase.LANDED).sum() == 1
+
+
+def test_it_fails_when_all_have_landed_before_the_area_is_covered(hall: Any, search: Any) -> None:
+    flown = search(hall(1, targets=TWO), then="land")
+    assert flown.status is Status.FAILURE
+    assert flown.reason.startswith("nobody is left to search; ")
+    assert flown.reason.endswith("% of the area was seen")
+
+
+def test_a_target_too_near_to_an_obstacle_is_landed_beside(hall: Any, search: Any) -> None:
+    flown = search(hall(1, targets={"red": (0.55, 0.0)}), targets=1, then="land")
+    x, y = flown.position[-1][0, :2]
+    assert flown.status is Status.SUCCESS
+    assert np.hypot(x - 0.55, y) < 0.35
+    assert x >= 0.65
+
+
+def test_the_finder_hovers_at_its_target_to_the_end(hall: Any, search: Any) -> None:
+    flown = search(hall(2, targets={"red": RED}), then="hover", targets=0)
+    assert flown.status is Status.SUCCESS
+    assert flown.commands == []
+    assert flown.position[-1][flown.finder[0], :2] == pytest.approx(RED, abs=0.2)
+
+
+def test_who_marks_a_target_stays_over_it_and_then_searches_on(hall: Any, search: Any) -> None:
+    flown = search(hall(1, targets=TWO), then="mark", mark_for=4.0)
+    assert flown.status is Status.SUCCESS
+    for place in TWO.values():
+        near = np.linalg.norm(flown.track[:, 0, :2] - place, axis=1) <= 0.2
+        assert near.sum() * 0.05 >= 4.0
+
+
+def test_a_target_is_marked_before_enough_targets_end_it(hall: Any, search: Any) -> None:
+    quick = search(hall(1, targets={"red": RED}), targets=1)
+    marked = search(hall(1, targets={"red": RED}), targets=1, then="mark", mark_for=4.0)
+    assert marked.time >= quick.time + 4.0
+
+
+def test_a_target_that_was_found_before_is_nobodys_to_land_at(hall: Any, search: Any) -> None:
+    def meddle(_time: float, _task: Any, scouts: Any) -> None:
+        scouts.finder = np.array([0])
+
+    flown = search(hall(2, targets={"red": RED}), then="land", targets=0, meddle=meddle)
+    assert flown.commands == []
+    assert flown.field.chart.covered >= 0.99
+
+
+def test_two_that_land_at_one_place_land_apart(hall: Any, search: Any) -> None:
+    near = {"red": RED, "blue": (1.2, 1.0)}
+    flown = search(hall(3, targets=near), then="land", targets=0)
+    down = np.flatnonzero(flown.phase == AgentPhase.LANDED)
+    places = flown.position[-1][down, :2]
+    if len(down) == 2:
+        assert np.linalg.norm(places[0] - places[1]) >= 0.4
+    assert flown.status is Status.SUCCESS
+
+
+def test_a_finder_that_leaves_is_waited_for_by_nobody(hall: Any, search: Any) -> None:
+    def meddle(_time: float, task: Any, scouts: Any) -> None:
+        if (scouts.finder >= 0).any() and len(task._rows) == 2:
+            task.stay(tuple(row for row in (0, 1) if row != scouts.finder[0]))
+            scouts.phase = np.where(np.arange(2) == scouts.finder[0], 6, scouts.phase)
+
+    flown = search(hall(2, targets={"red": RED}), then="land", targets=0, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert flown.field.chart.covered >= 0.99
+
+
+def test_visits_to_targets_have_time(hall: Any, search: Any) -> None:
+    room = hall(2, targets=TWO)
+    plain = search(room, longest=0.1).limit
+    assert search(room, longest=0.1, then="mark", mark_for=10.0).limit >= plain + 3 * 20.0
+    assert search(room, longest=0.1, then="land").limit > plain
