@@ -71,10 +71,11 @@ def _reserve(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
     if set(scene.names) <= set(reserve.get("agents", ())):
         yield ("reserve", "agents"), "every agent is in reserve; leave one to be relieved"
     low, high = scene.limits.height
-    if not low <= reserve.get("height", low) <= high:
+    height = reserve.get("height", 0.8)  # the schema's default
+    if reserve and not low <= height <= high:
         yield (
             ("reserve", "height"),
-            f"{reserve['height']:g} m is outside the heights to fly at, from {low:g} to {high:g} m",
+            f"{height:g} m is outside the heights to fly at, from {low:g} to {high:g} m",
         )
 
 
