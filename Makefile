@@ -31,7 +31,7 @@ check: $(VENV)/.ready  ## style, types, layers, tests
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
-	for topic in startup sim tick orca planner camera detector landmarks; do $(BIN)/python benchmarks/$$topic.py; done
+	for topic in startup sim tick orca planner camera detector landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
 
 campaign: $(VENV)/.ready  ## the studies of docs/results.md; long
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
