@@ -14,6 +14,7 @@ from star_core.table import Array, Mask
 PATIENCE: Final = 5.0  # s without progress
 PROGRESS: Final = 0.05  # m nearer than ever before
 EVERY: Final = 0.25  # s from one look to the next
+WAY: Final = 0.1  # m/s towards the goal: under way, if not yet nearer than ever before
 ARRIVED: Final = 0.3  # m: no deadlock so near, where agents wait for a tight place
 NEAR: Final = 1.0
 """Distance within which an agent waits for another, m: two drones that keep the usual 0.4 m, and
@@ -27,10 +28,12 @@ class Deadlocks:
     the way that the planner means to fly. Agents whose goals move are left out.
 
     It waits for those ahead of it, within `NEAR`, and for those these wait for in their turn. While
-    one of all these has got nearer to its own goal within `PATIENCE`, the wait can end: that is a
-    queue. Where none has, it is a deadlock: nobody can go before another does, as with processes
-    that wait for each other and reach no active one in their wait-for graph. One that stands still
-    with nobody ahead, or only with agents that have arrived, is in a deadlock too.
+    one of all these has got nearer to its own goal within `PATIENCE`, or is under way to it, the
+    wait can end: that is a queue, or one that made room for others and comes back. Where none is,
+    it is a deadlock: nobody can go before another does, as with processes that wait for each other
+    and reach no active one in their wait-for graph. One that stands still with nobody ahead, or
+    only with agents that have arrived, is in a deadlock too; so is one that goes to and fro, at
+    its next turn.
 
     Args:
         agents: How many there are.
@@ -45,6 +48,7 @@ class Deadlocks:
         self.count = 0
         self._goal = np.full((agents, 3), np.nan)
         self._best = np.full(agents, np.inf)  # m left, the least so far
+        self._left = np.full(agents, np.nan)  # m left, at the last look
         self._since = np.zeros(agents)  # s, of the last progress
         self._waits = np.zeros(agents, np.bool_)  # has been counted
         self._deadlocked = np.zeros(agents, np.bool_)  # has been counted
@@ -64,8 +68,10 @@ class Deadlocks:
         better = new | ~(left > self._best - PROGRESS)
         self._best = np.where(better, left, self._best)
         self._since = np.where(better, tick.time, self._since)
-        gets_on = flies & (tick.time - self._since <= PATIENCE)
-        stuck = flies & ~gets_on & (left > ARRIVED)
+        patient = tick.time - self._since <= PATIENCE
+        gets_on = flies & (patient | (left < self._left - WAY * EVERY))
+        self._left = left
+        stuck = flies & ~patient & (left > ARRIVED)
         self.waits += int((stuck & ~self._waits).sum())
         self._waits = (self._waits | stuck) & ~better
         if stuck.any():

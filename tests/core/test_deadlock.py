@@ -69,6 +69,16 @@ def test_who_dances_on_the_spot_is_in_a_deadlock() -> None:
     assert deadlocks(lambda time: 1.0 + 0.5 * np.sin(4 * time), 20.0) == 1
 
 
+def test_who_made_room_and_comes_back_waits_until_it_stands_still_on_its_way() -> None:
+    def aside(stop: float) -> Track:
+        """From 4 m back to 1 m, and forth again until `stop`."""
+        return lambda time: max(4.0 - time, 0.5 * min(time, stop) - 0.5)
+
+    on_its_way = flown([(aside(20.0), lambda _time: 5.0)], 12.0)
+    assert (on_its_way.waits, on_its_way.count) == (1, 0)
+    assert flown([(aside(6.0), lambda _time: 5.0)], 12.0).count == 1
+
+
 def test_who_gets_on_slowly_is_in_none() -> None:
     assert deadlocks(lambda time: 0.02 * time, 60.0) == 0
 
