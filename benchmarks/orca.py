@@ -64,22 +64,19 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     parser.add_argument("--large", action="store_true", help="10000 agents too; takes minutes")
     arguments = parser.parse_args()
-    found = {
-        (scenario, n): measure(list(moments(scenario, n)))
-        for n in (10, 100, 1000, *([10_000] if arguments.large else []))
-        for scenario in ("crowd", "disc")
-    }
+    named = {}
+    if not arguments.json:
+        print(f"{'':12}" + "".join(f"{name:>24}" for name in Figures._fields))
+    for n in (10, 100, 1000, *([10_000] if arguments.large else [])):
+        for scenario in ("crowd", "disc"):
+            figures = measure(list(moments(scenario, n)))
+            for name, value in figures._asdict().items():
+                named[f"{scenario}_{n}_{name}"] = value
+            if not arguments.json:
+                cells = "".join(f"{value:24.3g}" for value in figures)
+                print(f"{scenario} {n}".ljust(12) + cells, flush=True)
     if arguments.json:
-        named = {
-            f"{scenario}_{n}_{name}": value
-            for (scenario, n), figures in found.items()
-            for name, value in figures._asdict().items()
-        }
         print(json.dumps(named))
-        return
-    print(f"{'':12}" + "".join(f"{name:>24}" for name in Figures._fields))
-    for (scenario, n), figures in found.items():
-        print(f"{scenario + ' ' + str(n):12}" + "".join(f"{value:24.3g}" for value in figures))
 
 
 def moments(scenario: str, n: int) -> Iterator[State]:

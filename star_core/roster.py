@@ -2,11 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from star_core.scene import Scene
 from star_core.table import Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Team:
+    """Those who do a step.
+
+    Attributes:
+        holders: The row of the agent that holds each of the step's places.
+        rows: Their rows.
+        own: (N,) whether an agent is one of them.
+        names: Their names, for messages.
+    """
+
+    holders: Mapping[int, int]
+    rows: tuple[int, ...]
+    own: Mask
+    names: str
+
+    @classmethod
+    def of(cls, holders: Mapping[int, int], scene: Scene) -> Team:
+        """Those who hold some places."""
+        rows = tuple(holders.values())
+        own = np.zeros(len(scene.agents), np.bool_)
+        own[list(rows)] = True
+        return cls(holders, rows, own, scene.named(rows))
 
 
 class Roster:
@@ -21,12 +48,14 @@ class Roster:
 
     Attributes:
         retired: Places that nobody is to hold any more.
+        version: Another one after each change.
     """
 
     def __init__(self, n: int, reserve: Iterable[int] = ()) -> None:
         self._holder = list(range(n))
         self._vacant = set(reserve)
         self.retired = set(reserve)
+        self.version = 0
 
     def holders(self, places: Iterable[int]) -> dict[int, int]:
         """Return the row of the agent that holds each of some places, without the vacant ones."""
@@ -47,12 +76,14 @@ class Roster:
         """Take agents out of the mission; `retire` their places, and nobody is to fill them."""
         for row in rows:
             if (place := self.place(row)) is not None:
+                self.version += 1
                 self._vacant.add(place)
                 if retire:
                     self.retired.add(place)
 
     def take(self, place: int, row: int) -> None:
         """Let an agent hold a place, whoever holds it now."""
+        self.version += 1
         self._holder[place] = row
         self._vacant.discard(place)
         self.retired.discard(place)

@@ -17,7 +17,7 @@ from star_core.flight import Event
 from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.options import JOIN, LEAVE
 from star_core.registry import Registry
-from star_core.roster import Roster
+from star_core.roster import Roster, Team
 from star_core.swarm import AgentPhase, Estimate, Health
 from star_core.table import Mask
 from star_core.wishes import Wishes
@@ -38,7 +38,8 @@ class Turn:
 
     Attributes:
         action: What is done.
-        crew: Who does it: the row of the agent that holds each of its places.
+        team: Who does it.
+        seen: The version of the roster that `team` is of.
         task: What decides, as a plugin made it.
         blame: Whose fault it is if that raises.
         limit: How long it may take, s.
@@ -47,7 +48,8 @@ class Turn:
     """
 
     action: Action
-    crew: dict[int, int]
+    team: Team
+    seen: int
     task: Task
     blame: Blame
     limit: float
@@ -57,7 +59,7 @@ class Turn:
     @property
     def rows(self) -> tuple[int, ...]:
         """Rows of the agents that do it."""
-        return tuple(self.crew.values())
+        return self.team.rows
 
 
 class Course:
@@ -94,6 +96,7 @@ class Course:
         self._targets = tuple(dict.fromkeys(tag.of for tag in self._scene.world.targets))
         self._wishes = Wishes.none(self._n)
         self._made: dict[int, Task] = {}
+        self.steps: list[dict[str, Any]] = []
         self._all: list[tuple[Blame, object]] = []
         try:
             self._prepare(mission.steps)
@@ -102,12 +105,12 @@ class Course:
             raise
         self._running = self._sequence(mission.steps)
         self._now = 0.0
+        self._out: set[int] = set()  # rows of those that cannot go on
         self._estimate: Estimate
         self._health: Health
         self.excused: Mask = np.zeros(self._n, np.bool_)
         self.reason = ""
         self.no_way: dict[int, str] = {}
-        self.steps: list[dict[str, Any]] = []
 
     def step(self, now: float, estimate: Estimate, health: Health) -> tuple[Status, Wishes]:
         """Run one tick of every step under way; all that is wanted is in the answer.
@@ -115,6 +118,7 @@ class Course:
         Time-outs go by mission time, `now`, s: an estimate is only as new as what was heard.
         """
         self._now, self._estimate, self._health = now, estimate, health
+        self._out = set(np.flatnonzero(np.isin(health.phase, OUT) & ~self.excused).tolist())
         self._wishes.fresh()
         status = next(self._running)
         return status, self._wishes
@@ -138,7 +142,13 @@ class Course:
         self.hold(alone & estimate.valid, estimate)
 
     def close(self) -> list[str]:
-        """Close every task that can be closed; return what went wrong."""
+        """Close every task that can be closed; return what went wrong.
+
+        Steps that are under way have been aborted.
+        """
+        for entry in self.steps:
+            if entry["outcome"] is None:
+                entry |= {"ended_s": self._now, "outcome": "aborted"}
         return close(self._all)
 
     # Each of these yields a status a tick; the last is not RUNNING.
@@ -180,12 +190,12 @@ class Course:
     def _action(self, action: Action) -> Iterator[Status]:
         if action.verb == JOIN:
             self._muster(action)
-        crew = self._roster.holders(action.rows)
-        if not crew:
+        team = self._team(action.rows)
+        if not team.rows:
             self._tell("step", f"{action.place}: {action.verb} is left out: nobody is left for it")
             yield Status.SUCCESS
             return
-        turn = self._begin(action, crew)
+        turn = self._begin(action, team)
         while (now := self._step(turn))[0] is Status.RUNNING:
             yield Status.RUNNING
         status, why = now
@@ -212,17 +222,16 @@ class Course:
     def _step(self, turn: Turn) -> tuple[Status, str]:
         """Run one tick of a step; return how far it is, and why it failed."""
         action = turn.action
-        now = self._roster.holders(action.rows)
-        if now != turn.crew:
-            self._hand_on(turn, now)
-        if not turn.crew:
+        if turn.seen != self._roster.version:
+            self._hand_on(turn)
+        if not turn.rows:
             return Status.FAILURE, "nobody is left for it"
-        self._wishes.doing.append(f"{action.verb} {self._scene.named(turn.rows)}")
+        self._wishes.doing.append(f"{action.verb} {turn.team.names}")
         if why := self._gone(turn.rows):
             return Status.FAILURE, why
         with turn.blame:
             step = expect(turn.task.step(self._estimate, self._health), Step)
-            self._wishes.add(step, turn.rows, self._n)
+            self._wishes.add(step, turn.team.own)
         if step.status is Status.SUCCESS or self._fulfilled(turn):
             return Status.SUCCESS, ""
         if step.status is Status.FAILURE:
@@ -253,11 +262,10 @@ class Course:
         source = self._registry.find("task", action.verb).source
         return Blame(f"task {action.verb!r} ({source})")
 
-    def _begin(self, action: Action, crew: dict[int, int]) -> Turn:
+    def _begin(self, action: Action, team: Team) -> Turn:
         """Begin a step for those that hold its places."""
-        rows = tuple(crew.values())
-        who = self._scene.named(rows)
-        self._tell("step", f"{action.place}: {action.verb} begins for {who}")
+        seen, rows = self._roster.version, team.rows
+        self._tell("step", f"{action.place}: {action.verb} begins for {team.names}")
         task = self._made.pop(id(action), None) if rows == action.rows else None
         blame = self._blame(action)
         task, limit = self._started(action, task or self._task(action, rows), blame)
@@ -272,7 +280,7 @@ class Course:
             "outcome": None,
         }
         self.steps.append(entry)
-        return Turn(action, crew, task, blame, limit, self._now, entry)
+        return Turn(action, team, seen, task, blame, limit, self._now, entry)
 
     def _started(self, action: Action, task: Task, blame: Blame) -> tuple[Task, float]:
         """Start a task; return it with the time-out of its step, s."""
@@ -284,16 +292,22 @@ class Course:
             limit = max(limit, longest(action.until) + PATIENCE)
         return task, limit if action.timeout is None else action.timeout
 
-    def _hand_on(self, turn: Turn, now: dict[int, int]) -> None:
+    def _team(self, places: tuple[int, ...]) -> Team:
+        return Team.of(self._roster.holders(places), self._scene)
+
+    def _hand_on(self, turn: Turn) -> None:
         """Let a step go on with those that hold its places now.
 
         A task that cannot be told is begun anew. Whoever fills a place that was empty is in the
         next step only, if the task cannot be told of it.
         """
-        before = turn.crew
+        turn.seen = self._roster.version
+        before, now = turn.team.holders, self._roster.holders(turn.action.rows)
+        if now == before:
+            return
         kept = {place: now[place] for place in before if place in now}
         swaps = [(before[place], row) for place, row in kept.items() if before[place] != row]
-        turn.crew = kept
+        turn.team = Team.of(kept, self._scene)
         told: tuple[Any, ...] = tuple(
             getattr(turn.task, name, None) for name in ("swap", "stay", "join")
         )
@@ -312,7 +326,7 @@ class Course:
             if len(kept) < len(before):
                 stay(turn.rows)
             if len(kept) < len(now) and join is not None:
-                turn.crew = now
+                turn.team = Team.of(now, self._scene)
                 join(turn.rows)
 
     def _fulfilled(self, turn: Turn) -> bool:
@@ -336,14 +350,16 @@ class Course:
 
     def _gone(self, rows: tuple[int, ...]) -> str:
         """Say which agents of a step cannot go on, if any."""
-        phases = self._health.phase.tolist()
+        if not self._out and not self.no_way:
+            return ""
+        phase, names = self._health.phase, self._scene.names
         said = [
-            f"{self._scene.agents[row].name} is {AgentPhase(phase).name.lower()}"
+            f"{names[row]} is {AgentPhase(int(phase[row])).name.lower()}"
             for row in rows
-            if (phase := phases[row]) in OUT and not self.excused[row]
+            if row in self._out
         ]
         said += [
-            f"{self._scene.agents[row].name} cannot get there: {self.no_way[row]}"
+            f"{names[row]} cannot get there: {self.no_way[row]}"
             for row in rows
             if row in self.no_way
         ]

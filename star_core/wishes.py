@@ -49,18 +49,16 @@ class Wishes:
         self.velocity[:] = 0.0
         self.commands, self.doing, self.leave = [], [], set()
 
-    def add(self, step: Step, rows: tuple[int, ...], n: int) -> None:
-        """Merge a task's answer, which may speak for its own rows only.
+    def add(self, step: Step, own: Mask) -> None:
+        """Merge a task's answer, which may speak for its own rows only, (N,).
 
         Raises:
             ContractError: It speaks for others, has another number of rows, or is not finite.
         """
-        own = np.zeros(n, np.bool_)
-        own[list(rows)] = True
         for command in step.commands:
-            agents = expect(command, Command).agent
-            if not (set(agents.tolist()) <= set(rows)):
-                raise ContractError(f"commands agents {agents.tolist()!r}, its own are {rows!r}")
+            agents, rows = expect(command, Command).agent.tolist(), np.flatnonzero(own).tolist()
+            if not set(agents) <= set(rows):
+                raise ContractError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
             for name in ("position", "yaw", "duration") if command.order in NUMBERED else ():
                 values = getattr(command, name)
                 if not np.isfinite(values).all():
@@ -69,8 +67,8 @@ class Wishes:
         if step.goals is None:
             return
         goals = expect(step.goals, Goals)
-        if len(goals.active) != n:
-            raise ContractError(f"Goals.position has {len(goals.active)} rows, expected {n}")
+        if (n := len(goals.active)) != len(own):
+            raise ContractError(f"Goals.position has {n} rows, expected {len(own)}")
         if (goals.active > own).any():
             raise ContractError("has goals for agents that are not its own")
         about = np.flatnonzero(goals.active)
