@@ -10,7 +10,34 @@ ROOT = Path(__file__).parents[1]
 settings.register_profile("star", deadline=None)  # times are measured in benchmarks, not in tests
 settings.load_profile("star")
 
+ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+HOP = """\
+star: 1
+name: hop
+world: room.yaml
+seed: 7
+swarm:
+  cf1: {start: [-0.5, 0, 0]}
+  cf2: {start: [0.5, 0, 0]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.3, speed: 0.5}
+  - land: {speed: 0.5}
+"""
+
 
 @pytest.fixture
 def missions() -> Path:
     return ROOT / "missions"
+
+
+@pytest.fixture
+def hop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder, with a mission and its world: hop.yaml and room.yaml."""
+    monkeypatch.chdir(tmp_path)
+    Path("room.yaml").write_text(ROOM)
+    Path("hop.yaml").write_text(HOP)
+    return tmp_path

@@ -35,30 +35,8 @@ from star_core.runner import fly
 from star_core.running import told
 from star_core.testing import estimate, health, scene
 
-WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-MISSION = """\
-star: 1
-name: hop
-world: room.yaml
-swarm:
-  cf1: {start: [-0.5, 0, 0]}
-  cf2: {start: [0.5, 0, 0]}
-transport: sim
-localizer: flow
-planner: straight
-avoider: orca
-mission:
-  - takeoff: {height: 0.3, speed: 0.5}
-  - land: {speed: 0.5}
-"""
 HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("room.yaml").write_text(WORLD)
-    Path("m.yaml").write_text(MISSION)
+pytestmark = pytest.mark.usefixtures("hop")
 
 
 def paper() -> tuple[Console, Callable[[], str]]:
@@ -79,7 +57,7 @@ def flown(console: Console, *plugins: object) -> list[str]:
     registry.add(Progress(console), Source("star-swarm:progress"))
     for number, plugin in enumerate(plugins):
         registry.add(plugin, Source(f"their-dist:{number}"))
-    return lines(fly(load(Path("m.yaml"), registry), registry))
+    return lines(fly(load(Path("hop.yaml"), registry), registry))
 
 
 def lines(summary: Mapping[str, Any]) -> list[str]:
@@ -117,7 +95,7 @@ def test_off_a_terminal_every_event_is_one_plain_line() -> None:
     console, written = paper()
     events = flown(console)
     assert written().splitlines() == events
-    assert events[0] == "    0.00 s  m.yaml:12:5: takeoff begins for cf1, cf2"
+    assert events[0] == "    0.00 s  hop.yaml:13:5: takeoff begins for cf1, cf2"
 
 
 def test_a_line_is_not_broken_however_narrow_the_console() -> None:
@@ -216,21 +194,21 @@ def test_a_flight_that_is_cut_short_gives_the_cursor_back() -> None:
 
 
 def test_progress_goes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "m.yaml", "--out", "out"]) == 0
+    assert main(["run", "hop.yaml", "--out", "out"]) == 0
     out, err = capsys.readouterr()
     assert err.splitlines() == lines(json.loads(Path("out/summary.json").read_text()))
     assert "takeoff" not in out
 
 
 def test_json_is_shown_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "m.yaml", "--no-record", "--json"]) == 0
+    assert main(["run", "hop.yaml", "--no-record", "--json"]) == 0
     assert capsys.readouterr().err == ""
 
 
 def test_a_summary_is_printed_though_nobody_reads_the_events() -> None:
     code = "import sys; from star_core.cli import main; sys.exit(main())"
     with subprocess.Popen(
-        [sys.executable, "-c", code, "run", "m.yaml", "--no-record"],
+        [sys.executable, "-c", code, "run", "hop.yaml", "--no-record"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -75,11 +75,16 @@ def measured(
         phase = [FLYING if phases is None else phases[k]] * n
         where = track[k] if seen is None else np.array(seen)[k]
         meter.add(tick(k * PERIOD, where, track[k] if known else None, phase))
+    return summed(meter, events)
+
+
+def summed(meter: Meter, events: Sequence[Event] = (), wall_time: float = 2.0) -> dict[str, Any]:
+    """The summary of what was measured in some time by the clock on the wall, s."""
     return meter.summary(
         mission="m",
         outcome="completed",
         reason="",
-        wall_time=2.0,
+        wall_time=wall_time,
         took={},
         steps=[],
         targets=Targets(scene(1)),
@@ -254,16 +259,7 @@ def test_an_agent_that_never_flew_has_no_position_error() -> None:
     meter = Meter(scene(2))
     both = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     meter.add(tick(0.0, both, both, [FLYING, AgentPhase.GROUNDED]))
-    summary = meter.summary(
-        mission="m",
-        outcome="failed",
-        reason="",
-        wall_time=1.0,
-        took={},
-        steps=[],
-        targets=Targets(scene(1)),
-        events=[],
-    )
+    summary = summed(meter)
     assert summary["position_mse_m2"]["per_agent"] == {"cf1": 0.0, "cf2": None}
 
 
@@ -299,16 +295,7 @@ def test_the_time_before_the_first_tick_is_no_flight() -> None:
     meter = Meter(scene(1))
     for time in (5.0, 7.5):
         meter.add(tick(time, [[0, 0, 1]], None, [FLYING]))
-    summary = meter.summary(
-        mission="m",
-        outcome="failed",
-        reason="",
-        wall_time=1.0,
-        took={},
-        steps=[],
-        targets=Targets(scene(1)),
-        events=[],
-    )
+    summary = summed(meter)
     assert summary["flight_time_s"] == pytest.approx(2.5)
 
 
@@ -330,15 +317,6 @@ def test_a_summary_is_plain_json(n: int) -> None:
 
 def test_a_flight_without_a_tick_has_a_summary_too() -> None:
     meter = Meter(scene(2))
-    summary = meter.summary(
-        mission="m",
-        outcome="failed",
-        reason="r",
-        wall_time=0.0,
-        took={},
-        steps=[],
-        targets=Targets(scene(1)),
-        events=[],
-    )
+    summary = summed(meter, wall_time=0.0)
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["realtime_factor"] is None

@@ -13,30 +13,8 @@ from star_core import Flight, cli, hookimpl
 from star_core.cli import main
 from star_core.registry import Registry, Source
 
-WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-MISSION = """\
-star: 1
-name: hop
-world: room.yaml
-swarm:
-  cf1: {start: [-0.5, 0, 0]}
-  cf2: {start: [0.5, 0, 0]}
-transport: sim
-localizer: flow
-planner: straight
-avoider: orca
-mission:
-  - takeoff: {height: 0.3, speed: 0.5}
-  - land: {speed: 0.5}
-"""
 Said: TypeAlias = pytest.CaptureFixture[str]
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("room.yaml").write_text(WORLD)
-    Path("hop.yaml").write_text(MISSION)
+pytestmark = pytest.mark.usefixtures("hop")
 
 
 @pytest.fixture
