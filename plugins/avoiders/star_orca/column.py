@@ -24,7 +24,7 @@ def climb(
     nothing left. Nobody is told to climb or sink who does not want to: altitude is kept.
 
     Args:
-        agents: (M, 9) table of `star_orca.neighbours.sort_into_cells`.
+        agents: (M, 13) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the agent that asks.
         neighbours: (K,) rows in it of its neighbours.
         count: How many of these to look at.

@@ -32,7 +32,7 @@ def half_planes(
     earlier row forwards.
 
     Args:
-        agents: (M, 9) table of `sort_into_cells`.
+        agents: (M, 13) table of `sort_into_cells`.
         me: Row in it of the agent that asks.
         neighbours: (K,) rows in it of its neighbours.
         count: How many of these to use.

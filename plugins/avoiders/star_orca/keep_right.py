@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 
 from star_core import Array, Rows, compiled
-from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y
+from star_orca.neighbours import AVOIDS, RADIUS, VX, VY, WISH_X, WISH_Y, X, Y
 
 BLOCKED = 0.05  # of its wish: an agent that gets no more of it gets nowhere
 QUARTER = math.radians(90.0)
@@ -35,21 +35,18 @@ CLEARLY = 0.3
 
 
 @compiled
-def side_to_take(
-    agents: Array, me: int, neighbours: Rows, count: int, x: float, y: float, wish: Array
-) -> float:
+def side_to_take(agents: Array, me: int, neighbours: Rows, count: int, x: float, y: float) -> float:
     """Return 1 if an agent is to turn right for those ahead of it, -1 if left, 0 if nobody is.
 
     The nearest one ahead decides.
 
     Args:
-        agents: (M, 9) table of `star_orca.neighbours.sort_into_cells`.
+        agents: (M, 13) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the agent.
         neighbours: (K,) rows in it of its neighbours.
         count: How many of these to look at.
         x: Wanted velocity along x, m/s: where ahead is.
         y: Wanted velocity along y, m/s.
-        wish: (N, 3) wanted velocity of everybody, m/s.
     """
     side, least = 0.0, math.inf
     for k in range(count):
@@ -60,9 +57,8 @@ def side_to_take(
         if x * dx + y * dy <= 0.0 or squared >= least:
             continue
         least = squared
-        i = int(agents[other, ROW])
         if agents[other, AVOIDS] > 0.0:
-            wx, wy = wish[i, 0], wish[i, 1]
+            wx, wy = agents[other, WISH_X], agents[other, WISH_Y]
         else:
             wx, wy = agents[other, VX], agents[other, VY]
         clearly = CLEARLY * (agents[me, RADIUS] + agents[other, RADIUS])

@@ -14,7 +14,21 @@ from star_orca.half_planes import half_planes
 from star_orca.keep_right import BLOCKED, QUARTER, side_to_take, turned_right
 from star_orca.lanes import lane_turn
 from star_orca.linear_program import solve
-from star_orca.neighbours import AVOIDS, ROW, VX, VY, X, Y, Z, nearest, sort_into_cells
+from star_orca.neighbours import (
+    AVOIDS,
+    ROW,
+    SPEED,
+    VX,
+    VY,
+    WISH_X,
+    WISH_Y,
+    WISH_Z,
+    X,
+    Y,
+    Z,
+    nearest,
+    sort_into_cells,
+)
 from star_orca.obstacle_planes import obstacle_plane
 from star_orca.virtual_agents import virtual_agent
 
@@ -83,7 +97,7 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
         (N, 3) m/s.
     """
     agents, cell, start, columns = sort_into_cells(
-        position, velocity, wish, radius, avoids, communication_radius
+        position, velocity, wish, radius, speed, avoids, communication_radius
     )
     limits = (communication_radius, vertical, horizon)
     neighbours, distance = np.empty(most, np.int64), np.empty(most)
@@ -95,39 +109,40 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     for me in range(len(agents)):
         if agents[me, AVOIDS] == 0.0:
             continue
-        i = int(agents[me, ROW])
+        fastest = agents[me, SPEED]
         count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
-        hard = inside_fence(agents[me], fence, 1.0 / obstacle_horizon, speed[i], planes, 0)
+        hard = inside_fence(agents[me], fence, 1.0 / obstacle_horizon, fastest, planes, 0)
         if room:
-            look = (obstacle_horizon * speed[i] + clearance, clearance, 1.0 / obstacle_horizon)
+            look = (obstacle_horizon * fastest + clearance, clearance, 1.0 / obstacle_horizon)
             hard = beside_obstacles(
                 agents[me], edges, first, height, look, virtual, seen, planes, hard
             )
         half_planes(agents, me, neighbours, count, horizon, period, planes[hard:])
-        x, y, z = wish[i, 0], wish[i, 1], wish[i, 2]
+        x, y, z = agents[me, WISH_X], agents[me, WISH_Y], agents[me, WISH_Z]
         squared = x * x + y * y + z * z
-        if squared > speed[i] * speed[i]:
-            scale = speed[i] / math.sqrt(squared)
+        if squared > fastest * fastest:
+            scale = fastest / math.sqrt(squared)
             x, y, z = scale * x, scale * y, scale * z
         side, wish_x, wish_y = 0.0, x, y
         if turn != 0.0 and count > 0:
-            side = side_to_take(agents, me, neighbours, count, x, y, wish)
+            side = side_to_take(agents, me, neighbours, count, x, y)
             around = (cell[me], start, columns)
-            lane = lane_turn(agents, me, around, (communication_radius, vertical), x, y, wish)
+            lane = lane_turn(agents, me, around, (communication_radius, vertical), x, y)
             if lane > turn:
                 side = 1.0
             wish_x, wish_y = turned_right(x, y, max(lane, turn) * side)
-        to_x, to_y = solve(planes, hard + count, hard, speed[i], wish_x, wish_y, scratch)
+        to_x, to_y = solve(planes, hard + count, hard, fastest, wish_x, wish_y, scratch)
         least = BLOCKED * (x * x + y * y)
         if side != 0.0 and x * to_x + y * to_y < least:
-            alone_x, alone_y = solve(planes, hard, hard, speed[i], wish_x, wish_y, scratch)
+            alone_x, alone_y = solve(planes, hard, hard, fastest, wish_x, wish_y, scratch)
             if x * alone_x + y * alone_y > least:  # it is the others that block it, no obstacle
                 wish_x, wish_y = turned_right(x, y, side * QUARTER)
-                to_x, to_y = solve(planes, hard + count, hard, speed[i], wish_x, wish_y, scratch)
+                to_x, to_y = solve(planes, hard + count, hard, fastest, wish_x, wish_y, scratch)
         if z != 0.0:
             z = climb(agents, me, neighbours, count, z, vertical, 1.0 / horizon)
-            left = math.sqrt(max(speed[i] * speed[i] - to_x * to_x - to_y * to_y, 0.0))
+            left = math.sqrt(max(fastest * fastest - to_x * to_x - to_y * to_y, 0.0))
             z = min(max(z, -left), left)
+        i = int(agents[me, ROW])
         answer[i, 0], answer[i, 1], answer[i, 2] = to_x, to_y, z
     return answer
 

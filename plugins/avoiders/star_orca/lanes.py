@@ -11,7 +11,7 @@ import math
 
 from star_core import Array, Rows, compiled
 from star_orca.keep_right import SLOW
-from star_orca.neighbours import AVOIDS, RADIUS, REACH, ROW, X, Y, Z
+from star_orca.neighbours import AVOIDS, RADIUS, REACH, WISH_X, WISH_Y, X, Y, Z
 
 OPPOSITE = math.cos(math.radians(45.0))  # of two wishes: within so much of head on
 
@@ -30,7 +30,6 @@ def lane_turn(
     limits: tuple[float, float],
     x: float,
     y: float,
-    wish: Array,
 ) -> float:
     """Return by how much an agent turns right for those that come the other way, rad.
 
@@ -39,13 +38,12 @@ def lane_turn(
     of them takes, `STEEPEST` at most. Who is nearer than the sum of the radii is past that.
 
     Args:
-        agents: (M, 9) table of `star_orca.neighbours.sort_into_cells`.
+        agents: (M, 13) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the agent.
         cells: The cell it is in, (C + 1,) row at which each cell begins, and their number along x.
         limits: How far ahead and how far apart in height others count, m.
         x: Wanted velocity along x, m/s: where ahead is.
         y: Wanted velocity along y, m/s.
-        wish: (N, 3) wanted velocity of everybody, m/s.
     """
     pace = math.sqrt(x * x + y * y)
     if pace < SLOW:
@@ -65,8 +63,7 @@ def lane_turn(
                 continue
             if apart - left <= steepest * ahead or agents[other, AVOIDS] == 0.0:
                 continue
-            i = int(agents[other, ROW])
-            wx, wy = wish[i, 0], wish[i, 1]
+            wx, wy = agents[other, WISH_X], agents[other, WISH_Y]
             its_pace = math.sqrt(wx * wx + wy * wy)
             comes = x * wx + y * wy < -OPPOSITE * its_pace and its_pace > SLOW
             if comes and abs(agents[other, Z] - agents[me, Z]) <= limits[1]:
