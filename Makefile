@@ -22,19 +22,21 @@ fly: $(VENV)/.ready  ## set up and fly MISSION (missions/first_flight.yaml)
 test: $(VENV)/.ready  ## set up and run every check and test
 	$(MAKE) --no-print-directory check
 
-check: $(VENV)/.ready  ## style, types, layers, tests
+check: $(VENV)/.ready  ## style, types, layers, tests (on all processors)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n auto
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
 	for topic in startup sim tick orca planner camera detector landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
 
-campaign: $(VENV)/.ready  ## the studies of docs/results.md; long
+campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that take long
+	$(BIN)/python -m pytest -q -m campaign
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
+	for topic in search relief; do $(BIN)/python benchmarks/$$topic.py; done
 
 scenarios: $(VENV)/.ready  ## the table of scenarios in docs/benchmarks.md; long
 	$(BIN)/star bench --seeds 30 --out runs/scenarios
@@ -47,7 +49,7 @@ lowest:  ## the tests with every dependency at its lower bound
 	| sed 's/>=/==/' > $(VENV)-lowest/constraints.txt
 	$(VENV)-lowest/bin/python -m pip install --quiet --constraint $(VENV)-lowest/constraints.txt \
 	--editable '.[dev]'
-	$(VENV)-lowest/bin/python -m pytest -q
+	$(VENV)-lowest/bin/python -m pytest -q -n auto
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) $(VENV)-lowest build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -29,13 +29,14 @@ if TYPE_CHECKING:
     from star_core.homing import Homing
     from star_core.hookspecs import hookimpl
     from star_core.kernels import compiled
-    from star_core.mission import Mission, actions, load
+    from star_core.mission import Mission, load
     from star_core.registry import Registry
     from star_core.runner import fly
     from star_core.runs import new_folder
     from star_core.scene import Agent, Limits, Scene
     from star_core.schema import read_as
     from star_core.sight import Corrections, Detections, Frames, Image, Sightings
+    from star_core.steps import actions
     from star_core.swarm import (
         AgentPhase,
         Command,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
         Order,
         Paths,
         Plan,
+        Refusal,
         Setpoint,
         Supervisor,
         Telemetry,
@@ -67,17 +69,18 @@ _HOME = {
     "star_core.homing": ("Homing",),
     "star_core.hookspecs": ("hookimpl",),
     "star_core.kernels": ("compiled",),
-    "star_core.mission": ("Mission", "actions", "load"),
+    "star_core.mission": ("Mission", "load"),
     "star_core.registry": ("Registry",),
     "star_core.runner": ("fly",),
     "star_core.runs": ("new_folder",),
     "star_core.schema": ("read_as",),
     "star_core.scene": ("Agent", "Limits", "Scene"),
     "star_core.sight": ("Corrections", "Detections", "Frames", "Image", "Sightings"),
+    "star_core.steps": ("actions",),
     "star_core.swarm": (
         "AgentPhase", "Command", "Estimate", "Goals", "Health", "Odometry",
-        "Order", "Paths", "Plan", "Setpoint", "Supervisor", "Telemetry",
-        "Truth",
+        "Order", "Paths", "Plan", "Refusal", "Setpoint", "Supervisor",
+        "Telemetry", "Truth",
     ),
     "star_core.table": ("Array", "Mask", "Rows"),
     "star_core.world": ("Fence", "Obstacle", "Tag", "World"),
@@ -118,6 +121,7 @@ __all__ = [
     "Planner",
     "PluginError",
     "Problem",
+    "Refusal",
     "Registry",
     "Rows",
     "Scene",

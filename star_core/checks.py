@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import combinations
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
-from star_core import conditions
+from star_core import conditions, room
+from star_core.camera import camera_faults
 from star_core.contracts import Problem
 from star_core.document import Document
 from star_core.errors import PluginError, instead
-from star_core.options import SHARED
+from star_core.options import JOIN, SHARED
 from star_core.registry import Registry
 from star_core.scene import Scene
-
-CONTACT_RADIUS: Final = 0.06
-"""Half a Crazyflie's span with propellers, m: two drones nearer than twice this collide."""
 
 Path: TypeAlias = tuple[str | int, ...]
 Fault: TypeAlias = tuple[Path, str]
@@ -25,14 +22,20 @@ Fault: TypeAlias = tuple[Path, str]
 def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str]:
     """Every reason why a mission that fits its schema cannot be flown, located."""
     groups = agents_by_name(document.data, scene)
+    wrong = [*room.faults(document.data, scene, registry)]
+    if wrong:
+        scene = room.boundless(scene)
+    plugins = _Plugins(registry, scene)
     faults = [
+        *wrong,
         *_groups(document.data, scene),
         *_reserve(document.data, scene),
-        *_limits(document.data),
+        *_idle(document.data, groups, scene),
+        *room.safety_faults(document.data, scene),
         *_cameras(document.data),
-        *_starts(document.data, scene, registry),
-        *_parts(document.data, scene, registry),
-        *_steps(document.data["mission"], ("mission",), groups, scene, registry),
+        *room.start_faults(document.data, scene, registry),
+        *_parts(document.data, plugins),
+        *_steps(document.data["mission"], ("mission",), groups, scene, plugins),
     ]
     return document.told(faults)
 
@@ -70,13 +73,38 @@ def _reserve(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
             yield ("reserve", "agents", i), _unknown("agent", name, scene.names)
     if set(scene.names) <= set(reserve.get("agents", ())):
         yield ("reserve", "agents"), "every agent is in reserve; leave one to be relieved"
-    low, high = scene.limits.height
-    height = reserve.get("height", 0.8)  # the schema's default
-    if reserve and not low <= height <= high:
+    if reserve and (fault := scene.height_fault(reserve.get("height", 0.8))):  # the default
+        yield ("reserve", "height"), fault
+    tired, ready = reserve.get("relieve_below", 3.7), reserve.get("ready_above", 4.0)
+    if tired >= ready:
+        key = "ready_above" if "ready_above" in reserve else "relieve_below"
         yield (
-            ("reserve", "height"),
-            f"{height:g} m is outside the heights to fly at, from {low:g} to {high:g} m",
+            ("reserve", key),
+            f"a reserve that takes off at ready_above, {ready:g} V, would be relieved at once: "
+            f"relieve_below is {tired:g} V",
         )
+
+
+def _idle(
+    data: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]], scene: Scene
+) -> Iterator[Fault]:
+    """Steps for nobody but agents that stay in reserve: nothing would come of them."""
+    steps = [
+        ((*place, verb), rows_of(given.get("agents", "all"), groups))
+        for step, place in _within(data["mission"], ("mission",))
+        for verb, given in step.items()
+    ]
+    if len(data.get("reserve", {}).get("agents", [])) == len(scene.agents):
+        return  # that is told of the reserve
+    joined = {row for path, rows in steps if path[-1] == JOIN for row in rows}
+    rest = set(rows_of(data.get("reserve", {}).get("agents", []), groups)) - joined
+    for path, rows in steps:
+        if rows and rest.issuperset(rows):
+            is_are = "is" if len(rows) == 1 else "are"
+            yield (
+                (*path, "agents"),
+                f"{scene.named(rows)} {is_are} in reserve, which is in no step before a 'join'",
+            )
 
 
 def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -84,70 +112,54 @@ def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:
     for name, given in data["swarm"].items():
         if "camera" in given and given["camera"] not in known:
             yield ("swarm", name, "camera"), _unknown("camera", given["camera"], known)
+    for name, given in data.get("cameras", {}).items():
+        yield from ((("cameras", name, *path), fault) for path, fault in camera_faults(given))
 
 
-def _limits(data: Mapping[str, Any]) -> Iterator[Fault]:
-    low, high = data.get("limits", {}).get("height", (0, 1))
-    if low >= high:
-        yield ("limits", "height"), f"lowest {low!r} is not below highest {high!r}"
-
-
-def _starts(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Fault]:
-    for agent in scene.agents:
-        if fault := scene.world.fault(agent.start):
-            yield ("swarm", agent.name, "start"), f"start {fault}"
-    apart = 2 * _radius(data["avoider"], registry)
-    for first, second in combinations(scene.agents, 2):
-        distance = math.dist(first.start, second.start)
-        if distance < apart:
-            yield (
-                ("swarm", second.name, "start"),
-                f"{second.name!r} starts {distance:.2f} m from {first.name!r}, "
-                f"expected at least two radii: {apart:.2f} m",
-            )
-
-
-def _radius(given: str | Mapping[str, Any], registry: Registry) -> float:
-    """The radius that the avoider keeps free around an agent: its option of that name, if any."""
-    use, options = (given, {}) if isinstance(given, str) else (given["use"], given)
-    try:
-        known = registry.find("avoider", use).offer.options.get("properties", {})
-    except PluginError:
-        known = {}
-    return float(options.get("radius", known.get("radius", {}).get("default", CONTACT_RADIUS)))
-
-
-def _parts(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Fault]:
+def _parts(data: Mapping[str, Any], plugins: _Plugins) -> Iterator[Fault]:
     for kind in ("transport", "localizer", "planner", "avoider"):
         given = data[kind]
         options = {} if isinstance(given, str) else {k: v for k, v in given.items() if k != "use"}
-        yield from _own(kind, given if isinstance(given, str) else given["use"], registry, (kind,),
-                        (scene,), options)  # fmt: skip
+        name = given if isinstance(given, str) else given["use"]
+        yield from plugins.faults(kind, name, (kind,), options)
 
 
-def _own(
-    kind: str,
-    name: str,
-    registry: Registry,
-    path: Path,
-    arguments: tuple[Any, ...],
-    options: Mapping[str, Any],
-) -> Iterator[Fault]:
-    """What a plugin's own check finds; a check that raises is told as a problem of the plugin."""
-    try:
-        found = registry.find(kind, name)
-    except PluginError as error:
-        yield path, str(error)
-        return
-    if found.offer.check is None:
-        return
-    try:
-        problems: list[Problem] = list(found.offer.check(*arguments, **options))
-    except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever a check may raise
-        yield path, f"the check of {kind} {name!r} ({found.source}) raised {error!r}"
-        return
-    for problem in problems:
-        yield (*path, *problem.path), problem.message
+class _Plugins:
+    """What the plugins' own checks find; each is asked once about steps that are alike."""
+
+    def __init__(self, registry: Registry, scene: Scene) -> None:
+        self._registry = registry
+        self._scene = scene
+        self._found: dict[str, list[Fault]] = {}
+
+    def faults(
+        self, kind: str, name: str, path: Path, options: Mapping[str, Any], *rows: tuple[int, ...]
+    ) -> Iterator[Fault]:
+        """Yield what is wrong with the options at `path`; a task's check is told its rows."""
+        asked = repr((kind, name, rows, options))
+        if asked not in self._found:
+            self._found[asked] = list(self._ask(kind, name, (self._scene, *rows), options))
+        for inner, message in self._found[asked]:
+            yield (*path, *inner), message
+
+    def _ask(
+        self, kind: str, name: str, arguments: tuple[Any, ...], options: Mapping[str, Any]
+    ) -> Iterator[Fault]:
+        """What one check finds; that it raises is told as a problem of the plugin."""
+        try:
+            found = self._registry.find(kind, name)
+        except PluginError as error:
+            yield (), str(error)
+            return
+        if found.offer.check is None:
+            return
+        try:
+            problems: list[Problem] = list(found.offer.check(*arguments, **options))
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever a check may raise
+            yield (), f"the check of {kind} {name!r} ({found.source}) raised {error!r}"
+            return
+        for problem in problems:
+            yield problem.path, problem.message
 
 
 def _steps(
@@ -155,20 +167,20 @@ def _steps(
     path: Path,
     groups: Mapping[str, tuple[int, ...]],
     scene: Scene,
-    registry: Registry,
+    plugins: _Plugins,
 ) -> Iterator[Fault]:
     for i, step in enumerate(steps):
         ((verb, given),) = step.items()
         here = (*path, i, verb)
         if verb == "parallel":
-            yield from _steps(given, here, groups, scene, registry)
+            yield from _steps(given, here, groups, scene, plugins)
             yield from _shared(given, here, groups, scene)
         elif verb == "repeat":
-            yield from _steps(given["steps"], (*here, "steps"), groups, scene, registry)
+            yield from _steps(given["steps"], (*here, "steps"), groups, scene, plugins)
         elif verb == "each":
-            yield from _each(given, here, groups, scene, registry)
+            yield from _each(given, here, groups, scene, plugins)
         else:
-            yield from _action(verb, given, here, groups, scene, registry)
+            yield from _action(verb, given, here, groups, scene, plugins)
 
 
 def _each(
@@ -176,7 +188,7 @@ def _each(
     path: Path,
     groups: Mapping[str, tuple[int, ...]],
     scene: Scene,
-    registry: Registry,
+    plugins: _Plugins,
 ) -> Iterator[Fault]:
     """What is wrong with steps that every agent does by itself: they name nobody."""
     yield from _nobody(given, path, groups)
@@ -190,7 +202,7 @@ def _each(
             )
     if not any("agents" in next(iter(step.values())) for step, _ in inner):
         for row in rows_of(given.get("agents", "all"), groups)[:1]:  # what is wrong is so for all
-            yield from _steps(given["steps"], (*path, "steps"), {"all": (row,)}, scene, registry)
+            yield from _steps(given["steps"], (*path, "steps"), {"all": (row,)}, scene, plugins)
 
 
 def _within(
@@ -218,11 +230,21 @@ def _nobody(
             yield (*path, *place), _unknown("agent or group", name, groups)
 
 
-def _until(given: Mapping[str, Any], path: Path, scene: Scene) -> Iterator[Fault]:
+def _until(
+    step: Mapping[str, Any], path: Path, scene: Scene, rows: tuple[int, ...]
+) -> Iterator[Fault]:
     """What is wrong with a step's condition that its schema cannot see."""
+    given, limit = step["until"], step.get("timeout", math.inf)
     targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
-    for place, message in conditions.faults(given, scene.names, targets):
+    crew = tuple(scene.names[row] for row in rows)
+    outside = scene.world.fence.distance
+    for place, message in conditions.faults(given, scene.names, targets, crew, outside):
         yield (*path, "until", *place), message
+    if (soonest := conditions.soonest(given)) > limit:
+        yield (
+            (*path, "until"),
+            f"holds after {soonest:g} s, but the step times out after {limit:g} s",
+        )
 
 
 def _action(
@@ -231,16 +253,16 @@ def _action(
     path: Path,
     groups: Mapping[str, tuple[int, ...]],
     scene: Scene,
-    registry: Registry,
+    plugins: _Plugins,
 ) -> Iterator[Fault]:
     unknown = list(_nobody(given, path, groups))
     yield from unknown
+    rows = rows_of(given.get("agents", "all"), groups)
     if "until" in given:
-        yield from _until(given["until"], path, scene)
+        yield from _until(given, path, scene, rows)
     if not unknown:
         options = {key: value for key, value in given.items() if key not in SHARED}
-        rows = rows_of(given.get("agents", "all"), groups)
-        yield from _own("task", verb, registry, path, (scene, rows), options)
+        yield from plugins.faults("task", verb, path, options, rows)
 
 
 def _shared(

@@ -10,6 +10,7 @@ from star_core.errors import instead
 
 if TYPE_CHECKING:
     from star_core.flight import Event
+    from star_core.quaternion import Point
     from star_core.swarm import Estimate, Health
 
 Condition: TypeAlias = Mapping[str, Any]
@@ -65,8 +66,24 @@ def longest(condition: Condition) -> float:
     return float(given) if kind == "elapsed" else 0.0
 
 
+def soonest(condition: Condition) -> float:
+    """Return the time before which a condition cannot hold, s, as far as it names times.
+
+    >>> soonest({"all": [{"found": 1}, {"elapsed": 30}]}), soonest({"not": {"elapsed": 30}})
+    (30.0, 0.0)
+    """
+    ((kind, given),) = condition.items()
+    if kind in {"any", "all"}:
+        return (min if kind == "any" else max)(soonest(inner) for inner in given)
+    return float(given) if kind == "elapsed" else 0.0
+
+
 def faults(
-    condition: Condition, agents: Sequence[str], targets: Sequence[str]
+    condition: Condition,
+    agents: Sequence[str],
+    targets: Sequence[str],
+    crew: Sequence[str] = (),
+    outside: Callable[[Point], float] = lambda _: 0.0,
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Yield what is wrong with a condition that its schema cannot see, and where in it.
 
@@ -74,11 +91,13 @@ def faults(
         condition: What to look at.
         agents: Names of the agents.
         targets: Names of the world's targets.
+        crew: Names of the agents of the step.
+        outside: Returns how far a point is from where agents can be, m.
     """
     ((kind, given),) = condition.items()
     inner = given if kind in {"any", "all"} else [given] if kind == "not" else []
     for i, one in enumerate(inner):
-        for path, message in faults(one, agents, targets):
+        for path, message in faults(one, agents, targets, crew, outside):
             yield ((kind, i, *path) if kind != "not" else (kind, *path)), message
     if kind == "found" and isinstance(given, str) and given not in targets:
         yield (kind,), f"no target named {given!r}{instead(given, targets, 'there are')}"
@@ -89,6 +108,21 @@ def faults(
     elif kind == "near" and given.get("agent", agents[0]) not in agents:
         name = given["agent"]
         yield (kind, "agent"), f"no agent named {name!r}{instead(name, agents, 'there are')}"
+    elif kind == "near" and [*crew] == [given.get("agent")]:
+        yield (kind, "agent"), f"{crew[0]!r} is always near itself; name another agent"
+    elif kind == "near" and "point" in given:
+        away = outside(_point(given["point"]))
+        if away > given["within"]:
+            yield (
+                (kind, "point"),
+                f"{given['point']!r} is {away:.2f} m outside the fence; no agent comes within "
+                f"{given['within']:g} m",
+            )
+
+
+def _point(given: Sequence[float]) -> Point:
+    x, y, z = given
+    return float(x), float(y), float(z)
 
 
 def _near(given: Mapping[str, Any], now: Situation) -> bool:

@@ -12,7 +12,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Generic,
+    Literal,
+    NamedTuple,
+    Protocol,
+    TypeVar,
+    runtime_checkable,
+)
 
 if TYPE_CHECKING:
     from star_core.sight import Corrections
@@ -189,6 +198,8 @@ class Offer(Generic[Part_co]):
             what is wrong that a schema cannot see. It runs in ``star check``: import nothing heavy.
         realtime: Of a transport: whether mission time goes on by itself, as on hardware. Every part
             reads it in `Scene.realtime`.
+        before: Of a task: where its agents have to be when it begins; None if that does not matter.
+        after: Of a task: where they are when it has succeeded; None if that is not known.
     """
 
     name: str
@@ -197,3 +208,5 @@ class Offer(Generic[Part_co]):
     options: Mapping[str, Any] = field(default_factory=lambda: NO_OPTIONS)
     check: Callable[..., Iterable[Problem]] | None = None
     realtime: bool = False
+    before: Literal["ground", "air"] | None = None
+    after: Literal["ground", "air", "same"] | None = None

@@ -35,6 +35,8 @@ class Document:
     def place(self, path: Location, *, key: bool = False) -> str:
         """Return where a value stands, or with `key` its key: ``file:line:col``, from 1.
 
+        A value that begins on a line below its key's is placed at the key.
+
         Where nothing stands at `path`, the place is that of the nearest parent that is there. The
         place of what was set on the command line is the assignment: ``--set avoider.radius=-1``.
         """
@@ -56,7 +58,8 @@ class Document:
         """Return where a value or its key stands; what was set sorts behind what was read."""
         for length in range(len(path), -1, -1):
             if (place := self.places.get(path[:length])) is not None:
-                return place.key if key and length == len(path) else place.value
+                below = place.key.line < place.value.line
+                return place.key if below or (key and length == len(path)) else place.value
         return START
 
 

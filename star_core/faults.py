@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 _CHOICE = ((), ("use",))  # where a plugin's name stands, below its kind
+NESTED = (("repeat", "steps"), ("each", "steps"))  # where steps stand inside of a step
 
 
 class Fault(NamedTuple):
@@ -90,7 +91,7 @@ def _step_in(path: Location) -> Location:
     while at and len(path) > at + 1:
         if path[at] == "parallel":
             at += 2
-        elif path[at : at + 2] == ("repeat", "steps") and len(path) > at + 2:
+        elif path[at : at + 2] in NESTED and len(path) > at + 2:
             at += 3
         else:
             break
@@ -134,7 +135,12 @@ def _unknown(breach: Breach, data: Any) -> Iterator[Fault]:
         if key in known or any(re.search(pattern, key) for pattern in patterns):
             continue
         if _is_step(path):
-            message = f"unknown verb {show(key)}{instead(key, known, 'expected one of')}"
+            verb, colon, _ = key.partition(":")
+            split = colon and verb in known
+            meant = instead(key, known, "expected one of")
+            message = (
+                f"unknown verb {show(key)}{'; put a blank after the colon' * bool(split) or meant}"
+            )
         else:
             message = f"unknown {_noun(path)} {show(key)}{_known(breach, key)}"
             message = _about(path, data, message)

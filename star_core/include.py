@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 from star_core.document import Document, read
 from star_core.errors import InputError, instead
 from star_core.scene import inside
-from star_core.yaml_text import Location, Mark, Place
+from star_core.yaml_text import DEEPEST, MOST_VALUES, Location, Mark, Place
 
-DEEPEST: Final = 8
-"""Files that include each other in a row, at most: more is a circle."""
+LONGEST: Final = 8
+"""Files that include each other in a row, at most."""
 
 KNOWN: Final = ("star", "name", "parameters", "mission")
 
@@ -29,7 +29,8 @@ def expanded(document: Document) -> Document:
         InputError: A file cannot be read, is none of steps, includes itself, or is given values
             that it does not take or lacks one; every reason found is listed.
     """
-    data, places, problems = _node(document.data, (), document, document.path.parent, 0)
+    way = _Way(document.path.parent, (document.path.resolve(),))
+    data, places, problems = _node(document.data, (), document, way)
     if problems:
         raise InputError(problems)
     return replace(document, data=data, places=places)
@@ -38,16 +39,70 @@ def expanded(document: Document) -> Document:
 Answer = tuple[Any, dict[Location, Place], list[str]]
 
 
-def _node(value: Any, at: Location, document: Document, folder: Path, depth: int) -> Answer:
-    """Return what stands at a place of a document, with the places in it, by their paths."""
+@dataclass(slots=True)
+class _Tally:
+    """How many values there are so far, in all files, and those files as read."""
+
+    values: int = 0
+    files: dict[Path, Document] = field(default_factory=dict)
+
+    def file(self, path: Path, name: Path) -> Document:
+        """Return the file of steps at `path`, which the user calls `name`.
+
+        Raises:
+            InputError: It cannot be read or is none.
+        """
+        if path not in self.files:
+            self.files[path] = _steps(replace(read(path), path=name))
+        return self.files[path]
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """How one came to a file.
+
+    Attributes:
+        folder: The mission's.
+        files: Those that include each other, this one last.
+        level: How deep in the mission the file's steps stand.
+        tally: Of the whole mission.
+    """
+
+    folder: Path
+    files: tuple[Path, ...]
+    level: int = 0
+    tally: _Tally = field(default_factory=_Tally)
+
+    def through(self, path: Path, level: int) -> _Way:
+        """Return the way on to a file that stands so much deeper."""
+        return replace(self, files=(*self.files, path), level=self.level + level)
+
+    def count(self, at: Location) -> str:
+        """Count one more value, and say if that is more, or deeper, than what one file may have."""
+        self.tally.values += 1
+        if self.tally.values > MOST_VALUES:
+            return f"more than {MOST_VALUES} values, together with the files that are included"
+        if self.level + len(at) > DEEPEST:
+            return f"nested deeper than {DEEPEST} levels, together with the files that include it"
+        return ""
+
+
+def _node(value: Any, at: Location, document: Document, way: _Way) -> Answer:
+    """Return what stands at a place of a document, with the places in it, by their paths.
+
+    Raises:
+        InputError: The mission grows larger than one file may be.
+    """
+    if why := way.count(at):
+        raise InputError([document.problem(at, why)])
     places = {at: document.places[at]} if at in document.places else {}
     problems: list[str] = []
     if _is_include(value):
-        return _included(value["include"], at, document, folder, depth)
+        return _included(value["include"], at, document, way)
     data: Any = value
     if isinstance(value, dict | list):
         pairs = value.items() if isinstance(value, dict) else enumerate(value)
-        made = {key: _node(inner, (*at, key), document, folder, depth) for key, inner in pairs}
+        made = {key: _node(inner, (*at, key), document, way) for key, inner in pairs}
         for _, own, faults in made.values():
             places |= own
             problems += faults
@@ -67,19 +122,16 @@ def _is_include(value: Any) -> bool:
     )
 
 
-def _included(
-    given: Mapping[str, Any], at: Location, document: Document, folder: Path, depth: int
-) -> Answer:
+def _included(given: Mapping[str, Any], at: Location, document: Document, way: _Way) -> Answer:
     here = (*at, "include", "file")
-    if depth == DEEPEST:
-        circle = "includes itself, or files include each other too deeply"
-        return None, {}, [document.problem(here, circle)]
     try:
-        path = inside(folder, given["file"])
+        path = inside(way.folder, given["file"])
     except InputError as error:
         return None, {}, [document.problem(here, str(error))]
+    if circle := _circle(path, way):
+        return None, {}, [document.problem(here, f"{given['file']!r} {circle}")]
     try:
-        source = _steps(replace(read(path), path=document.path.parent / given["file"]))
+        source = way.tally.file(path, way.folder / given["file"])
     except InputError as error:
         return None, {}, list(error.problems)
     parameters = source.data.get("parameters", {})
@@ -94,12 +146,23 @@ def _included(
         if value is None
     ]
     filled = _filled(source, values, problems)
-    data, places, faults = _node(filled.data["mission"], ("mission",), filled, folder, depth + 1)
+    on = way.through(path.resolve(), len(at) + 1)  # (..., "repeat", "steps") for ("mission",)
+    data, places, faults = _node(filled.data["mission"], ("mission",), filled, on)
     where = (*at, "repeat", "steps")
     step = document.places[at] if at in document.places else Place(Mark(1, 1), Mark(1, 1))
     moved = {at: step, (*at, "repeat"): step, (*at, "repeat", "times"): step}
     moved |= {(*where, *path[1:]): _of_file(place, filled.path) for path, place in places.items()}
     return {"repeat": {"times": 1, "steps": data}}, moved, problems + faults
+
+
+def _circle(path: Path, way: _Way) -> str:
+    """Say that files include each other without end, if they do."""
+    if (file := path.resolve()) in way.files:
+        between = ", ".join(f"{f.name!r}" for f in way.files[way.files.index(file) + 1 :])
+        return "includes itself" + f", by way of {between}" * bool(between)
+    if len(way.files) > LONGEST:
+        return f"is included by more than {LONGEST} files in a row"
+    return ""
 
 
 def _steps(source: Document) -> Document:
@@ -115,7 +178,7 @@ def _steps(source: Document) -> Document:
     ]
     if source.data.get("star") != 1:
         problems.append(source.problem(("star",), "expected `star: 1`, the version of the format"))
-    if not isinstance(source.data.get("mission"), list):
+    if not isinstance(source.data.get("mission"), list) or not source.data["mission"]:
         problems.append(source.problem(("mission",), "expected `mission:`, a list of steps"))
     if not isinstance(source.data.get("parameters", {}), dict):
         problems.append(source.problem(("parameters",), "expected a map of names to values"))

@@ -7,7 +7,8 @@ import re
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
-from star_core.mission import Mission, actions
+from star_core.mission import Mission
+from star_core.steps import actions
 
 DISTRIBUTION = "star-swarm"
 

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
-from star_core import checks, schema, world_file
+from star_core import aloft, checks, schema, world_file
 from star_core.camera import Camera
-from star_core.conditions import Condition
 from star_core.document import Document, override, read
 from star_core.errors import InputError, PluginError
 from star_core.include import expanded
 from star_core.options import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
+from star_core.steps import Action, Node, Parallel, Repeat
 from star_core.world import World
 
 PARTS = ("transport", "localizer", "planner", "avoider")
-OnFailure: TypeAlias = Literal["abort", "land", "continue"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,61 +33,6 @@ class Part:
 
     def __str__(self) -> str:
         return f"{self.kind} {self.use!r} ({self.source})"
-
-
-@dataclass(frozen=True, slots=True)
-class Action:
-    """One verb with its agents.
-
-    Attributes:
-        verb: The task that runs it.
-        source: Whose task that is.
-        rows: The agents it is for.
-        options: What the task is made with.
-        until: The condition that ends it, a success; None leaves its end to the task.
-        timeout: How long it may take, s; None leaves that to the task.
-        on_failure: What to do when it fails.
-        place: ``file:line:col`` of the step.
-    """
-
-    verb: str
-    source: Source
-    rows: tuple[int, ...]
-    options: Mapping[str, Any]
-    until: Condition | None
-    timeout: float | None
-    on_failure: OnFailure
-    place: str
-
-
-@dataclass(frozen=True, slots=True)
-class Parallel:
-    """Steps that run at once; it is over when all of them are."""
-
-    branches: tuple[Node, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Repeat:
-    """Steps that run one after the other, several times."""
-
-    times: int
-    steps: tuple[Node, ...]
-
-
-Node: TypeAlias = Action | Parallel | Repeat
-
-
-def actions(steps: Sequence[Node]) -> Iterator[Action]:
-    """Every action of some steps, in the order of the file."""
-    for step in steps:
-        match step:
-            case Action():
-                yield step
-            case Parallel(branches):
-                yield from actions(branches)
-            case Repeat(_, inner):
-                yield from actions(inner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,16 +86,26 @@ def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mis
     if found := checks.of_mission(document, scene, registry):
         raise InputError(found)
     groups = checks.agents_by_name(document.data, scene)
+    steps = tuple(
+        _node(step, ("mission", i), document, groups, registry)
+        for i, step in enumerate(document.data["mission"])
+    )
+    reserve = document.data.get("reserve", {})
+    if found := aloft.faults(
+        steps,
+        scene.names,
+        [agent.start[2] for agent in scene.agents],
+        [scene.names.index(name) for name in reserve.get("agents", ())],
+        lambda verb: registry.find("task", verb).offer,
+    ):
+        raise InputError(found)
     return Mission(
         name=document.data["name"],
         scene=scene,
         parts={kind: _part(kind, document.data[kind], registry) for kind in PARTS},
-        steps=tuple(
-            _node(step, ("mission", i), document, groups, registry)
-            for i, step in enumerate(document.data["mission"])
-        ),
+        steps=steps,
         safety=document.data.get("safety", {}),
-        reserve=document.data.get("reserve", {}),
+        reserve=reserve,
         document=document,
         world=world,
     )

@@ -164,6 +164,10 @@ class Pilot:
         if why := self._nobody_left() or self._lost_too_long():
             self._course.reason = why
             return Status.FAILURE
+        self._course.refused = dict(telemetry.refusals)
+        for row, reason in telemetry.refusals:
+            name = self._scene.agents[row].name
+            self.event("refused", f"{name} {reason}", name)
         status, wishes = self._course.step(self._helm.time, estimate, health)
         self._relief.step(self._helm.time, estimate, health, wishes)
         for command in wishes.commands:
@@ -284,6 +288,9 @@ class Pilot:
         try:
             return self._bring_down("fail")
         except PluginError as error:
+            for row in np.flatnonzero(self._helm.phases.among(*AIRBORNE)).tolist():
+                name = self._scene.agents[row].name
+                self.event("failure", f"{name} is left to its own time-out", name)
             self.event("failure", f"nobody could be landed: {error}")
             return f"nobody could be landed: {error}"
 

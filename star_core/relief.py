@@ -26,6 +26,12 @@ SETTLED: Final = 0.15
 HEARD: Final = 0.5
 """How long ago an agent that takes off may have been heard, s."""
 
+PATIENCE: Final = 3.0
+"""Times what a flight home takes straight on, and `GRACE` besides, it lands where it is."""
+
+GRACE: Final = 5.0
+"""Of a flight home, s."""
+
 CLIMB: Final = 0.3
 """Mean speed of a climb, m/s, as of the verb ``takeoff``."""
 
@@ -33,6 +39,7 @@ DEFAULTS: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0
 """What the mission schema says of a reserve."""
 
 DOWN: Final = (int(AgentPhase.GROUNDED), int(AgentPhase.LANDED))
+DONE: Final = (*DOWN, int(AgentPhase.LANDING))
 
 
 class Relief:
@@ -42,7 +49,8 @@ class Relief:
     nobody flies near its pad; once relieved and given another battery, it is a reserve again. A
     reserve fills a place that the safety rules have emptied, or relieves the agent in flight whose
     battery is lowest, once that stays below a voltage. It takes the place over when it has climbed;
-    only then does the other fly to its own pad, and land.
+    only then does the other fly to its own pad, and land. Where that has landed meanwhile, or is
+    about to, the reserve goes home instead.
 
     Args:
         scene: Agents, pads (where agents start) and limits.
@@ -70,7 +78,7 @@ class Relief:
         self._pad = np.array([agent.start for agent in scene.agents])
         self._low_since = np.full(n, np.nan)  # s
         self._coming: dict[int, int] = {}  # which place each agent that climbs is to take
-        self._home: set[int] = set()  # who flies to its pad
+        self._home: dict[int, float | None] = {}  # who flies to its pad, and until when at most, s
 
     def step(self, time: float, estimate: Estimate, health: Health, wishes: Wishes) -> None:
         """Do what is to be done at a mission time, s; what it takes is added to `wishes`."""
@@ -80,7 +88,7 @@ class Relief:
         low = flying & (health.battery < self._options["relieve_below"])
         self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
         self._take_over(health, wishes)
-        self._fly_home(estimate, health, wishes)
+        self._fly_home(time, estimate, health, wishes)
         for place in self._wanted(time):
             row = self._ready(estimate, health)
             if row is None:
@@ -123,7 +131,7 @@ class Relief:
         wishes.commands.append(Command(Order.TAKEOFF, np.array([row]), top, yaw, duration))
         wishes.send(row, top[0], yaw[0], self._scene.limits.speed)
         self._coming[row] = place
-        self._home.discard(row)
+        self._home.pop(row, None)
         whom = self._roster.holders([place])
         what = f"to relieve {self._scene.named(whom.values())}" if whom else "to fill a place"
         self._tell(f"{name} takes off {what}", name)
@@ -134,11 +142,15 @@ class Relief:
             if health.phase[row] == AgentPhase.FLYING:
                 del self._coming[row]
                 relieved = self._roster.holders([place]).get(place)
-                self._roster.take(place, row)
                 name = self._scene.agents[row].name
+                if relieved is not None and health.phase[relieved] in DONE:
+                    self._tell(f"{name} is not needed any more", name)
+                    self._home[row] = None
+                    continue
+                self._roster.take(place, row)
                 self._tell(f"{name} takes over", name)
                 if relieved is not None:
-                    self._home.add(relieved)
+                    self._home[relieved] = None
             elif (
                 health.phase[row] in {AgentPhase.LOST, AgentPhase.EMERGENCY}
                 or (self._rules.answer[row])
@@ -146,16 +158,23 @@ class Relief:
                 del self._coming[row]
                 wishes.leave.add(row)
 
-    def _fly_home(self, estimate: Estimate, health: Health, wishes: Wishes) -> None:
+    def _fly_home(self, time: float, estimate: Estimate, health: Health, wishes: Wishes) -> None:
         """Lead those that were relieved to their pads, and land them there."""
-        for row in list(self._home):
+        for row, until in list(self._home.items()):
             if health.phase[row] != AgentPhase.FLYING or self._rules.answer[row]:
-                self._home.discard(row)
+                del self._home[row]
                 continue
-            here = estimate.position[row]
+            here, speed = estimate.position[row], self._scene.limits.speed
             over = np.array([*self._pad[row, :2], here[2]])
-            wishes.send(row, over, estimate.yaw[row], self._scene.limits.speed)
+            way = float(np.hypot(*(here - over)[:2]))
+            late = until is not None and time >= until
+            if until is None:
+                self._home[row] = time + PATIENCE * way / speed + GRACE
+            wishes.send(row, over, estimate.yaw[row], speed)
             slow = np.linalg.norm(estimate.velocity[row]) < SETTLED
-            if np.hypot(*(here - over)[:2]) < HOME and slow:
-                self._home.discard(row)
+            if late:
+                name = self._scene.agents[row].name
+                self._tell(f"{name} does not get home and lands where it is", name)
+            if (way < HOME and slow) or late:
+                del self._home[row]
                 wishes.leave.add(row)

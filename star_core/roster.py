@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from star_core.scene import Scene
 from star_core.table import Mask
 
 
@@ -28,12 +27,12 @@ class Team:
     names: str
 
     @classmethod
-    def of(cls, holders: Mapping[int, int], scene: Scene) -> Team:
-        """Those who hold some places."""
+    def of(cls, holders: Mapping[int, int], names: Sequence[str]) -> Team:
+        """Those who hold some places, of agents with N names."""
         rows = tuple(holders.values())
-        own = np.zeros(len(scene.agents), np.bool_)
+        own = np.zeros(len(names), np.bool_)
         own[list(rows)] = True
-        return cls(holders, rows, own, scene.named(rows))
+        return cls(holders, rows, own, ", ".join(names[row] for row in rows))
 
 
 class Roster:

@@ -79,6 +79,16 @@ class Scene:
         """Name of the agent in each row."""
         return tuple(agent.name for agent in self.agents)
 
+    def height_fault(self, height: float) -> str | None:
+        """Say why nobody can fly at a height (z in the map, m), or return None if one can."""
+        low, high = self.limits.height
+        if not low <= height <= high:
+            return f"{height:g} m is outside the heights to fly at, from {low:g} to {high:g} m"
+        low, high = self.world.fence.low[2], self.world.fence.high[2]
+        if not low <= height <= high:
+            return f"{height:g} m is outside the fence, from {low:g} to {high:g} m"
+        return None
+
     def file(self, name: str) -> Path:
         """Return the path of a file that the mission names.
 

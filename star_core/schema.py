@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
 
 from star_core.contracts import Offer
@@ -18,16 +18,14 @@ from star_core.options import SHARED, references
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
+NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
+"""Keywords whose values are no schemas, whatever they look like."""
+
 
 def load(name: str) -> dict[str, Any]:
-    """Read ``schemas/<name>.schema.json``: ``mission`` or ``world``."""
-    from importlib.resources import files
-
-    packaged = files("star_core") / "schemas"
-    folder = packaged if packaged.is_dir() else Path(__file__).parents[1] / "schemas"
-    schema: dict[str, Any] = json.loads(
-        (folder / f"{name}.schema.json").read_text(encoding="utf-8")
-    )
+    """Read ``schemas/<name>.schema.json``: ``mission`` or ``world``; every property has a title."""
+    schema = _as_written(name)
+    _entitle(schema, schema)
     return schema
 
 
@@ -53,7 +51,7 @@ def compose(offers: Mapping[str, Mapping[str, Offer[Any]]]) -> dict[str, Any]:
         offers: By kind and name, each one `sound`; kinds that a mission file does not name are
             passed over.
     """
-    mission = load("mission")
+    mission = _as_written("mission")
     definitions = mission["$defs"]
     for kind in PARTS:
         made = {
@@ -71,6 +69,7 @@ def compose(offers: Mapping[str, Mapping[str, Offer[Any]]]) -> dict[str, Any]:
         options = _options("task", offer, definitions)
         shared = {name: {"$ref": f"#/$defs/{name}"} for name in SHARED}
         step["properties"][verb] = {**options, "properties": options["properties"] | shared}
+    _entitle(mission, mission)
     return mission
 
 
@@ -89,6 +88,17 @@ def problems(document: Document, schema: Mapping[str, Any]) -> list[str]:
         for fault in explain(errors, document.data)
     }
     return [located[key] for key in sorted(located, key=lambda key: (key[0].origin != "", key))]
+
+
+def _as_written(name: str) -> dict[str, Any]:
+    from importlib.resources import files
+
+    packaged = files("star_core") / "schemas"
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[1] / "schemas"
+    schema: dict[str, Any] = json.loads(
+        (folder / f"{name}.schema.json").read_text(encoding="utf-8")
+    )
+    return schema
 
 
 @cache
@@ -133,7 +143,7 @@ def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
             rules.append({"if": {"const": name}, "then": needs})
     return {
         "type": ["string", "object"],
-        "examples": list(made),
+        "examples": list(made),  # what editors offer where nothing is written yet
         "if": {"type": "string"},
         "then": names,
         "else": {
@@ -142,6 +152,33 @@ def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         },
         "allOf": rules or [True],
     }
+
+
+def _entitle(value: Any, root: Mapping[str, Any]) -> None:
+    """Give every property a title that has none and refers to none: its name in words.
+
+    Editors head what they say of a property with its title, or with that of what it is a part of.
+    """
+    if isinstance(value, list):
+        for one in value:
+            _entitle(one, root)
+    if not isinstance(value, dict):
+        return
+    for key, held in value.items():
+        if key not in NO_SCHEMAS:
+            _entitle(held, root)
+    properties = value.get("properties")
+    for name, held in properties.items() if isinstance(properties, dict) else ():
+        if not isinstance(held, dict) or "title" in held or "title" in _referred(held, root):
+            continue
+        held["title"] = name.removesuffix("_deg").replace("_", " ").capitalize()
+
+
+def _referred(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the definition of `root` that a schema refers to; an empty one if there is none."""
+    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
+    found: Mapping[str, Any] = root.get("$defs", {}).get(name, {})
+    return found
 
 
 def _options(kind: str, offer: Offer[Any], definitions: dict[str, Any]) -> dict[str, Any]:

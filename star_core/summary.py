@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from star_core.checks import CONTACT_RADIUS
 from star_core.deadlock import Deadlocks
 from star_core.flight import Event, Tick
 from star_core.near import least, pairs
+from star_core.room import CONTACT_RADIUS
 from star_core.scene import Scene
 from star_core.swarm import AgentPhase
 from star_core.table import Array, Mask

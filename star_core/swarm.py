@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag, StrEnum
 from functools import cache
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -86,6 +86,18 @@ class Odometry:
         )
 
 
+class Refusal(NamedTuple):
+    """That an agent will not do what it was told.
+
+    Attributes:
+        agent: Its row.
+        reason: What it refuses and why, in words that follow its name: "refuses to ...".
+    """
+
+    agent: int
+    reason: str
+
+
 @dataclass(frozen=True, slots=True)
 class Telemetry:
     """What the agents report, each in its own odometry frame. NaN means "not reported".
@@ -104,6 +116,7 @@ class Telemetry:
         odometry: Every sample since the last tick.
         frames: Every image since the last tick.
         detections: Every tag since the last tick that was found on board.
+        refusals: Every order that was refused since the last tick; it fails the agent's step.
     """
 
     time: float
@@ -116,11 +129,15 @@ class Telemetry:
     odometry: Odometry = field(default_factory=Odometry.none)
     frames: Frames = field(default_factory=Frames.none)
     detections: Detections = field(default_factory=Detections.none)
+    refusals: tuple[Refusal, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.position)
         settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4), battery=(n,), age=(n,))
         settle(self, np.int64, state=(n,))
+        for agent, _reason in self.refusals:
+            if not 0 <= agent < n:
+                raise ContractError(f"Telemetry.refusals has agent {agent!r} of {n}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,11 @@ from star_core.conformance import expect, keeps
 from star_core.contracts import Status, Step, Task
 from star_core.errors import ContractError
 from star_core.flight import Event
-from star_core.mission import Action, Mission, Node, Parallel, Repeat
+from star_core.mission import Mission
 from star_core.options import JOIN, LEAVE
 from star_core.registry import Registry
 from star_core.roster import Roster, Team
+from star_core.steps import Action, Node, Parallel, Repeat
 from star_core.swarm import AgentPhase, Estimate, Health
 from star_core.table import Mask
 from star_core.wishes import Wishes
@@ -75,6 +76,7 @@ class Course:
     Attributes:
         excused: (N,) who may be lost without failing its step; to be set before each tick.
         reason: Why the mission failed, once it has.
+        refused: What agents will not do, by row; to be set before each tick.
         no_way: Why there is no way to an agent's goal, by row; to be set after each tick.
         steps: What was begun and how it ended, as ``summary.json`` keeps it.
     """
@@ -110,6 +112,7 @@ class Course:
         self._health: Health
         self.excused: Mask = np.zeros(self._n, np.bool_)
         self.reason = ""
+        self.refused: dict[int, str] = {}
         self.no_way: dict[int, str] = {}
 
     def step(self, now: float, estimate: Estimate, health: Health) -> tuple[Status, Wishes]:
@@ -270,7 +273,8 @@ class Course:
         blame = self._blame(action)
         task, limit = self._started(action, task or self._task(action, rows), blame)
         for row in rows:
-            self.no_way.pop(row, None)  # that was said of the step before
+            self.no_way.pop(row, None)  # that was said of the step before, and so was this:
+            self.refused.pop(row, None)
         entry = {
             "place": action.place,
             "verb": action.verb,
@@ -293,7 +297,7 @@ class Course:
         return task, limit if action.timeout is None else action.timeout
 
     def _team(self, places: tuple[int, ...]) -> Team:
-        return Team.of(self._roster.holders(places), self._scene)
+        return Team.of(self._roster.holders(places), self._scene.names)
 
     def _hand_on(self, turn: Turn) -> None:
         """Let a step go on with those that hold its places now.
@@ -307,7 +311,7 @@ class Course:
             return
         kept = {place: now[place] for place in before if place in now}
         swaps = [(before[place], row) for place, row in kept.items() if before[place] != row]
-        turn.team = Team.of(kept, self._scene)
+        turn.team = Team.of(kept, self._scene.names)
         told: tuple[Any, ...] = tuple(
             getattr(turn.task, name, None) for name in ("swap", "stay", "join")
         )
@@ -326,7 +330,7 @@ class Course:
             if len(kept) < len(before):
                 stay(turn.rows)
             if len(kept) < len(now) and join is not None:
-                turn.team = Team.of(now, self._scene)
+                turn.team = Team.of(now, self._scene.names)
                 join(turn.rows)
 
     def _fulfilled(self, turn: Turn) -> bool:
@@ -350,7 +354,7 @@ class Course:
 
     def _gone(self, rows: tuple[int, ...]) -> str:
         """Say which agents of a step cannot go on, if any."""
-        if not self._out and not self.no_way:
+        if not self._out and not self.no_way and not self.refused:
             return ""
         phase, names = self._health.phase, self._scene.names
         said = [
@@ -358,6 +362,7 @@ class Course:
             for row in rows
             if row in self._out
         ]
+        said += [f"{names[row]} {self.refused[row]}" for row in rows if row in self.refused]
         said += [
             f"{names[row]} cannot get there: {self.no_way[row]}"
             for row in rows

@@ -115,6 +115,8 @@ def _type(breach: Breach) -> str:
 def _hint(breach: Breach, wanted: list[str]) -> str:
     if wanted == ["string"] and isinstance(breach.value, (int, float)):
         return "; put it in quotes"
+    if wanted == ["array"] and isinstance(breach.value, dict):
+        return "; put a blank after the '-'" if next(iter(breach.value), "")[:1] == "-" else ""
     if isinstance(breach.value, str) and {"number", "integer"}.intersection(wanted):
         if re.fullmatch(r"[-+]?[0-9]+(\.[0-9]+)?", breach.value):
             return "; remove the quotes"

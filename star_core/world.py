@@ -39,6 +39,19 @@ class Fence:
             for low, value, high in zip(self.low, point, self.high, strict=True)
         )
 
+    def distance(self, point: Point) -> float:
+        """Return how far `point` (map frame, m) is outside the fence, m; 0 inside.
+
+        >>> Fence((-1, -1, 0), (1, 1, 2)).distance((4.0, 0.0, 6.0))
+        5.0
+        """
+        return math.hypot(
+            *(
+                max(low - value, value - high, 0.0)
+                for low, value, high in zip(self.low, point, self.high, strict=True)
+            )
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:

@@ -11,13 +11,21 @@ from star_core.document import Document
 from star_core.errors import InputError
 from star_core.obstacles import Fault, obstacle, obstacle_faults
 from star_core.quaternion import Point, moved, turned
-from star_core.world import Fence, Tag, World
+from star_core.world import Fence, Obstacle, Tag, World
 
 SIZE: Final = 0.168
 """Edge of the black square of a tag that is printed to fill an A4 sheet, m."""
 
 RIM: Final = 1.25
 """Width of a tag with its white rim over that of its black square: ten modules over eight."""
+
+
+SEEN: Final = 100
+"""Sizes of a tag from which nobody makes it out: with an AI-deck's focal length, 180 px, its eight
+modules are less than two pixels."""
+
+FACE: Final = 0.01
+"""Distance from a face of an obstacle within which a tag is taken to be stuck on it, m."""
 
 
 def world(document: Document) -> World:
@@ -30,13 +38,16 @@ def world(document: Document) -> World:
     faults = [*_fence(data), *_obstacles(data), *_offsets(data), *_tags(data)]
     if faults:
         raise InputError(document.told(faults))
-    return World(
+    made = World(
         name=data["name"],
         fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
         obstacles=tuple(obstacle(name, given) for name, given in data.get("obstacles", {}).items()),
         landmarks=tuple(tag for _, tag in _sheets(data, "landmarks")),
         targets=tuple(tag for _, tag in _sheets(data, "targets")),
     )
+    if faults := list(_hidden(data, made)):
+        raise InputError(document.told(faults))
+    return made
 
 
 def point(given: Sequence[float]) -> Point:
@@ -88,11 +99,40 @@ def _offsets(data: Mapping[str, Any]) -> Iterator[Fault]:
                 yield (kind, name, "spacing"), "'spacing' does not go with 'offsets'"
 
 
+def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Fault]:
+    """Tags that no camera inside the fence can make out, and targets that nobody can be at."""
+    for kind in ("landmarks", "targets"):
+        for (_, name, *_), tag in _sheets(data, kind):
+            shown = "[" + ", ".join(f"{value:g}" for value in tag.position) + "]"
+            away = room.fence.distance(tag.position)
+            inside = next((o.name for o in room.obstacles if _deep(o, tag.position)), None)
+            if inside is not None:
+                yield (kind, name, "at"), f"tag {tag.id} at {shown} is inside obstacle {inside!r}"
+            elif away > SEEN * tag.size:
+                yield (
+                    (kind, name, "at"),
+                    f"tag {tag.id} at {shown} is {away:.2f} m outside the fence, too far to be "
+                    f"made out: {SEEN} times its size of {tag.size:g} m",
+                )
+
+
+def _deep(obstacle: Obstacle, at: Point) -> bool:
+    """Whether a point is inside an obstacle, and neither on its faces nor on its top."""
+    x, y, z = at
+    return z < obstacle.height[1] and all(
+        obstacle.contains((x + dx, y + dy, z)) for dx in (-FACE, FACE) for dy in (-FACE, FACE)
+    )
+
+
 def _tags(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Tags that cannot be told apart: of one number, or one over the other."""
-    tags = [*_sheets(data, "landmarks"), *_sheets(data, "targets")]
-    for (_, first), (path, second) in combinations(tags, 2):
-        if first.id == second.id:
-            yield path, f"tag {second.id} belongs to {first.of!r} already; give each its own number"
-        elif math.dist(first.position, second.position) < (first.size + second.size) / 2:
+    known: dict[int, tuple[tuple[str | int, ...], Tag]] = {}
+    for path, tag in (*_sheets(data, "landmarks"), *_sheets(data, "targets")):
+        if tag.id in known:
+            of = known[tag.id][1].of
+            yield path, f"tag {tag.id} belongs to {of!r} already; give each its own number"
+        else:
+            known[tag.id] = path, tag
+    for (_, first), (path, second) in combinations(known.values(), 2):
+        if math.dist(first.position, second.position) < (first.size + second.size) / 2:
             yield path, f"tag {second.id} overlaps tag {first.id} of {first.of!r}"

@@ -216,7 +216,10 @@ class _Builder:
             if written is None:
                 self._refuse(mark, "a map or a list cannot be a key")
             else:
-                self._refuse(mark, f"key {value!r} is not a string; put it in quotes: '{written}'")
+                hint = "; a decimal has a point" if isinstance(value, int | float) else ""
+                self._refuse(
+                    mark, f"key {value!r} is not a string; put it in quotes: '{written}'{hint}"
+                )
             return str(value)
         if value in into.value:
             first = self.places[(*into.location, value)].key

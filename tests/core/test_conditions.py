@@ -99,6 +99,24 @@ def test_how_long_a_condition_waits_is_the_longest_time_in_it(
     assert longest(condition) == time
 
 
+def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None:
+    near = {"near": {"point": [3, 0, 0], "within": 1}}
+
+    def found(metres: float) -> list[Any]:
+        return list(faults(near, NAMES, (), outside=lambda _: metres))
+
+    assert found(1.0) == []
+    assert [path for path, _ in found(1.1)] == [("near", "point")]
+
+
+def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
+    near = {"near": {"agent": NAMES[0], "within": 1}}
+    assert list(faults(near, NAMES, (), crew=NAMES[:2])) == []
+    ((path, message),) = faults(near, NAMES, (), crew=NAMES[:1])
+    assert path == ("near", "agent")
+    assert message == f"{NAMES[0]!r} is always near itself; name another agent"
+
+
 @pytest.mark.parametrize(
     ("condition", "fault"),
     [

@@ -77,7 +77,7 @@ def test_nothing_after_a_key_stands_at_the_key(mission: Document) -> None:
 
 
 def test_what_is_not_there_has_the_place_of_its_nearest_parent(mission: Document) -> None:
-    assert mission.place(("swarm", "cf1", "uri", 3)) == f"{mission.path}:6:5"
+    assert mission.place(("swarm", "cf1", "uri", 3)) == f"{mission.path}:5:3"
     assert mission.place(("swarm", "cf9"), key=True) == mission.place(("swarm",))
 
 

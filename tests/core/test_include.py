@@ -128,4 +128,4 @@ def test_a_file_that_is_none_of_steps_is_refused(
 def test_a_file_that_includes_itself_is_refused(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text("star: 1\nmission: [include: {file: patrol.yaml}]\n")
     (fault,) = faults(lab, "\n  - include: {file: patrol.yaml}")
-    assert fault == ("patrol.yaml:2:27: includes itself, or files include each other too deeply")
+    assert fault == ("patrol.yaml:2:27: 'patrol.yaml' includes itself")

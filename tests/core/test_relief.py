@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Order, Telemetry
+from star_core import AgentPhase, Estimate, Goals, Order, Plan, Telemetry
 from tests.core.conftest import Lab
 
 TOUR = """
@@ -117,6 +117,34 @@ def test_everybody_is_down_when_the_mission_ends_while_a_reserve_climbs(lab: Lab
     down = {AgentPhase.GROUNDED, AgentPhase.LANDED}
     assert {AgentPhase(phase) for phase in lab.ticks[-1].health.phase.tolist()} <= down
     assert 2 in lab.ordered(Order.TAKEOFF)
+
+
+def test_a_reserve_that_comes_when_the_other_has_landed_goes_home(lab: Lab) -> None:
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
+    summary = lab.fly(TOUR.replace("seconds: 12", "seconds: 3.5").replace(
+        "descend: {}", "descend: {}\n  - wait: {seconds: 9}"
+    ))  # fmt: skip
+    assert summary["outcome"] == "completed"
+    assert lab.said("relief") == ["cf3 takes off to relieve cf1", "cf3 is not needed any more"]
+    assert lab.went("cf3") == ["taking_off", "flying", "landing", "landed"]
+    assert agents(lab, "wait")[-1] == ["cf1", "cf2"]
+
+
+def test_who_does_not_get_home_lands_where_it_is(lab: Lab) -> None:
+    def stuck(right: Callable[..., Plan], now: Estimate, goals: Goals) -> Plan:
+        plan = right(now, goals)
+        velocity = np.where(now.time > 6.0, 0.0, plan.setpoint.velocity)
+        return replace(plan, setpoint=replace(plan.setpoint, velocity=velocity))
+
+    lab.spoil("transport", "receive", volts({(0, 6.0): TIRED}))
+    lab.spoil("planner", "plan", stuck)
+    lab.fly(TOUR.replace("wait: {seconds: 12}", "visit: {agents: cf1, to: [1.5, 0, 1]}").replace(
+        "  - descend", "  - wait: {seconds: 40, limit: 50}\n  - descend"
+    ))  # fmt: skip
+    assert "cf1 does not get home and lands where it is" in lab.said("relief")
+    assert lab.went("cf1")[-1] == "landed"
+    when = {(who, phase): time for time, who, phase in lab.phases}
+    assert when["cf1", "landed"] < when["cf2", "landing"]
 
 
 def test_a_reserve_is_in_no_step_though_the_step_is_for_all(lab: Lab) -> None:

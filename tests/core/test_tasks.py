@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Estimate, Goals, Order, Plan, Status, Step, Telemetry
+from star_core import Estimate, Goals, Order, Plan, Refusal, Status, Step, Telemetry
 from tests.core.conftest import Lab
 
 BOOM = RuntimeError("boom")
@@ -180,6 +180,32 @@ def test_who_has_no_way_to_its_goal_fails_its_step_at_once_and_not_the_next(lab:
     assert failure(lab) == ("visit failed: cf2 cannot get there: a wall; on_failure: continue")
     assert summary["outcome"] == "completed"
     assert [s["outcome"] for s in summary["steps"]] == ["success", "failure", "success"]
+
+
+def test_who_refuses_an_order_fails_its_step_with_what_it_says(lab: Lab) -> None:
+    left = [Refusal(1, "refuses to climb: it is blocked")]
+
+    def says(receive: Any) -> Telemetry:
+        heard: Telemetry = receive()
+        return replace(heard, refusals=(left.pop(),) if left and heard.state[1] else ())
+
+    lab.spoil("transport", "receive", says)
+    steps = "\n  - climb: {agents: cf2, on_failure: continue}\n  - wait: {seconds: 2}"
+    summary = lab.fly(steps)
+    assert failure(lab) == (
+        "climb failed: cf2 refuses to climb: it is blocked; on_failure: continue"
+    )
+    assert ("refused", "cf2 refuses to climb: it is blocked", "cf2") in {
+        (event["kind"], event["text"], event.get("agent")) for event in summary["events"]
+    }
+    assert [s["outcome"] for s in summary["steps"]] == ["failure", "success"]
+
+
+def test_a_refusal_of_nobody_is_the_transports_fault(lab: Lab) -> None:
+    lab.spoil("transport", "receive", lambda receive: replace(receive(), refusals=((2, "no"),)))
+    summary = lab.fly()
+    assert summary["outcome"] != "completed"
+    assert "Telemetry.refusals has agent 2 of 2" in summary["reason"]
 
 
 def test_a_time_out_that_is_given_goes_before_the_derived_one(lab: Lab) -> None:
@@ -414,3 +440,11 @@ def test_a_step_times_out_though_nothing_is_heard_of_anybody(lab: Lab) -> None:
     lab.spoil("transport", "receive", frozen)
     summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 9, timeout: 4}")
     assert summary["reason"].endswith("wait failed: timed out after 4 s")
+
+
+def test_steps_that_are_under_way_when_a_mission_fails_are_aborted(lab: Lab) -> None:
+    one, other = "wait: {agents: cf1, seconds: 1, fails: tired}", "wait: {agents: cf2, seconds: 9}"
+    summary = lab.fly(f"\n  - climb: {{}}\n  - parallel:\n      - {one}\n      - {other}")
+    _, failed, aborted = summary["steps"]
+    assert (failed["outcome"], aborted["outcome"]) == ("failure", "aborted")
+    assert aborted["ended_s"] == failed["ended_s"]

@@ -227,6 +227,20 @@ def test_a_line_may_come_back_to_where_it_began() -> None:
     assert problems(f"{WORLD}  ring: {{{ring}}}\n") == []
 
 
+@pytest.mark.parametrize(
+    "sheet",
+    [
+        "{tags: [0], at: [0.8, 0.9, 1.0], pitch_deg: -90}",  # on the pillar's face
+        "{tags: [0], at: [1.0, 1.0, 2.0]}",  # on its top
+        "{tags: [0], at: [0.0, 5.0, 1.0], roll_deg: 90}",  # on a wall behind the fence
+    ],
+)
+def test_a_tag_may_be_on_an_obstacle_or_beyond_the_fence(sheet: str) -> None:
+    box = "[[0.8, 0.8], [1.2, 0.8], [1.2, 1.2], [0.8, 1.2]]"
+    text = WORLD.replace("[[0.8, 0.8], [1.2, 0.8], [1, 1.2]]", box)
+    assert problems(f"{text}landmarks:\n  sheet: {sheet}\n") == []
+
+
 def test_everything_wrong_with_a_world_is_listed_in_the_order_of_the_file() -> None:
     world = WORLD.replace("high: [2,", "high: [-2,").replace("[0, 2]", "[3, 2]") + (
         "  bar: {polyline: [[0, 0], [0, 0]], thickness: 0.1, height: [0, 1]}\n"

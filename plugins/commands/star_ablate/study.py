@@ -6,7 +6,9 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from itertools import combinations, count, islice, product
+from math import prod
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -21,6 +23,9 @@ MEASURES: Final = (
     "flight_time_s",
 )
 SEEDS: Final = 10
+MOST: Final = 10_000
+"""Combinations of missions and levels, each of which is checked before any is flown."""
+
 OWN: Final = "own"
 """What a study writes for its seeds to have each mission fly with its own."""
 
@@ -133,6 +138,10 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
     factors: Mapping[str, Any] = data.get("factors", {})
     files, problems = _files(path, data["missions"], document.problem)
     problems += _clashes(factors, document.problem)
+    many = len(files) * prod(len(levels) for levels in factors.values())
+    if many > MOST:
+        why = f"they have {many} combinations with the missions, expected {MOST} at most"
+        problems.append(document.problem(("factors",), why))
     if seeds is not None and data.get("seeds") == OWN:
         why = f"each mission flies with its {OWN!r} seed, so that --seeds {seeds} means nothing"
         problems.append(document.problem(("seeds",), why))
@@ -170,7 +179,7 @@ def _files(study: Path, names: list[str], locate: Locate) -> tuple[list[Path], l
         if Path(name).is_absolute() or not within:
             wrong = f"{name!r} is outside the folder above the study's; name a file inside it"
         elif not file.is_file():
-            wrong = f"there is no file {name!r} from the study's folder"
+            wrong = f"there is no file {name!r} from the study's folder{_meant(study, name)}"
         elif (twin := next((f for f in files if f.stem == file.stem), None)) is not None:
             wrong = f"{name!r} cannot be told from {str(twin)!r} in the results; rename one"
         else:
@@ -178,6 +187,14 @@ def _files(study: Path, names: list[str], locate: Locate) -> tuple[list[Path], l
             continue
         problems.append(locate(("missions", i), wrong))
     return files, problems
+
+
+def _meant(study: Path, name: str) -> str:
+    """Name the file beside one that is not there that was perhaps meant."""
+    beside = [
+        str(Path(name).parent / file.name) for file in (study.parent / name).parent.glob("*.yaml")
+    ]
+    return "".join(f"; did you mean {near!r}?" for near in get_close_matches(name, beside, 1))
 
 
 def _clashes(factors: Mapping[str, Any], locate: Locate) -> list[str]:

@@ -26,6 +26,7 @@ def offer() -> Offer[Task]:
     """Return the verb; steps of one flight that name the same port share its door."""
     return Offer(
         name="external",
+        before="air",
         summary="Fly to goals that another process sends through a socket.",
         make=partial(make, {}),
         check=check,
@@ -80,6 +81,7 @@ def offer() -> Offer[Task]:
                     "default": True,
                 },
             },
+            "examples": [{"port": PORT, "timeout": 60}],
         },
     )
 

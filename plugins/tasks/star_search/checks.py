@@ -28,12 +28,8 @@ def check(
 ) -> Iterator[Problem]:
     """Yield every reason why a search cannot be flown."""
     yield from (Problem(("area", *path), message) for path, message in areas.faults(scene, area))
-    low, high = scene.limits.height
-    if not low <= height <= high:
-        yield Problem(
-            ("height",),
-            f"{height:g} m is outside the heights to fly at, from {low:g} to {high:g} m",
-        )
+    if fault := scene.height_fault(height):
+        yield Problem(("height",), fault)
     blind = [row for row in rows if scene.agents[row].camera is None]
     if blind:
         has = "has" if len(blind) == 1 else "have"

@@ -33,7 +33,7 @@ class Field:
 
     Args:
         scene: The mission's scene.
-        rows: The agents that search; each carries a camera.
+        rows: The agents that search; each carries a camera. Others that carry one may take over.
         area: As the mission gives it.
         height: Of the search, m.
         speed: Of the search, m/s; the scene's limit at most.
@@ -42,14 +42,15 @@ class Field:
 
     Attributes:
         scene: The mission's scene.
-        rows: The agents that search.
+        rows: The agents that search at first.
         height: Of the search, m.
         speed: Of the search, m/s.
         swath: Distance between lanes, m.
         area: What is to be seen, map frame, m.
         parts: Where agents may be at that height, map frame, m: one polygon for each part from
             which no other can be reached at that height.
-        views: What each of the agents sees, in points so dense that no cell between is missed.
+        views: What each agent with a camera sees, in points so dense that no cell between is
+            missed.
         outlooks: What each of them is sure to see though it is a cell off.
         chart: What they saw.
     """
@@ -72,7 +73,7 @@ class Field:
         self.area = Polygon(corners(scene, area))
         cell = max(CELL, math.sqrt(self.area.area / MOST_CELLS))
         size = smallest_target(scene)
-        cameras = {row: one for row in rows if (one := scene.agents[row].camera) is not None}
+        cameras = {row: one.camera for row, one in enumerate(scene.agents) if one.camera}
         self.views = {row: view(one, height, size, cell / 2) for row, one in cameras.items()}
         self.outlooks = {
             row: view(one, height, size, cell).shrunk() for row, one in cameras.items()
@@ -86,12 +87,12 @@ class Field:
         self.chart = Chart(
             self.area.intersection(floor),
             scene.world.obstacles,
-            rows,
+            tuple(cameras),
             cell=cell,
             room=reach + cell,
             rim=size / 2,
         )
-        self._due = dict.fromkeys(rows, -math.inf)  # s, when each looks next
+        self._due = dict.fromkeys(cameras, -math.inf)  # s, when each looks next
         self._yaw: dict[int, tuple[float, float]] = {}  # s and rad, at each agent's last tick
 
     def look(self, estimate: Estimate, rows: tuple[int, ...]) -> None:

@@ -26,14 +26,14 @@ class Visit:
     Attributes:
         target: Row of the target.
         place: (2,) where it stays, map frame, m.
-        until: When it stays where it is, though it is not there, s.
+        until: When it stays where it is, though it is not there, s; None until it sets out.
         there: Since when it is there, s; None before.
         over: Whether it has done what it was to do; it may still stay.
     """
 
     target: int
     place: Array
-    until: float
+    until: float | None = None
     there: float | None = None
     over: bool = False
 
@@ -89,6 +89,13 @@ class Finds:
             if self._then != "continue" and row in rows and row not in self._visits:
                 self._visits[row] = self._visit(target, estimate, row)
 
+    def swap(self, old: int, new: int) -> None:
+        """Let another agent make the visit that one was on, from its beginning."""
+        visit = self._visits.pop(old, None)
+        if visit is not None:
+            visit.until, visit.there = None, None
+            self._visits[new] = visit
+
     def found(self, wanted: int | list[str]) -> bool:
         """Whether so many targets, or these, are found."""
         if isinstance(wanted, int):
@@ -117,6 +124,8 @@ class Finds:
             if visit.over and self._then == "land":
                 continue
             if estimate.valid[row]:
+                if visit.until is None:
+                    visit.until = self._deadline(visit.place, estimate, row)
                 aims[row] = self._fly(visit, estimate, row)
                 if visit.there is None and self._arrived(visit, estimate, row):
                     visit.there = estimate.time
@@ -141,8 +150,11 @@ class Finds:
         place = np.array(self._field.nearest(seems, here, self._taken, APART))
         if self._then != "mark":
             self._taken.append(place)
-        takes = math.dist(here[:2], place) / self._field.speed
-        return Visit(target, place, estimate.time + patience(takes))
+        return Visit(target, place)
+
+    def _deadline(self, place: Array, estimate: Estimate, row: int) -> float:
+        way = math.dist(estimate.position[row, :2], place)
+        return estimate.time + patience(way / self._field.speed)
 
     def _fly(self, visit: Visit, estimate: Estimate, row: int) -> Aim:
         x, y = visit.place.tolist()
@@ -154,7 +166,8 @@ class Finds:
     def _arrived(self, visit: Visit, estimate: Estimate, row: int) -> bool:
         far = math.dist(estimate.position[row, :2], visit.place)
         speed = float(np.linalg.norm(estimate.velocity[row]))
-        return (far <= NEAR and speed < SLOW) or estimate.time > visit.until
+        late = visit.until is not None and estimate.time > visit.until
+        return (far <= NEAR and speed < SLOW) or late
 
     def _landing(self, estimate: Estimate, row: int) -> Command:
         floor = estimate.position[row].copy()

@@ -73,7 +73,7 @@ class Frontier:
         self._tries = np.zeros(field.chart.nowhere + 1, np.int64)
         self._dwell = {
             row: (LOOKS + 2) / camera.rate
-            for row in field.rows
+            for row in field.outlooks
             if (camera := field.scene.agents[row].camera) is not None
         }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer
+from star_core import Offer, PluginError
 from star_search.area import Area
 from star_search.checks import check
 from star_search.choice import names
@@ -34,8 +34,11 @@ def make(  # noqa: PLR0913 -- a mission's own options
     from star_search.finds import Finds
     from star_search.search import Search
 
+    able = tuple(row for row in rows if scene.agents[row].camera is not None)
+    if not able:
+        raise PluginError(f"nobody with a camera is left to search: {scene.named(rows)}")
     field = Field(
-        scene, rows, area=area, height=height, speed=speed, swath=swath, clearance=clearance
+        scene, able, area=area, height=height, speed=speed, swath=swath, clearance=clearance
     )
     finds = Finds(field, then=then, mark_for=mark_for)
     enough = len(finds.names) if targets is None else targets
@@ -116,10 +119,15 @@ def offer() -> Offer[Task]:
     }
     return Offer(
         name="search",
+        before="air",
         summary="Cover an area until targets are found.",
         make=make,
         check=check,
-        options={"type": "object", "properties": properties},
+        options={
+            "type": "object",
+            "properties": properties,
+            "examples": [{"pattern": "sweep", "height": 0.8, "timeout": 120}],
+        },
     )
 
 

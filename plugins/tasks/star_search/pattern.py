@@ -43,6 +43,7 @@ class Pattern(Protocol):
         Args:
             estimate: Where everybody is.
             rows: The scouts that search now, all of them located. The share of one that is not
-                among them any more goes to the others; it may come back.
+                among them any more goes to the others; it may come back. One that was never
+                among them takes another's place, or a part of all.
         """
         ...

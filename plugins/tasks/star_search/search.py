@@ -20,6 +20,8 @@ ABLE: Final = (int(AgentPhase.FLYING), int(AgentPhase.LOST))
 class Search:
     """Leads scouts over an area by a pattern, and finders to their targets.
 
+    Another agent may take a scout's place in flight; one without a camera only keeps the place.
+
     It waits until all scouts that fly are located. It is over when the area is covered, or nothing
     is left that a scout could see, or enough targets are found, and the finders have done what they
     are to do; and it fails when all scouts stay at targets though the area is not covered.
@@ -67,7 +69,13 @@ class Search:
         return Step(self._field.goals({**led, **aims}), tuple(orders), status, reason)
 
     def stay(self, rows: tuple[int, ...]) -> None:
-        self._rows = rows
+        self._rows = tuple(row for row in rows if row in self._field.views)
+
+    join = stay
+
+    def swap(self, old: int, new: int) -> None:
+        self._finds.swap(old, new)
+        self.stay(tuple(new if row == old else row for row in self._rows))
 
     def _judge(self, health: Health, free: tuple[int, ...], *, led: bool) -> tuple[Status, str]:
         """Say whether the search is over, and why it failed if it did.

@@ -57,7 +57,7 @@ class Sweep:
         self._rest = Frontier(field)
         self._share: dict[int, list[Lane]] = {}
         self._legs: dict[int, Leg] = {}
-        view = next(iter(field.views.values()))
+        view = field.views[field.rows[0]]
         self._near, self._far = view.near, view.far
 
     def begin(self, estimate: Estimate, rows: tuple[int, ...]) -> float:
@@ -89,7 +89,7 @@ class Sweep:
                 self._rest.drop(row)
             if aim is not None:
                 aims[row] = aim
-        for gone in set(self._field.rows) - set(rows):
+        for gone in set(self._field.views) - set(rows):
             self._rest.drop(gone)
         return aims
 

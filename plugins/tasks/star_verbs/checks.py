@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Problem
-from star_verbs.envelope import limit_faults, place_faults, room_faults, samples, thinned
+from star_verbs.envelope import (
+    limit_faults,
+    place_faults,
+    room_faults,
+    rooms,
+    samples,
+    thinned,
+)
 from star_verbs.places import slot_faults
 from star_verbs.routes import least_distance, route, way_faults
 from star_verbs.slots import slots
@@ -20,13 +27,8 @@ POLY7 = ("format", "timescale", "relative")  # options of `follow` for trajector
 
 
 def takeoff(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
-    height = options.get("height", 0.8)
-    low, high = scene.limits.height
-    if not low <= height <= high:
-        path = ("height",) if "height" in options else ()
-        yield Problem(
-            path, f"{height:g} m is outside the heights to fly at, from {low:g} to {high:g} m"
-        )
+    if fault := scene.height_fault(options.get("height", 0.8)):
+        yield Problem(("height",) if "height" in options else (), fault)
 
 
 def hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
@@ -36,6 +38,8 @@ def hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Proble
 def goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
     yield from _one_of("to", "by", options)
     yield from _spread(scene, len(rows), "to", options)
+    if "by" in options:
+        yield from _span(scene, options["by"])
 
 
 def follow(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
@@ -51,6 +55,9 @@ def follow(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Prob
     before = list(_one_of("file", "path", options)) or list(_company(options))
     if before:
         yield from before
+        return
+    if near := list(_near(scene, len(rows), options)):
+        yield from near
         return
     source = {key: value for key, value in options.items() if key not in {"heading", "speed"}}
     try:
@@ -77,6 +84,8 @@ def _poly7(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Probl
         wrong.append(Problem((), "'format: poly7' needs 'file'"))
     if wrong:
         return wrong
+    if not options.get("relative", True) and (near := list(_near(scene, agents, options))):
+        return near
     name = options["file"]
     try:
         found = samples(read(scene.file(name), name))
@@ -110,9 +119,31 @@ def _company(options: dict[str, Any]) -> Iterable[Problem]:
 
 
 def _spread(scene: Scene, agents: int, key: str, options: dict[str, Any]) -> Iterable[Problem]:
-    if key in options:
+    if key not in options:
+        return
+    near = list(_near(scene, agents, options))
+    yield from near
+    if not near:
         places = slots(agents, options[key], options.get("spacing", SPACING))
         yield from (Problem((key,), message) for message in slot_faults(scene, places))
+
+
+def _near(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem]:
+    """A spacing at which the core would keep the agents from their places."""
+    spacing, least = options.get("spacing", SPACING), scene.limits.separation
+    if agents > 1 and spacing < least:
+        path = ("spacing",) if "spacing" in options else ()
+        yield Problem(
+            path, f"a spacing of {spacing:g} m is less than limits.separation, {least:g} m"
+        )
+
+
+def _span(scene: Scene, offset: Sequence[float]) -> Iterable[Problem]:
+    """An offset that is too long for the room, wherever it begins."""
+    for axis, by, room in zip("xyz", offset, rooms(scene), strict=True):
+        if abs(by) > room:
+            where = "the heights to fly at are" if axis == "z" else "the fence is"
+            yield Problem(("by",), f"{abs(by):g} m along {axis}, where {where} only {room:g} m")
 
 
 def _room(options: dict[str, Any], agents: int) -> Iterable[Problem]:

@@ -73,11 +73,16 @@ def place_faults(
     yield from told
 
 
+def rooms(scene: Scene) -> tuple[float, float, float]:
+    """Return how far one can fly along x, y and z inside the fence and the heights, m."""
+    fence, (low, high) = scene.world.fence, scene.limits.height
+    x, y, _ = (b - a for a, b in zip(fence.low, fence.high, strict=True))
+    return x, y, min(fence.high[2], high) - max(fence.low[2], low)
+
+
 def room_faults(scene: Scene, found: Sequence[Sample], name: str) -> Iterator[str]:
     """Say in which direction a trajectory is too long for the room, wherever it begins."""
-    fence, (low, high) = scene.world.fence, scene.limits.height
-    room = [b - a for a, b in zip(fence.low, fence.high, strict=True)]
-    room[2] = min(fence.high[2], high) - max(fence.low[2], low)
+    room = rooms(scene)
     for i, axis in enumerate("xyz"):
         values = [sample.moment.point[i] for sample in found]
         span = max(values) - min(values)

@@ -28,7 +28,6 @@ class Land:
     def __init__(self, scene: Scene, rows: tuple[int, ...], *, speed: float) -> None:
         self._crew = Crew(scene, rows)
         self._speed = min(speed, scene.limits.speed)
-        self._commanded = False
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         return time_out(float(self._duration(estimate).max()))
@@ -39,9 +38,8 @@ class Land:
         if ((phase == GROUNDED) | (phase == LANDED)).all():
             return Step(status=Status.SUCCESS)
         up = (phase == TAKING_OFF) | (phase == FLYING)
-        if self._commanded or not up.any():
+        if not up.any():
             return Step()
-        self._commanded = True
         floor = np.where(estimate.valid[rows, None], estimate.position[rows], 0.0)
         floor[:, 2] = 0.0
         yaw = np.where(estimate.valid[rows], estimate.yaw[rows], 0.0)

@@ -115,7 +115,9 @@ def _wait(_scene: Scene, _rows: tuple[int, ...]) -> Task:
     return Wait()
 
 
-_TRAVEL_SPEED = positive("Greatest speed on the way, m/s; limits.speed at most and if not given.")
+_TRAVEL_SPEED = positive(
+    "Greatest speed on the way, m/s; limits.speed at most and if not given.", examples=[0.3]
+)
 _YAW = {
     "type": "number",
     "description": "Heading to turn to, degrees anticlockwise from the map's x axis; "
@@ -129,6 +131,8 @@ _SPACING = positive(
 OFFERS: tuple[Offer[Task], ...] = (
     Offer(
         name="takeoff",
+        before="ground",
+        after="air",
         summary="Climb straight up and hold there.",
         make=_takeoff,
         check=checks.takeoff,
@@ -138,19 +142,24 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "height": positive("Height to climb to, z in the map, m.", default=0.8),
                 "speed": positive("Mean speed of the climb, m/s.", default=0.3),
             },
+            "examples": [{"height": 0.8}],
         },
     ),
     Offer(
         name="land",
+        after="ground",
         summary="Descend straight down and stop the motors.",
         make=_land,
         options={
             "type": "object",
             "properties": {"speed": positive("Mean speed of the descent, m/s.", default=0.2)},
+            "examples": [{}],
         },
     ),
     Offer(
         name="hold",
+        before="air",
+        after="air",
         summary="Stay in one place for a time.",
         make=_hold,
         check=checks.hold,
@@ -173,10 +182,13 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "speed": _TRAVEL_SPEED,
                 "spacing": _SPACING,
             },
+            "examples": [{"for": 5}],
         },
     ),
     Offer(
         name="join",
+        before="ground",
+        after="air",
         summary="Take off from reserve, and be in the mission from then on.",
         make=_join,
         check=checks.takeoff,
@@ -189,14 +201,18 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "battery": {
                     "type": "number",
                     "minimum": 0,
+                    "maximum": 17,
                     "description": "Voltage on the ground that each agent needs, V.",
                     "default": 3.8,
                 },
             },
+            "examples": [{"agents": "cf3", "height": 0.8}],
         },
     ),
     Offer(
         name="leave",
+        before="air",
+        after="ground",
         summary="Fly to where one started, land, and be in the mission no more.",
         make=_leave,
         options={
@@ -205,16 +221,25 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "speed": _TRAVEL_SPEED,
                 "descent": positive("Mean speed of the descent, m/s.", default=0.2),
             },
+            "examples": [{"agents": "cf1"}],
         },
     ),
     Offer(
         name="wait",
+        after="same",
         summary="Stay where everybody is until a condition holds; for 60 s at most if not said.",
         make=_wait,
-        options={"type": "object", "required": ["until"], "properties": {}},
+        options={
+            "type": "object",
+            "required": ["until"],
+            "properties": {},
+            "examples": [{"until": {"elapsed": 10}}],
+        },
     ),
     Offer(
         name="goto",
+        before="air",
+        after="air",
         summary="Fly to a point, or by an offset, and stop there.",
         make=_goto,
         check=checks.goto,
@@ -236,10 +261,13 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "spacing": _SPACING,
                 "within": positive("How near to its goal each agent must come, m.", default=0.1),
             },
+            "examples": [{"agents": "cf1", "to": [1.0, 0.5, 0.8]}],
         },
     ),
     Offer(
         name="follow",
+        before="air",
+        after="air",
         summary="Fly along a path: a box, a circle, a figure 8, or points from a file.",
         make=_follow,
         check=checks.follow,
@@ -273,6 +301,7 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "enum": ["box", "circle", "figure8"],
                     "description": "A closed path; the figure 8 is a lemniscate of Gerono along x. "
                     "Give this or 'file'.",
+                    "examples": ["circle"],
                 },
                 "size": positive(
                     "Side of the box, diameter of the circle, length of the figure 8 along x, m. "
@@ -302,6 +331,7 @@ OFFERS: tuple[Offer[Task], ...] = (
                 "speed": positive("Speed along the path, m/s; limits.speed at most.", default=0.3),
                 "spacing": _SPACING,
             },
+            "examples": [{"path": "circle", "size": 2.0, "centre": [0.0, 0.0, 0.8]}],
         },
     ),
     FORMATION,

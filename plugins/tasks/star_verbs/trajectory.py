@@ -17,6 +17,9 @@ Point = tuple[float, float, float]
 ORDER = 8  # coefficients of a polynomial of seventh degree
 AXES = ("x", "y", "z", "yaw")
 COLUMNS = ("duration", *(f"{axis}^{power}" for axis in AXES for power in range(ORDER)))
+LONGEST = 1200.0  # s: of all pieces; a Crazyflie's battery lasts some 420 s
+MOST = 1000  # pieces
+GREATEST = 1e9  # of a coefficient: with it even 1200 s to the seventh power is a finite number
 JUMP = 0.05  # m: from piece to piece; coefficients are often written with six decimals
 
 
@@ -112,6 +115,8 @@ def read(path: Path, file: str) -> Trajectory:
         raise InputError(
             [f"{file}:{rows[0][0]}: expected the header {COLUMNS[0]},{COLUMNS[1]},…,{COLUMNS[-1]}"]
         )
+    if len(rows) - 1 > MOST:
+        raise InputError([f"{file}: has {len(rows) - 1} pieces, expected {MOST} at most"])
     pieces, problems = [], []
     for line, row in rows[1:]:
         values, faults = _numbers(_filled(row))
@@ -119,7 +124,7 @@ def read(path: Path, file: str) -> Trajectory:
         if not faults:
             axes = (values[1 + ORDER * i : 1 + ORDER * (i + 1)] for i in range(len(AXES)))
             pieces.append(Piece(values[0], tuple(map(tuple, axes)), line))
-    problems = problems or list(_jumps(pieces, file))
+    problems = problems or [*_lasts(pieces, file), *_jumps(pieces, file)]
     if problems:
         raise InputError(problems)
     return Trajectory(pieces)
@@ -156,9 +161,22 @@ def _numbers(row: Sequence[str]) -> tuple[list[float], list[str]]:
             continue
         if not math.isfinite(values[-1]):
             faults.append(f"{name} is {cell.strip()!r}, expected a finite number")
+        elif abs(values[-1]) > GREATEST:
+            faults.append(f"{name} is {cell.strip()!r}, expected {GREATEST:g} at most")
     if not faults and values[0] <= 0:
         faults.append(f"duration is {values[0]:g} s, expected more than 0")
     return values, faults
+
+
+def _lasts(pieces: Sequence[Piece], file: str) -> Iterator[str]:
+    """The piece with which a trajectory takes too long, if one does."""
+    for piece, end in zip(pieces, accumulate(piece.duration for piece in pieces), strict=True):
+        if end > LONGEST:
+            yield (
+                f"{file}:{piece.line}: duration is {piece.duration:g} s and ends {end:g} s after "
+                f"the start, expected {LONGEST:g} s at most"
+            )
+            return
 
 
 def _jumps(pieces: Sequence[Piece], file: str) -> Iterator[str]:

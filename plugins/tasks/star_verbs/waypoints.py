@@ -70,6 +70,12 @@ def read(path: Path, file: str) -> Waypoints:
 
 
 def _header_faults(columns: Sequence[str]) -> Iterator[str]:
+    if len(columns) == 1 and ";" in columns[0]:
+        yield "its values are parted by ';', expected commas"
+        return
+    if all(_is_number(name) for name in columns):
+        yield f"begins with numbers, expected a header with columns {_list(KNOWN)}"
+        return
     for name in NEEDED:
         if name not in columns:
             yield f"no column {name!r}, expected {_list(KNOWN)}"
@@ -78,6 +84,14 @@ def _header_faults(columns: Sequence[str]) -> Iterator[str]:
             yield f"unknown column {name!r}, expected {_list(KNOWN)}"
         elif columns.count(name) > 1:
             yield f"column {name!r} stands there {columns.count(name)} times"
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _numbers(columns: Sequence[str], row: Sequence[str]) -> tuple[dict[str, float], list[str]]:

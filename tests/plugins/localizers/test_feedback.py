@@ -47,11 +47,15 @@ class OnBoard:
 
 @cache
 def flown(feedback: str, seed: int) -> tuple[dict[str, Any], float]:
-    """Fly a lap; return the summary, and the mean square error of the drone's own estimate, m²."""
+    """Fly 25 s; return the summary, and the mean square error of the drone's own estimate, m²."""
     watcher = OnBoard()
     registry = Registry(watcher)
     options = f"localizer={{use: apriltag, feedback: {feedback}}}"
-    changes = [f"seed={seed}", "transport.camera.mode=geometric", "mission.1.follow.until={elapsed: 25}"]
+    changes = [
+        f"seed={seed}",
+        "transport.camera.mode=geometric",
+        "mission.1.follow.until={elapsed: 25}",
+    ]
     summary = fly(load(MISSION, registry, [*changes, options]), registry)
     return summary, float(np.mean(watcher.squares))
 

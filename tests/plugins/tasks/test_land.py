@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from star_core import AgentPhase, Order, Status
-from star_core.testing import scene
+from star_core.testing import estimate, health, scene
 
 AIR = [[-0.5, 0.0, 0.8], [0.5, 0.0, 1.2]]
 
@@ -47,6 +48,17 @@ def test_who_lands_already_gets_no_second_order(make: Any, fly: Any) -> None:
     flown = fly(task, room, AIR, phase=AgentPhase.LANDING, longest=1.0)
     assert flown.status is Status.RUNNING
     assert flown.commands == []
+
+
+def test_who_takes_the_place_of_one_that_lands_is_landed_too(make: Any) -> None:
+    room = scene(3)
+    task, here = make("land", room, (0, 1)), estimate(np.full((3, 3), 0.8))
+    task.begin(here, health(3))
+    task.step(here, health(3))
+    task.swap(1, 2)
+    phase = np.array([AgentPhase.LANDING, AgentPhase.LANDING, AgentPhase.FLYING])
+    (command,) = task.step(here, replace(health(3), phase=phase)).commands
+    assert command.agent.tolist() == [2]
 
 
 def test_who_is_not_located_descends_as_from_the_greatest_height(make: Any, fly: Any) -> None:

@@ -49,11 +49,19 @@ def make(
 
 
 def _many(description: str) -> Mapping[str, Any]:
-    return {"type": "integer", "minimum": 1, "maximum": MOST, "description": description}
+    return {
+        "type": "integer",
+        "minimum": 1,
+        "maximum": MOST,
+        "description": description,
+        "examples": [2],
+    }
 
 
 OFFER: Final[Offer[Task]] = Offer(
     name="formation",
+    before="air",
+    after="air",
     summary="Form a line, a grid, a circle or points, hold it, and move it as one.",
     make=make,
     check=check,
@@ -75,8 +83,9 @@ OFFER: Final[Offer[Task]] = Offer(
             "spacing": positive(
                 f"Distance between neighbours, m; {SPACING:g} if not given. For a circle 'radius' "
                 "may be given instead.",
+                examples=[0.6],
             ),
-            "radius": positive("Of the circle, m.", examples=[0.8]),
+            "radius": positive("Of the circle, m. Give this or 'spacing'.", examples=[0.8]),
             "rows": _many("Rows of the grid; as many as its columns need if not given."),
             "columns": _many("Columns of the grid; as square as it goes if not given."),
             "points": {
@@ -84,8 +93,8 @@ OFFER: Final[Offer[Task]] = Offer(
                 "minItems": 1,
                 "maxItems": MOST,
                 "items": point("Place, [x, y, z] from the centre, m.", [0.5, 0.0, 0.0]),
-                "description": "Places, from the centre, m; of more than there are agents some "
-                "stay empty.",
+                "description": "Places, from the centre, m, needed for 'points'; of more than "
+                "there are agents some stay empty.",
                 "examples": [[[0.0, 0.0, 0.8], [0.6, 0.0, 1.0]]],
             },
             "yaw_deg": {
@@ -97,7 +106,8 @@ OFFER: Final[Offer[Task]] = Offer(
             },
             "speed": positive(
                 "Greatest speed on the way to the places, m/s; limits.speed at most and if not "
-                "given."
+                "given.",
+                examples=[0.3],
             ),
             "within": positive("How near to its place each agent must come, m.", default=0.1),
             "for": {
@@ -109,7 +119,9 @@ OFFER: Final[Offer[Task]] = Offer(
             },
             "move": {
                 "type": "object",
-                "description": "Where to move the formation as one after that.",
+                "description": "Where to move the formation as one after that; nowhere if not "
+                "given.",
+                "examples": [{"to": [1.0, 0.0, 0.8]}],
                 "required": ["to"],
                 "additionalProperties": False,
                 "properties": {
@@ -120,5 +132,6 @@ OFFER: Final[Offer[Task]] = Offer(
                 },
             },
         },
+        "examples": [{"shape": "line", "centre": [0.0, 0.0, 0.8], "spacing": 0.6}],
     },
 )

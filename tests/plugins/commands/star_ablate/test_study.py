@@ -165,7 +165,8 @@ def test_another_version_of_a_plugin_changes_the_key(
     [
         (
             "missions: [../hip.yaml]\n",
-            "3:12: there is no file '../hip.yaml' from the study's folder",
+            "3:12: there is no file '../hip.yaml' from the study's folder; did you mean"
+            " '../hop.yaml'?",
         ),
         (
             "missions: [../../x.yaml]\n",

@@ -69,6 +69,40 @@ def test_the_share_of_a_scout_that_leaves_goes_to_the_others(
 
 
 @both
+def test_who_takes_over_from_a_scout_goes_on_with_what_is_left(
+    pattern: str, hall: Any, search: Any
+) -> None:
+    seen = []
+
+    def meddle(time: float, task: Any, _scouts: Any) -> None:
+        seen.append(task._field.chart.covered)
+        if time == 8.0:
+            task.swap(1, 2)
+
+    flown = search(hall(3), rows=(0, 1), pattern=pattern, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert seen == sorted(seen)
+    goals = np.isfinite(np.array(flown.goal)).all(axis=2)  # (T, N)
+    assert goals[:150, 1].any()
+    assert not goals[161:, 1].any()
+    assert goals[161:, 2].any()
+
+
+@both
+def test_a_scout_may_come_when_the_search_is_under_way(
+    pattern: str, hall: Any, search: Any
+) -> None:
+    def meddle(time: float, task: Any, _scouts: Any) -> None:
+        if time == 5.0:
+            task.join((0, 1))
+
+    alone = search(hall(2), rows=(0,), pattern=pattern)
+    flown = search(hall(2), rows=(0,), pattern=pattern, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert flown.time < alone.time
+
+
+@both
 def test_a_scout_that_is_not_located_for_a_while_comes_back(
     pattern: str, hall: Any, search: Any
 ) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Order, Status
+from star_core import AgentPhase, Order, PluginError, Status
 
 RED, BLUE = (1.2, 1.2), (-1.3, 1.0)
 TWO = {"red": RED, "blue": BLUE}
@@ -161,6 +162,38 @@ def test_a_finder_that_leaves_is_waited_for_by_nobody(hall: Any, search: Any) ->
     flown = search(hall(2, targets={"red": RED}), then="land", targets=0, meddle=meddle)
     assert flown.status is Status.SUCCESS
     assert flown.field.chart.covered >= 0.99
+
+
+@pytest.mark.parametrize("then", ["mark", "hover"])
+def test_who_takes_over_from_a_finder_makes_its_visit(then: str, hall: Any, search: Any) -> None:
+    swapped: list[float] = []
+
+    def meddle(time: float, task: Any, scouts: Any) -> None:
+        if (scouts.finder >= 0).any() and not swapped:
+            swapped.append(time)
+            task.swap(int(scouts.finder[0]), 2)
+
+    room = hall(3, targets={"red": RED})
+    flown = search(room, rows=(0, 1), then=then, targets=1, meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert np.hypot(*(flown.track[-1, 2, :2] - RED)) < 0.3
+
+
+def test_one_without_a_camera_only_keeps_the_place(hall: Any, search: Any) -> None:
+    def meddle(time: float, task: Any, _scouts: Any) -> None:
+        if time == 5.0:
+            task.swap(1, 2)
+
+    room = hall(3)
+    blind = replace(room, agents=(*room.agents[:2], replace(room.agents[2], camera=None)))
+    flown = search(blind, rows=(0, 1), meddle=meddle)
+    assert flown.status is Status.SUCCESS
+    assert np.isnan(np.array(flown.goal)[:, 2]).all()
+
+
+def test_a_search_by_agents_without_cameras_alone_says_so(hall: Any, search: Any) -> None:
+    with pytest.raises(PluginError, match="nobody with a camera is left to search: cf1, cf2"):
+        search(hall(2, camera=None))
 
 
 def test_visits_to_targets_have_time(hall: Any, search: Any) -> None:

@@ -1,0 +1,111 @@
+"""Every file of the corpus, each with one fault: told on its line, in words one can act on."""
+
+from __future__ import annotations
+
+import re
+import statistics
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from star_ablate.study import read as read_study
+from star_core import cli, schema
+from star_core.mission import load
+from star_core.registry import Registry
+from tests.corpus import cases
+from tests.corpus.cases import Case, Expected
+
+LOCATED = re.compile(r"(?P<file>[^:\s]+):(?P<line>\d+):\d+: (?P<words>\S.*)")
+FAULTY = cases.faulty()
+FEWEST = 200
+SECOND = 1.0
+registry = cache(Registry)  # what is installed does not change from one file to the next
+schema_of = schema.compose
+composed = cache(lambda: schema_of(registry().offers()))
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty folder to stand in; plugins are looked for once, not for each file."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "_registry", registry)
+    monkeypatch.setattr(schema, "compose", lambda _offers: composed())
+
+
+def told(lines: list[str]) -> Iterator[Expected]:
+    """Every error as the file and the line that it is on, and what is said."""
+    for line in lines:
+        found = LOCATED.fullmatch(line)
+        assert found, f"no place: {line}"
+        yield Expected(found["file"], int(found["line"]), found["words"])
+
+
+@pytest.mark.parametrize("topic", cases.topics())
+def test_the_files_that_are_spoilt_are_good(topic: str) -> None:
+    good = cases.valid(topic)
+    good.write(Path())
+    if good.command[0] == "ablate":
+        read_study(Path(good.command[1]), registry())
+    else:
+        load(Path(good.command[1]), registry())
+
+
+@pytest.mark.parametrize("case", FAULTY, ids=str)
+def test_a_fault_is_told_on_its_line_and_nowhere_else(
+    case: Case, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case.write(Path())
+    before = sorted(Path().rglob("*"))
+    assert cli.main(case.command) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    found = list(told(err.splitlines()))
+    for expected in case.expected:
+        assert any(
+            (error.file, error.line) == (expected.file, expected.line)
+            and expected.words in error.words
+            for error in found
+        ), f"{expected} is not in:\n{err}"
+    assert {(error.file, error.line) for error in found} == {
+        (expected.file, expected.line) for expected in case.expected
+    }, err
+    assert " raised " not in err
+    assert sorted(Path().rglob("*")) == before
+
+
+def test_there_are_many_files_and_none_is_there_twice() -> None:
+    assert len(FAULTY) >= FEWEST
+    written = Counter((case.command, tuple(sorted(case.files.items()))) for case in FAULTY)
+    assert [files for files, times in written.items() if times > 1] == []
+
+
+def test_a_file_is_checked_in_under_a_second(capsys: pytest.CaptureFixture[str]) -> None:
+    taken = []
+    for i, case in enumerate(FAULTY[::20]):
+        folder = Path(str(i))
+        case.write(folder)
+        begun = time.process_time()
+        cli.main([case.command[0], str(folder / case.command[1])])
+        taken.append(time.process_time() - begun)
+    capsys.readouterr()
+    assert statistics.median(taken) < SECOND
+
+
+@pytest.mark.parametrize("case", FAULTY[:: len(FAULTY) // 3], ids=str)
+def test_a_command_of_its_own_ends_with_status_2_and_no_traceback(case: Case) -> None:
+    case.write(Path())
+    ended = subprocess.run(
+        [sys.executable, "-c", "from star_core.cli import main; raise SystemExit(main())",
+         *case.command],
+        capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert ended.returncode == 2
+    assert ended.stdout == ""
+    assert "Traceback" not in ended.stderr
+    assert all(LOCATED.fullmatch(line) for line in ended.stderr.splitlines())
