@@ -27,6 +27,7 @@ def test_every_mission_checks_and_completes_without_collision(
     summary = flown(mission, tmp_path)
     assert summary["outcome"] == "completed"
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
+    assert summary["targets"]["found"] == summary["targets"]["total"]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -12,11 +12,16 @@ if TYPE_CHECKING:
 
 
 def make(
-    scene: Scene, *, stale: float = 0.5, error: float = 0.0, error_time: float = 1.0
+    scene: Scene,
+    *,
+    stale: float = 0.5,
+    error: float = 0.0,
+    error_time: float = 1.0,
+    latency: float = 0.15,
 ) -> Localizer:
     from star_flow.localizer import Flow
 
-    return Flow(scene, stale=stale, error=error, error_time=error_time)
+    return Flow(scene, stale=stale, error=error, error_time=error_time, latency=latency)
 
 
 @hookimpl
@@ -47,6 +52,14 @@ def star_localizers() -> Iterable[Offer[Localizer]]:
                     "description": "For studies: time constant with which that error is "
                     "forgotten, s.",
                     "default": 1.0,
+                },
+                "latency": {
+                    "type": "number",
+                    "minimum": 0,
+                    "maximum": 2,
+                    "description": "From taking an image to its arrival, for tags found on board "
+                    "that do not say when they were taken, s.",
+                    "default": 0.15,
                 },
             },
         },

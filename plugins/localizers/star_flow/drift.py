@@ -74,3 +74,12 @@ class Drift:
         covariance[:, :2, :2] += flat.transpose(2, 0, 1)
         covariance[:, (0, 1), (0, 1)] += NOISE * elapsed
         return covariance
+
+
+def heading_variance(elapsed: float) -> float:
+    """Return the variance of a dead-reckoned heading `elapsed` s after its beginning, rad².
+
+    >>> round(math.degrees(math.sqrt(heading_variance(60.0))), 1)
+    10.2
+    """
+    return START_YAW**2 + (YAW_BIAS * elapsed) ** 2

@@ -81,11 +81,17 @@ def check(
     scene: Scene, *, camera: Mapping[str, Any] | None = None, **_others: Any
 ) -> Iterable[Problem]:
     """Say which landmarks and targets that should be covered there are not."""
+    from difflib import get_close_matches
+
     known = {tag.of for tag in (*scene.world.landmarks, *scene.world.targets)}
     for i, name in enumerate((camera or {}).get("covered", ())):
         if name not in known:
+            meant = "".join(
+                f"; did you mean {near!r}?" for near in get_close_matches(name, known, 1)
+            )
             yield Problem(
-                ("camera", "covered", i), f"world {scene.world.name!r} has no landmark {name!r}"
+                ("camera", "covered", i),
+                f"world {scene.world.name!r} has no landmark {name!r}{meant}",
             )
 
 

@@ -52,7 +52,9 @@ def _number(default: float, description: str, most: float | None = None) -> dict
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
-    "description": "How the agents' cameras, their links and the survey of the tags err.",
+    "description": "How the agents' cameras, their links and the survey of the tags err; each as "
+    "below if not given.",
+    "examples": [{"mode": "geometric"}],
     "properties": {
         "mode": {
             "enum": list(MODES),

@@ -1,0 +1,149 @@
+"""What editors show of every key of a mission: a title, what it is, and in which unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import pytest
+
+from star_core.registry import Registry
+from star_core.schema import compose, load
+
+UNIT = re.compile(
+    r"(?<![\w'])(m|m/s|m/s²|m⁴/s|s|1/s|Hz|V|px|degrees|degrees/s|rad|kg)\b(?!['\w])", re.ASCII
+)
+COUNT = re.compile(
+    r"how (often|many)|so many|as many as|\b(seed|share|fraction|number|ticks|paths planned"
+    r"|per second of|rows|columns|grey value|port|processes|images)\b",
+    re.IGNORECASE,
+)
+"""What a description says of a number that has no unit."""
+
+ABSENT = re.compile(
+    r"if not given|not given|give this or|needed (with|for)|derived|needs none|without one",
+    re.IGNORECASE,
+)
+"""How a description says what it means that an option without a default is not there."""
+
+
+class Property(NamedTuple):
+    """A key of the schema, what it refers to put in, and whether the map must have it."""
+
+    path: str
+    schema: dict[str, Any]
+    required: bool
+    one_of_many: bool
+    told_above: bool
+
+
+def properties(value: Any, root: dict[str, Any], path: str = "") -> Iterator[Property]:
+    """Every property of a schema, but of conditions: those are for no reader."""
+    if isinstance(value, list):
+        for one in value:
+            yield from properties(one, root, path)
+    if not isinstance(value, dict):
+        return
+    for name, held in value.get("properties", {}).items():
+        if isinstance(held, dict):
+            yield Property(
+                f"{path}/{name}",
+                resolved(held, root),
+                required=name in value.get("required", ()),
+                one_of_many=value.get("maxProperties") == 1,
+                told_above="examples" in value or "default" in value,
+            )
+            yield from properties(held, root, f"{path}/{name}")
+    for key, held in value.items():
+        if key not in {"properties", "if", "examples", "default", "enum", "const"}:
+            yield from properties(held, root, f"{path}/{key}" if key == "$defs" else path)
+
+
+def resolved(schema: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
+    """A schema with what it refers to."""
+    if "$ref" not in schema:
+        return schema
+    found: Any = root
+    for name in schema["$ref"].removeprefix("#/").split("/"):
+        found = found[name]
+    return resolved(found, root) | schema
+
+
+def types(schema: dict[str, Any]) -> set[str]:
+    given = schema.get("type", ())
+    return {given} if isinstance(given, str) else set(given)
+
+
+MISSION = compose(Registry().offers())
+SCHEMAS = {"mission": MISSION, "world": load("world"), "study": load("study")}
+EVERY = [
+    (f"{name}{found.path}", found)
+    for name, schema in SCHEMAS.items()
+    for found in properties(schema, schema)
+]
+OPTIONAL = [(p, f) for p, f in EVERY if p.startswith("mission") and not f.required]
+
+
+def test_there_is_something_to_look_at() -> None:
+    assert len(EVERY) > 300
+    assert "mission/limits/speed" in dict(EVERY)
+    assert "mission/avoider/radius" in dict(EVERY)
+    assert "mission/$defs/goto/to" in dict(EVERY)
+
+
+def test_every_key_has_a_title_and_says_what_it_is() -> None:
+    assert [path for path, found in EVERY if not found.schema.get("title")] == []
+    assert [path for path, found in EVERY if not found.schema.get("description")] == []
+
+
+def test_the_title_of_a_key_is_its_name_in_words() -> None:
+    made = dict(EVERY)
+    assert made["mission/limits/speed"].schema["title"] == "Speed"
+    assert made["mission/avoider/communication_radius"].schema["title"] == "Communication radius"
+    assert made["mission/planner/yaw_rate_deg"].schema["title"] == "Yaw rate"
+
+
+def test_every_quantity_says_its_unit_and_every_other_number_what_it_counts() -> None:
+    numbers = [
+        (path, found.schema["description"])
+        for path, found in EVERY
+        if types(found.schema) & {"number", "integer"}
+    ]
+    assert len(numbers) > 100
+    silent = [one for one in numbers if not UNIT.search(one[1]) and not COUNT.search(one[1])]
+    assert silent == []
+
+
+@pytest.mark.parametrize("key", ["limits/speed", "safety/battery_low/below", "localizer/stale"])
+def test_a_unit_is_found_where_there_is_one(key: str) -> None:
+    assert UNIT.search(dict(EVERY)[f"mission/{key}"].schema["description"])
+
+
+def test_every_optional_key_has_a_default_or_says_what_it_is_without_one() -> None:
+    told = {"default", "const"}
+    assert [
+        path
+        for path, found in OPTIONAL
+        if not (told & set(found.schema))
+        and not found.one_of_many
+        and not path.startswith("mission/safety/")  # a rule that is not there is none
+        and not ABSENT.search(found.schema["description"])
+    ] == []
+
+
+def test_every_key_has_an_example_a_default_or_its_values() -> None:
+    shown = {"examples", "default", "enum", "const"}
+    assert [
+        path
+        for path, found in EVERY
+        if path.startswith("mission")
+        and not shown & set(found.schema)
+        and "boolean" not in types(found.schema)
+        and not found.told_above
+    ] == []
+
+
+def test_every_verb_has_an_example() -> None:
+    verbs = MISSION["$defs"]["step"]["properties"]
+    assert [name for name, verb in verbs.items() if not verb.get("examples")] == []

@@ -1,0 +1,212 @@
+"""What an editor offers, shows and marks in a mission: asked of yaml-language-server itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from star_core.registry import Registry
+from star_core.schema import compose
+from tests.editors.language_server import LanguageServer
+
+pytestmark = pytest.mark.campaign  # it needs npm and its registry
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+HEAD = "# yaml-language-server: $schema=mission.schema.json\n"
+TOP = """\
+star: 1
+name: swap
+world: worlds/lab.yaml
+limits: {speed: 0.5, height: [0.2, 1.8]}
+swarm:
+  cf1: {start: [0, 0, 0]}
+transport: sim
+localizer: {use: flow, stale: 0.5}
+planner: straight
+avoider: {use: orca, radius: 0.2}
+"""
+MISSION = f"""\
+{HEAD}{TOP}safety: {{battery_low: {{below: 3.5}}}}
+mission:
+  - takeoff: {{height: 0.8}}
+  - goto: {{agents: cf1, to: [0, 0, 1], speed: 0.3, yaw_deg: 90}}
+  - hold: {{for: 2, until: {{elapsed: 1}}, timeout: 5}}
+  - land: {{}}
+"""
+VERBS = list(compose(Registry().offers())["$defs"]["step"]["properties"])
+
+Offered = Callable[[str], list[dict[str, Any]]]
+Marked = Callable[[str], list[dict[str, Any]]]
+
+
+@pytest.fixture
+def names(folder: Path) -> Iterator[Path]:
+    """Names for files that nobody has opened."""
+    return (folder / f"{folder.name}-{number}.yaml" for number in count(next(NUMBERS) * 1000))
+
+
+NUMBERS = count()
+
+
+@pytest.fixture
+def marked(server: LanguageServer, names: Iterator[Path]) -> Marked:
+    """Return what is wrong with a mission, as an editor marks it."""
+
+    def mark(text: str) -> list[dict[str, Any]]:
+        path = next(names)
+        found = server.open(path, text)
+        server.close(path)
+        return found
+
+    return mark
+
+
+@pytest.fixture
+def offered(server: LanguageServer, names: Iterator[Path]) -> Offered:
+    """Return what is offered at the ``|`` in a text."""
+
+    def offer(text: str) -> list[dict[str, Any]]:
+        before, _, after = text.partition("|")
+        path = next(names)
+        server.open(path, before + after)
+        line = before.count("\n")
+        found = server.complete(path, line, len(before) - before.rfind("\n") - 1)
+        server.close(path)
+        return found
+
+    return offer
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        "  - |\n",
+        "  - takeoff: {}\n  - |\n",
+        "  - takeoff: {}\n  - |\n  - land: {}\n",
+        "  - parallel:\n      - |\n",
+        "  - repeat:\n      times: 2\n      steps:\n        - |\n",
+        "  - each:\n      steps:\n        - |\n",
+    ],
+    ids=["first", "last", "between", "in parallel", "in repeat", "in each"],
+)
+def test_a_new_step_is_offered_the_verbs_and_nothing_else(offered: Offered, steps: str) -> None:
+    found = offered(f"{HEAD}{TOP}mission:\n{steps}")
+    assert sorted(item["label"] for item in found) == sorted(VERBS)
+    assert all(item["documentation"] for item in found)
+
+
+@pytest.mark.parametrize("kind", ["transport", "localizer", "planner", "avoider"])
+@pytest.mark.parametrize("place", ["{}: |\n", "{}: s|\n", "{}:\n  use: |\n", "{}: {{use: |}}\n"])
+def test_the_plugins_of_a_kind_are_offered(offered: Offered, kind: str, place: str) -> None:
+    found = offered(f"{HEAD}star: 1\n{place.format(kind)}")
+    assert {item["label"] for item in found} == set(Registry().offers()[kind])
+
+
+@pytest.mark.parametrize("kind", ["transport", "localizer", "planner", "avoider"])
+@pytest.mark.parametrize("place", ["{}:\n  use: |\n", "{}: {{use: |}}\n"])
+def test_the_plugins_to_use_are_offered_with_what_they_are_for(
+    offered: Offered, kind: str, place: str
+) -> None:
+    found = offered(f"{HEAD}star: 1\n{place.format(kind)}")
+    expected = {name: offer.summary for name, offer in Registry().offers()[kind].items()}
+    assert {item["label"]: item["documentation"] for item in found} == expected
+
+
+def test_the_options_of_the_plugin_that_is_used_are_offered(offered: Offered) -> None:
+    found = offered(f"{HEAD}star: 1\navoider:\n  use: orca\n  |\n")
+    options = Registry().find("avoider", "orca").offer.options["properties"]
+    assert {item["label"] for item in found} == set(options)
+    assert next(i["documentation"] for i in found if i["label"] == "radius").endswith(", m")
+
+
+def test_the_options_of_a_verb_are_offered_once_each(offered: Offered) -> None:
+    found = offered(f"{HEAD}{TOP}mission:\n  - goto:\n      agents: cf1\n      |\n")
+    assert [item["label"] for item in found] == [
+        *("to", "by", "yaw_deg", "speed", "spacing", "within"),
+        *("until", "timeout", "on_failure"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("where", "key", "title", "unit"),
+    [
+        ("limits:", "speed", "Speed", "m/s"),
+        ("limits:", "height", "Height", "m"),
+        ("- takeoff:", "height", "Height", "m"),
+        ("- goto:", "speed", "Speed", "m/s"),
+        ("- goto:", "yaw_deg", "Yaw", "degrees"),
+        ("- hold:", "for", "For", "s"),
+        ("- hold:", "elapsed", "Elapsed", "s"),
+        ("- hold:", "timeout", "Time-out", "s"),
+        ("battery_low:", "below", "Below", "V"),
+        ("localizer:", "stale", "Stale", "s"),
+        ("avoider:", "radius", "Radius", "m"),
+        ("cf1:", "start", "Start", "m"),
+    ],
+)
+def test_what_stands_under_the_pointer_is_shown_with_its_title_and_unit(
+    server: LanguageServer, names: Iterator[Path], where: str, key: str, title: str, unit: str
+) -> None:
+    path = next(names)
+    server.open(path, MISSION)
+    lines = MISSION.splitlines()
+    line = next(i for i, text in enumerate(lines) if where in text)
+    at = lines[line].index(f"{key}:", lines[line].index(where) + len(where))
+    shown = server.hover(path, line, at + 1)
+    server.close(path)
+    assert shown.startswith(f"#### {title}\n")
+    assert unit in [word.strip(".,;") for word in shown.partition("Source:")[0].split()]
+
+
+def test_a_verb_and_a_plugin_are_explained_under_the_pointer(
+    server: LanguageServer, names: Iterator[Path]
+) -> None:
+    path = next(names)
+    server.open(path, MISSION)
+    lines = MISSION.splitlines()
+    verb = next(i for i, text in enumerate(lines) if "- goto" in text)
+    assert "Fly to a point" in server.hover(path, verb, 5)
+    part = next(i for i, text in enumerate(lines) if text.startswith("planner"))
+    assert "towards the goals" in server.hover(path, part, len("planner: st"))
+    server.close(path)
+
+
+@pytest.mark.parametrize(
+    "path",
+    sorted(path for part in (".", "worlds", "studies") for path in MISSIONS.glob(f"{part}/*.yaml")),
+    ids=lambda path: f"{path.parent.name} {path.stem}",
+)
+def test_a_file_that_ships_has_no_mark(marked: Marked, path: Path) -> None:
+    first, _, rest = path.read_text(encoding="utf-8").partition("\n")
+    assert first.startswith("# yaml-language-server: $schema=")
+    schema = re.split(r"[/=]", first)[-1]
+    assert marked(f"# yaml-language-server: $schema={schema}\n{rest}") == []
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "marks"),
+    [
+        ("speed: 0.3", "sped: 0.3", "sped"),
+        ("takeoff:", "takeof:", "takeof"),
+        ("radius:", "raduis:", "raduis"),
+        ("orca", "orcaa", "orcaa"),
+        ("planner:", "planer:", "planer"),
+        ("below: 3.5", "below: low", "low"),
+        ("height: 0.8", "height: -1", "-1"),
+        ("elapsed: 1", "elapst: 1", "elapst"),
+    ],
+)
+def test_a_mistake_has_one_mark_that_covers_it(
+    marked: Marked, right: str, wrong: str, marks: str
+) -> None:
+    assert marked(MISSION) == []
+    text = MISSION.replace(right, wrong)
+    found = [one for one in marked(text) if "Missing property" not in one["message"]]
+    assert len(found) == 1
+    begin, end = found[0]["range"]["start"], found[0]["range"]["end"]
+    assert text.splitlines()[begin["line"]][begin["character"] : end["character"]] == marks
