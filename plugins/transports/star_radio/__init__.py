@@ -1,4 +1,4 @@
-"""Transport ``radio``: Crazyflies, on the air or simulated by ``star fleet``, through cflib."""
+"""Transport ``radio``: Crazyflies, on the air through cflib, or simulated by ``star fleet``."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ def make(  # noqa: PLR0913 -- one argument for each option
     camera_latency: float = 0.15,
     mocap: Mapping[str, Any] | None = None,
     broadcast: int | None = None,
+    udp: str = "sockets",
 ) -> Transport:
     """Return the links to a scene's agents, not open yet.
 
@@ -39,6 +40,7 @@ def make(  # noqa: PLR0913 -- one argument for each option
     """
     from pathlib import Path
 
+    from star_radio.datagrams import Datagrams
     from star_radio.tables import Tables, user_cache
     from star_radio.transport import Radio, Rules
     from star_radio.vehicle import Manner
@@ -72,6 +74,7 @@ def make(  # noqa: PLR0913 -- one argument for each option
         decks=decks,
         mocap=capture,
         shouts=shouts,
+        datagrams=Datagrams() if udp == "sockets" else None,
     )
 
 

@@ -28,5 +28,5 @@ def yaw_rate(wanted: Array, yaw: Array) -> Array:
         array([ 0.3 , -0.85,  0.  ])
     """
     missing = np.remainder(wanted - yaw + math.pi, math.tau) - math.pi
-    rate: Array = np.nan_to_num(np.clip(GAIN * missing, -FASTEST, FASTEST))
-    return rate
+    rate = np.clip(GAIN * missing, -FASTEST, FASTEST)
+    return np.where(np.isnan(rate), 0.0, rate)

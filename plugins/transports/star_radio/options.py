@@ -39,6 +39,12 @@ OPTIONS: dict[str, Any] = {
             "description": "How Crazyradios are driven, for the budget of packets: 'legacy' as by "
             "cflib 0.1.34 itself, 'inline' where its driver and the dongles' firmware (5.1) can.",
         },
+        "udp": {
+            "enum": ["sockets", "cflib"],
+            "default": "sockets",
+            "description": "How links over UDP are driven: 'sockets' by one thread for all of "
+            "them, 'cflib' as the other kinds of links are, by a driver and two threads each.",
+        },
         "cache": {
             "type": ["string", "null"],
             "minLength": 1,

@@ -86,6 +86,10 @@ class Layout:
         return cls(tuple(found))
 
     @cached_property
+    def _units(self) -> Array:
+        return np.array([1.0 if source is None else source.unit for source in self.sources])
+
+    @cached_property
     def dtype(self) -> np.dtype[np.void]:
         """Of a report's payload: block, time stamp of 24 bits, variables."""
         named = [
@@ -98,15 +102,16 @@ class Layout:
     def read(self, payloads: Sequence[bytes]) -> Array:
         """Return (K, 13) values of K payloads, whose columns stand above; NaN if not reported."""
         table = np.frombuffer(b"".join(payloads), self.dtype)
-        values = np.full((len(table), len(SOURCES)), np.nan)
+        values = np.empty((len(table), len(SOURCES)))
         for column, source in enumerate(self.sources):
-            if source is not None:
-                values[:, column] = table[str(column)] * np.float64(source.unit)
+            values[:, column] = np.nan if source is None else table[str(column)]
+        values *= self._units
         return values
 
-    def fits(self, payload: bytes) -> bool:
-        """Whether a payload is a report of this layout."""
-        return len(payload) == self.dtype.itemsize and payload[0] == BLOCK
+    @property
+    def size(self) -> int:
+        """Of a report's payload, bytes."""
+        return self.dtype.itemsize
 
     def begin(self, table: Table, period: float, ask: Ask) -> None:
         """Have a drone report every `period`, s.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from star_core import Array, Detections, Frames, Odometry, Rows, Telemetry
+from star_core import Array, Detections, Frames, Odometry, Refusal, Rows, Telemetry
 from star_radio import report
 from star_radio.report import Layout
 from star_radio.vehicle import Vehicle
@@ -41,12 +41,13 @@ class Gatherer:
         self.last = np.full((len(vehicles), len(report.SOURCES)), np.nan)
         self._newest = 0.0  # mission time, s
 
-    def gather(self, began: float, frames: Frames) -> Telemetry:
+    def gather(self, began: float, frames: Frames, refusals: tuple[Refusal, ...] = ()) -> Telemetry:
         """Return what arrived since the last call.
 
         Args:
             began: When mission time was 0, s of the computer's clock.
             frames: What the cameras sent.
+            refusals: What was refused.
         """
         samples = self._read()
         if len(samples.agent):
@@ -60,11 +61,12 @@ class Gatherer:
             velocity=self.last[:, [report.VX, report.VY, report.VZ]],
             attitude=quaternion(*self.last[:, [report.ROLL, report.PITCH, report.YAW]].T),
             battery=self.last[:, report.BATTERY],
-            state=np.nan_to_num(state).astype(np.int64),
+            state=np.where(np.isnan(state), 0, state).astype(np.int64),
             age=np.array([now - vehicle.heard for vehicle in self._vehicles]),
             odometry=odometry(samples, began),
             frames=frames,
             detections=Detections.none(),
+            refusals=refusals,
         )
 
     def _read(self) -> Samples:
@@ -77,10 +79,11 @@ class Gatherer:
             if not found or vehicle.layout is None:
                 continue
             places, payloads = by_layout.setdefault(vehicle.layout, ([], []))
-            places.extend(range(len(agents), len(agents) + len(found)))
-            payloads.extend(payload for _time, payload in found)
-            agents.extend([row] * len(found))
-            times.extend(made for made, _payload in found)
+            for made, payload in found:
+                places.append(len(agents))
+                payloads.append(payload)
+                agents.append(row)
+                times.append(made)
         values = np.empty((len(agents), len(report.SOURCES)))
         for layout, (places, payloads) in by_layout.items():
             values[places] = layout.read(payloads)
@@ -114,14 +117,15 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
     >>> quaternion(np.zeros(1), np.zeros(1), np.array([np.pi])).round(6) + 0.0
     array([[0., 0., 1., 0.]])
     """
-    cr, cp, cy = np.cos(roll / 2), np.cos(pitch / 2), np.cos(yaw / 2)
-    sr, sp, sy = np.sin(roll / 2), np.sin(pitch / 2), np.sin(yaw / 2)
+    half = np.stack([roll, pitch, yaw]) / 2
+    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
+    straight, turned, nodding, panned = cp * cy, sp * sy, sp * cy, cp * sy
     return np.stack(
         [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
+            sr * straight - cr * turned,
+            cr * nodding + sr * panned,
+            cr * panned - sr * nodding,
+            cr * straight + sr * turned,
         ],
         axis=1,
     )

@@ -18,12 +18,14 @@ from star_core import (
     Frames,
     Order,
     PluginError,
+    Refusal,
     Scene,
     Setpoint,
     Telemetry,
     Truth,
 )
 from star_radio import orders, report
+from star_radio.datagrams import Datagrams
 from star_radio.heading import yaw_rate
 from star_radio.link import Link
 from star_radio.quiet import hush
@@ -69,6 +71,7 @@ class Radio:
         decks: Cameras.
         mocap: Ground truth.
         shouts: Broadcasts.
+        datagrams: Where links over UDP are heard; cflib hears them if not given.
 
     Attributes:
         vehicles: The drone of each row, for what no contract has: trajectories, whole states.
@@ -84,16 +87,20 @@ class Radio:
         decks: Decks | None = None,
         mocap: MotionCapture | None = None,
         shouts: Shouts | None = None,
+        datagrams: Datagrams | None = None,
     ) -> None:
         hush()
         self._scene = scene
         self._tables, self._manner = tables, manner
         self._rules = rules
         self._decks, self._mocap, self._shouts = decks, mocap, shouts
+        self._datagrams = datagrams
         self.vehicles = tuple(
-            Vehicle(agent.name, Link(agent.uri or "", agent.name)) for agent in scene.agents
+            Vehicle(agent.name, Link(agent.uri or "", agent.name, datagrams))
+            for agent in scene.agents
         )
         self._there = np.zeros(len(self.vehicles), np.bool_)
+        self._refusals: list[Refusal] = []
         self._gatherer = Gatherer(self.vehicles)
         self._began: float | None = None  # s of the computer's clock, at mission time 0
         self._fed = -np.inf  # s, when the watchdog was fed
@@ -125,9 +132,11 @@ class Radio:
         now = time.monotonic()
         if self._began is None:
             self._began = now
-        for vehicle in self._present():
-            for trouble in vehicle.chase(now):
-                log.warning("radio: %s", trouble)
+        for row in np.flatnonzero(self._there).tolist():
+            for trouble in self.vehicles[row].chase(now):
+                log.warning("radio: %s %s", self.vehicles[row].name, trouble.words)
+                if trouble.refused:
+                    self._refusals.append(Refusal(row, trouble.words))
         if self._rules.watchdog and now - self._fed >= FEED:
             self._fed = now
             for vehicle in self._present():
@@ -138,7 +147,8 @@ class Radio:
     def receive(self) -> Telemetry:
         began = time.monotonic() if self._began is None else self._began
         frames = Frames.none() if self._decks is None else self._decks.frames(began)
-        return self._gatherer.gather(began, frames)
+        refusals, self._refusals = tuple(self._refusals), []
+        return self._gatherer.gather(began, frames, refusals)
 
     def command(self, command: Command) -> None:
         """Give an order to those that are there, and see to it that it is confirmed.
@@ -188,9 +198,17 @@ class Radio:
             rows = np.flatnonzero(setpoint.active & ~finite)
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
         active = setpoint.active & self._there
-        rates = yaw_rate(setpoint.yaw, self._gatherer.last[:, report.YAW])
-        for row in np.flatnonzero(active).tolist():
-            self.vehicles[row].steer(setpoint.velocity[row].tolist(), float(rates[row]))
+        rates = yaw_rate(setpoint.yaw, self._gatherer.last[:, report.YAW]).tolist()
+        velocities = setpoint.velocity.tolist()
+        packed = [
+            (vehicle, orders.velocity(velocities[row], rates[row], vehicle.version))
+            for row, vehicle in enumerate(self.vehicles)
+            if active[row]
+        ]
+        for vehicle, packet in packed:  # all at once, as nearly as can be
+            vehicle.steer(packet)
+        if active.sum() == setpoint.active.sum():
+            return setpoint
         return Setpoint(setpoint.velocity, setpoint.yaw, active)
 
     def truth(self) -> Truth | None:
@@ -202,7 +220,7 @@ class Radio:
         """Let every drone go, all at the same time."""
         with ThreadPoolExecutor(len(self.vehicles)) as pool:
             list(pool.map(Vehicle.close, self.vehicles))
-        for part in (self._decks, self._mocap, self._shouts):
+        for part in (self._datagrams, self._decks, self._mocap, self._shouts):
             if part is not None:
                 part.close()
 

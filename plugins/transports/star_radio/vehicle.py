@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Final
+from functools import partial
+from typing import Final, NamedTuple
 
 from star_core import PluginError
 from star_radio import orders, packets
@@ -15,7 +17,7 @@ from star_radio.answers import Question
 from star_radio.clock import Clock
 from star_radio.link import Link
 from star_radio.parameters import set_now, setting
-from star_radio.report import Layout, stamp
+from star_radio.report import BLOCK, Layout, stamp
 from star_radio.tables import Table, Tables
 from star_radio.trajectory import Piece, upload
 
@@ -26,9 +28,22 @@ OLDEST: Final = 4  # protocol version with tables of more than 255 entries
 HELD: Final = 0.1  # s, for which the estimator's reset is held, as Bitcraze's own tools do
 LOOK: Final = 0.005  # s between two looks for the first report
 GOODBYE: Final = 0.3  # s, for which a drone may confirm that it reports no more
+KEPT: Final = 1000  # reports that are kept for a reader that is late: 10 s of them
 FORGIVEN: Final = 0.1  # share by which a deviation may change without being told
 _BUSY: Final = 16  # errno of an order that the supervisor blocks for now
 _WORDS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: "it is wrong"}
+
+
+class Trouble(NamedTuple):
+    """What is wrong with something that a drone was told.
+
+    Attributes:
+        words: They follow its name.
+        refused: It is an order, and the drone says no.
+    """
+
+    words: str
+    refused: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +92,7 @@ class Vehicle:
         self._told = {POSITION_DEVIATION: 0.0, ATTITUDE_DEVIATION: 0.0}
         self._steered = False  # whether setpoints fly it
         self._until = self._patience = 0.0
-        self._first: list[tuple[float, bytes]] = []  # reports that came while it was connected
+        self._samples: deque[tuple[float, bytes]] = deque(maxlen=KEPT)
 
     def connect(self, tables: Tables, manner: Manner) -> None:
         """Open the link and have it report.
@@ -105,33 +120,21 @@ class Vehicle:
             time.sleep(HELD)
             set_now(self.parameters, ESTIMATOR_RESET, 0, self._ask)
         self.link.post(orders.no_more_setpoints())  # a client before may have left some
+        self.layout = layout
+        self.link.report = partial(self._take, layout.size)
         for _attempt in range(2):
             layout.begin(variables, manner.period, self._ask)
-            if self._reports(layout, manner.patience):
-                self.layout = layout
+            if self._reported(manner.patience):
                 return
         raise PluginError(f"{self.link.uri} does not report its state")
 
     def reports(self) -> list[tuple[float, bytes]]:
         """Return what was reported since the last call: when, by the computer's clock, and what."""
-        layout = self.layout
-        if layout is None:
-            return []
-        arrivals, self._first = self._first + self.link.reports(), []
-        found = []
-        for arrived, payload in arrivals:
-            if layout.fits(payload):
-                self.heard = arrived
-                found.append((self.clock.time(stamp(payload), arrived), payload))
-        return found
+        samples = self._samples
+        return [samples.popleft() for _ in range(len(samples))]
 
-    def steer(self, velocity: Sequence[float], yaw_rate: float) -> None:
-        """Fly a velocity, m/s in the odometry frame, turning at `yaw_rate`, rad/s."""
-        self._steered = True
-        self.link.steer(orders.velocity(velocity, yaw_rate, self.version))
-
-    def steer_state(self, setpoint: bytes) -> None:
-        """Fly what `orders.full_state` or `orders.position` packed."""
+    def steer(self, setpoint: bytes) -> None:
+        """Fly what `orders.velocity`, `orders.position` or `orders.full_state` packed."""
         self._steered = True
         self.link.steer(setpoint)
 
@@ -214,18 +217,18 @@ class Vehicle:
         packet = orders.start_trajectory(number, self.version, stretch=stretch, relative=relative)
         self.order(packet, f"follow trajectory {number}")
 
-    def chase(self, now: float) -> list[str]:
+    def chase(self, now: float) -> list[Trouble]:
         """Ask again what is not confirmed; say what was refused, or never confirmed."""
-        said = []
+        troubles = []
         for question in self.link.chase(now):
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
             if error:
                 why = _WORDS.get(error, f"error {error}")
-                said.append(f"{self.name} refuses {question.about}: {why}")
+                troubles.append(Trouble(f"refuses {question.about}: {why}", refused=True))
             elif question.answer is None:
-                said.append(f"{self.name} does not confirm {question.about}")
-        return said
+                troubles.append(Trouble(f"does not confirm {question.about}", refused=False))
+        return troubles
 
     def close(self) -> None:
         """Let the drone go, and never lock it.
@@ -252,16 +255,18 @@ class Vehicle:
             self.link.assure(question)
             self._told[name] = deviation
 
-    def _reports(self, layout: Layout, patience: float) -> bool:
+    def _take(self, size: int, payload: bytes, arrived: float) -> None:
+        """Keep a report; here, where no tick waits for it, it is also told when it was made."""
+        if len(payload) == size and payload[0] == BLOCK:
+            self._samples.append((self.clock.time(stamp(payload), arrived), payload))
+            self.heard = arrived
+
+    def _reported(self, patience: float) -> bool:
         """Wait for the first report; say whether it came."""
         until = min(self._until, time.monotonic() + patience)
-        while time.monotonic() < until:
-            self._first = [found for found in self.link.reports() if layout.fits(found[1])]
-            if self._first:
-                self.heard = self._first[-1][0]
-                return True
+        while not self._samples and time.monotonic() < until:
             time.sleep(LOOK)
-        return False
+        return bool(self._samples)
 
     def _ask(self, packet: bytes, start: bytes, about: str) -> bytes:
         patience = min(self._patience, self._until - time.monotonic())

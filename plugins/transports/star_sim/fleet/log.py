@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from star_sim.fleet.packet import Port, join, read
-from star_sim.fleet.readings import FORMAT, Readings, held
+from star_sim.fleet.readings import FORMAT, Readings, held_one
 from star_sim.fleet.toc import Contents
 from star_sim.fleet.variables import ENTRIES, VARIABLES
 
@@ -79,7 +79,7 @@ class Log:
         for variable, code in block.variables:
             value = readings.column(variable)[self._row]
             if code != VARIABLES[variable].code:
-                (value,) = held([value], code)
+                value = held_one(value, code)
             values.append(value)
         data = block.layout.pack(number, time & 0xFFFF, time >> 16 & 0xFF, *values)
         return join(Port.LOG, DATA, data)

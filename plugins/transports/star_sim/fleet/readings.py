@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -103,9 +104,22 @@ def held(values: Any, code: int) -> list[Any]:
     """
     if code in WHOLE:
         low, high = WHOLE[code]
-        whole = np.trunc(np.nan_to_num(np.asarray(values, float)))
-        return list(np.clip(whole, low, high).astype(np.int64).tolist())
+        given = np.asarray(values, float)
+        whole = np.where(np.isnan(given), 0.0, given)  # much faster than numpy's own, which counts
+        return list(np.minimum(np.maximum(whole, low), high).astype(np.int64).tolist())
     return list(np.asarray(values, float).tolist())
+
+
+def held_one(value: float, code: int) -> float:
+    """Return one value as a type of variable can hold it; see `held`.
+
+    >>> held_one(300.7, U8), held_one(math.nan, I16), held_one(0.5, HALF)
+    (255, 0, 0.5)
+    """
+    if code not in WHOLE:
+        return float(value)
+    low, high = WHOLE[code]
+    return 0 if math.isnan(value) else int(min(max(value, low), high))
 
 
 @dataclass(frozen=True, slots=True)

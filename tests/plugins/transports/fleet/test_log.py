@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from star_sim.fleet.packet import Port, expand
-from star_sim.fleet.readings import FLOAT, HALF, I8, I16, U16, held
+from star_sim.fleet.readings import FLOAT, FORMAT, HALF, I8, I16, U16, held, held_one
 from star_sim.fleet.variables import ENTRIES
 
 Start = Callable[..., Any]
@@ -180,3 +182,9 @@ def test_an_accelerometer_shows_gravity_where_the_vehicle_stands_and_hovers(star
     bench.takeoff()
     bench.fly(4.0)
     assert bench.log("acc.z", "stateEstimate.az") == pytest.approx((1.0, 0.0), abs=0.05)
+
+
+@given(st.floats(), st.sampled_from(sorted(FORMAT)))
+def test_a_value_is_held_alone_as_it_is_among_others(value: float, code: int) -> None:
+    (among,) = held([value], code)
+    assert held_one(value, code) == among or (math.isnan(among) and math.isnan(value))

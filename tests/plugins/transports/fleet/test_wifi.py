@@ -81,3 +81,16 @@ def test_a_port_that_is_taken_leaves_nothing_open() -> None:
             Wifi(fleet, scene(2), "127.0.0.1", links=port, cameras=None)
         time.sleep(0.05)
         assert not fleet.frame_listeners
+
+
+def test_an_image_is_sent_in_the_cycle_in_which_it_arrives() -> None:
+    fleet = Fleet(eyes(), port=0, camera=CameraOptions(latency=0.1, jitter=0.0))
+    late: list[float] = []
+    fleet.frame_listeners.append(
+        lambda frames: late.extend(fleet.time - taken for taken in frames.taken.tolist())
+    )
+    for _ in range(100):
+        fleet.advance()
+    fleet.close()
+    assert len(late) > 4
+    assert 0.1 - 1e-9 <= min(late) <= max(late) < 0.11

@@ -38,6 +38,13 @@ def test_times_follow_a_clock_that_is_fast_or_slow() -> None:
         assert max(abs(late - 0.002) for late in wrong) < 2.5 * WINDOW * 40e-6
 
 
+def test_a_clock_that_fell_behind_is_followed_within_two_windows() -> None:
+    n = round(2 * WINDOW / 0.01)
+    wrong = run([0.002] * n + [0.302] * (n + 2))
+    assert abs(wrong[n] - 0.002) < 1e-6
+    assert abs(wrong[-1] - 0.302) < 1e-6
+
+
 def test_a_drone_that_restarts_counts_anew() -> None:
     clock = Clock()
     clock.time(60_000, 100.0)

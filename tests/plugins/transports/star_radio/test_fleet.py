@@ -44,9 +44,9 @@ swarm:
   cf1: {start: [0, 0, 0], uri: URI0}
   cf2: {start: [0, 1, 0], yaw_deg: 90, uri: URI1}
 mission:
-  - takeoff: {agents: cf1, height: 0.5}
+  - takeoff: {agents: cf1, height: 0.3}
   - takeoff: {agents: cf2, height: 0.5, LET}
-  - goto: {agents: cf1, by: [0.5, 0, 0], yaw_deg: 30}
+  - goto: {agents: cf1, by: [0.4, 0, 0], yaw_deg: 30}
   - land: {}
 """
 
@@ -139,35 +139,13 @@ def flown(
     return fly(load(folder / "mission.yaml", registry), registry)
 
 
-def test_a_mission_is_flown(tmp_path: Path) -> None:
-    with Fleet(scene(2), port=0) as fleet:
-        summary = flown(tmp_path, fleet.addresses)
-        assert summary["outcome"] == "completed", summary["reason"]
-        moved = fleet.simulator.drones["position"] - fleet.simulator.drones["origin"]
-        assert np.allclose(moved[0], [0.5, 0, 0], atol=0.15)
-        assert np.allclose(moved[1], [0, 0, 0], atol=0.15)
-
-
 def test_a_mission_that_allows_it_is_flown_without_who_is_absent(tmp_path: Path) -> None:
     with Fleet(scene(1), port=0, noise=False) as fleet:
         uris = [*fleet.addresses, "udp://127.0.0.1:9"]
-        summary = flown(tmp_path, uris, ", absent: fly-without", "on_failure: continue")
+        summary = flown(tmp_path, uris, ", absent: fly-without", "on_failure: continue, timeout: 1")
         assert summary["outcome"] == "completed", summary["reason"]
         moved = fleet.simulator.drones["position"] - fleet.simulator.drones["origin"]
-        assert np.allclose(moved[0], [0.5, 0, 0], atol=0.15)
-
-
-def test_a_drone_takes_off_flies_and_lands(fleet: Fleet, tmp_path: Path) -> None:
-    flight = Flight(fleet, scene(1), tmp_path)
-    flight.order(Order.TAKEOFF, 0.5)
-    assert flight.until(high)
-    for _ in range(30):
-        flight.tick([0.3, 0.0, 0.0])
-    assert flight.now.position[0, 0] > 0.2
-    assert flight.now.velocity[0, 0] > 0.15
-    assert flight.now.age[0] < 0.3
-    assert flight.down()
-    flight.radio.close()
+        assert np.allclose(moved[0], [0.4, 0, 0], atol=0.15)
 
 
 def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_landed(
@@ -176,7 +154,9 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
     first = Flight(fleet, scene(1), tmp_path)
     first.order(Order.TAKEOFF, 0.5)
     assert first.until(high)
-    first.tick([0.0, 0.0, 0.0])
+    assert first.until(lambda _now: first.tick([0.3, 0.0, 0.0]).position[0, 0] > 0.2)
+    assert first.now.velocity[0, 0] > 0.15
+    assert first.now.age[0] < 0.3
     first.order(Order.LAND)
     assert first.until(finished)
     first.radio.close()
@@ -184,8 +164,7 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
     second = Flight(fleet, scene(1), tmp_path)
     assert not second.now.state[0] & int(Supervisor.LOCKED)
     second.order(Order.TAKEOFF, 0.5)
-    assert second.until(high)
-    assert second.down()
+    assert second.until(lambda now: now.position[0, 2] > 0.2)
     second.radio.close()
 
 
@@ -206,14 +185,13 @@ def test_a_trajectory_is_flown(fleet: Fleet, tmp_path: Path) -> None:
     rise = np.zeros((4, 8))
     rise[0, 1] = 0.2  # m/s along x
     flight.vehicles[0].upload(
-        1, [Piece(rise, 1.0), Piece(rise + np.eye(4, 8) * [[0.2], [0], [0], [0]], 1.0)]
+        1, [Piece(rise, 0.7), Piece(rise + np.eye(4, 8) * [[0.14], [0], [0], [0]], 0.7)]
     )
     flight.order(Order.TAKEOFF, 0.5)
     assert flight.until(high)
     flight.vehicles[0].follow(1, relative=True)
-    assert flight.until(lambda now: now.position[0, 0] > 0.3)
+    assert flight.until(lambda now: now.position[0, 0] > 0.2)
     assert flight.until(finished)
-    assert flight.down()
     flight.radio.close()
 
 
@@ -231,7 +209,6 @@ def test_corrections_reach_the_estimator(tmp_path: Path) -> None:
                 )
             )
         assert flight.now.position[0, 0] > 0.7
-        assert flight.down()
         flight.radio.close()
 
 

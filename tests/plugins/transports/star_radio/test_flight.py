@@ -29,6 +29,12 @@ def ticks(radio: Radio, n: int, first: int = 0) -> float:
     return now
 
 
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have questions asked again at every tick."""
+    monkeypatch.setattr("star_radio.answers.AGAIN_AFTER", 0.02)
+
+
 def told(order: Order, n: int = 1, *, z: float = 0.8, yaw: float = 0.5) -> Command:
     return Command(
         order, np.arange(n), np.tile([1.0, 2.0, z], (n, 1)), np.full(n, yaw), np.full(n, 2.0)
@@ -265,21 +271,29 @@ def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect:
     assert [payload[0] for payload in drone.sent_to(8, 0)] == [7, 8]
 
 
+@pytest.mark.usefixtures("soon")
 @pytest.mark.parametrize(
     ("error", "words"),
     [(8, "it does not know it"), (16, "its supervisor blocks it"), (5, "error 5")],
 )
 def test_an_order_that_is_refused_is_told(
-    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture, error: int, words: str
+    peers: Peers,
+    connect: Open,
+    caplog: pytest.LogCaptureFixture,
+    error: int,
+    words: str,
 ) -> None:
     [drone] = peers()
     drone.errors[8] = [error] * 100
     radio = connect([drone])
     radio.command(told(Order.LAND))
-    ticks(radio, 50)
+    ticks(radio, 14)
     assert f"radio: cf1 refuses the order to land: {words}" in caplog.text
+    assert radio.receive().refusals == ((0, f"refuses the order to land: {words}"),)
+    assert radio.receive().refusals == ()
 
 
+@pytest.mark.usefixtures("soon")
 def test_an_order_that_is_never_confirmed_is_told(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -287,8 +301,9 @@ def test_an_order_that_is_never_confirmed_is_told(
     radio = connect([drone])
     drone.mute.set()
     radio.command(told(Order.GOTO))
-    ticks(radio, 50)
+    ticks(radio, 14)
     assert "radio: cf1 does not confirm the order to go to a place" in caplog.text
+    assert radio.receive().refusals == ()
 
 
 @pytest.mark.parametrize(
@@ -420,12 +435,11 @@ def test_no_datagram_breaks_a_link(
     noise: list[bytes], peers: Peers, connect: Open, stack: ExitStack
 ) -> None:
     [drone] = peers()
-    radio = connect([drone])
+    radio = connect([drone], reset=False)
     for datagram in noise:
         drone.say(datagram)
     drone.values["stateEstimateZ.x"] = 1234
-    ticks(radio, 4)
-    assert radio.receive().position[0, 0] == pytest.approx(1.234)
+    assert drone.until(lambda: radio.receive().position[0, 0] == 1.234)
     stack.close()
 
 

@@ -13,6 +13,7 @@ from cflib.crtp.crtpstack import CRTPPacket
 
 from star_core import PluginError
 from star_radio.answers import Question
+from star_radio.datagrams import Datagrams
 from star_radio.link import Link
 
 
@@ -59,7 +60,7 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> Driver:
 @pytest.fixture
 def link(driver: Driver) -> Iterator[Link]:
     with ExitStack() as stack:
-        link = Link("usb://0", "cf1")
+        link = Link("usb://0", "cf1", Datagrams())
         link.open(1.0)
         stack.callback(link.close)
         stack.callback(driver.go.set)
@@ -133,7 +134,7 @@ def test_what_a_driver_complains_of_is_told_with_what_is_not_answered(
 def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver) -> None:
     driver.opening = 0.3
     with pytest.raises(PluginError, match=r"usb://0: not opened in 0.05 s"):
-        Link("usb://0", "cf1").open(0.05)
+        Link("usb://0", "cf1", Datagrams()).open(0.05)
     assert soon(lambda: driver.closed)
 
 
