@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Final
 
 import numpy as np
@@ -12,13 +13,14 @@ from star_core.swarm import AgentPhase, Paths
 from star_core.table import Array, Mask
 
 PATIENCE: Final = 5.0  # s without progress
-PROGRESS: Final = 0.05  # m nearer than ever before
+PROGRESS: Final = 0.05  # m nearer than ever before, or than `LATELY`
 EVERY: Final = 0.25  # s from one look to the next
-WAY: Final = 0.1  # m/s towards the goal: under way, if not yet nearer than ever before
+LATELY: Final = 1.0  # s ago: who is nearer since is under way
 ARRIVED: Final = 0.3  # m: no deadlock so near, where agents wait for a tight place
-NEAR: Final = 1.0
-"""Distance within which an agent waits for another, m: two drones that keep the usual 0.4 m, and
-what they need at 0.5 m/s to see each other, to brake and to let one pass between."""
+NEAR: Final = 1.5
+"""Distance within which an agent waits for another, m: what two that meet at the usual 0.5 m/s need
+to see each other, to brake and to let one pass. Who gets on and has nothing to do with it goes
+away, and then a deadlock is counted all the same."""
 
 
 class Deadlocks:
@@ -48,7 +50,7 @@ class Deadlocks:
         self.count = 0
         self._goal = np.full((agents, 3), np.nan)
         self._best = np.full(agents, np.inf)  # m left, the least so far
-        self._left = np.full(agents, np.nan)  # m left, at the last look
+        self._lefts: deque[Array] = deque(maxlen=round(LATELY / EVERY))  # m, at the last looks
         self._since = np.zeros(agents)  # s, of the last progress
         self._waits = np.zeros(agents, np.bool_)  # has been counted
         self._deadlocked = np.zeros(agents, np.bool_)  # has been counted
@@ -69,8 +71,8 @@ class Deadlocks:
         self._best = np.where(better, left, self._best)
         self._since = np.where(better, tick.time, self._since)
         patient = tick.time - self._since <= PATIENCE
-        gets_on = flies & (patient | (left < self._left - WAY * EVERY))
-        self._left = left
+        gets_on = flies & (patient | (left < self._lefts[0] - PROGRESS)) if self._lefts else flies
+        self._lefts.append(left)
         stuck = flies & ~patient & (left > ARRIVED)
         self.waits += int((stuck & ~self._waits).sum())
         self._waits = (self._waits | stuck) & ~better
