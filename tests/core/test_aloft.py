@@ -57,8 +57,8 @@ def test_who_did_not_take_off_cannot_fly() -> None:
 
 
 def test_who_has_landed_cannot_fly() -> None:
-    wrong = "3 hold needs its agents in the air; cf1 is on the ground here"
-    assert faults(UP, "land: {agents: cf1}", "hold: {for: 1}") == [wrong]
+    wrong = "3 goto needs its agents in the air; cf1 is on the ground here"
+    assert faults(UP, "land: {agents: cf1}", GOTO) == [wrong]
 
 
 def test_who_flies_cannot_take_off() -> None:
@@ -75,8 +75,8 @@ def test_who_lands_may_stand_already() -> None:
     assert faults(UP, "land: {agents: cf1}", DOWN) == []
 
 
-def test_a_wait_moves_nobody() -> None:
-    wait = "wait: {until: {elapsed: 1}}"
+@pytest.mark.parametrize("wait", ["wait: {until: {elapsed: 1}}", "hold: {for: 1}"])
+def test_a_wait_moves_nobody(wait: str) -> None:
     assert faults(wait, UP, wait, GOTO) == []
     assert len(faults(wait, GOTO)) == 1
 
@@ -109,7 +109,7 @@ def test_branches_and_each_are_looked_into() -> None:
         "search: {agents: cf1, area: {low: [-1, -1], high: [1, 1]}, swath: 0.5, targets: 0}",
         "land: {until: {elapsed: 1}}",
         "land: {on_failure: continue}",
-        "hold: {for: 1, on_failure: land}",
+        "goto: {by: [0, 0.1, 0], on_failure: land}",
     ],
 )
 def test_nothing_is_said_of_those_whose_place_is_not_known(step: str) -> None:

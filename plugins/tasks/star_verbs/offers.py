@@ -158,8 +158,7 @@ OFFERS: tuple[Offer[Task], ...] = (
     ),
     Offer(
         name="hold",
-        before="air",
-        after="air",
+        after="same",
         summary="Stay in one place for a time.",
         make=_hold,
         check=checks.hold,

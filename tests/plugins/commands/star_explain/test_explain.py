@@ -148,9 +148,11 @@ def test_steps_of_each_agent_are_told_once(explain: Explain) -> None:
 
 
 def test_a_step_that_would_fail_is_told(explain: Explain) -> None:
-    text = explain("  - takeoff: {}\n  - takeoff: {}\n")
+    text = explain(
+        "  - takeoff: {}\n  - goto: {by: [0, 0, 0.1], on_failure: land}\n  - takeoff: {}\n"
+    )
     assert "! in rehearsal: already in the air: cf1, cf2" in text
-    grounded = explain("  - goto: {to: [0, 1, 1]}\n")
+    grounded = explain("  - land: {on_failure: continue}\n  - goto: {to: [0, 1, 1]}\n")
     assert "! in rehearsal: is not over when its time is" in grounded
 
 

@@ -21,6 +21,8 @@ Put = Callable[[str, str], str]
 Fly = Callable[..., Mission]
 """A mission's commands, and options, to the mission that comes out."""
 
+UP = '"takeoff", "wait", "all", "", "",\n'
+
 
 def steps(mission: Mission) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     return [(a.verb, a.rows, dict(a.options)) for a in actions(mission.steps)]
@@ -62,10 +64,10 @@ def test_orders_that_do_not_wait_run_with_the_next(commands: Fly) -> None:
 
 def test_a_goto_turns_in_rad_and_a_goto_velocity_in_degrees(commands: Fly) -> None:
     mission = commands(
-        '"goto", "wait", "cf1", "", "0 1 1 1.570796",\n'
+        UP + '"goto", "wait", "cf1", "", "0 1 1 1.570796",\n'
         '"goto_velocity", "wait", "cf1", "", "0 1 1 90"'
     )
-    assert [options["yaw_deg"] for _, _, options in steps(mission)] == [
+    assert [options["yaw_deg"] for _, _, options in steps(mission)[1:]] == [
         pytest.approx(90.0, abs=1e-3),
         90,
     ]
@@ -79,14 +81,14 @@ def test_every_record_is_told_with_its_place_and_its_units(take: Import, command
 
 
 def test_a_goto_moves_nobody_as_executed(commands: Fly) -> None:
-    text = '"goto", "wait", "cf1", "", "0 1 1 0"'
-    assert steps(commands(text, "--as-executed")) == [("hold", (0,), {})]
-    assert steps(commands(text))[0][0] == "goto"
+    text = UP + '"goto", "wait", "cf1", "", "0 1 1 0"'
+    assert steps(commands(text, "--as-executed"))[1:] == [("hold", (0,), {})]
+    assert steps(commands(text))[1][0] == "goto"
 
 
 def test_the_grid_moves_goals_as_executed(commands: Fly) -> None:
-    text = '"goto_velocity", "wait", "cf1", "", "0 1 1 0"'
-    ((_, _, options),) = steps(commands(text, "--as-executed"))
+    text = UP + '"goto_velocity", "wait", "cf1", "", "0 1 1 0"'
+    (_, _, options) = steps(commands(text, "--as-executed"))[1]
     assert options["to"] == [-0.2, 0.8, 1]
 
 
@@ -123,8 +125,8 @@ def test_a_record_without_a_task_is_told_and_marked(place: Put, take: Import) ->
         ('"hold", "conc", "all", "2", ""', "m.yaml:2:1: the last record does not wait"),
         ('"hold", "wait", "all", "2", "1 2 3"', "m.yaml:2:29: pose '1 2 3' of hold is ignored"),
         ('"land", "wait", "all", "2", ""', "m.yaml:2:24: argument '2' of land is ignored"),
-        ('"goto_velocity", "wait", "cf1", "", "0 1 1 0.7"',
-         "m.yaml:2:1: yaw 0.7 is taken for degrees"),
+        (UP + '"goto_velocity", "wait", "cf1", "", "0 1 1 0.7"',
+         "m.yaml:3:1: yaw 0.7 is taken for degrees"),
     ],
 )  # fmt: skip
 def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told: str) -> None:
