@@ -66,12 +66,14 @@ def main() -> None:
     """Print a table, or with ``--json`` one object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    parser.add_argument("--large", action="store_true", help="10000 agents too; takes minutes")
+    parser.add_argument(
+        "--agents", type=int, nargs="+", default=[10, 100, 1000], help="10000 take minutes"
+    )
     arguments = parser.parse_args()
     named = {}
     if not arguments.json:
         print(f"{'':12}" + "".join(f"{name:>24}" for name in Figures._fields))
-    for n in (10, 100, 1000, *([10_000] if arguments.large else [])):
+    for n in arguments.agents:
         for scenario in ("crowd", "disc"):
             figures = measure(scenario, n)
             for name, value in figures._asdict().items():
