@@ -27,7 +27,8 @@ check: $(VENV)/.ready  ## style, types, layers, tests (on all processors)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -q -n auto
+	$(BIN)/star-run missions/first_flight.yaml --no-record  # compiles once for all that follow
+	$(BIN)/python -m pytest -q -n auto --dist loadgroup
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
@@ -49,7 +50,7 @@ lowest:  ## the tests with every dependency at its lower bound
 	| sed 's/>=/==/' > $(VENV)-lowest/constraints.txt
 	$(VENV)-lowest/bin/python -m pip install --quiet --constraint $(VENV)-lowest/constraints.txt \
 	--editable '.[dev]'
-	$(VENV)-lowest/bin/python -m pytest -q -n auto
+	$(VENV)-lowest/bin/python -m pytest -q -n auto --dist loadgroup
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) $(VENV)-lowest build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -17,7 +17,7 @@ from star_core.interrupts import Interrupts
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab
 
-HANGS = 60.0  # s: a flight here takes a few
+HANGS = 300.0  # s: a flight here takes a few, and compiling before it a minute or two
 STAR_RUN = Path(sys.executable).with_name("star-run")
 ACKNOWLEDGED = "star: SIGINT: landing; again stops the motors"
 

@@ -23,6 +23,8 @@ from star_sim.fleet.wifi import Wifi
 
 pytest.importorskip("cflib")
 
+pytestmark = pytest.mark.xdist_group("air")  # one after the other: they fly in real time
+
 MISSIONS = Path(__file__).parents[2] / "missions"
 PATIENCE = 240.0  # s on the wall, for a flight of half a minute on a busy machine
 

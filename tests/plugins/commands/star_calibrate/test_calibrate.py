@@ -21,6 +21,8 @@ from star_calibrate.report import as_text
 from star_calibrate.views import View, Views, look
 from star_core import Camera, InputError, Registry, cli, load
 
+pytestmark = pytest.mark.xdist_group("calibrate")  # its pictures are drawn once
+
 Take: TypeAlias = Callable[[int, float], list[str]]
 
 BOARD = Board(9, 6, 0.025)
