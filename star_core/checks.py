@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 from star_core import conditions, room
 from star_core.camera import camera_faults
 from star_core.contracts import Problem
 from star_core.document import Document
 from star_core.errors import PluginError, instead
-from star_core.options import JOIN, SHARED
+from star_core.options import JOIN, RESERVE, SHARED
 from star_core.registry import Registry
+from star_core.room import Fault, Path
 from star_core.scene import Scene
-
-Path: TypeAlias = tuple[str | int, ...]
-Fault: TypeAlias = tuple[Path, str]
 
 
 def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str]:
@@ -73,9 +71,10 @@ def _reserve(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
             yield ("reserve", "agents", i), _unknown("agent", name, scene.names)
     if set(scene.names) <= set(reserve.get("agents", ())):
         yield ("reserve", "agents"), "every agent is in reserve; leave one to be relieved"
-    if reserve and (fault := scene.height_fault(reserve.get("height", 0.8))):  # the default
+    filled = {**RESERVE, **reserve}
+    if reserve and (fault := scene.height_fault(filled["height"])):
         yield ("reserve", "height"), fault
-    tired, ready = reserve.get("relieve_below", 3.7), reserve.get("ready_above", 4.0)
+    tired, ready = filled["relieve_below"], filled["ready_above"]
     if tired >= ready:
         key = "ready_above" if "ready_above" in reserve else "relieve_below"
         yield (

@@ -18,6 +18,9 @@ SHARED: Final = ("agents", "until", "timeout", "on_failure")
 JOIN, LEAVE = "join", "leave"
 """Verbs before which, and after which, the core changes who is in the mission."""
 
+RESERVE: Final = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
+"""What a mission need not say of its ``reserve``: V, V, m. The mission schema says the same."""
+
 RESERVED: Final = {"task": SHARED, "command": ()}
 """Names no option of a kind may have; those of the parts are chosen by ``use``."""
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from star_core.options import RESERVE
 from star_core.roster import Roster
 from star_core.rules import SAGS, Rules
 from star_core.scene import Scene
@@ -34,9 +35,6 @@ GRACE: Final = 5.0
 
 CLIMB: Final = 0.3
 """Mean speed of a climb, m/s, as of the verb ``takeoff``."""
-
-DEFAULTS: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
-"""What the mission schema says of a reserve."""
 
 DOWN: Final = (int(AgentPhase.GROUNDED), int(AgentPhase.LANDED))
 DONE: Final = (*DOWN, int(AgentPhase.LANDING))
@@ -73,7 +71,7 @@ class Relief:
         self._roster = roster
         self._rules = rules
         self._exists = bool(reserve)
-        self._options = {**DEFAULTS, **reserve}
+        self._options = {**RESERVE, **reserve}
         self._tell = tell
         self._pad = np.array([agent.start for agent in scene.agents])
         self._low_since = np.full(n, np.nan)  # s

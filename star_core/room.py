@@ -15,7 +15,9 @@ from star_core.scene import Scene
 CONTACT_RADIUS: Final = 0.06
 """Half a Crazyflie's span with propellers, m: two drones nearer than twice this collide."""
 
-Fault: TypeAlias = tuple[tuple[str | int, ...], str]
+Path: TypeAlias = tuple[str | int, ...]
+Fault: TypeAlias = tuple[Path, str]
+"""Where in a mission something is wrong, and what."""
 
 
 def faults(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Fault]:

@@ -273,8 +273,8 @@ class Course:
         blame = self._blame(action)
         task, limit = self._started(action, task or self._task(action, rows), blame)
         for row in rows:
-            self.no_way.pop(row, None)  # that was said of the step before, and so was this:
-            self.refused.pop(row, None)
+            for said in (self.no_way, self.refused):  # of the step before
+                said.pop(row, None)
         entry = {
             "place": action.place,
             "verb": action.verb,

@@ -9,8 +9,9 @@ import pytest
 from star_core.cli import COMMANDS
 from star_core.contracts import Offer
 from star_core.errors import PluginError
-from star_core.options import sound
+from star_core.options import RESERVE, sound
 from star_core.registry import Found, Registry, Source
+from star_core.schema import load
 
 
 def offer(name: str, properties: dict[str, Any] | None = None, **rules: Any) -> Offer[Any]:
@@ -84,3 +85,8 @@ def test_a_plugin_with_an_unsound_offer_is_left_out_whole() -> None:
     with pytest.raises(PluginError, match=r"^avoider 'bad': options\.properties\.a\.type is no"):
         registry.add(Crooked(), Source("crooked:plugin"))
     assert registry.names("avoider") == ()
+
+
+def test_a_reserve_is_taken_for_what_the_schema_says_of_it() -> None:
+    said = load("mission")["properties"]["reserve"]["properties"]
+    assert {name: said[name]["default"] for name in RESERVE} == RESERVE
