@@ -32,7 +32,7 @@ check: $(VENV)/.ready  ## style, types, layers, tests (on all processors)
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
-	for topic in startup sim tick orca planner camera detector landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
+	for topic in startup demo sim tick orca planner camera detector landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
 
 campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that take long
 	$(BIN)/python -m pytest -q -m campaign

@@ -100,7 +100,7 @@ def waiting(position: Array, wanted: Array, gets_on: Mask) -> Mask:
     """
     first, second = pairs(position, NEAR)
     waits, ahead = np.concatenate([first, second]), np.concatenate([second, first])
-    towards = np.einsum("ij,ij->i", position[ahead] - position[waits], wanted[waits]) > 0
+    towards = np.vecdot(position[ahead] - position[waits], wanted[waits]) > 0
     waits, ahead = waits[towards], ahead[towards]
     answer = gets_on.copy()
     while (more := answer[ahead] & ~answer[waits]).any():

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
+from star_core.kernels import compiled
 from star_core.scene import Scene
 from star_core.swarm import Estimate, Goals
 from star_core.table import Array, Mask
@@ -40,8 +42,12 @@ class Homing:
         self._most_turn = math.radians(yaw_rate_deg) * scene.period
         self._yaw: Array = np.zeros(n)  # last asked for, where `_flown`
         self._flown = np.zeros(n, np.bool_)
+        nowhere = Goals.none(n)
+        self._lead(
+            nowhere.position, nowhere, np.zeros(n)
+        )  # compiled, or fetched, before anybody flies
 
-    def velocity(self, estimate: Estimate, goals: Goals, beyond: Array | float = 0.0) -> Array:
+    def velocity(self, estimate: Estimate, goals: Goals, beyond: Array | None = None) -> Array:
         """Return the (N, 3) velocity to fly, m/s.
 
         Args:
@@ -49,24 +55,24 @@ class Homing:
             goals: The points to fly towards now.
             beyond: (N,) how far behind its point each agent is to come to rest, along a path, m.
         """
-        low, high = self._limits.height
-        height = estimate.position[:, 2]
-        offset = goals.position - estimate.position
-        within = np.minimum(np.maximum(goals.position[:, 2], low), high)
-        np.subtract(within, height, out=offset[:, 2])
-        distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))
-        rest = distance + beyond
-        braking = np.sqrt(2 * BRAKING * self._limits.acceleration * rest)
-        closing = np.minimum(np.minimum(goals.speed, self._gain * rest), braking)
-        offset *= (closing / np.maximum(distance, NOWHERE))[:, None]
-        velocity: Array = offset + goals.velocity
-        most = np.minimum(goals.speed, self._limits.speed)
-        speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-        if (speed > most).any():
-            velocity *= np.minimum(1.0, most / np.maximum(speed, NOWHERE))[:, None]
-        down, up = self._gain * (low - height), self._gain * (high - height)
-        upward = velocity[:, 2]
-        upward[:] = np.minimum(np.maximum(upward, np.minimum(down, 0.0)), np.maximum(up, 0.0))
+        if beyond is None:
+            beyond = np.zeros(len(goals.speed))
+        return self._lead(estimate.position, goals, beyond)
+
+    def _lead(self, position: Array, goals: Goals, beyond: Array) -> Array:
+        velocity = np.empty((len(position), 3))
+        lead(
+            velocity,
+            position,
+            goals.position,
+            goals.velocity,
+            goals.speed,
+            beyond,
+            self._gain,
+            self._limits.speed,
+            BRAKING * self._limits.acceleration,
+            *self._limits.height,
+        )
         return velocity
 
     def heading(self, estimate: Estimate, goals: Goals, active: Mask) -> Array:
@@ -82,3 +88,50 @@ class Homing:
         self._yaw = np.where(active, turned, 0.0)
         self._flown = active
         return self._yaw
+
+
+@partial(compiled, alone=True)
+def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+    velocity: Array,
+    position: Array,
+    point: Array,
+    moves: Array,
+    fast: Array,
+    beyond: Array,
+    gain: float,
+    limit: float,
+    brakes: float,
+    low: float,
+    high: float,
+) -> None:
+    """Write down velocities that lead to points, as `Homing` says.
+
+    Args:
+        velocity: (N, 3) the answer, m/s.
+        position: (N, 3) where the agents are, m.
+        point: (N, 3) where they go, m.
+        moves: (N, 3) how fast that moves, m/s.
+        fast: (N,) how fast to fly, m/s.
+        beyond: (N,) how far behind the point to come to rest, m.
+        gain: Speed by distance, 1/s.
+        limit: Of any speed, m/s.
+        brakes: Deceleration to come to rest with, m/s².
+        low: Least height, m.
+        high: Greatest height, m.
+    """
+    for row in range(len(position)):
+        x, y = point[row, 0] - position[row, 0], point[row, 1] - position[row, 1]
+        z = min(max(point[row, 2], low), high) - position[row, 2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        rest = distance + beyond[row]
+        closing = min(fast[row], gain * rest, math.sqrt(2 * brakes * rest))
+        share = closing / max(distance, NOWHERE)
+        x, y = x * share + moves[row, 0], y * share + moves[row, 1]
+        z = z * share + moves[row, 2]
+        speed = math.sqrt(x * x + y * y + z * z)
+        most = min(fast[row], limit)
+        if speed > most:
+            x, y, z = x * most / speed, y * most / speed, z * most / speed
+        down, up = gain * (low - position[row, 2]), gain * (high - position[row, 2])
+        velocity[row, 0], velocity[row, 1] = x, y
+        velocity[row, 2] = min(max(z, min(down, 0.0)), max(up, 0.0))

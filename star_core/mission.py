@@ -65,13 +65,13 @@ class Mission:
         return tuple(self.scene.names.index(name) for name in self.reserve.get("agents", ()))
 
 
-def load(path: Path, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
+def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
     """Read the mission at `path`, set what `assignments` (``path=value``) say, and check it.
 
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
-    document = expanded(override(read(path), assignments))
+    document = expanded(override(read(Path(path)), assignments))
     found = schema.problems(document, schema.compose(registry.offers()))
     if found and not isinstance(document.data.get("world"), str):
         raise InputError(found)

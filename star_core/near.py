@@ -67,7 +67,7 @@ def least(position: Array) -> float:
 def _apart(position: Array, first: Rows, second: Rows) -> Array:
     with np.errstate(invalid="ignore"):  # from infinite to infinite
         offset = position.take(first, 0) - position.take(second, 0)
-    apart: Array = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+    apart: Array = np.sqrt(np.vecdot(offset, offset))
     return apart
 
 

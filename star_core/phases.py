@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from transitions import Machine
 
-from star_core.swarm import AgentPhase, Supervisor
+from star_core.swarm import AgentPhase, Supervisor, among
 from star_core.table import Mask, Rows
 
 _P = AgentPhase
@@ -105,10 +105,7 @@ class Phases:
 
     def among(self, *phases: AgentPhase) -> Mask:
         """(N,) which agents are in one of some phases."""
-        among: Mask = self._now == phases[0]
-        for phase in phases[1:]:
-            among |= self._now == phase
-        return among
+        return among(self._now, *phases)
 
     def fire(self, trigger: str, rows: Iterable[int] | Rows) -> None:
         """Follow `trigger` for some agents; one for which it means nothing now stays as it is."""

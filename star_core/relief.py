@@ -11,7 +11,7 @@ from star_core.options import RESERVE
 from star_core.roster import Roster
 from star_core.rules import SAGS, Rules
 from star_core.scene import Scene
-from star_core.swarm import AgentPhase, Command, Estimate, Health, Order
+from star_core.swarm import AgentPhase, Command, Estimate, Health, Order, among
 from star_core.table import Array, Mask
 from star_core.wishes import Wishes
 
@@ -36,8 +36,8 @@ GRACE: Final = 5.0
 CLIMB: Final = 0.3
 """Mean speed of a climb, m/s, as of the verb ``takeoff``."""
 
-DOWN: Final = (int(AgentPhase.GROUNDED), int(AgentPhase.LANDED))
-DONE: Final = (*DOWN, int(AgentPhase.LANDING))
+DOWN: Final = (AgentPhase.GROUNDED, AgentPhase.LANDED)
+DONE: Final = (*DOWN, AgentPhase.LANDING)
 
 
 class Relief:
@@ -103,11 +103,11 @@ class Relief:
 
     def _ready(self, estimate: Estimate, health: Health) -> int | None:
         """The agent on the ground with the fullest battery that may take off, if there is one."""
-        down = np.isin(health.phase, DOWN) & estimate.valid & self._roster.left()
+        down = among(health.phase, *DOWN) & estimate.valid & self._roster.left()
         down &= (health.age <= HEARD) & (health.battery > self._options["ready_above"])
         down[list(self._coming)] = False
         for row in np.flatnonzero(down)[np.argsort(-health.battery[down], kind="stable")].tolist():
-            if self._clear(estimate.position, np.isin(health.phase, DOWN), row):
+            if self._clear(estimate.position, among(health.phase, *DOWN), row):
                 self._rules.answer[row] = 0
                 return int(row)
         return None

@@ -20,7 +20,7 @@ def fly(
     mission: Mission,
     registry: Registry,
     *,
-    folder: Path | None = None,
+    folder: Path | str | None = None,
     save_frames: bool = False,
     interrupts: Interrupts | None = None,
 ) -> dict[str, Any]:
@@ -36,6 +36,7 @@ def fly(
     Raises:
         PluginError: A plugin cannot be made, or the links cannot be opened; nothing has moved.
     """
+    folder = None if folder is None else Path(folder)
     crew = Crew(mission, registry)
     pilot: Pilot | None = None
     try:

@@ -65,8 +65,7 @@ class SafetyFilter:
         said = safe.active & active
         asked = np.where(said[:, None], safe.velocity, 0.0)
         slowed = self._slowed(asked)
-        position, flown = map(np.ascontiguousarray, (estimate.position, estimate.velocity))
-        now = position, flown, active
+        now = estimate.position, estimate.velocity, active
         inside = slowed.copy()
         keep_inside(inside, *now, self._fence, self._brakes, self._period)
         apart = self._kept_apart(inside, *now) if self._separation > 0 else inside
@@ -110,7 +109,7 @@ class SafetyFilter:
 
     def _slowed(self, velocity: Array) -> Array:
         """(N, 3) velocities, none faster than the limit."""
-        square = np.einsum("ij,ij->i", velocity, velocity)
+        square = np.vecdot(velocity, velocity)
         if square.max(initial=0.0) <= self._speed * self._speed:
             return velocity
         slowed: Array = velocity * (self._speed / np.maximum(np.sqrt(square), self._speed))[:, None]

@@ -67,7 +67,7 @@ class Meter:
         self._clear(position)
         if self._last is not None:
             step = position - self._last
-            length = np.sqrt(np.einsum("ij,ij->i", step, step))
+            length = np.sqrt(np.vecdot(step, step))
             self._length += np.where(np.isfinite(length), length, 0.0)
         self._last = position
         phase = tick.health.phase
@@ -181,7 +181,7 @@ class Meter:
         counted = self._up & np.isfinite(offset.sum(axis=1))
         if not counted.any():
             return
-        squared = np.einsum("ij,ij->i", offset, offset)
+        squared = np.vecdot(offset, offset)
         self._errors.append((counted, squared))
         self._worst = max(self._worst, float(np.sqrt(squared[counted].max())))
         self._offsets.append((offset[counted], covariance[counted]))
@@ -211,8 +211,11 @@ class Meter:
         if self._separation == np.inf:
             self._separation = least(position)
         first, second = pairs(position, max(self._separation, touch))
+        if not len(first):
+            self._touching.clear()
+            return
         offset = position[first] - position[second]
-        apart = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+        apart = np.sqrt(np.vecdot(offset, offset))
         self._separation = min(self._separation, float(apart.min(initial=np.inf)))
         touching = apart < touch
         near = set(zip(first[touching].tolist(), second[touching].tolist(), strict=True))

@@ -199,6 +199,14 @@ class Health:
         settle(self, battery=(n,), age=(n,))
 
 
+def among(phase: Rows, *phases: AgentPhase) -> Mask:
+    """Return (N,) which agents, whose phases are (N,), are in one of some phases."""
+    answer: Mask = phase == phases[0]
+    for another in phases[1:]:
+        answer |= phase == another
+    return answer
+
+
 @dataclass(frozen=True, slots=True)
 class Goals:
     """Where the tasks want the agents, in the map.

@@ -17,7 +17,7 @@ Rows: TypeAlias = NDArray[np.int64]
 def settle(
     table: object, dtype: type[np.generic] = np.float64, /, **shapes: tuple[int, ...]
 ) -> None:
-    """Make each named field a read-only array of its shape, or say which one cannot be.
+    """Make each named field a read-only C array of its shape, or say which one cannot be.
 
     Raises:
         ContractError: A field has another shape, or holds what is no number.
@@ -27,11 +27,12 @@ def settle(
         if not (
             type(given) is np.ndarray
             and given.dtype == dtype
-            and not given.flags.writeable  # nobody can write to it: it need not be copied
             and given.base is None
+            and not (flags := given.flags).writeable  # nobody can write to it: it stays as it is
+            and flags.c_contiguous
         ):
             try:
-                array = np.array(given, dtype=dtype)
+                array = np.array(given, dtype=dtype, order="C")
             except (TypeError, ValueError) as error:
                 raise ContractError(
                     f"{type(table).__name__}.{name} is no array: {error}"

@@ -19,11 +19,11 @@ from star_core.options import JOIN, LEAVE
 from star_core.registry import Registry
 from star_core.roster import Roster, Team
 from star_core.steps import Action, Node, Parallel, Repeat
-from star_core.swarm import AgentPhase, Estimate, Health
+from star_core.swarm import AgentPhase, Estimate, Health, among
 from star_core.table import Mask
 from star_core.wishes import Wishes
 
-OUT: Final = (int(AgentPhase.LOST), int(AgentPhase.EMERGENCY))
+OUT: Final = (AgentPhase.LOST, AgentPhase.EMERGENCY)
 """Phases in which an agent cannot go on with a step."""
 
 PATIENCE: Final = 5.0
@@ -121,7 +121,7 @@ class Course:
         Time-outs go by mission time, `now`, s: an estimate is only as new as what was heard.
         """
         self._now, self._estimate, self._health = now, estimate, health
-        self._out = set(np.flatnonzero(np.isin(health.phase, OUT) & ~self.excused).tolist())
+        self._out = set(np.flatnonzero(among(health.phase, *OUT) & ~self.excused).tolist())
         self._wishes.fresh()
         status = next(self._running)
         return status, self._wishes

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from star_core import Registry, fly, load
 from star_core.cli import main, run
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -59,3 +60,11 @@ def test_another_seed_gives_another_flight(missions: Path, tmp_path: Path) -> No
     first = flown(missions / "first_flight.yaml", tmp_path / "a", "--seed", "1")
     second = flown(missions / "first_flight.yaml", tmp_path / "b", "--seed", "2")
     assert first["path_length_m"] != second["path_length_m"]
+
+
+def test_from_python_paths_may_be_text(missions: Path, tmp_path: Path) -> None:
+    registry = Registry()
+    mission = load(str(missions / "first_flight.yaml"), registry)
+    summary = fly(mission, registry, folder=str(tmp_path))
+    assert summary["outcome"] == "completed"
+    assert (tmp_path / "summary.json").exists()

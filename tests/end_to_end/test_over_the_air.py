@@ -30,7 +30,7 @@ PATIENCE = 240.0  # s on the wall, for a flight of half a minute on a busy machi
 
 # The greatest RMSE of ten seeds of three_eyes.yaml in the simulator itself is 0.026 m, the least
 # 0.018 m (`star ablate` with that mission); with images that are not stamped, as a deck's are, it
-# was 0.020 to 0.026 m with seven. Over the air, on a machine that keeps up, it was 0.023 m.
+# was 0.020 to 0.026 m with seven. Over the air, on a machine that keeps up: 0.022 to 0.024 m.
 NEAR = 0.03  # m
 SPEED = 0.5  # m/s, that the drones fly
 

@@ -7,10 +7,11 @@ own estimator and a flow deck drift as the original STAR paper reports for fligh
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
-from star_core import Array
+from star_core import Array, compiled
 
 YAW_BIAS = math.radians(0.17)  # rad/s: what the gyroscope's calibration leaves, for a whole flight
 SCALE = 0.05  # of the displacement: height and focal length, for a whole flight
@@ -21,7 +22,6 @@ START = 0.02  # m: placing an agent by hand
 START_YAW = math.radians(1.0)  # rad: turning it by hand
 HEIGHT = 0.02  # m: z comes from the range sensor and does not drift
 STILL = 1e-9  # m: less is no motion
-QUARTER = np.array([[-1.0], [1.0]])  # by which y and x, exchanged, are x and y turned by a quarter
 
 
 class Drift:
@@ -42,13 +42,11 @@ class Drift:
     """
 
     def __init__(self, start: Array) -> None:
-        n = len(start)
-        self._start: Array = start[:, :2].T.copy()  # (2, N): x and y are worked on apart
-        self._last: Array = self._start
+        self._start: Array = start[:, :2].copy()
+        self._last = self._start.copy()
         self._began: float | None = None
-        self._texture = np.zeros((2, 2, n))
-        self._moment = np.zeros((2, n))  # sum of t * dp, m s
-        self._fixed = np.tile(np.diag([START**2, START**2, HEIGHT**2]), (n, 1, 1))
+        self._texture = np.zeros((len(start), 2, 2))  # its upper triangle
+        self._moment = np.zeros((len(start), 2))
 
     def covariance(self, time: float, position: Array) -> Array:
         """Return the (N, 3, 3) covariance, m², at `time`, s, after a move to `position` (N, 3), m.
@@ -57,23 +55,61 @@ class Drift:
         """
         if self._began is None:
             self._began = time
-        elapsed = time - self._began
-        here: Array = position[:, :2].T.copy()
-        step = here - self._last
-        self._last = here
-        self._moment += elapsed * step
-        walks = step * np.sqrt(TEXTURE / np.maximum(np.hypot(*step), STILL))
-        self._texture += walks[:, None] * walks
-        away = here - self._start
-        stays = np.empty((3, *away.shape))  # what adds up along the flight
-        np.multiply(away, SCALE, out=stays[0])
-        np.multiply(away[::-1], START_YAW * QUARTER, out=stays[1])
-        np.multiply(self._moment[::-1], YAW_BIAS * QUARTER, out=stays[2])
-        flat = np.einsum("kin,kjn->ijn", stays, stays) + self._texture
-        covariance = self._fixed.copy()
-        covariance[:, :2, :2] += flat.transpose(2, 0, 1)
-        covariance[:, (0, 1), (0, 1)] += NOISE * elapsed
+        covariance = np.zeros((len(position), 3, 3))
+        grow(
+            covariance,
+            np.ascontiguousarray(position),
+            self._start,
+            self._last,
+            self._texture,
+            self._moment,
+            time - self._began,
+        )
         return covariance
+
+
+@partial(compiled, alone=True)
+def grow(
+    covariance: Array,
+    position: Array,
+    start: Array,
+    last: Array,
+    texture: Array,
+    moment: Array,
+    elapsed: float,
+) -> None:
+    """Let drift grow by a move, and say what it is then.
+
+    Args:
+        covariance: (N, 3, 3) what it is, m²; zeros that are written over.
+        position: (N, 3) where the agents have come, m.
+        start: (N, 2) where they began, m.
+        last: (N, 2) where they were, m; becomes where they are.
+        texture: (N, 2, 2) what the floor's texture has added up to, m²; grows.
+        moment: (N, 2) sum of t * dp, m s; grows.
+        elapsed: Since they began, s.
+    """
+    for row in range(len(position)):
+        step_x, step_y = position[row, 0] - last[row, 0], position[row, 1] - last[row, 1]
+        last[row, 0], last[row, 1] = position[row, 0], position[row, 1]
+        moment[row, 0] += elapsed * step_x
+        moment[row, 1] += elapsed * step_y
+        per_metre = TEXTURE / max(math.hypot(step_x, step_y), STILL)
+        texture[row, 0, 0] += per_metre * step_x * step_x
+        texture[row, 0, 1] += per_metre * step_x * step_y
+        texture[row, 1, 1] += per_metre * step_y * step_y
+        away_x, away_y = position[row, 0] - start[row, 0], position[row, 1] - start[row, 1]
+        stretched_x, stretched_y = SCALE * away_x, SCALE * away_y
+        turned_x, turned_y = -START_YAW * away_y, START_YAW * away_x
+        bent_x, bent_y = -YAW_BIAS * moment[row, 1], YAW_BIAS * moment[row, 0]
+        every_way = START**2 + NOISE * elapsed
+        here = covariance[row]
+        here[0, 0] = every_way + texture[row, 0, 0] + stretched_x**2 + turned_x**2 + bent_x**2
+        here[1, 1] = every_way + texture[row, 1, 1] + stretched_y**2 + turned_y**2 + bent_y**2
+        here[0, 1] = here[1, 0] = (
+            texture[row, 0, 1] + stretched_x * stretched_y + turned_x * turned_y + bent_x * bent_y
+        )
+        here[2, 2] = HEIGHT**2
 
 
 def heading_variance(elapsed: float) -> float:

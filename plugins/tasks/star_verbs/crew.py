@@ -57,12 +57,12 @@ class Crew:
         if not self.located(estimate):
             return math.inf
         away = estimate.position[self.rows] - point
-        return math.sqrt(np.einsum("ij,ij->i", away, away).max())
+        return math.sqrt(np.vecdot(away, away).max())
 
     def slow(self, estimate: Estimate) -> bool:
         """Whether every one of them has stopped."""
         velocity = estimate.velocity[self.rows]
-        return bool(np.einsum("ij,ij->i", velocity, velocity).max() < SLOW**2)
+        return bool(np.vecdot(velocity, velocity).max() < SLOW**2)
 
     def journey(self, estimate: Estimate, point: Array | None) -> float:
         """Return the longest way to `point` (K, 3), m; if not known, that across the fence."""
