@@ -5,7 +5,9 @@ corners of the same offset outlines that see each other, asks shapely (vectorise
 every pair, and searches with scipy's Dijkstra. Both sides offset the outlines with a clearance and
 a margin, and both answer the same queries, in turns, in this process. A build is all that is slow
 when the planner is made: the outlines with and without margin, and the graph. Ratios are medians,
-below 1 where ours is quicker; times stand beside them for orientation only.
+below 1 where ours is quicker; times stand beside them for orientation only. In the `mixed` figures
+the same polygons stand and hang at heights of their own, which the naive way
+knows nothing of. A portion is what the planner does in one tick at most.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from star_core import Agent, Array, Fence, Obstacle, Scene, World, footprint
+from star_visibility.network import Work
+from star_visibility.planner import WORK
 from star_visibility.routes import Routes
 
 POLYGONS, CORNERS = 50, 10
@@ -47,6 +51,12 @@ class Figures(NamedTuple):
     naive_query_ms: float
     max_length_difference_m: float
     corners: int
+    mixed_heights: int
+    mixed_build_ms: float
+    mixed_query_ms: float
+    mixed_query_p99_ms: float
+    mixed_portion_max_ms: float
+    mixed_without_way: int
 
 
 class Naive:
@@ -128,10 +138,53 @@ def figures() -> Figures:
         naive_query_ms=float(np.median(naive_times)) * 1e3,
         max_length_difference_m=max(differences),
         corners=len(naive.corner),
+        **mixed(),
     )
 
 
-def room(random: np.random.Generator) -> Scene:
+def mixed() -> dict[str, Any]:
+    """Build and ask where obstacles are of all heights."""
+    scene = room(np.random.default_rng(0), mixed=True)
+    builds, times, portions, without = list[float](), list[float](), list[float](), 0
+    for _ in range(BUILDS):
+        finder, seconds = timed(
+            lambda: Routes(scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN)
+        )
+        builds.append(seconds)
+    random = np.random.default_rng(1)
+    while len(times) < QUERIES:
+        ends = random.uniform([-HALF, -HALF, 0.3], [HALF, HALF, 1.7], (2, 3))
+        way, took = in_portions(finder, *ends)
+        if isinstance(way, str) and not way.startswith("no way leads from"):
+            continue  # an end is where nobody can be
+        without += isinstance(way, str)
+        times.append(sum(took))
+        portions += took
+    return {
+        "mixed_heights": len({obstacle.height for obstacle in scene.world.obstacles}),
+        "mixed_build_ms": float(np.median(builds)) * 1e3,
+        "mixed_query_ms": float(np.median(times)) * 1e3,
+        "mixed_query_p99_ms": float(np.quantile(times, 0.99)) * 1e3,
+        "mixed_portion_max_ms": max(portions) * 1e3,
+        "mixed_without_way": without,
+    }
+
+
+def in_portions(finder: Routes, start: Array, goal: Array) -> tuple[Array | str, list[float]]:
+    """A path, or why there is none, and how long each portion of the search took, s."""
+    work, took = Work(WORK), list[float]()
+    search = finder.search(start, goal, work)
+    while True:
+        begun = perf_counter()
+        try:
+            next(search)
+        except StopIteration as end:
+            return end.value, [*took, perf_counter() - begun]
+        took.append(perf_counter() - begun)
+        work.left = WORK
+
+
+def room(random: np.random.Generator, *, mixed: bool = False) -> Scene:
     """A room with polygons on a grid, each a little off its place."""
     columns = math.ceil(math.sqrt(POLYGONS))
     things = []
@@ -141,7 +194,9 @@ def room(random: np.random.Generator) -> Scene:
         angle = (np.arange(CORNERS) + random.uniform(0, 0.8, CORNERS)) * math.tau / CORNERS
         reach = random.uniform(0.3, 0.8, CORNERS)
         ring = zip(x + reach * np.cos(angle), y + reach * np.sin(angle), strict=True)
-        things.append(Obstacle(f"polygon {i}", (tuple(ring),), (0.0, 3.0)))
+        foot = random.choice([0.0, random.uniform(0.0, 1.5)]) if mixed else 0.0
+        top = foot + random.uniform(0.3, 1.5) if mixed else 3.0
+        things.append(Obstacle(f"polygon {i}", (tuple(ring),), (foot, top)))
     fence = Fence((-HALF, -HALF, 0.0), (HALF, HALF, 3.0))
     return Scene((Agent("cf1", (0, 0, 0)),), 0.05, World("room", fence, tuple(things)))
 

@@ -2,12 +2,12 @@
 
 ``python benchmarks/radio.py`` prints a table, with ``--json`` one JSON object. The fleet runs in a
 process of its own. The peer is cflib's own ``Swarm.open_links`` to the same drones, interleaved
-with ours; ours also starts the estimators anew (0.1 s of it is held) and waits for the first
-report. A setpoint is late from when its tick is due until the datagrams of all drones are sent,
-while every drone reports every 10 ms; its peer is a loop that only sleeps, in a process of its own
-at the same time, so that whoever else computes holds up both. What of that time the processor spent
-on it (``processor``) does not depend on that, nor does the share of a processor that the whole
-transport takes.
+with ours; ours also starts the estimators anew, waits half a second until they have settled, and
+then for the first report. A setpoint is late from when its tick is due until the datagrams of all
+drones are sent, while every drone reports every 10 ms; its peer is a loop that only sleeps, in a
+process of its own at the same time, so that whoever else computes holds up both. What of that time
+the processor spent on it (``processor``) does not depend on that, nor does the share of a processor
+that the whole transport takes.
 """
 
 from __future__ import annotations

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from star_core.hookspecs import hookimpl
     from star_core.kernels import compiled
     from star_core.mission import Mission, load
+    from star_core.orders import Command, Order, Trajectory
     from star_core.registry import Registry
     from star_core.runner import fly
     from star_core.runs import new_folder
@@ -39,12 +40,10 @@ if TYPE_CHECKING:
     from star_core.steps import actions
     from star_core.swarm import (
         AgentPhase,
-        Command,
         Estimate,
         Goals,
         Health,
         Odometry,
-        Order,
         Paths,
         Plan,
         Refusal,
@@ -77,9 +76,10 @@ _HOME = {
     "star_core.scene": ("Agent", "Limits", "Scene"),
     "star_core.sight": ("Corrections", "Detections", "Frames", "Image", "Sightings"),
     "star_core.steps": ("actions",),
+    "star_core.orders": ("Command", "Order", "Trajectory"),
     "star_core.swarm": (
-        "AgentPhase", "Command", "Estimate", "Goals", "Health", "Odometry",
-        "Order", "Paths", "Plan", "Refusal", "Setpoint", "Supervisor",
+        "AgentPhase", "Estimate", "Goals", "Health", "Odometry",
+        "Paths", "Plan", "Refusal", "Setpoint", "Supervisor",
         "Telemetry", "Truth",
     ),
     "star_core.table": ("Array", "Mask", "Rows"),
@@ -135,6 +135,7 @@ __all__ = [
     "Task",
     "Telemetry",
     "Tick",
+    "Trajectory",
     "Transform",
     "Transport",
     "Truth",
@@ -151,8 +152,16 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("star-swarm")
     try:
         module = import_module(_HOME_OF[name])
     except KeyError:
         raise AttributeError(f"module 'star_core' has no attribute {name!r}") from None
     return getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

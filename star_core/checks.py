@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from star_core import conditions, room
 from star_core.camera import camera_faults
 from star_core.contracts import Problem
-from star_core.document import Document
+from star_core.document import PARTS, Document
 from star_core.errors import PluginError, instead
-from star_core.options import JOIN, RESERVE, SHARED
+from star_core.options import JOIN, SHARED, held
 from star_core.registry import Registry
 from star_core.room import Fault, Path
 from star_core.scene import Scene
+from star_core.steps import begun, within
 
 
 def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str]:
@@ -27,9 +28,9 @@ def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str
     faults = [
         *wrong,
         *_groups(document.data, scene),
-        *_reserve(document.data, scene),
+        *room.reserve_faults(document.data, scene),
         *_idle(document.data, groups, scene),
-        *room.safety_faults(document.data, scene),
+        *room.safety_faults(document.data, scene, registry),
         *_cameras(document.data),
         *room.start_faults(document.data, scene, registry),
         *_parts(document.data, plugins),
@@ -64,38 +65,19 @@ def _groups(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
                 yield ("groups", name, i), _unknown("agent", member, scene.names)
 
 
-def _reserve(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
-    reserve = data.get("reserve", {})
-    for i, name in enumerate(reserve.get("agents", ())):
-        if name not in scene.names:
-            yield ("reserve", "agents", i), _unknown("agent", name, scene.names)
-    if set(scene.names) <= set(reserve.get("agents", ())):
-        yield ("reserve", "agents"), "every agent is in reserve; leave one to be relieved"
-    filled = {**RESERVE, **reserve}
-    if reserve and (fault := scene.height_fault(filled["height"])):
-        yield ("reserve", "height"), fault
-    tired, ready = filled["relieve_below"], filled["ready_above"]
-    if tired >= ready:
-        key = "ready_above" if "ready_above" in reserve else "relieve_below"
-        yield (
-            ("reserve", key),
-            f"a reserve that takes off at ready_above, {ready:g} V, would be relieved at once: "
-            f"relieve_below is {tired:g} V",
-        )
-
-
 def _idle(
     data: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]], scene: Scene
 ) -> Iterator[Fault]:
     """Steps for nobody but agents that stay in reserve: nothing would come of them."""
     steps = [
         ((*place, verb), rows_of(given.get("agents", "all"), groups))
-        for step, place in _within(data["mission"], ("mission",))
+        for step, place in within(data["mission"], ("mission",))
         for verb, given in step.items()
     ]
     if len(data.get("reserve", {}).get("agents", [])) == len(scene.agents):
         return  # that is told of the reserve
     joined = {row for path, rows in steps if path[-1] == JOIN for row in rows}
+    joined |= _joined_in_each(data["mission"], groups)
     rest = set(rows_of(data.get("reserve", {}).get("agents", []), groups)) - joined
     for path, rows in steps:
         if rows and rest.issuperset(rows):
@@ -104,6 +86,19 @@ def _idle(
                 (*path, "agents"),
                 f"{scene.named(rows)} {is_are} in reserve, which is in no step before a 'join'",
             )
+
+
+def _joined_in_each(
+    steps: Iterable[Mapping[str, Any]], groups: Mapping[str, tuple[int, ...]]
+) -> set[int]:
+    """The rows of those whom the steps of an ``each`` bring into the mission."""
+    given = [step["each"] for step, _ in within(steps, ()) if "each" in step]
+    return {
+        row
+        for each in given
+        if any(JOIN in step for step, _ in within(each["steps"], ()))
+        for row in rows_of(each.get("agents", "all"), groups)
+    }
 
 
 def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -116,7 +111,7 @@ def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _parts(data: Mapping[str, Any], plugins: _Plugins) -> Iterator[Fault]:
-    for kind in ("transport", "localizer", "planner", "avoider"):
+    for kind in PARTS:
         given = data[kind]
         options = {} if isinstance(given, str) else {k: v for k, v in given.items() if k != "use"}
         name = given if isinstance(given, str) else given["use"]
@@ -141,6 +136,13 @@ class _Plugins:
         for inner, message in self._found[asked]:
             yield (*path, *inner), message
 
+    def held(self, verb: str, options: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+        """Return what a step of this verb takes hold of outside of STAR."""
+        try:
+            return held(self._registry.find("task", verb).offer, options)
+        except PluginError:
+            return ()
+
     def _ask(
         self, kind: str, name: str, arguments: tuple[Any, ...], options: Mapping[str, Any]
     ) -> Iterator[Fault]:
@@ -153,12 +155,16 @@ class _Plugins:
         if found.offer.check is None:
             return
         try:
-            problems: list[Problem] = list(found.offer.check(*arguments, **options))
+            problems = list(found.offer.check(*arguments, **options))
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever a check may raise
             yield (), f"the check of {kind} {name!r} ({found.source}) raised {error!r}"
             return
         for problem in problems:
-            yield problem.path, problem.message
+            if isinstance(problem, Problem):
+                yield problem.path, problem.message
+            else:
+                what = f"yields {problem!r}, expected Problem"
+                yield (), f"the check of {kind} {name!r} ({found.source}) {what}"
 
 
 def _steps(
@@ -174,10 +180,12 @@ def _steps(
         if verb == "parallel":
             yield from _steps(given, here, groups, scene, plugins)
             yield from _shared(given, here, groups, scene)
+            yield from _held_twice(step, (*path, i), groups, plugins)
         elif verb == "repeat":
             yield from _steps(given["steps"], (*here, "steps"), groups, scene, plugins)
         elif verb == "each":
             yield from _each(given, here, groups, scene, plugins)
+            yield from _held_twice(step, (*path, i), groups, plugins)
         else:
             yield from _action(verb, given, here, groups, scene, plugins)
 
@@ -191,7 +199,7 @@ def _each(
 ) -> Iterator[Fault]:
     """What is wrong with steps that every agent does by itself: they name nobody."""
     yield from _nobody(given, path, groups)
-    inner = [*_within(given["steps"], (*path, "steps"))]
+    inner = [*within(given["steps"], (*path, "steps"))]
     for step, place in inner:
         ((verb, options),) = step.items()
         if "agents" in options:
@@ -204,20 +212,6 @@ def _each(
             yield from _steps(given["steps"], (*path, "steps"), {"all": (row,)}, scene, plugins)
 
 
-def _within(
-    steps: Iterable[Mapping[str, Any]], path: Path
-) -> Iterator[tuple[Mapping[str, Any], Path]]:
-    """Every step with a verb of its own in some steps, and every ``each``, with its place."""
-    for i, step in enumerate(steps):
-        ((verb, given),) = step.items()
-        if verb == "parallel":
-            yield from _within(given, (*path, i, verb))
-        elif verb == "repeat":
-            yield from _within(given["steps"], (*path, i, verb, "steps"))
-        else:
-            yield step, (*path, i)
-
-
 def _nobody(
     given: Mapping[str, Any], path: Path, groups: Mapping[str, tuple[int, ...]]
 ) -> Iterator[Fault]:
@@ -226,24 +220,10 @@ def _nobody(
     for i, name in enumerate([asked] if isinstance(asked, str) else asked):
         if name not in groups:
             place = ("agents",) if isinstance(asked, str) else ("agents", i)
-            yield (*path, *place), _unknown("agent or group", name, groups)
-
-
-def _until(
-    step: Mapping[str, Any], path: Path, scene: Scene, rows: tuple[int, ...]
-) -> Iterator[Fault]:
-    """What is wrong with a step's condition that its schema cannot see."""
-    given, limit = step["until"], step.get("timeout", math.inf)
-    targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
-    crew = tuple(scene.names[row] for row in rows)
-    outside = scene.world.fence.distance
-    for place, message in conditions.faults(given, scene.names, targets, crew, outside):
-        yield (*path, "until", *place), message
-    if (soonest := conditions.soonest(given)) > limit:
-        yield (
-            (*path, "until"),
-            f"holds after {soonest:g} s, but the step times out after {limit:g} s",
-        )
+            several = re.split(r"[,\s]+", name.strip())
+            listed = f"; write a list: agents: [{', '.join(several)}]"
+            meant = listed if len(several) > 1 and groups.keys() >= {*several} else None
+            yield (*path, *place), _unknown("agent or group", name, groups, meant)
 
 
 def _action(
@@ -257,8 +237,11 @@ def _action(
     unknown = list(_nobody(given, path, groups))
     yield from unknown
     rows = rows_of(given.get("agents", "all"), groups)
+    if verb == JOIN and "agents" not in given and "each" not in path:
+        yield path, f"{verb}: missing option 'agents'"
     if "until" in given:
-        yield from _until(given, path, scene, rows)
+        for place, message in conditions.step_faults(given, scene, rows):
+            yield (*path, "until", *place), message
     if not unknown:
         options = {key: value for key, value in given.items() if key not in SHARED}
         yield from plugins.faults("task", verb, path, options, rows)
@@ -284,6 +267,23 @@ def _shared(
         taken |= rows
 
 
+def _held_twice(
+    step: Mapping[str, Any], path: Path, groups: Mapping[str, tuple[int, ...]], plugins: _Plugins
+) -> Iterator[Fault]:
+    """Steps that begin at once and take hold of one thing outside of STAR, as of a port."""
+    taken = set()
+    for place, verb, given in begun(step, path, lambda given: rows_of(given, groups)):
+        held = plugins.held(verb, given)
+        if held and (verb, held) in taken:
+            what = ", ".join(f"{name} {value}" for name, value in held)
+            yield (
+                (*place, *[name for name, _ in held[-1:] if name in given]),
+                f"{verb}: another step that begins at the same time holds {what}; "
+                f"give each its own {held[-1][0]!r}",
+            )
+        taken.add((verb, held))
+
+
 def _rows_in(step: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]]) -> set[int]:
     ((verb, given),) = step.items()
     if verb == "parallel":
@@ -293,5 +293,5 @@ def _rows_in(step: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]]) -> 
     return set(rows_of(given.get("agents", "all"), groups))
 
 
-def _unknown(what: str, name: str, known: Iterable[str]) -> str:
-    return f"no {what} named {name!r}{instead(name, known, 'there are')}"
+def _unknown(what: str, name: str, known: Iterable[str], meant: str | None = None) -> str:
+    return f"no {what} named {name!r}{meant or instead(name, known, 'there are')}"

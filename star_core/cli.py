@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import nullcontext, redirect_stdout
 
 from star_core.errors import StarError, instead
 
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import TextIO
 
     from star_core.registry import Registry
 
@@ -46,12 +48,29 @@ def _main(arguments: list[str]) -> int:
     options, unknown = parser().parse_known_args(arguments)
     if unknown:
         raise StarError(_too_much(unknown[0], options.usage()))
-    return COMMANDS[options.command](options)
+    answer = sys.stdout
+    alone = getattr(options, "json", False)  # what plugins print must not be in the answer
+    with redirect_stdout(sys.stderr) if alone else nullcontext():
+        return COMMANDS[options.command](options, answer)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run ``star-run``, which is ``star run``."""
     return main(["run", *(sys.argv[1:] if arguments is None else arguments)])
+
+
+class Version(argparse.Action):
+    """Prints the installed version, which nothing else of the command line has to look up."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **more: object) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="print the version of STAR")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_given: object) -> None:
+        """Print it, and end."""
+        from star_core import __version__
+
+        print(f"star {__version__}")
+        parser.exit()
 
 
 def parser() -> argparse.ArgumentParser:
@@ -62,6 +81,7 @@ def parser() -> argparse.ArgumentParser:
         epilog="Plugins may add commands: `star plugins` lists them.",
         allow_abbrev=False,
     )
+    star.add_argument("--version", action=Version)
     commands = star.add_subparsers(dest="command", required=True, metavar="COMMAND")
     fly = commands.add_parser("run", help="fly a mission (= star-run)", allow_abbrev=False)
     check = commands.add_parser("check", help="check a mission, and stop", allow_abbrev=False)
@@ -95,10 +115,10 @@ def parser() -> argparse.ArgumentParser:
     return star
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, answer: TextIO) -> int:
     from star_core.running import run_mission
 
-    return run_mission(
+    status, text = run_mission(
         options.mission,
         _assignments(options),
         _registry(),
@@ -108,9 +128,11 @@ def _run(options: argparse.Namespace) -> int:
         as_json=options.json,
         verbose=options.verbose,
     )
+    print(text, file=answer)
+    return status
 
 
-def _check(options: argparse.Namespace) -> int:
+def _check(options: argparse.Namespace, answer: TextIO) -> int:
     from pathlib import Path
 
     from star_core.mission import load
@@ -118,19 +140,19 @@ def _check(options: argparse.Namespace) -> int:
     mission = load(Path(options.mission), _registry(), _assignments(options))
     agents = len(mission.scene.agents)
     many = "agents" if agents > 1 else "agent"
-    print(f"{options.mission}: {mission.name!r} can be flown, with {agents} {many}")
+    print(f"{options.mission}: {mission.name!r} can be flown, with {agents} {many}", file=answer)
     return 0
 
 
-def _plugins(options: argparse.Namespace) -> int:
+def _plugins(options: argparse.Namespace, answer: TextIO) -> int:
     from star_core.listing import as_json, as_text
 
     registry = _registry()
-    print(as_json(registry) if options.json else as_text(registry))
+    print(as_json(registry) if options.json else as_text(registry), file=answer)
     return 0
 
 
-def _schema(options: argparse.Namespace) -> int:
+def _schema(options: argparse.Namespace, answer: TextIO) -> int:
     import json
     from pathlib import Path
 
@@ -146,7 +168,7 @@ def _schema(options: argparse.Namespace) -> int:
         except OSError as error:
             raise StarError(f"{options.out}: cannot be written: {error.strerror}") from error
     else:
-        print(text)
+        print(text, file=answer)
     return 0
 
 

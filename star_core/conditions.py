@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
@@ -11,6 +12,7 @@ from star_core.errors import instead
 if TYPE_CHECKING:
     from star_core.flight import Event
     from star_core.quaternion import Point
+    from star_core.scene import Scene
     from star_core.swarm import Estimate, Health
 
 Condition: TypeAlias = Mapping[str, Any]
@@ -76,6 +78,41 @@ def soonest(condition: Condition) -> float:
     if kind in {"any", "all"}:
         return (min if kind == "any" else max)(soonest(inner) for inner in given)
     return float(given) if kind == "elapsed" else 0.0
+
+
+def needs_find(condition: Condition) -> bool:
+    """Return whether a condition cannot hold as long as no target is found.
+
+    >>> needs_find({"all": [{"found": 1}, {"elapsed": 3}]}), needs_find({"not": {"found": 1}})
+    (True, False)
+    """
+    ((kind, given),) = condition.items()
+    if kind == "any":
+        return all(needs_find(inner) for inner in given)
+    if kind == "all":
+        return any(needs_find(inner) for inner in given)
+    return kind == "found" or (kind == "event" and given == "found")
+
+
+def step_faults(
+    step: Mapping[str, Any], scene: Scene, rows: Sequence[int]
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Yield what is wrong with a step's ``until`` that its schema cannot see, and where in it.
+
+    Args:
+        step: The options of the step's verb.
+        scene: The mission's scene.
+        rows: The agents of the step.
+    """
+    given, limit = step["until"], step.get("timeout", math.inf)
+    targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
+    crew = tuple(scene.names[row] for row in rows)
+    wrong = [*faults(given, scene.names, targets, crew, scene.world.fence.distance)]
+    yield from wrong
+    if not wrong and needs_find(given) and all(agent.camera is None for agent in scene.agents):
+        yield (), "no agent has a camera to find a target with; give agents `camera: aideck`"
+    if (least := soonest(given)) > limit:
+        yield (), f"holds after {least:g} s, but the step times out after {limit:g} s"
 
 
 def faults(

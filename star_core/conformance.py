@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
 
 from star_core.errors import ContractError
 from star_core.sight import Corrections
-from star_core.swarm import Estimate, Plan, Setpoint
+from star_core.swarm import Estimate, Plan, Setpoint, Telemetry
+from star_core.table import Rows
 
 Table = TypeVar("Table")
 
@@ -49,8 +52,10 @@ def checked_estimate(answer: object, n: int) -> Estimate:
     _finite("Estimate.position", estimate.position, valid)
     _finite("Estimate.velocity", estimate.velocity, valid)
     _finite("Estimate.yaw", estimate.yaw, valid)
+    _finite("Estimate.covariance", estimate.covariance, valid)
     _finite("Estimate.map_from_odom.yaw", estimate.map_from_odom.yaw, valid)
     _finite("Estimate.map_from_odom.translation", estimate.map_from_odom.translation, valid)
+    _rows_within("Estimate.sightings.agent", estimate.sightings.agent, n)
     if len(estimate.corrections.agent):
         _corrections(estimate.corrections, n)
     return estimate
@@ -64,9 +69,9 @@ def checked_plan(answer: object, n: int) -> Plan:
     """
     plan = expect(answer, Plan)
     checked_setpoint(plan.setpoint, n)
-    rows = plan.paths.agent
-    if len(rows) and not 0 <= rows.min() <= rows.max() < n:
-        raise ContractError(f"Plan.paths.agent is {rows.tolist()!r}, expected rows below {n}")
+    _rows_within("Plan.paths.agent", plan.paths.agent, n)
+    if not isinstance(plan.reasons, Mapping):
+        raise ContractError(f"Plan.reasons is {plan.reasons!r}, expected a map from row to text")
     return plan
 
 
@@ -83,10 +88,33 @@ def checked_setpoint(answer: object, n: int) -> Setpoint:
     return setpoint
 
 
+def checked_telemetry(answer: object, n: int) -> Telemetry:
+    """Return what a transport reports if it has `n` rows, and a time.
+
+    Raises:
+        ContractError: It does not keep the contract.
+    """
+    telemetry = expect(answer, Telemetry)
+    _rows("Telemetry.position", len(telemetry.age), n)
+    if not math.isfinite(telemetry.time):
+        raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
+    for name in ("odometry", "frames", "detections"):
+        _rows_within(f"Telemetry.{name}.agent", getattr(telemetry, name).agent, n)
+    return telemetry
+
+
+def _rows_within(what: str, rows: Rows, n: int) -> None:
+    """Hold rows to be those of `n` agents.
+
+    Raises:
+        ContractError: One is not.
+    """
+    if len(rows) and not 0 <= rows.min() <= rows.max() < n:
+        raise ContractError(f"{what} is {rows.tolist()!r}, expected rows below {n}")
+
+
 def _corrections(corrections: Corrections, n: int) -> None:
-    agents = corrections.agent.tolist()
-    if not all(0 <= agent < n for agent in agents):
-        raise ContractError(f"Estimate.corrections.agent is {agents!r}, expected rows below {n}")
+    _rows_within("Estimate.corrections.agent", corrections.agent, n)
     for name in ("position", "attitude", "position_deviation", "attitude_deviation"):
         values = getattr(corrections, name)
         _finite(f"Estimate.corrections.{name}", values, np.ones(len(values), np.bool_))

@@ -24,22 +24,20 @@ from typing import (
 )
 
 if TYPE_CHECKING:
+    from star_core.orders import Command
     from star_core.sight import Corrections
-    from star_core.swarm import (
-        Command,
-        Estimate,
-        Goals,
-        Health,
-        Plan,
-        Setpoint,
-        Telemetry,
-        Truth,
-    )
+    from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Telemetry, Truth
 
 
 @runtime_checkable
 class Transport(Protocol):
-    """Carries telemetry from the agents, and setpoints and commands to them; owns the clock."""
+    """Carries telemetry from the agents, and setpoints and commands to them; owns the clock.
+
+    One whose agents can fly trajectories on board has ``upload(trajectories)``: give them to every
+    agent. It is called once, after `connect` and before anything moves, with a tuple of every
+    `Trajectory` that a task may order; without such tasks it is not called. With a transport that
+    has no such method a mission of theirs is not flown.
+    """
 
     def connect(self) -> None:
         """Open the links.
@@ -151,6 +149,10 @@ class Task(Protocol):
     on with these of its agents; ``swap(old, new)``: another agent takes one's part; and
     ``join(rows)``: go on with these, some of which are new. One without `stay` or `swap` is made
     and begun anew instead; without `join`, who is new waits for the next step.
+
+    A task that orders its agents to fly trajectories on board has ``trajectories``: a tuple of
+    those, known when it is made. The core steers nobody who flies one, until it is over or the
+    agent is in its step no more.
     """
 
     def begin(self, estimate: Estimate, health: Health) -> float:

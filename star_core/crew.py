@@ -9,21 +9,22 @@ from time import perf_counter
 from typing import Any
 
 from star_core.blame import Blame, close
-from star_core.conformance import checked_estimate, checked_plan, checked_setpoint, expect, keeps
+from star_core.conformance import (
+    checked_estimate,
+    checked_plan,
+    checked_setpoint,
+    checked_telemetry,
+    expect,
+    keeps,
+)
 from star_core.contracts import Avoider, Localizer, Planner, Transport
-from star_core.errors import ContractError
-from star_core.mission import PARTS, Mission
+from star_core.document import PARTS
+from star_core.errors import ContractError, PluginError
+from star_core.mission import Mission
+from star_core.orders import Command, Trajectory
 from star_core.registry import Registry
 from star_core.sight import Corrections
-from star_core.swarm import (
-    Command,
-    Estimate,
-    Goals,
-    Plan,
-    Setpoint,
-    Telemetry,
-    Truth,
-)
+from star_core.swarm import Estimate, Goals, Plan, Setpoint, Telemetry, Truth
 
 EARLY = 1e-3  # s, by which a time may be off: clocks of computers have grains
 
@@ -47,12 +48,14 @@ class Crew:
     Attributes:
         took: How long was computed in all, s, by the kind of part, and for ``safety``; of the
             transport nothing, which waits.
+        trajectories: What the agents are to fly on board; to be set before `connect`.
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
         self._n = len(mission.scene.agents)
         self._blame = {kind: Blame(str(mission.parts[kind])) for kind in PARTS}
         self._parts: dict[str, Any] = {}
+        self.trajectories: tuple[Trajectory, ...] = ()
         self.took = dict.fromkeys(("localizer", "planner", "avoider", "safety"), 0.0)
         try:
             for kind in PARTS:
@@ -66,9 +69,14 @@ class Crew:
             raise
 
     def connect(self) -> None:
-        """Open the links."""
+        """Open the links, and upload the trajectories."""
+        transport = self._parts["transport"]
         with self._blame["transport"]:
-            self._parts["transport"].connect()
+            if self.trajectories and not hasattr(transport, "upload"):
+                raise PluginError("flies no trajectories on board")
+            transport.connect()
+            if self.trajectories:
+                transport.upload(self.trajectories)
 
     def wait(self, until: float) -> float:
         """Let time pass until `until`, s, and return the mission time it is then, s."""
@@ -83,12 +91,7 @@ class Crew:
     def receive(self) -> Telemetry:
         """Return what arrived since the last call."""
         with self._blame["transport"]:
-            telemetry = expect(self._parts["transport"].receive(), Telemetry)
-            if len(telemetry.age) != self._n:
-                raise ContractError(
-                    f"Telemetry.position has {len(telemetry.age)} rows, expected {self._n}"
-                )
-            return telemetry
+            return checked_telemetry(self._parts["transport"].receive(), self._n)
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate where the agents are."""

@@ -23,7 +23,8 @@ class InputError(StarError):
         problems: One line each, with its place: ``file:line:col: what is wrong``.
     """
 
-    def __init__(self, problems: Sequence[str]) -> None:
+    def __init__(self, problems: Sequence[str] | str) -> None:
+        problems = [problems] if isinstance(problems, str) else problems
         super().__init__("\n".join(problems))
         self.problems = tuple(problems)
 

@@ -7,7 +7,7 @@ which of several errors are one mistake.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from star_core import wording
@@ -67,6 +67,9 @@ def _explain(breach: Breach, data: Any) -> Iterator[Fault]:
                 yield Fault(path, _about(path, data, _missing(name, path)), key=True)
     elif (nearest := breach.nearest()) is not None:
         yield from _explain(nearest, data)
+    elif keyword == "type" and "errorMessage" in breach.rules:
+        whole = path[:-1] if isinstance(path[-1], int) else path  # what is so of every item
+        yield Fault(whole, _about(whole, data, breach.rules["errorMessage"]))
     else:
         yield Fault(path, _own_words(breach) or _about(path, data, wording.say(breach)))
 
@@ -78,6 +81,8 @@ def _own_words(breach: Breach) -> str:
         return _no_step(breach)
     if keyword == "type" and breach.value is None and _is_step(path[:-1]):
         return _empty_verb(breach)
+    if keyword == "type" and breach.wanted == "object" and _is_step(path[:-1]):
+        return _no_options(breach)
     if keyword in {"enum", "type"} and path[:1] and path[0] in PARTS and path[1:] in _CHOICE:
         return _part(breach)
     if keyword == "const" and path == ("star",):
@@ -204,6 +209,17 @@ def _empty_verb(breach: Breach) -> str:
         return f"{verb}: nothing follows, expected a list of steps"
     needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
     return f"{verb}: nothing follows; write it `{verb}: {{{needs}}}`"
+
+
+def _no_options(breach: Breach) -> str:
+    """Say what should follow a verb in place of a single value: the option that it may be for."""
+    verb, given = breach.path[-1], breach.value
+    example: Mapping[str, Any] = next(iter(breach.rules.get("examples", ())), {})
+    option = next(iter(example), "")
+    if type(example.get(option)) is type(given):
+        example = {option: given}
+    said = f"{verb}: {wording.what(given)}, expected a map"
+    return f"{said}; write it `{verb}: {written}`" if (written := wording.flow(example)) else said
 
 
 def _part(breach: Breach) -> str:

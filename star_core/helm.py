@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -9,23 +10,16 @@ import numpy as np
 from star_core.crew import Crew
 from star_core.frames import Lying, Transform
 from star_core.observers import Observers
+from star_core.orders import Command, Order
 from star_core.phases import Phases
 from star_core.scene import Scene
-from star_core.swarm import (
-    AgentPhase,
-    Command,
-    Estimate,
-    Health,
-    Order,
-    Setpoint,
-    Supervisor,
-    Telemetry,
-    Truth,
-)
-from star_core.table import Mask, Rows
+from star_core.sight import Corrections, Sightings
+from star_core.swarm import AgentPhase, Estimate, Health, Setpoint, Supervisor, Telemetry, Truth
+from star_core.table import Array, Mask, Rows
 from star_core.targets import Targets
 
 STALE_AFTER = 0.5  # s, an agent not heard for longer is lost: the firmware's commander time-out
+ON_ITS_OWN = (Order.GOTO, Order.FOLLOW)  # an agent is not steered until these are over
 LAND_SPEED = 0.3  # m/s, when the core itself lands
 LAND_SHORTEST = 1.0  # s, the quickest landing the core asks for
 
@@ -42,8 +36,9 @@ class Helm:
         time: Of the tick, s.
         estimate: Of the tick; None before the first.
         phases: Of every agent and of the mission.
-        commanded: (N,) who flies to a place on its own, on board.
+        commanded: (N,) who flies to a place or along a trajectory on its own, on board.
         targets: What was found so far.
+        down_by: When the last of all landings so far is over, s.
         without_localizer: To be set where that is broken: nobody is located any more.
     """
 
@@ -58,6 +53,7 @@ class Helm:
         self.phases = Phases(scene.names)
         self.commanded = np.zeros(n, np.bool_)
         self.targets = Targets(scene)
+        self.down_by = 0.0
         self.without_localizer = False
         self._until = np.zeros(n)  # s, until when who is commanded is at least
         self._blind = False  # the truth cannot be had
@@ -75,7 +71,13 @@ class Helm:
         telemetry = self._crew.receive()
         if self.without_localizer and self.estimate is not None:
             nobody = np.zeros(len(self.commanded), np.bool_)
-            estimate = replace(self.estimate, time=telemetry.time, valid=nobody)
+            estimate = replace(
+                self.estimate,
+                time=telemetry.time,
+                valid=nobody,
+                corrections=Corrections.none(),
+                sightings=Sightings.none(),
+            )
         else:
             estimate = self._crew.locate(telemetry)
             lies = self._lying.last_known(estimate.map_from_odom)
@@ -120,33 +122,48 @@ class Helm:
                 yaw=command.yaw + to_odom.yaw,
             )
         )
+        if command.order is not Order.ARM:
+            self.commanded[command.agent] = command.order in ON_ITS_OWN
         match command.order:
             case Order.TAKEOFF:
                 self.phases.fire("take_off", command.agent)
             case Order.LAND:
                 self.phases.fire("land", command.agent)
+                self.down_by = max(self.down_by, self.time + float(command.duration.max(initial=0)))
             case Order.STOP:
                 self.phases.fire("fail", command.agent)
-            case Order.GOTO:
-                self.commanded[command.agent] = True
+            case Order.GOTO | Order.FOLLOW:
                 self._until[command.agent] = self.time + command.duration
         self.tell_phases()
 
-    def land(self, rows: Rows, estimate: Estimate) -> float:
-        """Land those of some agents that are in the air; return how long the longest takes, s."""
+    def release(self, rows: Iterable[int]) -> None:
+        """Steer agents again, whatever they fly on their own."""
+        for row in rows:
+            self.commanded[row] = False
+
+    def land(self, rows: Rows, estimate: Estimate, takes: Array | None = None) -> None:
+        """Order those of some agents down that are in the air, from where they are.
+
+        Args:
+            rows: (K,) who is meant.
+            estimate: Where they are.
+            takes: (K,) how long, s; NaN, or nothing given, is at the core's own pace.
+        """
         airborne = self.phases.among(AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
-        rows = rows[airborne[rows]]
+        up = airborne[rows]
+        rows = rows[up]
         if not len(rows):
-            return 0.0
+            return
         position = estimate.position[rows].copy()
         unknown = ~np.isfinite(position[:, 2])
         position[unknown, 2] = self._scene.limits.height[1]
         position = np.nan_to_num(position)
         duration = np.maximum(LAND_SHORTEST, position[:, 2] / LAND_SPEED)
+        if takes is not None:
+            duration = np.where(np.isnan(takes[up]), duration, takes[up])
         position[:, 2] = 0.0
         yaw = np.nan_to_num(estimate.yaw[rows])
         self.order(Command(Order.LAND, rows, position, yaw, duration), estimate)
-        return float(duration.max())
 
     def stop(self, who: Mask) -> None:
         """Switch motors off, at once."""

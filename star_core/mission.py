@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from star_core import aloft, checks, schema, world_file
+from star_core import aloft, checks, room, schema, world_file
 from star_core.camera import Camera
-from star_core.document import Document, override, read
+from star_core.document import PARTS, Document, override, read
 from star_core.errors import InputError, PluginError
 from star_core.include import expanded
 from star_core.options import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
-from star_core.steps import Action, Node, Parallel, Repeat
+from star_core.steps import Action, Node, Parallel, Repeat, actions
 from star_core.world import World
-
-PARTS = ("transport", "localizer", "planner", "avoider")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +75,12 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
         raise InputError(found)
     try:
         world = _world_document(document)
-        room = world_file.world(world)
+        place = world_file.world(world)
     except InputError as error:
         raise InputError([*found, *error.problems]) from None
     if found:
         raise InputError(found)
-    scene = _scene(document, room, realtime=_realtime(document, registry))
+    scene = _scene(document, place, realtime=_realtime(document, registry))
     if found := checks.of_mission(document, scene, registry):
         raise InputError(found)
     groups = checks.agents_by_name(document.data, scene)
@@ -91,13 +89,18 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
         for i, step in enumerate(document.data["mission"])
     )
     reserve = document.data.get("reserve", {})
-    if found := aloft.faults(
-        steps,
-        scene.names,
-        [agent.start[2] for agent in scene.agents],
-        [scene.names.index(name) for name in reserve.get("agents", ())],
-        lambda verb: registry.find("task", verb).offer,
-    ):
+    reserved = [scene.names.index(name) for name in reserve.get("agents", ())]
+    deeds = [(step.place, step.verb, step.options, step.rows) for step in actions(steps)]
+    if found := [
+        *aloft.faults(
+            steps,
+            scene.names,
+            [agent.start[2] for agent in scene.agents],
+            reserved,
+            lambda verb: registry.find("task", verb).offer,
+        ),
+        *room.climb_faults(deeds, reserved, scene, registry),
+    ]:
         raise InputError(found)
     return Mission(
         name=document.data["name"],

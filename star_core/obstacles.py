@@ -31,7 +31,7 @@ def obstacle_faults(given: Mapping[str, Any], fence: Fence | None) -> Iterator[F
     """
     foot, top = given["height"]
     if foot >= top:
-        yield ("height",), f"foot {foot!r} is not below top {top!r}"
+        yield ("height",), f"has its foot at {foot!r} m, not below its top at {top!r} m"
     if "polygon" in given:
         fault = outline_fault(_corners(given["polygon"]))
     elif any(a == b for a, b in pairwise(given.get("polyline", ()))):

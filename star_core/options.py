@@ -62,6 +62,20 @@ def sound(kind: str, offer: Offer[Any], *, trusted: bool = False) -> Offer[Any]:
     return replace(offer, options=options)
 
 
+def held(offer: Offer[Any], given: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+    """Return the options that say what a step takes hold of outside of STAR, with their values.
+
+    A verb names them in its schema: ``outside: {holds: [port]}``. Two steps at once cannot have the
+    same.
+    """
+    known = offer.options.get("properties", {})
+    return tuple(
+        (name, given.get(name, known[name].get("default")))
+        for name in offer.options.get("outside", {}).get("holds", ())
+        if name in known
+    )
+
+
 def references(schema: Any) -> Iterator[dict[str, Any]]:
     """Find every map with a ``$ref`` in it."""
     waiting = [schema]

@@ -18,6 +18,10 @@ SIDES: Final = 24
 FLAT: Final = 1e-12
 """Points off a line by less than this share of its length are on it."""
 
+THIN: Final = 0.001
+"""Least width of a strip that an outline fills, m, across the line from its first corner to the
+farthest; of walls the schema says the same. What is thinner is a slip of the pen."""
+
 Edge: TypeAlias = tuple[Corner, Corner]
 
 
@@ -70,6 +74,10 @@ def outline_fault(corners: Sequence[Corner]) -> str | None:
     length = math.dist(corners[0], end)
     if all(abs(_cross(corners[0], end, corner)) <= FLAT * length * length for corner in corners):
         return "has all its points on one line"
+    off = [_cross(corners[0], end, corner) / length for corner in corners]
+    if max(off) - min(off) < THIN:
+        strip = max(off) - min(off)
+        return f"lies in a strip of only {strip:.2g} m, expected at least {THIN:g} m"
     for (a, b), (c, d) in _meetings(edges):
         return (
             f"crosses or touches itself: the edges from {_show(a)} to {_show(b)} "

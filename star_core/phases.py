@@ -144,7 +144,7 @@ class Phases:
         self.fire("down", np.flatnonzero(finished & ~flying & self.among(_P.LANDING)))
         fit = heard & located
         self.fire("lose", np.flatnonzero(~fit & self.among(_P.TAKING_OFF, _P.FLYING)))
-        self.fire("find", np.flatnonzero(fit & self.among(_P.LOST)))
+        self.fire("find", np.flatnonzero(fit & flying & self.among(_P.LOST)))
 
     def changes(self) -> Iterator[tuple[str | None, str]]:
         """Every agent (None: the mission) and the phase it went into since the last call."""

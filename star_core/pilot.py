@@ -10,35 +10,26 @@ import numpy as np
 
 from star_core.contracts import Status
 from star_core.crew import Crew
+from star_core.descent import Descent
 from star_core.errors import PluginError
-from star_core.flight import Corrected, Tick
 from star_core.helm import Helm
 from star_core.interrupts import Interrupts
 from star_core.mission import Mission
 from star_core.observers import Observers
+from star_core.orders import Order
 from star_core.phases import AIRBORNE, MissionPhase
 from star_core.registry import Registry
 from star_core.relief import Relief
 from star_core.roster import Roster
 from star_core.rules import Answer, Rules
-from star_core.safety import SafetyFilter
-from star_core.summary import Meter
-from star_core.swarm import (
-    AgentPhase,
-    Estimate,
-    Goals,
-    Health,
-    Paths,
-    Plan,
-    Setpoint,
-    Telemetry,
-)
-from star_core.table import Mask
+from star_core.steering import Steering
+from star_core.swarm import AgentPhase, Estimate, Health
+from star_core.table import Mask, Rows
 from star_core.tasks import Course
+from star_core.wishes import Wishes
 
 LOST_PATIENCE = 1.0  # s; told nothing for 2 s, a Crazyflie stops its motors
 LAND_PATIENCE = 10.0  # s, beyond what a landing takes, before an agent counts as not landed
-CALM = 1.0  # s without a correction, after which the next one is told again
 
 ANSWERS = {
     Answer.HOLD: "holds its place",
@@ -46,13 +37,6 @@ ANSWERS = {
     Answer.STOP: "stops its motors",
 }
 """What the record says of agents that a safety rule takes out of the mission."""
-
-CORRECTED = {
-    "fence": "is held inside the fence",
-    "speed": "is slowed to the speed limit",
-    "separation": "brakes for another agent",
-}
-"""What the record says of the agents that `star_core.safety` corrects, by the reason."""
 
 
 class Pilot:
@@ -82,13 +66,13 @@ class Pilot:
         self._relief = Relief(
             mission.scene, self._roster, self._rules, mission.reserve, partial(self.event, "relief")
         )
-        self._safety = SafetyFilter(mission.scene)
-        self._corrected = {why: np.full(self._n, -np.inf) for why in CORRECTED}  # s, when last
         self._lost_since = np.full(self._n, np.inf)  # s
         self._wall_time = 0.0
         self.reason: str | None = None
-        self._meter = Meter(mission.scene)
+        crew.trajectories = self._course.trajectories
         self._helm = Helm(mission.scene, crew, self.observers)
+        self._steering = Steering(mission.scene, crew, self._helm, self.observers)
+        self._descent = Descent(mission.scene, self._helm, self.observers)
 
     def fly(self) -> None:
         """Fly to the end, and land everybody."""
@@ -102,7 +86,7 @@ class Pilot:
 
     def summary(self, mission: str) -> dict[str, Any]:
         """Sum the flight up, as ``summary.json`` keeps it."""
-        return self._meter.summary(
+        return self._steering.meter.summary(
             mission=mission,
             outcome=str(self._helm.phases.mission),
             reason=self.reason or "",
@@ -121,7 +105,7 @@ class Pilot:
         """Fly to the end, land everybody, and return why it did not complete, if so."""
         try:
             end, reason = self._steps()
-            reason = self._bring_down(end) or reason
+            reason = "; ".join(filter(None, (reason, self._bring_down(end))))
         except PluginError as error:
             end, reason = "fail", str(error)
             self.event("failure", reason)
@@ -170,46 +154,24 @@ class Pilot:
             self.event("refused", f"{name} {reason}", name)
         status, wishes = self._course.step(self._helm.time, estimate, health)
         self._relief.step(self._helm.time, estimate, health, wishes)
+        self._helm.release(wishes.free)
         for command in wishes.commands:
-            self._helm.order(command, estimate)
-        if wishes.leave:
-            self._helm.land(np.array(sorted(wishes.leave)), estimate)
-        flying = self._helm.phases.among(AgentPhase.FLYING)
-        self._course.hold(flying, estimate)
+            if command.order is Order.LAND:
+                self._descent.ask(command)
+            else:
+                self._helm.order(command, estimate)
+        self._descent.bring(sorted(wishes.leave))
+        self._descent.step(estimate, wishes)
+        self._course.hold(self._helm.phases.among(AgentPhase.FLYING), estimate)
         goals = wishes.goals()
-        plan = self._crew.plan(estimate, goals)
-        active = flying & estimate.valid & ~self._helm.commanded
-        said = plan.setpoint.active  # who is left out brakes: told nothing, a drone would fall
-        wanted = Setpoint(
-            velocity=np.where(said[:, None], plan.setpoint.velocity, 0.0),
-            yaw=np.where(said, plan.setpoint.yaw, estimate.yaw),
-            active=active,
+        plan, active = self._steering.steer(
+            telemetry, estimate, health, goals, ", ".join(wishes.doing)
         )
-        safe = self._crew.avoid(estimate, wanted)
-        with self._crew.timed("safety"):
-            last, corrected = self._safety.filter(estimate, safe, wanted)
-        self._tell_corrected(corrected)
-        sent = self._helm.send(last, estimate)
         self._course.no_way = {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
             for row in np.flatnonzero(plan.unreachable & active).tolist()
         }
-        self._record(
-            telemetry, estimate, health, goals, plan, sent, ", ".join(wishes.doing), corrected
-        )
         return status
-
-    def _tell_corrected(self, corrected: Corrected) -> None:
-        """Put on record whose setpoints begin to be corrected."""
-        for why, text in CORRECTED.items():
-            who = getattr(corrected, why)
-            if not who.any():
-                continue
-            since = self._helm.time - self._corrected[why]
-            self._corrected[why][who] = self._helm.time
-            for row in np.flatnonzero(who & (since > CALM)).tolist():
-                name = self._scene.agents[row].name
-                self.event("safety", f"{name} {text}", name)
 
     def _judge(self, estimate: Estimate, health: Health) -> None:
         """Let the safety rules take agents that are in trouble out of the mission."""
@@ -218,7 +180,7 @@ class Pilot:
             self.event("safety", f"{name} {ANSWERS[answer]}: {reason}", name)
             self._course.drop(row, estimate)
             if answer is Answer.LAND:
-                self._helm.land(np.array([row]), estimate)
+                self._descent.bring([row])
             elif answer is Answer.STOP:
                 self._helm.cut(np.array([row]))
         self._course.excused = self._rules.excuse(health, estimate.valid)
@@ -238,55 +200,61 @@ class Pilot:
         late = np.flatnonzero((self._helm.time - self._lost_since > LOST_PATIENCE) & ~self._left())
         return f"{self._scene.named(late)} is lost" if len(late) else ""
 
-    def _bring_down(self, end: str) -> str:
-        """Land everybody; return what went wrong on the way, if anything."""
+    def _bring_down(self, end: str, *, at_once: bool = False) -> str:
+        """Land everybody; return what went wrong on the way, if anything.
+
+        Args:
+            end: How the mission ended.
+            at_once: Whether nobody is led to a free place first, which takes every plugin.
+        """
         if end == "complete":
             self._helm.phases.fire_mission("land")
         estimate = self._helm.estimate
         if estimate is None:
             return ""
-        takes = self._helm.land(np.arange(self._n), estimate)
-        until = self._helm.time + takes + LAND_PATIENCE
+        begun = self._helm.time
+        wishes = Wishes.none(self._n)
+        self._down(np.arange(self._n), estimate, wishes, at_once=at_once)
         while (up := self._helm.phases.among(*AIRBORNE)).any():
             if self._interrupts.count > 1:
                 self._helm.stop(up)
-                return "stopped by the operator: motors off"
-            if self._helm.time >= until:
+                return "stopped, motors off"
+            ordered = max(begun, self._helm.down_by, self._descent.until)
+            if self._helm.time >= ordered + LAND_PATIENCE:
                 who = self._scene.named(np.flatnonzero(up).tolist())
                 self.event("failure", f"{who} did not report to be on the ground")
                 if not (up & ~self._left()).any():
                     break  # the mission had given them up
                 return f"{who} did not report to be on the ground"
             telemetry, estimate, health = self._helm.look()
-            self._helm.land(np.flatnonzero(self._helm.phases.among(AgentPhase.LOST)), estimate)
-            n = self._n
-            still = Setpoint(np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.bool_))
-            nowhere = Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
-            plan = Plan(still, nowhere, np.zeros(n, np.bool_))
-            nobody = np.zeros(n, np.bool_)
-            self._record(
-                telemetry,
-                estimate,
-                health,
-                Goals.none(n),
-                plan,
-                still,
-                "landing",
-                Corrected(nobody, nobody, nobody),
-            )
+            lost = np.flatnonzero(self._helm.phases.among(AgentPhase.LOST))
+            self._down(lost, estimate, wishes, at_once=at_once)
+            if wishes.active.any():
+                self._steering.steer(telemetry, estimate, health, wishes.goals(), "landing")
+            else:
+                self._steering.watch(telemetry, estimate, health)
         fallen = self._helm.phases.among(AgentPhase.EMERGENCY)
         if end == "complete" and (hurt := [int(r) for r in np.flatnonzero(fallen & ~self._left())]):
             return f"{self._scene.named(hurt)} ended in emergency"
         return ""
 
+    def _down(self, rows: Rows, estimate: Estimate, wishes: Wishes, *, at_once: bool) -> None:
+        """Order agents down, now or when each is at rest where it is free below."""
+        wishes.active[:] = False
+        if at_once:
+            self._helm.land(rows, estimate)
+        else:
+            self._descent.bring(rows)
+            self._descent.step(estimate, wishes)
+
     def _bring_down_broken(self) -> str:
         """Land everybody though a plugin is broken; return what went wrong, if anything."""
         try:
-            return self._bring_down("fail")
+            return self._bring_down("fail", at_once=True)
         except PluginError:
             self._helm.without_localizer = True  # it may be the localizer that raised
         try:
-            return self._bring_down("fail")
+            return self._bring_down("fail", at_once=True)
         except PluginError as error:
             for row in np.flatnonzero(self._helm.phases.among(*AIRBORNE)).tolist():
                 name = self._scene.agents[row].name
@@ -297,20 +265,3 @@ class Pilot:
     def _left(self) -> Mask:
         """Agents whose failure the mission allowed."""
         return self._roster.left()
-
-    def _record(
-        self,
-        telemetry: Telemetry,
-        estimate: Estimate,
-        health: Health,
-        goals: Goals,
-        plan: Plan,
-        sent: Setpoint,
-        doing: str,
-        corrected: Corrected,
-    ) -> None:
-        """Measure a tick and show it to the observers."""
-        now, truth = self._helm.time, self._helm.truth()
-        tick = Tick(now, telemetry, estimate, health, goals, plan, sent, truth, doing, corrected)
-        self._meter.add(tick)
-        self.observers.tell("star_ticked", tick=tick)

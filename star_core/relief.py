@@ -8,10 +8,11 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.options import RESERVE
+from star_core.orders import Command, Order
 from star_core.roster import Roster
 from star_core.rules import SAGS, Rules
 from star_core.scene import Scene
-from star_core.swarm import AgentPhase, Command, Estimate, Health, Order, among
+from star_core.swarm import AgentPhase, Estimate, Health, among
 from star_core.table import Array, Mask
 from star_core.wishes import Wishes
 
@@ -28,10 +29,10 @@ HEARD: Final = 0.5
 """How long ago an agent that takes off may have been heard, s."""
 
 PATIENCE: Final = 3.0
-"""Times what a flight home takes straight on, and `GRACE` besides, it lands where it is."""
+"""How many times what a climb or a straight flight home takes it may take, and `GRACE` besides."""
 
 GRACE: Final = 5.0
-"""Of a flight home, s."""
+"""Of a climb or a flight home, s."""
 
 CLIMB: Final = 0.3
 """Mean speed of a climb, m/s, as of the verb ``takeoff``."""
@@ -76,6 +77,8 @@ class Relief:
         self._pad = np.array([agent.start for agent in scene.agents])
         self._low_since = np.full(n, np.nan)  # s
         self._coming: dict[int, int] = {}  # which place each agent that climbs is to take
+        self._climbed_by: dict[int, float] = {}  # s, when it should have climbed at the latest
+        self._unfit: set[int] = set()  # who was to climb and did not
         self._home: dict[int, float | None] = {}  # who flies to its pad, and until when at most, s
 
     def step(self, time: float, estimate: Estimate, health: Health, wishes: Wishes) -> None:
@@ -85,13 +88,13 @@ class Relief:
         flying = health.phase == AgentPhase.FLYING
         low = flying & (health.battery < self._options["relieve_below"])
         self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
-        self._take_over(health, wishes)
+        self._take_over(time, health, wishes)
         self._fly_home(time, estimate, health, wishes)
         for place in self._wanted(time):
             row = self._ready(estimate, health)
             if row is None:
                 return
-            self._send_up(row, place, estimate, wishes)
+            self._send_up(row, place, time, estimate, wishes)
 
     def _wanted(self, time: float) -> list[int]:
         """Places that a reserve should take and none is on its way to, the most urgent first."""
@@ -105,7 +108,7 @@ class Relief:
         """The agent on the ground with the fullest battery that may take off, if there is one."""
         down = among(health.phase, *DOWN) & estimate.valid & self._roster.left()
         down &= (health.age <= HEARD) & (health.battery > self._options["ready_above"])
-        down[list(self._coming)] = False
+        down[[*self._coming, *self._unfit]] = False
         for row in np.flatnonzero(down)[np.argsort(-health.battery[down], kind="stable")].tolist():
             if self._clear(estimate.position, among(health.phase, *DOWN), row):
                 self._rules.answer[row] = 0
@@ -119,7 +122,9 @@ class Relief:
         away = np.hypot(*(position[others, :2] - position[row, :2]).T)
         return bool((away > CLEAR).all())
 
-    def _send_up(self, row: int, place: int, estimate: Estimate, wishes: Wishes) -> None:
+    def _send_up(
+        self, row: int, place: int, time: float, estimate: Estimate, wishes: Wishes
+    ) -> None:
         name = self._scene.agents[row].name
         top = estimate.position[[row]].copy()
         climb = self._options["height"] - float(top[0, 2])
@@ -129,12 +134,13 @@ class Relief:
         wishes.commands.append(Command(Order.TAKEOFF, np.array([row]), top, yaw, duration))
         wishes.send(row, top[0], yaw[0], self._scene.limits.speed)
         self._coming[row] = place
+        self._climbed_by[row] = time + PATIENCE * float(duration[0]) + GRACE
         self._home.pop(row, None)
         whom = self._roster.holders([place])
         what = f"to relieve {self._scene.named(whom.values())}" if whom else "to fill a place"
         self._tell(f"{name} takes off {what}", name)
 
-    def _take_over(self, health: Health, wishes: Wishes) -> None:
+    def _take_over(self, time: float, health: Health, wishes: Wishes) -> None:
         """Let those that have climbed take their places, and forget those that cannot."""
         for row, place in list(self._coming.items()):
             if health.phase[row] == AgentPhase.FLYING:
@@ -155,6 +161,12 @@ class Relief:
             ):
                 del self._coming[row]
                 wishes.leave.add(row)
+            elif time >= self._climbed_by[row]:
+                del self._coming[row]
+                self._unfit.add(row)
+                wishes.leave.add(row)
+                name = self._scene.agents[row].name
+                self._tell(f"{name} does not climb and is no reserve any more", name)
 
     def _fly_home(self, time: float, estimate: Estimate, health: Health, wishes: Wishes) -> None:
         """Lead those that were relieved to their pads, and land them there."""

@@ -1,23 +1,26 @@
-"""Whether a mission's limits, distances and starts leave room to fly in its world."""
+"""Whether a mission's limits, distances, starts and climbs leave room to fly in its world."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
-from star_core.errors import PluginError
+from star_core.contracts import Offer
+from star_core.errors import PluginError, instead
+from star_core.options import JOIN, RESERVE
+from star_core.quaternion import Point
 from star_core.registry import Registry
 from star_core.scene import Scene
-
-CONTACT_RADIUS: Final = 0.06
-"""Half a Crazyflie's span with propellers, m: two drones nearer than twice this collide."""
+from star_core.world import CONTACT_RADIUS, Fence
 
 Path: TypeAlias = tuple[str | int, ...]
 Fault: TypeAlias = tuple[Path, str]
 """Where in a mission something is wrong, and what."""
+Deed: TypeAlias = tuple[str, str, Mapping[str, Any], tuple[int, ...]]
+"""Of a step: its place, its verb, the verb's options and the rows of its agents."""
 
 
 def faults(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Fault]:
@@ -35,7 +38,8 @@ def boundless(scene: Scene) -> Scene:
 def start_faults(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Fault]:
     """Starts where nobody can stand, or that are too near to each other."""
     for agent in scene.agents:
-        if fault := scene.world.fault(agent.start):
+        fault = scene.world.fault(agent.start) or scene.world.contact_fault(agent.start)
+        if fault is not None:
             yield ("swarm", agent.name, "start"), f"start {fault}"
     radii = 2 * _radius(data["avoider"], registry)
     wide = math.dist(scene.world.fence.low, scene.world.fence.high)
@@ -51,16 +55,103 @@ def start_faults(data: Mapping[str, Any], scene: Scene, registry: Registry) -> I
             )
 
 
-def safety_faults(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
-    """A fence that counts as near wherever one is."""
-    within = data.get("safety", {}).get("fence_near", {}).get("within", 0.0)
-    fence = scene.world.fence
+def reserve_faults(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
+    """Agents in reserve that are none, voltages that cannot be, and climbs that lead nowhere."""
+    reserve = data.get("reserve", {})
+    for i, name in enumerate(reserve.get("agents", ())):
+        if name not in scene.names:
+            yield (
+                ("reserve", "agents", i),
+                f"no agent named {name!r}{instead(name, scene.names, 'there are')}",
+            )
+    if set(scene.names) <= set(reserve.get("agents", ())):
+        yield ("reserve", "agents"), "every agent is in reserve; leave one to be relieved"
+    filled = {**RESERVE, **reserve}
+    if reserve and (fault := scene.height_fault(filled["height"])):
+        yield ("reserve", "height"), fault
+    tired, ready = filled["relieve_below"], filled["ready_above"]
+    if tired >= ready:
+        key = "ready_above" if "ready_above" in reserve else "relieve_below"
+        yield (
+            ("reserve", key),
+            f"a reserve that takes off at ready_above, {ready:g} V, would be relieved at once: "
+            f"relieve_below is {tired:g} V",
+        )
+    for i, name in enumerate(reserve.get("agents", ())):
+        if name in scene.names and (
+            fault := _climb_fault(scene, scene.names.index(name), filled["height"])
+        ):
+            yield ("reserve", "agents", i), fault
+
+
+def climb_faults(
+    deeds: Iterable[Deed], reserve: Iterable[int], scene: Scene, registry: Registry
+) -> Iterator[str]:
+    """Yield which obstacles agents would climb into, with the places of the steps.
+
+    Only the first climb of each agent is looked at, from where it starts: where it takes off again
+    is not known before the flight. A verb says that it climbs by what it offers: it is for agents
+    on the ground, takes them into the air, and has an option `height`.
+
+    Args:
+        deeds: Every step of the mission, in order.
+        reserve: Rows of those that only a `join` brings into the mission.
+        scene: The mission's scene.
+        registry: Where the verbs are offered.
+    """
+    standing, joining = set(range(len(scene.agents))), set(reserve)
+    for place, verb, options, rows in deeds:
+        offer = registry.find("task", verb).offer
+        here = [row for row in rows if row in standing and (row not in joining or verb == JOIN)]
+        height = options.get("height", _default(offer, "height"))
+        if (offer.before, offer.after) == ("ground", "air") and isinstance(height, (int, float)):
+            for row in here:
+                if fault := _climb_fault(scene, row, height):
+                    yield f"{place}: {fault}"
+        if offer.after not in {"same", "ground"}:
+            standing.difference_update(here)
+
+
+def safety_faults(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Fault]:
+    """A fence that counts as near wherever one is, where agents start, or where they climb to."""
+    rule = data.get("safety", {}).get("fence_near")
+    if rule is None:
+        return
+    within, fence = rule.get("within", 0.0), scene.world.fence
+    path = ("safety", "fence_near", *["within"] * ("within" in rule))
     narrow = min(high - low for low, high in zip(fence.low, fence.high, strict=True))
     if 2 * within >= narrow:
         yield (
-            ("safety", "fence_near", "within"),
+            path,
             f"every place inside the fence is within {within:g} m of it: it is {narrow:g} m wide",
         )
+        return
+    then = f"safety.fence_near would {rule.get('then', 'land')}"
+    for agent in scene.agents:
+        room = min(_room(fence, agent.start, 0), _room(fence, agent.start, 1))
+        if 0 <= room <= within:
+            yield (
+                ("swarm", agent.name, "start"),
+                f"{agent.name!r} starts {room:.2f} m from a side of the fence, and {then} "
+                f"whoever flies within {within:g} m of it",
+            )
+    (low, high), (floor, ceiling) = scene.limits.height, (fence.low[2], fence.high[2])
+    if low < high and max(low, floor + within) >= min(high, ceiling - within):
+        yield (
+            path,
+            f"every height to fly at, from {low:g} to {high:g} m, is within {within:g} m of the "
+            f"floor or the ceiling of the fence, at {floor:g} and {ceiling:g} m",
+        )
+        return
+    for place, height in _climbs(data, registry):
+        room = _room(fence, (0.0, 0.0, height), 2)
+        if 0 <= room <= within and scene.height_fault(height) is None:
+            side = "floor" if height - floor <= ceiling - height else "ceiling"
+            yield (
+                place,
+                f"{height:g} m is {room:.2f} m from the {side} of the fence, and {then} whoever "
+                f"flies within {within:g} m of it",
+            )
 
 
 def _heights(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
@@ -94,11 +185,64 @@ def _distances(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Ite
         )
 
 
+def _climb_fault(scene: Scene, row: int, height: float) -> str | None:
+    """Say which obstacle an agent hits that climbs from its start to a height, if it hits one."""
+    agent = scene.agents[row]
+    hit = scene.world.overhead(agent.start, height)
+    if hit is None or scene.world.contact_fault(agent.start):  # that is told of the start
+        return None
+    foot, top = hit.height
+    return (
+        f"{agent.name!r} cannot climb to {height:g} m: obstacle {hit.name!r} is over its start, "
+        f"from {foot:g} to {top:g} m"
+    )
+
+
+def _room(fence: Fence, point: Point, axis: int) -> float:
+    """How far a point is from the nearer side of a fence along an axis, m; negative beyond it."""
+    return min(point[axis] - fence.low[axis], fence.high[axis] - point[axis])
+
+
+def _climbs(data: Mapping[str, Any], registry: Registry) -> Iterator[tuple[Path, float]]:
+    """Heights that the mission has agents climb to, each with its place."""
+    for path, verb, given in _actions(data["mission"], ("mission",)):
+        try:
+            offer = registry.find("task", verb).offer
+        except PluginError:  # `checks` says so
+            continue
+        height = given.get("height", _default(offer, "height"))
+        if (offer.before, offer.after) == ("ground", "air") and isinstance(height, (int, float)):
+            yield (*path, *["height"] * ("height" in given)), height
+    if reserve := data.get("reserve"):
+        key = ["height"] * ("height" in reserve)
+        yield ("reserve", *key), {**RESERVE, **reserve}["height"]
+
+
+def _actions(
+    steps: Iterable[Mapping[str, Any]], path: Path
+) -> Iterator[tuple[Path, str, Mapping[str, Any]]]:
+    """Yield every step that is a plugin's verb, with its place and its options."""
+    for i, step in enumerate(steps):
+        ((verb, given),) = step.items()
+        here = (*path, i, verb)
+        if verb == "parallel":
+            yield from _actions(given, here)
+        elif verb in {"repeat", "each"}:
+            yield from _actions(given["steps"], (*here, "steps"))
+        else:
+            yield here, verb, given
+
+
+def _default(offer: Offer[Any], option: str) -> Any:
+    """What an offer takes for an option that is not given; None if it does not say."""
+    return offer.options.get("properties", {}).get(option, {}).get("default")
+
+
 def _radius(given: str | Mapping[str, Any], registry: Registry) -> float:
     """The radius that the avoider keeps free around an agent: its option of that name, if any."""
     use, options = (given, {}) if isinstance(given, str) else (given["use"], given)
     try:
-        known = registry.find("avoider", use).offer.options.get("properties", {})
+        usual = _default(registry.find("avoider", use).offer, "radius")
     except PluginError:
-        known = {}
-    return float(options.get("radius", known.get("radius", {}).get("default", CONTACT_RADIUS)))
+        usual = None
+    return float(options.get("radius", CONTACT_RADIUS if usual is None else usual))

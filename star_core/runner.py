@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ def fly(
             for text in wrong:
                 pilot.event("failure", text)
             summary = pilot.summary(mission.name)
-            pilot.observers.tell("star_mission_ended", summary=summary)
+            pilot.observers.tell("star_mission_ended", summary=deepcopy(summary))
     return summary
 
 

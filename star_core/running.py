@@ -35,8 +35,8 @@ def run_mission(
     save_frames: bool,
     as_json: bool,
     verbose: bool,
-) -> int:
-    """Fly the mission at `path`, show how it goes, and return the exit status.
+) -> tuple[int, str]:
+    """Fly the mission at `path`, show how it goes; return the exit status, and what to print.
 
     Raises:
         InputError: The mission cannot be flown, or there is a record at `out` already.
@@ -58,8 +58,7 @@ def run_mission(
         summary = fly(
             mission, registry, folder=folder, save_frames=save_frames, interrupts=interrupts
         )
-    print(json.dumps(summary, indent=2) if as_json else told(summary, folder))
-    return outcome_of(summary)
+    return outcome_of(summary), json.dumps(summary, indent=2) if as_json else told(summary, folder)
 
 
 def told(summary: Mapping[str, Any], folder: Path | None) -> str:
@@ -78,6 +77,7 @@ def told(summary: Mapping[str, Any], folder: Path | None) -> str:
         _corrected(summary["corrected"]),
         f"  clearance   {clear:.2f} m at least" if clear is not None else "",
         f"  estimate    {rmse:.3f} m RMS from the truth" if rmse is not None else "",
+        _targets(summary["targets"]),
         f"  flown       {summary['path_length_m']['total']:.1f} m in all",
         f"  record      {folder}" if folder and (folder / "summary.json").exists() else "",
     ]
@@ -88,6 +88,12 @@ def _corrected(corrected: Mapping[str, int]) -> str:
     """Say why the core changed setpoints, if it did."""
     said = [f"{count} for {why}" for why, count in corrected.items() if count]
     return f"  corrected   setpoints: {', '.join(said)}" if said else ""
+
+
+def _targets(targets: Mapping[str, Any]) -> str:
+    """Say how many targets were found, if there are any."""
+    total = targets["total"]
+    return f"  targets     {targets['found']} of {total} found" if total else ""
 
 
 def _many(agents: Sequence[str]) -> str:
@@ -121,7 +127,11 @@ def _signals(interrupts: Interrupts) -> Iterator[None]:
         interrupts.count += 1
         if interrupts.count >= HARD:
             raise KeyboardInterrupt
-        what = "landing; again stops the motors" if interrupts.count == 1 else "stopping"
+        what = (
+            "landing; again stops the motors"
+            if interrupts.count == 1
+            else "stopping the motors; again breaks off what hangs"
+        )
         with suppress(OSError):  # the terminal may be gone
             print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
 

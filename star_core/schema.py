@@ -117,8 +117,8 @@ def _validator() -> type[Validator]:
         return isinstance(value, int) and not isinstance(value, bool)
 
     def pattern(_validator: object, wanted: str, value: object, _schema: object) -> Iterator[Any]:
-        ending = wanted[:-1] + r"\Z" if wanted.endswith("$") else wanted
-        if isinstance(value, str) and not re.search(ending, value):
+        to_the_end = re.sub(r"(?<!\\)((?:\\\\)*)\$$", r"\1\\Z", wanted)
+        if isinstance(value, str) and not re.search(to_the_end, value):
             yield ValidationError(f"{value!r} does not match {wanted!r}")
 
     checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole)

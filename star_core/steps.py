@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -65,3 +65,44 @@ def actions(steps: Sequence[Node]) -> Iterator[Action]:
                 yield from actions(branches)
             case Repeat(_, inner):
                 yield from actions(inner)
+
+
+Raw: TypeAlias = Mapping[str, Any]
+"""A step as plain data: its verb and what is given."""
+Place: TypeAlias = tuple[str | int, ...]
+
+
+def within(steps: Iterable[Raw], path: Place) -> Iterator[tuple[Raw, Place]]:
+    """Every step with a verb of its own in some steps, and every ``each``, with its place."""
+    for i, step in enumerate(steps):
+        ((verb, given),) = step.items()
+        if verb == "parallel":
+            yield from within(given, (*path, i, verb))
+        elif verb == "repeat":
+            yield from within(given["steps"], (*path, i, verb, "steps"))
+        else:
+            yield step, (*path, i)
+
+
+def begun(
+    step: Raw, path: Place, rows_of: Callable[[Any], Sequence[int]]
+) -> Iterator[tuple[Place, str, Raw]]:
+    """The verbs with which a step begins, each as often as it is done, with places and options.
+
+    Args:
+        step: Of the mission.
+        path: Where it is.
+        rows_of: Returns the agents that a step names.
+    """
+    ((verb, given),) = step.items()
+    here = (*path, verb)
+    if verb == "parallel":
+        for i, branch in enumerate(given):
+            yield from begun(branch, (*here, i), rows_of)
+    elif verb == "repeat":
+        yield from begun(given["steps"][0], (*here, "steps", 0), rows_of)
+    elif verb == "each":
+        for _ in rows_of(given.get("agents", "all")):
+            yield from begun(given["steps"][0], (*here, "steps", 0), rows_of)
+    else:
+        yield here, verb, given

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum, IntFlag, StrEnum
+from enum import IntEnum, IntFlag
 from functools import cache
 from typing import NamedTuple, Self
 
@@ -294,41 +294,6 @@ class Plan:
 
     def __post_init__(self) -> None:
         settle(self, np.bool_, unreachable=(len(self.setpoint.yaw),))
-
-
-class Order(StrEnum):
-    """What the on-board high-level commander can be told."""
-
-    ARM = "arm"
-    TAKEOFF = "takeoff"  # climb straight up to position z
-    LAND = "land"  # descend straight down to position z
-    GOTO = "goto"  # fly to position
-    STOP = "stop"  # motors off, at once
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """An order to the on-board commanders of some agents: one row per agent that is meant.
-
-    Attributes:
-        order: What to do.
-        agent: (K,) rows of the agents meant.
-        position: (K, 3) target, m: in the map when a task gives it, in each agent's odometry frame
-            when a transport receives it. Take-off and landing use z only.
-        yaw: (K,) heading at the end, rad, in the same frame. Take-off and landing keep theirs.
-        duration: (K,) time to take, s.
-    """
-
-    order: Order
-    agent: Rows
-    position: Array
-    yaw: Array
-    duration: Array
-
-    def __post_init__(self) -> None:
-        k = len(self.agent)
-        settle(self, np.int64, agent=(k,))
-        settle(self, position=(k, 3), yaw=(k,), duration=(k,))
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias, cast
+from numbers import Real
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from star_core.blame import Blame, close
+from star_core.blame import Blame
 from star_core.conditions import Situation, holds, longest
-from star_core.conformance import expect, keeps
+from star_core.conformance import expect
 from star_core.contracts import Status, Step, Task
 from star_core.errors import ContractError
 from star_core.flight import Event
 from star_core.mission import Mission
 from star_core.options import JOIN, LEAVE
+from star_core.orders import Trajectory
+from star_core.prepared import Prepared
 from star_core.registry import Registry
 from star_core.roster import Roster, Team
 from star_core.steps import Action, Node, Parallel, Repeat
@@ -25,6 +28,9 @@ from star_core.wishes import Wishes
 
 OUT: Final = (AgentPhase.LOST, AgentPhase.EMERGENCY)
 """Phases in which an agent cannot go on with a step."""
+
+THERE: Final = 0.05
+"""How near to its goal an agent is there, in what is said of a time-out, m."""
 
 PATIENCE: Final = 5.0
 """How much longer a step may take than its condition waits for, s."""
@@ -91,20 +97,14 @@ class Course:
     ) -> None:
         self._scene = mission.scene
         self._n = len(self._scene.agents)
-        self._registry = registry
         self._roster = roster
         self._tell = tell
         self._events = events
         self._targets = tuple(dict.fromkeys(tag.of for tag in self._scene.world.targets))
         self._wishes = Wishes.none(self._n)
-        self._made: dict[int, Task] = {}
         self.steps: list[dict[str, Any]] = []
-        self._all: list[tuple[Blame, object]] = []
-        try:
-            self._prepare(mission.steps)
-        except BaseException:
-            self.close()
-            raise
+        self._tasks = Prepared(mission, registry)
+        self._wishes.uploaded = self._tasks.trajectories
         self._running = self._sequence(mission.steps)
         self._now = 0.0
         self._out: set[int] = set()  # rows of those that cannot go on
@@ -114,6 +114,11 @@ class Course:
         self.reason = ""
         self.refused: dict[int, str] = {}
         self.no_way: dict[int, str] = {}
+
+    @property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """What its tasks may order to be flown on board, each once."""
+        return self._tasks.trajectories
 
     def step(self, now: float, estimate: Estimate, health: Health) -> tuple[Status, Wishes]:
         """Run one tick of every step under way; all that is wanted is in the answer.
@@ -152,7 +157,7 @@ class Course:
         for entry in self.steps:
             if entry["outcome"] is None:
                 entry |= {"ended_s": self._now, "outcome": "aborted"}
-        return close(self._all)
+        return self._tasks.close()
 
     # Each of these yields a status a tick; the last is not RUNNING.
 
@@ -202,6 +207,7 @@ class Course:
         while (now := self._step(turn))[0] is Status.RUNNING:
             yield Status.RUNNING
         status, why = now
+        self._wishes.free.update(turn.rows)
         outcome = "success" if status is Status.SUCCESS else "failure"
         turn.entry |= {"ended_s": self._now, "outcome": outcome}
         if status is Status.FAILURE and turn.rows:
@@ -234,44 +240,37 @@ class Course:
             return Status.FAILURE, why
         with turn.blame:
             step = expect(turn.task.step(self._estimate, self._health), Step)
+            if not isinstance(step.status, Status):
+                raise ContractError(f"Step.status is {step.status!r}, expected a Status")
             self._wishes.add(step, turn.team.own)
         if step.status is Status.SUCCESS or self._fulfilled(turn):
             return Status.SUCCESS, ""
         if step.status is Status.FAILURE:
             return Status.FAILURE, step.reason or "failed and gave no reason"
         if self._now - turn.begun >= turn.limit:
-            return Status.FAILURE, f"timed out after {turn.limit:.3g} s"
+            return Status.FAILURE, f"timed out after {turn.limit:.3g} s{self._behind(turn.rows)}"
         return Status.RUNNING, ""
 
-    def _prepare(self, nodes: Sequence[Node]) -> None:
-        """Make every step's task once before anything moves: what is slow or wrong shows now."""
-        for node in nodes:
-            match node:
-                case Action():
-                    self._made[id(node)] = self._task(node, node.rows)
-                case Parallel(inner) | Repeat(_, inner):
-                    self._prepare(inner)
-
-    def _task(self, action: Action, rows: tuple[int, ...]) -> Task:
-        """Make a step's task for some of its agents."""
-        offer = self._registry.find("task", action.verb).offer
-        with self._blame(action):
-            task = offer.make(self._scene, rows, **action.options)
-            self._all.append((self._blame(action), task))
-            keeps(task, Task)
-        return cast("Task", task)
-
-    def _blame(self, action: Action) -> Blame:
-        source = self._registry.find("task", action.verb).source
-        return Blame(f"task {action.verb!r} ({source})")
+    def _behind(self, rows: tuple[int, ...]) -> str:
+        """What keeps agents from being done, as far as the core can see."""
+        said = []
+        for row in rows:
+            name, phase = self._scene.agents[row].name, AgentPhase(self._health.phase[row])
+            away = self._wishes.position[row] - self._estimate.position[row]
+            if not self._estimate.valid[row]:
+                said.append(f"{name} is not located")
+            elif phase is not AgentPhase.FLYING:
+                said.append(f"{name} is {phase.name.lower().replace('_', ' ')}")
+            elif self._wishes.active[row] and (far := float(np.linalg.norm(away))) > THERE:
+                said.append(f"{name} is {far:.2f} m from its goal")
+        return f": {', '.join(said)}" if said else ""
 
     def _begin(self, action: Action, team: Team) -> Turn:
         """Begin a step for those that hold its places."""
         seen, rows = self._roster.version, team.rows
         self._tell("step", f"{action.place}: {action.verb} begins for {team.names}")
-        task = self._made.pop(id(action), None) if rows == action.rows else None
-        blame = self._blame(action)
-        task, limit = self._started(action, task or self._task(action, rows), blame)
+        task, blame = self._tasks.take(action, rows)
+        task, limit = self._started(action, task, blame)
         for row in rows:
             for said in (self.no_way, self.refused):  # of the step before
                 said.pop(row, None)
@@ -289,9 +288,10 @@ class Course:
     def _started(self, action: Action, task: Task, blame: Blame) -> tuple[Task, float]:
         """Start a task; return it with the time-out of its step, s."""
         with blame:
-            limit = float(task.begin(self._estimate, self._health))
-            if not limit < np.inf:
+            limit = task.begin(self._estimate, self._health)
+            if not isinstance(limit, Real) or not 0 < limit < np.inf:
                 raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")
+            limit = float(limit)
         if action.until is not None:
             limit = max(limit, longest(action.until) + PATIENCE)
         return task, limit if action.timeout is None else action.timeout
@@ -309,6 +309,7 @@ class Course:
         before, now = turn.team.holders, self._roster.holders(turn.action.rows)
         if now == before:
             return
+        self._wishes.free |= set(before.values()) - set(now.values())
         kept = {place: now[place] for place in before if place in now}
         swaps = [(before[place], row) for place, row in kept.items() if before[place] != row]
         turn.team = Team.of(kept, self._scene.names)
@@ -319,7 +320,8 @@ class Course:
         if not kept:
             return
         if (swaps and swap is None) or (len(kept) < len(before) and stay is None):
-            task = self._task(turn.action, turn.rows)
+            self._wishes.free.update(turn.rows)
+            task, _ = self._tasks.take(turn.action, turn.rows)
             turn.task, limit = self._started(turn.action, task, turn.blame)
             if turn.action.timeout is None:
                 turn.limit = self._now - turn.begun + limit

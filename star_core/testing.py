@@ -10,14 +10,25 @@ Each check takes a made part and raises `ContractError` at the first breach. In 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from star_core.contracts import Avoider
+from star_core.conformance import checked_estimate, checked_plan, checked_setpoint, keeps
+from star_core.contracts import Avoider, Localizer, Planner
 from star_core.errors import ContractError
 from star_core.frames import Transform
 from star_core.scene import Agent, Limits, Scene
-from star_core.swarm import AgentPhase, Estimate, Health, Setpoint
-from star_core.table import Array
+from star_core.swarm import (
+    AgentPhase,
+    Estimate,
+    Goals,
+    Health,
+    Setpoint,
+    Supervisor,
+    Telemetry,
+)
+from star_core.table import Array, Mask
 from star_core.world import Fence, World
 
 
@@ -58,23 +69,70 @@ def health(n: int, phase: AgentPhase = AgentPhase.FLYING) -> Health:
 
 
 def check_avoider(avoider: Avoider, n: int = 3) -> None:
-    """Check that an avoider answers in kind, repeatably and finitely, and leaves idle rows idle.
+    """Check that an avoider answers in kind, finitely, and leaves idle rows idle.
+
+    One agent that is idle is not located: its row holds NaN.
 
     Raises:
         ContractError: It does not; the message says which rule it broke.
     """
-    if not isinstance(avoider, Avoider):
-        raise ContractError(f"{type(avoider).__name__} has no avoid(estimate, wanted)")
-    rng = np.random.default_rng(0)
-    now = estimate(rng.uniform(0, 2, (n, 3)), velocity=rng.normal(0, 0.3, (n, 3)))
-    active = np.arange(n) > 0
+    keeps(avoider, Avoider)
+    now, active = _astray(n)
     wanted = Setpoint(velocity=np.full((n, 3), 0.3), yaw=np.zeros(n), active=active)
-    safe = avoider.avoid(now, wanted)
-    if not isinstance(safe, Setpoint):
-        raise ContractError(f"avoid() returned {type(safe).__name__}, expected Setpoint")
-    if len(safe.velocity) != n:
-        raise ContractError(f"{n} agents in, {len(safe.velocity)} out")
-    if not np.isfinite(safe.velocity[safe.active]).all():
-        raise ContractError("a finite wish was answered by a velocity that is not")
+    safe = checked_setpoint(avoider.avoid(now, wanted), n)
     if (safe.active & ~active).any():
         raise ContractError("an inactive row came back active")
+
+
+def check_planner(planner: Planner, n: int = 3) -> None:
+    """Check that a planner answers in kind, finitely, and leaves idle rows idle.
+
+    One agent that has no goal is not located: its row holds NaN.
+
+    Raises:
+        ContractError: It does not; the message says which rule it broke.
+    """
+    keeps(planner, Planner)
+    now, active = _astray(n)
+    place = np.where(active[:, None], now.position + np.array([0.5, 0.0, 0.0]), 0.0)
+    zero = np.zeros(n)
+    plan = checked_plan(
+        planner.plan(now, Goals(place, np.zeros((n, 3)), zero, zero + 0.5, active)), n
+    )
+    if (plan.setpoint.active & ~active).any():
+        raise ContractError("a row without a goal came back active")
+
+
+def check_localizer(localizer: Localizer, n: int = 3) -> None:
+    """Check that a localizer answers in kind, in time, and finitely where it says so.
+
+    The second report of the last agent is NaN: nothing was heard of it.
+
+    Raises:
+        ContractError: It does not; the message says which rule it broke.
+    """
+    keeps(localizer, Localizer)
+    for time in (0.0, 0.05, 0.1):
+        silent = (np.arange(n) == n - 1) & (time > 0)
+        place = np.where(silent[:, None], np.nan, np.zeros((n, 3)))
+        telemetry = Telemetry(
+            time=time,
+            position=place,
+            velocity=place,
+            attitude=np.where(silent[:, None], np.nan, np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))),
+            battery=np.where(silent, np.nan, 4.0),
+            state=np.full(n, int(Supervisor.COMMANDER_FINISHED)),
+            age=np.where(silent, time, 0.0),
+        )
+        answer = checked_estimate(localizer.locate(telemetry), n)
+        if answer.time != time:
+            raise ContractError(f"Estimate.time is {answer.time!r}, expected {time!r}")
+
+
+def _astray(n: int) -> tuple[Estimate, Mask]:
+    """An estimate whose first row is not known, and (N,) who is active: the others."""
+    rng = np.random.default_rng(0)
+    known = np.arange(n) > 0
+    place = np.where(known[:, None], rng.uniform(0.5, 2, (n, 3)), np.nan)
+    velocity = np.where(known[:, None], rng.normal(0, 0.3, (n, 3)), np.nan)
+    return replace(estimate(place, velocity=velocity), valid=known), known

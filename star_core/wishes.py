@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -10,10 +11,11 @@ import numpy as np
 from star_core.conformance import expect
 from star_core.contracts import Step
 from star_core.errors import ContractError
-from star_core.swarm import Command, Goals, Order
+from star_core.orders import Command, Order, Trajectory
+from star_core.swarm import Goals
 from star_core.table import Array, Mask
 
-NUMBERED: Final = (Order.TAKEOFF, Order.LAND, Order.GOTO)
+NUMBERED: Final = (Order.TAKEOFF, Order.LAND, Order.GOTO, Order.FOLLOW)
 """Orders that say where and how fast."""
 
 
@@ -26,6 +28,8 @@ class Wishes:
         commands: Orders of this tick.
         doing: The steps under way.
         leave: Agents that are to land and leave the mission.
+        free: Agents whose step is over or theirs no more: what they fly on their own is void.
+        uploaded: Trajectories that can be ordered, in every tick.
     """
 
     position: np.ndarray
@@ -36,6 +40,8 @@ class Wishes:
     commands: list[Command] = field(default_factory=list)
     doing: list[str] = field(default_factory=list)
     leave: set[int] = field(default_factory=set)
+    free: set[int] = field(default_factory=set)
+    uploaded: Collection[Trajectory] = ()
 
     @classmethod
     def none(cls, n: int) -> Wishes:
@@ -47,22 +53,17 @@ class Wishes:
     def fresh(self) -> None:
         """Begin another tick: goals stay where they are, and stand still."""
         self.velocity[:] = 0.0
-        self.commands, self.doing, self.leave = [], [], set()
+        self.commands, self.doing, self.leave, self.free = [], [], set(), set()
 
     def add(self, step: Step, own: Mask) -> None:
         """Merge a task's answer, which may speak for its own rows only, (N,).
 
         Raises:
-            ContractError: It speaks for others, has another number of rows, or is not finite.
+            ContractError: It speaks for others, has another number of rows, is not finite, or
+                orders what was not uploaded.
         """
         for command in step.commands:
-            agents, rows = expect(command, Command).agent.tolist(), np.flatnonzero(own).tolist()
-            if not set(agents) <= set(rows):
-                raise ContractError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
-            for name in ("position", "yaw", "duration") if command.order in NUMBERED else ():
-                values = getattr(command, name)
-                if not np.isfinite(values).all():
-                    raise ContractError(f"Command.{name} is {values.tolist()!r}, expected numbers")
+            self._check(expect(command, Command), own)
             self.commands.append(command)
         if step.goals is None:
             return
@@ -77,6 +78,8 @@ class Wishes:
             if not np.isfinite(values).all():
                 raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
             getattr(self, name)[about] = values
+        if (goals.speed[about] < 0).any():
+            raise ContractError(f"Goals.speed is {goals.speed.tolist()!r}, expected 0 or more")
         self.active[about] = True
 
     def send(self, row: int, position: Array, yaw: float, speed: float) -> None:
@@ -87,3 +90,22 @@ class Wishes:
     def goals(self) -> Goals:
         """The merged goals as a table."""
         return Goals(self.position, self.velocity, self.yaw, self.speed, self.active)
+
+    def _check(self, command: Command, own: Mask) -> None:
+        agents, rows = command.agent.tolist(), np.flatnonzero(own).tolist()
+        if not set(agents) <= set(rows):
+            raise ContractError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
+        if not isinstance(command.order, Order):
+            raise ContractError(f"Command.order is {command.order!r}, expected an Order")
+        if command.order in NUMBERED:
+            for name in ("position", "yaw", "duration"):
+                values = getattr(command, name)
+                if not np.isfinite(values).all():
+                    raise ContractError(f"Command.{name} is {values.tolist()!r}, expected numbers")
+            if not (command.duration > 0).all():
+                given = command.duration.tolist()
+                raise ContractError(f"Command.duration is {given!r}, expected more than 0")
+        if command.trajectory is not None and command.trajectory not in self.uploaded:
+            raise ContractError(
+                "orders a trajectory that no task had among its trajectories before take-off"
+            )

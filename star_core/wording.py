@@ -65,7 +65,9 @@ class Breach(NamedTuple):
 
 
 def say(breach: Breach) -> str:
-    """Say what is wrong and what was expected, in a line."""
+    """Say what is wrong and what was expected, in a line; a schema may say it in its own words."""
+    if breach.keyword in {"not", ""} and "errorMessage" in breach.rules:
+        return str(breach.rules["errorMessage"])
     return _SAY.get(breach.keyword, _plainly)(breach)
 
 
@@ -97,6 +99,22 @@ def show(value: Any) -> str:
     return shown if len(shown) <= longest else shown[:longest] + "..."
 
 
+def flow(value: Any) -> str:
+    """Return a value as one writes it in a line of YAML; empty if that is long.
+
+    >>> flow({"any": [{"found": 1}, {"not": {"event": "found"}}]})
+    '{any: [{found: 1}, {not: {event: found}}]}'
+    """
+    longest = 60
+    if isinstance(value, dict):
+        text = "{" + ", ".join(f"{key}: {flow(one)}" for key, one in value.items()) + "}"
+    elif isinstance(value, list):
+        text = "[" + ", ".join(map(flow, value)) + "]"
+    else:
+        text = value if isinstance(value, str) else show(value)
+    return text if len(text) <= longest else ""
+
+
 def _kind(value: Any) -> str:
     if isinstance(value, bool):
         return "a truth value"
@@ -116,7 +134,10 @@ def _hint(breach: Breach, wanted: list[str]) -> str:
     if wanted == ["string"] and isinstance(breach.value, (int, float)):
         return "; put it in quotes"
     if wanted == ["array"] and isinstance(breach.value, dict):
-        return "; put a blank after the '-'" if next(iter(breach.value), "")[:1] == "-" else ""
+        if str(next(iter(breach.value), ""))[:1] == "-":
+            return "; put a blank after the '-'"
+        of_maps = "$ref" in breach.rules.get("items", {})
+        return f"; write it `{text}`" if of_maps and (text := flow([breach.value])) else ""
     if isinstance(breach.value, str) and {"number", "integer"}.intersection(wanted):
         if re.fullmatch(r"[-+]?[0-9]+(\.[0-9]+)?", breach.value):
             return "; remove the quotes"
@@ -210,8 +231,8 @@ _SAY: Mapping[str, Callable[[Breach], str]] = {
     "const": _const,
     "minimum": _bound("less than the minimum of"),
     "maximum": _bound("greater than the maximum of"),
-    "exclusiveMinimum": _bound("less than or equal to the minimum of"),
-    "exclusiveMaximum": _bound("greater than or equal to the maximum of"),
+    "exclusiveMinimum": _bound("not possible here, expected more than"),
+    "exclusiveMaximum": _bound("not possible here, expected less than"),
     "minItems": _length,
     "maxItems": _length,
     "minLength": _length,

@@ -9,9 +9,13 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from star_core.quaternion import Point, Quaternion
+
+CONTACT_RADIUS: Final = 0.06
+"""Half a Crazyflie's span with propellers, m: two drones nearer than twice this collide, and one
+nearer than this to an obstacle hits it."""
 
 Corner: TypeAlias = tuple[float, float]
 
@@ -79,6 +83,28 @@ class Obstacle:
             _inside(point[0], point[1], polygon) for polygon in self.polygons
         )
 
+    def distance(self, low: Point, high: float) -> float:
+        """Return how far the upright line from `low` (map frame, m) to z `high` is from it, m.
+
+        0 where they meet. With `high` at the height of `low`, or below, it is that of a point.
+
+        >>> shelf = Obstacle("shelf", (((0, 0), (1, 0), (1, 1), (0, 1)),), (1, 2))
+        >>> shelf.distance((4.0, 5.0, 0.0), 1.5), shelf.distance((0.5, 0.5, 0.0), 0.75)
+        (5.0, 0.25)
+        """
+        x, y, z = low
+        foot, top = self.height
+        beside = min(_away(x, y, polygon) for polygon in self.polygons)
+        return math.hypot(beside, max(foot - max(high, z), z - top, 0.0))
+
+    def touched(self, low: Point, high: float) -> bool:
+        """Whether a drone touches it that is on the upright line from `low` to z `high`.
+
+        It does where its middle is nearer than `CONTACT_RADIUS`.
+        """
+        beside = any(_beside(low[0], low[1], polygon) for polygon in self.polygons)
+        return beside and self.distance(low, high) < CONTACT_RADIUS
+
 
 @dataclass(frozen=True, slots=True)
 class Tag:
@@ -128,6 +154,27 @@ class World:
                 return f"{_show(point)} is inside obstacle {obstacle.name!r}"
         return None
 
+    def contact_fault(self, point: Point) -> str | None:
+        """Say which obstacle a drone at `point` (map frame, m) touches, or return None if none."""
+        for obstacle in self.obstacles:
+            if obstacle.touched(point, point[2]):
+                away = obstacle.distance(point, point[2])
+                return (
+                    f"{_show(point)} is {away:.2g} m from obstacle {obstacle.name!r}, "
+                    f"expected at least the radius of a drone: {CONTACT_RADIUS:g} m"
+                )
+        return None
+
+    def overhead(self, point: Point, height: float) -> Obstacle | None:
+        """Return the lowest obstacle that a drone touches which climbs from `point` to z `height`.
+
+        Args:
+            point: Where the climb begins, map frame, m.
+            height: Where it ends, m.
+        """
+        touched = [obstacle for obstacle in self.obstacles if obstacle.touched(point, height)]
+        return min(touched, key=lambda obstacle: obstacle.height[0], default=None)
+
 
 def wall(points: Iterable[Corner], thickness: float) -> tuple[tuple[Corner, ...], ...]:
     """Return one rectangle for each stretch of a wall along `points`.
@@ -161,6 +208,31 @@ def _inside(x: float, y: float, polygon: tuple[Corner, ...]) -> bool:
         if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
             odd = not odd
     return odd
+
+
+def _beside(x: float, y: float, polygon: tuple[Corner, ...]) -> bool:
+    """Whether a point may be nearer than `CONTACT_RADIUS` to a polygon: to the box around it."""
+    return all(
+        min(axis) - CONTACT_RADIUS < value < max(axis) + CONTACT_RADIUS
+        for value, axis in zip((x, y), zip(*polygon, strict=True), strict=True)
+    )
+
+
+def _away(x: float, y: float, polygon: tuple[Corner, ...]) -> float:
+    """How far a point is from a polygon in the plane, m; 0 inside."""
+    if _inside(x, y, polygon):
+        return 0.0
+    edges = zip(polygon, polygon[1:] + polygon[:1], strict=True)
+    return min(_from_edge(x, y, a, b) for a, b in edges)
+
+
+def _from_edge(x: float, y: float, a: Corner, b: Corner) -> float:
+    """How far a point is from the stretch between two corners, m."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    square = dx * dx + dy * dy
+    along = ((x - a[0]) * dx + (y - a[1]) * dy) / square if square > 0 else 0.0
+    share = min(max(along, 0.0), 1.0)
+    return math.hypot(x - a[0] - share * dx, y - a[1] - share * dy)
 
 
 def _show(point: Point) -> str:

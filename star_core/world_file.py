@@ -78,7 +78,7 @@ def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | in
 def _fence(data: Mapping[str, Any]) -> Iterator[Fault]:
     low, high = data["fence"]["low"], data["fence"]["high"]
     if any(a >= b for a, b in zip(low, high, strict=True)):
-        yield ("fence",), f"low {low!r} is not below high {high!r} in x, y and z"
+        yield ("fence",), f"the fence's low {low!r} is not below high {high!r} in x, y and z"
 
 
 def _obstacles(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -86,7 +86,7 @@ def _obstacles(data: Mapping[str, Any]) -> Iterator[Fault]:
     fence = None if empty else Fence(point(data["fence"]["low"]), point(data["fence"]["high"]))
     for name, given in data.get("obstacles", {}).items():
         for path, message in obstacle_faults(given, fence):
-            yield ("obstacles", name, *path), message
+            yield ("obstacles", name, *path), f"obstacle {name!r} {message}"
 
 
 def _offsets(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -94,9 +94,15 @@ def _offsets(data: Mapping[str, Any]) -> Iterator[Fault]:
         for name, given in data.get(kind, {}).items():
             n, m = len(given.get("offsets", given["tags"])), len(given["tags"])
             if n != m:
-                yield (kind, name, "offsets"), f"has {n} offsets for {m} tags, expected one each"
+                yield (
+                    (kind, name, "offsets"),
+                    f"{kind[:-1]} {name!r} has {n} offsets for {m} tags, expected one each",
+                )
             if "offsets" in given and "spacing" in given:
-                yield (kind, name, "spacing"), "'spacing' does not go with 'offsets'"
+                yield (
+                    (kind, name, "spacing"),
+                    f"{kind[:-1]} {name!r}: 'spacing' does not go with 'offsets'",
+                )
 
 
 def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Fault]:

@@ -130,7 +130,7 @@ def _wait(_scene: star.Scene, _rows: tuple[int, ...], seconds: float, **end: Any
 
 VERBS: Mapping[str, tuple[Callable[..., Any], str]] = {  # how it is made, and its options
     "climb": (partial(_order, Order.TAKEOFF, AgentPhase.FLYING), ""),
-    "descend": (partial(_order, Order.LAND, AgentPhase.LANDED), ""),
+    "descend": (partial(_order, Order.LAND, AgentPhase.LANDED), "seconds"),
     "join": (partial(_order, Order.TAKEOFF, AgentPhase.FLYING), ""),
     "leave": (partial(_order, Order.LAND, AgentPhase.LANDED), ""),
     "ride": (partial(_order, Order.GOTO, None), "to yaw_deg seconds"),

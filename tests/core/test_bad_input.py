@@ -159,11 +159,11 @@ height: 0.5  ->  height: high
 height: 0.5  ->  height: 0.5 m
     14:23: takeoff: height: '0.5 m' is a string, expected a number: Height to climb to, ...
 - land: {}  ->  - land: []
-    16:11: land: this is a list, expected a map
+    16:11: land: this is a list, expected a map; write it `land: {}`
 [-0.5, 0, 0]  ->  [-0.5, 0]
     6:16: swarm.cf1.start: has 2 numbers, expected 3
 height: 0.5  ->  height: -0.5
-    14:23: takeoff: height: -0.5 is less than or equal to the minimum of 0
+    14:23: takeoff: height: -0.5 is not possible here, expected more than 0
 height: 0.5  ->  height: 5
     14:23: 5 m is outside the heights to fly at, from 0.2 to 1.8 m
 seed: 7  ->  seed: 7.5
@@ -271,7 +271,9 @@ def test_a_mistake_in_a_world_is_told_in_the_worlds_own_file(
     refused: Callable[..., list[str]],
 ) -> None:
     change("height: [0, 2]", "height: [2, 0]", "worlds/room.yaml")
-    assert refused("run", "m.yaml") == ["worlds/room.yaml:5:79: foot 2 is not below top 0"]
+    assert refused("run", "m.yaml") == [
+        "worlds/room.yaml:5:79: obstacle 'pillar' has its foot at 2 m, not below its top at 0 m"
+    ]
 
 
 # All at once

@@ -76,3 +76,8 @@ def test_the_traceback_is_logged_for_who_wants_it(caplog: pytest.LogCaptureFixtu
     (record,) = caplog.records
     assert record.getMessage() == f"{WHOM} raised"
     assert record.exc_info
+
+
+def test_one_problem_may_be_given_as_text() -> None:
+    assert InputError("no such file").problems == ("no such file",)
+    assert str(InputError(["a", "b"])) == "a\nb"

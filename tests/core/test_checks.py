@@ -317,6 +317,15 @@ def test_a_check_that_raises_is_told_as_a_fault_of_its_plugin(kind: str, name: s
     )
 
 
+def test_a_check_that_yields_something_else_is_told_as_a_fault_of_its_plugin() -> None:
+    plugin = Parts(faults={"avoider": [(("odd",), "3 is odd")]})  # type: ignore[list-item]
+    (found,) = problems(MISSION, plugin)
+    assert found.partition(": ")[2] == (
+        "the check of avoider 'shy' (their-dist 1.2:parts) yields (('odd',), '3 is odd'), "
+        "expected Problem"
+    )
+
+
 def test_a_name_that_two_plugins_offer_is_refused_where_it_is_used() -> None:
     both = registry()
     both.add(Parts(), Source("my-dist:parts"))

@@ -7,12 +7,13 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import pytest
 
+import star_core
 from star_core import Tick, cli, hookimpl
 from star_core.cli import main, run
 from star_core.registry import Registry, Source
@@ -244,7 +245,10 @@ def test_an_option_that_is_set_again_and_misspelt_is_told_which_was_meant(
     ("given", "line"),
     [
         ("avoider.horizn=1", "avoider 'orca': unknown option 'horizn'; did you mean 'horizon'?"),
-        ("avoider.radius=-1", "avoider 'orca': radius: -1 is less than or equal to the minimum of"),
+        (
+            "avoider.radius=-1",
+            "avoider 'orca': radius: -1 is not possible here, expected more than 0",
+        ),
         ("avoider.radius=big", "avoider 'orca': radius: 'big' is a string, expected a number"),
         ("transport=bluetooth", "no transport named 'bluetooth'; installed: "),
         ("mission.9.land={}", "'mission' has no item 9; the last is 1"),
@@ -272,7 +276,7 @@ def test_a_value_that_cannot_be_set_is_told_with_the_assignment(
         (("--seed", "-1"), "--set seed=-1: seed: -1 is less than the minimum of 0"),
         (("--seed", ""), "--set seed=: has no value after the '='"),
         (("--speed", "fast"), "--set transport.speed=fast: transport 'sim': speed: 'fast' is a "),
-        (("--speed", "0"), "--set transport.speed=0: transport 'sim': speed: 0 is less than or "),
+        (("--speed", "0"), "--set transport.speed=0: transport 'sim': speed: 0 is not possible "),
     ],
 )
 def test_a_seed_or_a_speed_that_is_none_is_refused(
@@ -319,3 +323,33 @@ def test_an_option_of_a_command_that_is_misspelt_is_told_which_was_meant(
     refused: Callable[..., list[str]],
 ) -> None:
     assert "did you mean '--seed'?" in refused("run", "hop.yaml", "--sed", "3")[-1]
+
+
+class Chatty:
+    """An observer that prints."""
+
+    @hookimpl
+    def star_mission_started(self) -> None:
+        sys.stdout.write("hello\n")
+
+    @hookimpl
+    def star_mission_ended(self, summary: dict[str, Any]) -> None:
+        summary["outcome"] = "great"
+
+
+def test_what_plugins_print_is_not_in_the_json(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Chatty())
+    assert main(["run", "hop.yaml", "--json", "--no-record"]) == 0
+    printed = said.readouterr()
+    assert json.loads(printed.out)["outcome"] == "completed"
+    assert "hello" in printed.err
+
+
+def test_the_version_is_that_of_the_distribution(said: Said) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert ended.value.code == 0
+    assert said.readouterr().out == f"star {version('star-swarm')}\n"
+    assert star_core.__version__ == version("star-swarm")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import Event
+from star_core import Event, conditions, schema
 from star_core.conditions import Situation, faults, holds, longest
 from star_core.testing import estimate, health
 
@@ -138,3 +140,44 @@ def test_what_cannot_be_meant_is_told_with_its_place(
     condition: dict[str, Any], fault: tuple[tuple[str | int, ...], str]
 ) -> None:
     assert list(faults(condition, NAMES, ("bat", "survivor"))) == [fault]
+
+
+# Events
+
+CORE = Path(conditions.__file__).parent
+TOLD = re.compile(r"""(?:\bevent|\b_tell)\(\s*"(\w+)"|partial\(self\.event, "(\w+)"\)""")
+
+
+def kinds() -> list[str]:
+    """The kinds of events that a condition may ask for."""
+    known = schema.load("mission")["$defs"]["condition"]["properties"]["event"]["enum"]
+    return list(known)
+
+
+def test_a_condition_may_ask_for_every_kind_of_event_that_the_core_tells() -> None:
+    told = {a or b for f in CORE.glob("*.py") for a, b in TOLD.findall(f.read_text("utf-8"))}
+    assert told == {*kinds()}
+
+
+def test_the_docs_list_the_kinds_of_events() -> None:
+    text = (CORE.parent / "docs" / "missions.md").read_text("utf-8")
+    table = text[text.index("### Kinds of events") :].split("\n\n")[1]
+    assert re.findall(r"^\| `(\w+)`", table, re.MULTILINE) == kinds()
+
+
+@pytest.mark.parametrize(
+    ("condition", "needs"),
+    [
+        ({"found": 1}, True),
+        ({"event": "found"}, True),
+        ({"event": "safety"}, False),
+        ({"not": {"found": 1}}, False),
+        ({"any": [{"found": 1}, {"elapsed": 3}]}, False),
+        ({"any": [{"found": 1}, {"all": [{"elapsed": 3}, {"found": "red"}]}]}, True),
+    ],
+)
+def test_a_condition_that_cannot_hold_without_a_find_is_known(
+    condition: dict[str, Any],
+    needs: bool,  # noqa: FBT001 -- what is expected
+) -> None:
+    assert conditions.needs_find(condition) is needs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from star_core import (
     Paths,
     Plan,
     Setpoint,
+    Sightings,
+    Telemetry,
     Transform,
     Transport,
 )
@@ -23,6 +26,7 @@ from star_core.conformance import (
     checked_estimate,
     checked_plan,
     checked_setpoint,
+    checked_telemetry,
     expect,
     keeps,
 )
@@ -34,6 +38,15 @@ GOOD = estimate(TWO)
 BOTH, FIRST = np.array([True, True]), np.array([True, False])
 GAP = np.array([0.0, np.nan])
 SETPOINT = Setpoint(velocity=TWO, yaw=np.zeros(2), active=BOTH)
+TELEMETRY = Telemetry(
+    time=0.0,
+    position=TWO,
+    velocity=TWO,
+    attitude=np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)),
+    battery=np.full(2, 4.0),
+    state=np.zeros(2, np.int64),
+    age=np.zeros(2),
+)
 PLAN = Plan(SETPOINT, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), ~BOTH)
 
 
@@ -158,3 +171,39 @@ def test_a_path_of_an_agent_that_there_is_not_is_refused(agent: int) -> None:
 )
 def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
     assert refused(check, None, 2) == f"returned NoneType, expected {kind}"
+
+
+def test_covariances_of_valid_rows_are_numbers() -> None:
+    broken = replace(GOOD, covariance=np.full((2, 3, 3), np.nan))
+    assert refused(checked_estimate, broken, 2).startswith("Estimate.covariance of row 0 is")
+
+
+def test_sightings_are_of_agents_that_exist() -> None:
+    far = Sightings(
+        agent=np.array([7]),
+        tag=np.array([1]),
+        time=np.zeros(1),
+        position=np.zeros((1, 3)),
+        yaw=np.zeros(1),
+        covariance=np.zeros((1, 3, 3)),
+    )
+    found = refused(checked_estimate, replace(GOOD, sightings=far), 2)
+    assert found == "Estimate.sightings.agent is [7], expected rows below 2"
+
+
+def test_reasons_of_a_plan_are_a_map() -> None:
+    odd: Any = ["walled in"]
+    found = refused(checked_plan, replace(PLAN, reasons=odd), 2)
+    assert found == "Plan.reasons is ['walled in'], expected a map from row to text"
+
+
+def test_a_report_has_a_time() -> None:
+    found = refused(checked_telemetry, replace(TELEMETRY, time=np.nan), 2)
+    assert found == "Telemetry.time is nan, expected a number"
+
+
+@pytest.mark.parametrize("name", ["odometry", "frames", "detections"])
+def test_what_is_reported_is_of_agents_that_exist(name: str) -> None:
+    given: dict[str, Any] = {name: SimpleNamespace(agent=np.array([0, 2]))}
+    found = refused(checked_telemetry, replace(TELEMETRY, **given), 2)
+    assert found == f"Telemetry.{name}.agent is [0, 2], expected rows below 2"

@@ -30,6 +30,7 @@ NAN = np.full((2, 3), np.nan)
 FOUR = np.zeros((4, 3))
 FOR_FOUR = Setpoint(FOUR, FOUR[:, 0], FOUR[:, 0] > 0)
 EVERYBODY = np.array([True, True])
+ODD: Any = "done"
 
 
 def change(**values: Any) -> Wrong:
@@ -111,6 +112,18 @@ def test_everybody_lands_when_a_part_raises_in_flight_and_it_is_named(
     assert brought_down(lab)
 
 
+def going(speed: float) -> Goals:
+    """Goals for both agents."""
+    zero = np.zeros(2)
+    return Goals(np.zeros((2, 3)), np.zeros((2, 3)), zero, zero + speed, EVERYBODY)
+
+
+def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> Step:
+    """A step that orders the first agent to go to its start."""
+    one = np.zeros(1)
+    return Step(commands=(Command(order, np.array([0]), np.zeros((1, 3)), one, one + duration),))
+
+
 @pytest.mark.parametrize(
     ("role", "method", "wrong", "message"),
     [
@@ -158,9 +171,15 @@ def test_everybody_lands_when_a_part_raises_in_flight_and_it_is_named(
         ("avoider", "avoid", lambda *_: Step(), "returned Step, expected Setpoint"),
         ("avoider", "avoid", lambda *_: FOR_FOUR, "Setpoint.velocity has 4 rows, expected 2"),
         ("avoider", "avoid", change(yaw=[0, np.nan]), "Setpoint.yaw of row 1 is nan, expected"),
-        ("wait", "begin", lambda *_: None, "TypeError: float() argument must be"),
+        ("wait", "begin", lambda *_: None, "begin() returned None, expected how long it takes, s"),
         ("wait", "begin", lambda *_: np.inf, "begin() returned inf, expected how long it takes, s"),
         ("wait", "begin", lambda *_: np.nan, "begin() returned nan, expected how long it takes, s"),
+        ("wait", "begin", lambda *_: -1.0, "begin() returned -1.0, expected how long it takes, s"),
+        ("wait", "step", lambda *_: Step(status=ODD), "Step.status is 'done', expected a Stat"),
+        ("wait", "step", lambda *_: Step(going(speed=-1.0)), "Goals.speed is [-1.0, -1.0], expec"),
+        ("wait", "step", lambda *_: ordering(duration=0.0), "Command.duration is [0.0], expected"),
+        ("wait", "step", lambda *_: ordering(order="up"), "Command.order is 'up', expected an O"),
+        ("planner", "plan", change(reasons=["no"]), "Plan.reasons is ['no'], expected a map fro"),
         ("wait", "step", lambda *_: None, "returned NoneType, expected Step"),
         ("wait", "step", lambda *_: FOR_FOUR, "returned Setpoint, expected Step"),
     ],

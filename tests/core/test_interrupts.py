@@ -67,11 +67,18 @@ def test_an_interrupt_while_the_mission_lands_orders_no_second_landing(lab: Lab)
 def test_two_interrupts_stop_the_motors_and_abort(lab: Lab, times: tuple[float, ...]) -> None:
     summary = lab.fly(interrupts=interrupted(lab, *times))
     assert summary["outcome"] == "aborted"
-    assert summary["reason"] == "stopped by the operator: motors off"
+    assert summary["reason"] == "interrupted by the operator; stopped, motors off"
     assert sorted(lab.ordered(Order.STOP)) == [0, 1]
     assert [lab.went(name)[-1] for name in lab.swarm] == ["emergency", "emergency"]
     assert lab.said("interrupt")[-1] == "the operator stops the motors of cf1, cf2"
     assert lab.closed["transport"] == 1
+
+
+def test_a_landing_that_a_step_began_is_waited_for_as_long_as_it_takes(lab: Lab) -> None:
+    steps = "\n  - climb: {}\n  - descend: {seconds: 18}"
+    summary = lab.fly(steps, interrupts=interrupted(lab, 3.0))
+    assert summary["reason"] == "interrupted by the operator"
+    assert all(lab.went(name)[-1] == "landed" for name in lab.swarm)
 
 
 def test_the_motors_of_agents_that_are_down_are_not_stopped(lab: Lab) -> None:
@@ -86,7 +93,7 @@ def test_two_interrupts_stop_the_motors_while_a_broken_plugin_is_landed(lab: Lab
     lab.spoil("planner", "plan", RuntimeError("boom"), range(20, 10**6))
     summary = lab.fly(interrupts=interrupted(lab, 3.0, 3.0))
     assert summary["outcome"] == "failed"
-    assert summary["reason"].endswith("; stopped by the operator: motors off")
+    assert summary["reason"].endswith("; stopped, motors off")
     assert sorted(lab.ordered(Order.STOP)) == [0, 1]
 
 
@@ -140,6 +147,8 @@ def test_ctrl_c_again_stops_the_motors(missions: Path) -> None:
         flight.send_signal(signal.SIGINT)
         out, told = flight.communicate()
     assert flight.returncode == 1
-    assert out.startswith("first-flight: aborted: stopped by the operator: motors off\n")
+    assert out.startswith(
+        "first-flight: aborted: interrupted by the operator; stopped, motors off\n"
+    )
     assert "the operator stops the motors of cf1, cf2, cf3" in told
     assert "Traceback" not in told

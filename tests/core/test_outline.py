@@ -10,7 +10,7 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from star_core.outline import around_circle, box, outline_fault
+from star_core.outline import THIN, around_circle, box, outline_fault
 
 Corner: TypeAlias = tuple[float, float]
 
@@ -56,6 +56,14 @@ def test_corners_have_no_fault_exactly_when_they_make_a_simple_polygon(
         ([(0, 0), (1, 0), (0, 1), (0, 0)], "has the same point twice in a row"),
         ([(0, 0), (0.1, 0.1), (0.3, 0.3)], "has all its points on one line"),
         (
+            [(0, 0), (1e-9, 0), (0, 1e-9)],
+            "lies in a strip of only 1e-09 m, expected at least 0.001 m",
+        ),
+        (
+            [(0, 0), (2, 0), (2, 4e-4), (0, 4e-4)],
+            "lies in a strip of only 0.0008 m, expected at least 0.001 m",
+        ),
+        (
             [(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)],
             "crosses or touches itself: the edges from [0, 0] to [2, 0] and from [1, 0] to [0, 2] "
             "meet",
@@ -69,6 +77,13 @@ def test_corners_have_no_fault_exactly_when_they_make_a_simple_polygon(
 )
 def test_what_is_no_polygon_is_said_with_its_place(corners: list[Corner], fault: str) -> None:
     assert outline_fault(corners) == fault
+
+
+@given(corners, st.floats(1.1 * THIN, 1), st.floats(1, 1000), st.floats(-math.pi, math.pi))
+def test_nothing_is_refused_that_is_wider_than_the_least_width(
+    centre: Corner, width: float, times: float, yaw: float
+) -> None:
+    assert outline_fault(box(centre, (times * width, width), yaw)) is None
 
 
 def test_a_thousand_corners_are_looked_at_without_comparing_all_with_all() -> None:

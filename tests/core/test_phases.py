@@ -177,6 +177,11 @@ def test_who_is_lost_while_it_says_the_same_is_lost_all_the_same(
     assert phases.of_agents().tolist() == [LOST]
 
 
+def test_who_was_lost_and_does_not_fly_is_not_flown_again() -> None:
+    assert observed(AgentPhase.LOST, Supervisor.COMMANDER_FINISHED) is AgentPhase.LOST
+    assert observed(AgentPhase.LOST, Supervisor.FLYING) is AgentPhase.FLYING
+
+
 def test_each_agent_goes_its_own_way() -> None:
     phases = Phases(("cf1", "cf2", "cf3"))
     phases.fire("take_off", [0, 2])

@@ -237,6 +237,7 @@ def summary(**changes: Any) -> dict[str, Any]:
         "min_separation_m": None,
         "min_clearance_m": None,
         "position_rmse_m": None,
+        "targets": {"found": 0, "total": 0},
         "path_length_m": {"total": 1.25},
     } | changes
 
@@ -261,6 +262,7 @@ def test_what_cannot_be_known_is_left_out() -> None:
         ({"realtime_factor": 41.7}, "  flight      12.3 s with 1 agent, 42 times real time"),
         ({"min_separation_m": 0.456}, "  separation  0.46 m at least"),
         ({"min_clearance_m": 0.0}, "  clearance   0.00 m at least"),
+        ({"targets": {"found": 1, "total": 2}}, "  targets     1 of 2 found"),
         ({"position_rmse_m": 0.0321}, "  estimate    0.032 m RMS from the truth"),
     ],
 )

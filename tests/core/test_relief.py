@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Estimate, Goals, Order, Plan, Telemetry
+from star_core import AgentPhase, Command, Estimate, Goals, Order, Plan, Telemetry
 from tests.core.conftest import Lab
 
 TOUR = """
@@ -181,3 +181,22 @@ def test_whoever_left_is_in_no_step_and_nobody_fills_its_place(lab: Lab) -> None
 def test_a_reserve_that_would_climb_too_high_is_refused(lab: Lab) -> None:
     with pytest.raises(Exception, match="5 m is outside the heights to fly at"):
         lab.load(TOUR.replace("height: 1.0", "height: 5"))
+
+
+def test_a_reserve_that_does_not_climb_is_replaced_by_another(lab: Lab) -> None:
+    lab.swarm = ("cf1", "cf2", "cf3", "cf4")
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
+
+    def deaf(command: Callable[[Command], None], order: Command) -> None:
+        if order.order is not Order.TAKEOFF or order.agent.tolist() != [2]:
+            command(order)
+
+    lab.spoil("transport", "command", deaf)
+    tour = TOUR.replace("seconds: 12", "seconds: 28, limit: 40").replace("[cf3]", "[cf3, cf4]")
+    assert lab.fly(tour)["outcome"] == "completed"
+    assert lab.said("relief") == [
+        "cf3 takes off to relieve cf1",
+        "cf3 does not climb and is no reserve any more",
+        "cf4 takes off to relieve cf1",
+        "cf4 takes over",
+    ]

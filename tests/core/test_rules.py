@@ -108,6 +108,7 @@ def test_one_that_is_not_heard_any_more_lands_and_the_others_do_its_step(lab: La
     lab.spoil("transport", "receive", silent(1, 1.5, np.inf, age=0.7))
     summary = lab.fly(f"{TOUR}{{link_lost: {{after: 0.6}}}}")
     assert told(lab) == ["cf2 lands: link_lost: not heard for 0.7 s"]
+    assert [e["agent"] for e in summary["events"] if e["kind"] == "safety"] == ["cf2"]
     assert lab.went("cf2")[:4] == ["taking_off", "flying", "lost", "landing"]
     assert [step["outcome"] for step in summary["steps"]] == ["success"] * 3
     assert lab.went("cf1") == ["taking_off", "flying", "landing", "landed"]

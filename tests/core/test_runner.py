@@ -146,6 +146,14 @@ def test_agents_that_do_not_report_to_be_down_are_named_and_not_waited_for_for_e
     assert lab.closed["transport"] == 1
 
 
+def test_why_a_mission_failed_is_told_before_what_went_wrong_on_the_way_down(lab: Lab) -> None:
+    lab.spoil("transport", "receive", bits(1, Supervisor.FLYING))
+    summary = lab.fly(f"{IN_THE_AIR}\n  - wait: {{seconds: 9, limit: 1}}")
+    why, _, then = summary["reason"].partition("; ")
+    assert why.endswith(": wait failed: timed out after 1 s")
+    assert then == "cf2 did not report to be on the ground"
+
+
 @pytest.mark.parametrize("bit", [Supervisor.TUMBLED, Supervisor.LOCKED, Supervisor.CRASHED])
 def test_an_agent_in_an_emergency_fails_its_step_and_the_others_land(
     lab: Lab, bit: Supervisor
@@ -292,7 +300,7 @@ def test_what_the_core_corrects_is_told_once_and_counted(lab: Lab) -> None:
 
     lab.spoil("avoider", "avoid", rush)
     summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 0.5}\n  - descend: {}")
-    assert lab.said("safety") == [
+    assert lab.said("corrected") == [
         "cf1 is slowed to the speed limit",
         "cf2 is slowed to the speed limit",
     ]

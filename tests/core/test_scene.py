@@ -1,4 +1,4 @@
-"""Files that a mission names lie in its folder."""
+"""Files that a mission names lie in its folder; what is below an agent that lands."""
 
 from __future__ import annotations
 

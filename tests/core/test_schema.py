@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
+from star_core import schema
 from star_core.contracts import Offer
 from star_core.document import Document
 from star_core.options import sound
@@ -147,16 +148,16 @@ def test_a_good_world_has_no_fault() -> None:
         ),
         (
             "box: {centre: [0, 0], size: [1, 0]}",
-            "39: obstacles.a.box.size.1: 0 is less than or equal to the minimum of 0",
+            "39: obstacles.a.box.size.1: 0 is less than the minimum of 0.001",
         ),
         ("box: {centre: [0, 0]}", "7: obstacles.a.box: missing key 'size'"),
         (
             "cylinder: {centre: [0, 0], radius: -1}",
-            "42: obstacles.a.cylinder.radius: -1 is less than or equal to the minimum of 0",
+            "42: obstacles.a.cylinder.radius: -1 is less than the minimum of 0.001",
         ),
         (
             "polyline: [[0, 0], [1, 1]], thickness: 0",
-            "46: obstacles.a.thickness: 0 is less than or equal to the minimum of 0",
+            "46: obstacles.a.thickness: 0 is less than the minimum of 0.001",
         ),
     ],
 )
@@ -167,3 +168,15 @@ def test_an_obstacle_is_one_polygon_thick_polyline_box_or_cylinder(
     text = f"{WORLD}obstacles:\n  a: {{{both}}}\n"
     (found,) = problems(document(text), load("world"))
     assert found.startswith(f"m.yaml:5:{expected}")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "fits", "not_so"),
+    [("^US\\$$", "US$", "US$\n"), ("^US\\$", "US$5", "US5"), ("^a$", "a", "a\n")],
+)
+def test_an_escaped_dollar_is_a_dollar_and_another_is_the_very_end(
+    pattern: str, fits: str, not_so: str
+) -> None:
+    validator = schema._validator()({"pattern": pattern})
+    assert validator.is_valid(fits)
+    assert not validator.is_valid(not_so)

@@ -103,18 +103,24 @@ def test_targets_are_kept_apart_from_landmarks(tmp_path: Path) -> None:
         (("yaw_deg: 90}", "spacing: 0.1}"), "world.yaml:5:21: tag 1 overlaps tag 0 of 'floor'"),
         (
             ("yaw_deg: 90}", "offsets: [[0, 0]]}"),
-            "world.yaml:5:55: has 1 offsets for 2 tags, expected",
+            "world.yaml:5:55: landmark 'floor' has 1 offsets for 2",
         ),
         (
             ("yaw_deg: 90}", "spacing: 1, offsets: [[0, 0], [1, 1]]}"),
-            "world.yaml:5:55: 'spacing' does",
+            "world.yaml:5:55: landmark 'floor': 'spacing' does",
         ),
-        (("size: 0.1", "size: 0"), "world.yaml:6:62: landmarks.wall.size: 0 is less than or equal"),
+        (
+            ("size: 0.1", "size: 0"),
+            "world.yaml:6:62: landmarks.wall.size: 0 is less than the minimum",
+        ),
         (("tags: [7]", "tags: [587]"), "world.yaml:6:17: landmarks.wall.tags.0: 587 is greater"),
         (("tags: [7]", "tags: []"), "world.yaml:6:16: landmarks.wall.tags: is empty, expected"),
         (("at: [0.0, 2.5, 1.0]", "at: [0.0, .nan, 1.0]"), "world.yaml:6:31: .nan is not"),
         (("camera: aideck", "camera: aidek"), "m.yaml:7:35: no camera named 'aidek'; did you mean"),
-        (("rate: 5", "rate: 0"), "m.yaml:4:39: cameras.front.rate: 0 is less than or equal to the"),
+        (
+            ("rate: 5", "rate: 0"),
+            "m.yaml:4:39: cameras.front.rate: 0 is not possible here, expected",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused_where_it_stands(

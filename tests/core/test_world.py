@@ -7,13 +7,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from star_core import clearance
 from star_core.document import Document
 from star_core.errors import InputError
-from star_core.world import Fence, Obstacle, World, wall
+from star_core.world import CONTACT_RADIUS, Fence, Obstacle, World, wall
 from star_core.world_file import world
 from star_core.yaml_text import parse
 
@@ -173,6 +175,60 @@ def test_a_point_inside_an_obstacle_is_shown_with_the_name_of_the_obstacle() -> 
     )
 
 
+@given(stars(), points)
+def test_a_point_is_as_far_from_an_obstacle_as_flights_are_judged_by(
+    polygon: tuple[Corner, ...], point: Point
+) -> None:
+    thing = Obstacle("thing", (polygon, PILLAR.polygons[0]), (-1, 2))
+    (judged,) = clearance.distance(np.array([point]), thing)
+    assert thing.distance(point, point[2]) == pytest.approx(judged, abs=1e-9)
+
+
+@given(stars(), points, st.floats(0, 5))
+def test_a_drone_touches_exactly_what_its_way_up_is_nearer_to_than_its_radius(
+    polygon: tuple[Corner, ...], low: Point, climb: float
+) -> None:
+    thing, high = Obstacle("thing", (polygon, PILLAR.polygons[0]), (-1, 2)), low[2] + climb
+    assert thing.touched(low, high) is (thing.distance(low, high) < CONTACT_RADIUS)
+
+
+@given(points, st.floats(0, 5))
+def test_a_climb_is_as_far_from_an_obstacle_as_the_nearest_point_of_it(
+    low: Point, climb: float
+) -> None:
+    x, y, z = low
+    heights = [z + climb * i / 200 for i in range(201)]
+    nearest = min(PILLAR.distance((x, y, height), height) for height in heights)
+    assert PILLAR.distance(low, z + climb) == pytest.approx(nearest, abs=climb / 200)
+
+
+@pytest.mark.parametrize("x", [0.0, 1.0])
+def test_a_drone_at_a_face_touches_the_obstacle_whichever_face_it_is(x: float) -> None:
+    room = World("room", ROOM, (PILLAR,))
+    assert room.contact_fault((x, 0.5, 0.5)) == (
+        f"[{x:g}, 0.5, 0.5] is 0 m from obstacle 'pillar', "
+        "expected at least the radius of a drone: 0.06 m"
+    )
+
+
+@pytest.mark.parametrize(("x", "touches"), [(1.05, True), (1.07, False)])
+def test_a_drone_touches_what_is_nearer_than_its_radius(x: float, *, touches: bool) -> None:
+    found = World("room", ROOM, (PILLAR,)).contact_fault((x, 0.5, 0.0))
+    assert (found is not None) is touches
+
+
+def test_of_what_is_overhead_the_lowest_is_hit_first() -> None:
+    beam, roof = (
+        Obstacle(name, PILLAR.polygons, (foot, foot + 0.1)) for name, foot in (("b", 1), ("r", 2))
+    )
+    room = World("room", ROOM, (roof, beam))
+    assert room.overhead((0.5, 0.5, 0.0), 2.5) is beam
+    assert room.overhead((0.5, 0.5, 0.0), 0.95) is beam  # 5 cm below it, its propellers hit
+    assert room.overhead((0.5, 0.5, 0.0), 0.93) is None
+    assert room.overhead((0.5, 0.5, 1.2), 1.9) is None
+    assert room.overhead((1.1, 0.5, 0.0), 2.5) is None
+
+
 # World files
 
 
@@ -196,7 +252,7 @@ def test_a_good_world_is_made_of_its_fence_and_its_obstacles() -> None:
 @pytest.mark.parametrize("high", ["[2, 2, 0]", "[2, -2, 2]", "[-3, 2, 2]"])
 def test_a_fence_that_is_empty_in_any_direction_is_refused(high: str) -> None:
     assert problems(WORLD.replace("[2, 2, 2]", high)) == [
-        f"room.yaml:3:8: low [-2, -2, 0] is not below high {high} in x, y and z"
+        f"room.yaml:3:8: the fence's low [-2, -2, 0] is not below high {high} in x, y and z"
     ]
 
 
@@ -204,7 +260,7 @@ def test_a_fence_that_is_empty_in_any_direction_is_refused(high: str) -> None:
 def test_an_obstacle_whose_foot_is_not_below_its_top_is_refused(height: str) -> None:
     foot, top = parse(height).data
     assert problems(WORLD.replace("[0, 2]", height)) == [
-        f"room.yaml:5:65: foot {foot} is not below top {top}"
+        f"room.yaml:5:65: obstacle 'pillar' has its foot at {foot} m, not below its top at {top} m"
     ]
 
 
@@ -213,7 +269,7 @@ def test_an_obstacle_whose_foot_is_not_below_its_top_is_refused(height: str) -> 
 )
 def test_a_stretch_of_no_length_is_refused(shape: str) -> None:
     world = f"{WORLD}  wall: {{{shape}, height: [0, 1]}}\n"
-    assert problems(world) == ["room.yaml:6:9: has the same point twice in a row"]
+    assert problems(world) == ["room.yaml:6:9: obstacle 'wall' has the same point twice in a row"]
 
 
 def test_a_polygon_that_repeats_its_first_corner_at_the_end_is_refused() -> None:
@@ -225,6 +281,15 @@ def test_a_polygon_that_repeats_its_first_corner_at_the_end_is_refused() -> None
 def test_a_line_may_come_back_to_where_it_began() -> None:
     ring = f"polyline: {TRIANGLE_AND_BACK}, thickness: 0.1, height: [0, 1]"
     assert problems(f"{WORLD}  ring: {{{ring}}}\n") == []
+
+
+@pytest.mark.parametrize(("kind", "whose"), [("landmarks", "landmark"), ("targets", "target")])
+def test_offsets_that_do_not_fit_are_told_with_whose_they_are(kind: str, whose: str) -> None:
+    sheet = "{tags: [0, 1], at: [0, 0, 0], spacing: 0.3, offsets: [[0, 0]]}"
+    assert {found.partition(": ")[2] for found in problems(f"{WORLD}{kind}: {{s: {sheet}}}\n")} == {
+        f"{whose} 's' has 1 offsets for 2 tags, expected one each",
+        f"{whose} 's': 'spacing' does not go with 'offsets'",
+    }
 
 
 @pytest.mark.parametrize(
@@ -276,6 +341,10 @@ def test_a_cylinder_contains_its_circle() -> None:
     [
         ("polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]", "crosses or touches itself: the edges from"),
         ("polygon: [[0, 0], [0.5, 0.5], [1, 1]]", "has all its points on one line"),
+        (
+            "polygon: [[0, 0], [1, 0], [0, 0.0005]]",
+            "lies in a strip of only 0.0005 m, ",
+        ),
         ("box: {centre: [5, 0], size: [1, 1]}", "is outside the fence; no agent can come near it"),
         ("cylinder: {centre: [0, -3], radius: 0.9}", "is outside the fence; no agent can come"),
         ("polyline: [[-3, 5], [3, 5], [3, 6]], thickness: 1", "is outside the fence; no agent"),
@@ -283,13 +352,15 @@ def test_a_cylinder_contains_its_circle() -> None:
 )
 def test_an_obstacle_that_is_none_is_refused(shape: str, message: str) -> None:
     (found,) = problems(f"{WORLD}  it: {{{shape}, height: [0, 1]}}\n")
-    assert found.startswith(f"room.yaml:6:7: {message}")
+    assert found.startswith(f"room.yaml:6:7: obstacle 'it' {message}")
 
 
 @pytest.mark.parametrize("height", ["[2.5, 3]", "[-2, -1]"])
 def test_an_obstacle_above_or_below_the_fence_is_refused(height: str) -> None:
     (found,) = problems(WORLD.replace("[0, 2]", height))
-    assert found == "room.yaml:5:11: is outside the fence; no agent can come near it"
+    assert (
+        found == "room.yaml:5:11: obstacle 'pillar' is outside the fence; no agent can come near it"
+    )
 
 
 @pytest.mark.parametrize(
@@ -306,4 +377,4 @@ def test_an_obstacle_may_reach_out_of_the_fence(shape: str) -> None:
 
 def test_a_fence_that_is_wrong_is_not_held_against_obstacles() -> None:
     (found,) = problems(WORLD.replace("high: [2,", "high: [-3,"))
-    assert found.startswith("room.yaml:3:8: low")
+    assert found.startswith("room.yaml:3:8: the fence's low")

@@ -164,7 +164,7 @@ class Language:
     def _step(self, who: list[str] | None, depth: int) -> Data:
         """A step for some of these agents; with None it names nobody."""
         kinds = ["goto", "hold", "wait", "follow", "formation", "search", "takeoff", "land"]
-        kinds += ["leave", "join", "include"] if who is not None else []
+        kinds += ["leave", "join", "include", "external"] if who is not None else []
         kinds += ["repeat", "parallel", "each"] * 2 if depth else []
         kind = self._one(*kinds)
         if kind in {"repeat", "parallel", "each"}:
@@ -223,7 +223,7 @@ class Language:
             "elapsed": self._one(0.1, 1.5, 6.0),
             "near": {**at, "within": self._one(0.3, 1.0)},
             "battery_below": self._one(3.4, 3.8),
-            "event": self._one("found", "failure", "safety", "relief", "step"),
+            "event": self._one("found", "failure", "safety", "relief", "landing", "step"),
             "found": self._one(1, "lost"),
         }
         return {kind: values[kind]}
@@ -272,6 +272,10 @@ class Language:
         if self._chance(2):
             options["move"] = {"to": [0.2, -0.2, 0.8], "speed": 0.3}
         return options
+
+    def _external(self, _agents: int) -> Data:
+        """Nobody connects: the step fails when its patience is over."""
+        return {"port": 0, "patience": 0.05, "lockstep": self._one(True, False)}  # noqa: FBT003
 
     def _search(self, _agents: int) -> Data:
         area = {"low": [-1.0, -0.5], "high": [self._one(0.0, 1.0), 0.8]}

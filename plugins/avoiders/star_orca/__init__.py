@@ -60,7 +60,8 @@ _OPTIONS: dict[str, Any] = {
             "type": ["number", "null"],
             "exclusiveMinimum": 0,
             "default": None,
-            "description": "Distance that agents keep to obstacles, m; null is the radius",
+            "description": "Distance that agents keep to obstacles; null is the radius. With more "
+            "than the planner's clearance agents are held on the planner's paths, m",
         },
         "response": {
             "type": "number",

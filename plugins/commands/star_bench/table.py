@@ -61,13 +61,14 @@ COLUMNS: Final[Mapping[str, tuple[Column, str | None]]] = {
 LEGEND: Final = """\
 Success: everybody arrived and landed, and nothing was hit. A wait is an agent with a goal that
 makes no progress for 5 s; it is a deadlock if nobody makes any that the agent waits for: who is
-ahead of it within 1 m, who is ahead of these, and so on. Collisions, deadlocks and waits are sums
+ahead of it within 1.5 m, who is ahead of these, and so on. Collisions, deadlocks and waits are sums
 over runs, separation and clearance the least of all runs, the rest means over the runs that have
 the figure. Time ratio: time of the last to arrive over its straight way at the speed limit, of runs
 in which all arrived. Path ratio: what all flew, climb and descent taken off and waiting for the
 last included, over their straight ways, of runs that completed. Corrected: ticks of an agent in
-which the safety filter changed its setpoint. Microseconds are for one agent in one tick. Noise on:
-the estimate errs by 3 cm along each axis, correlated over 1 s.
+which the safety filter changed its setpoint; it counts ordinary passes too in which the filter
+braked somebody. Microseconds are for one agent in one tick. Noise on: the estimate errs by 3 cm
+along each axis, correlated over 1 s.
 """
 
 

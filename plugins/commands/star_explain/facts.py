@@ -18,8 +18,8 @@ RULES: Final[Mapping[str, tuple[str, float, str]]] = {
 }
 """By rule the name of its number, what it is if the mission does not say, and how it is told."""
 
-RESERVE: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0}
-"""V, what the mission schema says of a reserve without its numbers."""
+RESERVE: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
+"""V, V and m, what the mission schema says of a reserve without its numbers."""
 
 
 def facts(mission: Mission, registry: Registry) -> Iterator[str]:
@@ -82,7 +82,8 @@ def _swarm(mission: Mission) -> Iterator[str]:
         volts = {**RESERVE, **mission.reserve}
         yield (
             f"  in reserve: {', '.join(mission.reserve['agents'])}, for whose battery is below "
-            f"{volts['relieve_below']:g} V; ready above {volts['ready_above']:g} V"
+            f"{volts['relieve_below']:g} V; ready above {volts['ready_above']:g} V; "
+            f"climbs to {volts['height']:g} m"
         )
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import count
 
-from star_explain.plan import alike, ending, times, whose
+from star_explain.plan import alike, ending, how, times, whose
 from star_explain.rehearsal import Group, Part, Told
 from star_explain.words import options
 
@@ -16,7 +16,7 @@ def mermaid(name: str, told: Group) -> str:
     """Return a flowchart, from top to bottom, of what is known of a mission's steps."""
     chart = _Chart()
     chart.line(f"start([{label(name)}])")
-    end = chart.sequence(told.parts, "start")
+    end = chart.sequence(told, "start")
     chart.line("done([done])")
     chart.line(f"{end} --> done")
     return "\n".join(["flowchart TD", *chart.lines]) + "\n"
@@ -43,13 +43,13 @@ class _Chart:
     def line(self, text: str) -> None:
         self.lines.append(f"{INDENT * self._depth}{text}")
 
-    def sequence(self, parts: Sequence[Part], before: str) -> str:
+    def sequence(self, group: Group, before: str) -> str:
         """Draw steps one after the other behind a node; return the last node."""
-        for part in parts:
-            before = self._part(part, before)
+        for part in group.parts:
+            before = self._part(part, group, before)
         return before
 
-    def _part(self, part: Part, before: str) -> str:
+    def _part(self, part: Part, above: Group, before: str) -> str:
         if isinstance(part, Told):
             node = self._node("[{}]", *_rows(part))
             self.line(f"{before} --> {node}")
@@ -58,11 +58,11 @@ class _Chart:
         if same is not None:
             return self._framed(f"each by itself: {', '.join(whose(part))}", same, before)
         if not part.at_once:
-            often = f"{part.times} times" if part.times > 1 else "one after the other"
+            often = f"{part.times} times" if part.times > 1 else how(part, above)
             return self._framed(often, part, before)
         fork = self._node("{{{{{}}}}}", "at once")
         self.line(f"{before} --> {fork}")
-        ends = [self._part(branch, fork) for branch in part.parts]
+        ends = [self._part(branch, part, fork) for branch in part.parts]
         join = self._node("{{{{{}}}}}", "all done")
         for end in ends:
             self.line(f"{end} --> {join}")
@@ -74,7 +74,7 @@ class _Chart:
         self.line(f"subgraph {frame} [{label(title)}]")
         self._depth += 1
         first = len(self.lines)
-        end = self.sequence(group.parts, before)
+        end = self.sequence(group, before)
         self._depth -= 1
         self.line("end")
         entering = [line for line in self.lines[first:-1] if line.strip().startswith(f"{before} -")]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from star_core import Registry
 from star_explain.rehearsal import Group, Part, Told
@@ -12,7 +12,7 @@ from star_explain.words import condition, left_out, options, seconds
 def plan(told: Group, registry: Registry) -> Iterator[str]:
     """Yield the lines of a plan."""
     yield f"plan: {times(told)}"
-    yield from _steps(told.parts, "", registry)
+    yield from _steps(told, "", registry)
 
 
 def times(part: Part) -> str:
@@ -27,10 +27,19 @@ def times(part: Part) -> str:
 def alike(group: Group) -> Group | None:
     """Return the steps of the first branch if all branches do the same steps, as with ``each``."""
     branches = [part for part in group.parts if isinstance(part, Group) and part.times == 1]
-    several = group.at_once and len(branches) == len(group.parts) > 1
-    if several and len({_places(branch) for branch in branches}) == 1:
+    groups = group.at_once and len(branches) == len(group.parts)
+    if groups and len({_places(branch) for branch in branches}) == 1:
         return branches[0]
     return None
+
+
+def how(group: Group, above: Group) -> str:
+    """Return how the steps of a group are done, or from which file they are."""
+    if group.times > 1:
+        return f"{group.times} times one after the other"
+    if group.file and group.file != above.file:
+        return f"from {group.file}"
+    return "at once" if group.at_once else "one after the other"
 
 
 def whose(part: Part) -> tuple[str, ...]:
@@ -41,13 +50,18 @@ def whose(part: Part) -> tuple[str, ...]:
 
 
 def ending(told: Told) -> list[str]:
-    """Return what ends a step beside itself and its time-out, and what follows a failure."""
+    """Return who flies a step, what ends it beside itself and its time-out, what a failure does."""
     until = [f"until {condition(told.action.until)}"] if told.action.until is not None else []
     what = {"land": "its agents land", "continue": "the next step begins"}
-    return until + [
-        f"if it fails, {what[told.action.on_failure]}"
-        for _ in range(told.action.on_failure != "abort")
-    ]
+    on_board = ["flown on board: neither planner nor avoider steers"] if told.on_board else []
+    return (
+        on_board
+        + until
+        + [
+            f"if it fails, {what[told.action.on_failure]}"
+            for _ in range(told.action.on_failure != "abort")
+        ]
+    )
 
 
 def _places(part: Part) -> tuple[str, ...]:
@@ -56,20 +70,18 @@ def _places(part: Part) -> tuple[str, ...]:
     return tuple(place for inner in part.parts for place in _places(inner))
 
 
-def _steps(parts: Sequence[Part], number: str, registry: Registry) -> Iterator[str]:
-    for i, part in enumerate(parts, start=1):
+def _steps(group: Group, number: str, registry: Registry) -> Iterator[str]:
+    for i, part in enumerate(group.parts, start=1):
         here = f"{number}{i}"
         indent = "  " * (here.count(".") + 1)
         if isinstance(part, Told):
             yield from _step(part, here, indent, registry)
         elif (same := alike(part)) is not None:
             yield f"{indent}{here}  each by itself, {', '.join(whose(part))}: {times(part)}"
-            yield from _steps(same.parts, f"{here}.", registry)
+            yield from _steps(same, f"{here}.", registry)
         else:
-            how = "at once" if part.at_once else "one after the other"
-            often = f"{part.times} times " if part.times > 1 else ""
-            yield f"{indent}{here}  {often}{how}: {times(part)}"
-            yield from _steps(part.parts, f"{here}.", registry)
+            yield f"{indent}{here}  {how(part, group)}: {times(part)}"
+            yield from _steps(part, f"{here}.", registry)
 
 
 def _step(told: Told, number: str, indent: str, registry: Registry) -> Iterator[str]:

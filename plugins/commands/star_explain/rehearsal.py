@@ -31,6 +31,7 @@ class Told:
         limit: Its time-out, s; None if that is not known.
         given: Whether the mission says the time-out.
         fault: Why it would fail, or why nothing is known of it; empty if it would not.
+        on_board: Whether its agents fly trajectories on board, where nothing steers them.
     """
 
     action: Any
@@ -39,6 +40,7 @@ class Told:
     limit: float | None
     given: bool
     fault: str
+    on_board: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,14 @@ class Group:
     at_once: bool
     times: int
     parts: tuple[Part, ...]
+
+    @property
+    def file(self) -> str:
+        """The file that they stand in; empty if that is not known."""
+        steps = [part.action.place for part in self.parts if isinstance(part, Told)]
+        files = {place.rsplit(":", 2)[0] for place in steps}
+        files = files or {part.file for part in self.parts if isinstance(part, Group)}
+        return files.pop() if len(files) == 1 else ""
 
     @property
     def takes(self) -> float | None:
@@ -122,6 +132,7 @@ class _Rehearsal:
         self._registry = registry
         self._stage = Stage(self._scene)
         self._out = set(mission.reserve_rows)
+        self._on_board = False  # whether the step that is rehearsed is flown on board
 
     def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
         """Do steps one after the other; of several rounds the first one is looked at."""
@@ -148,6 +159,7 @@ class _Rehearsal:
         given = action.timeout is not None
         if not rows:
             return Told(action, agents, 0.0, 0.0, given, "nobody is left for it")
+        self._on_board = False
         try:
             takes, limit, fault = self._rehearsed(action, rows, begun)
         except StarError as error:
@@ -157,14 +169,18 @@ class _Rehearsal:
             takes, limit, fault = None, action.timeout, what
         if action.verb == "leave":
             self._out |= set(rows)
-        return Told(action, agents, takes, limit, given, fault)
+        return Told(action, agents, takes, limit, given, fault, self._on_board)
 
     def _rehearsed(
         self, action: Any, rows: tuple[int, ...], begun: float
     ) -> tuple[float | None, float, str]:
         """Do a step; return how long it takes and its time-out, s, and why it fails."""
         offer = self._registry.find("task", action.verb).offer
+        if outside := offer.options.get("outside"):  # it would take hold of what a flight needs
+            limit = outside["timeout"] if action.timeout is None else action.timeout
+            return None, float(limit), ""
         task: Task = offer.make(self._scene, rows, **action.options)
+        self._on_board = bool(getattr(task, "trajectories", ()))
         try:
             limit = self._limit(action, task, begun)
             takes, fault = self._perform(action, task, rows, begun, limit)

@@ -15,7 +15,7 @@ from star_import.obstacles import Wall, walls
 from star_import.records import Record, records
 from star_import.robots import Robot, given_on_the_command_line, robots
 from star_import.sources import Sources
-from star_import.steps import CLIMB, Steps
+from star_import.steps import CLIMB, REACHED, ZONE, Steps
 from star_import.tags import Reading, sheets
 from star_import.text import Line, word
 from star_import.world_text import Room, around, corners, world_lines
@@ -94,6 +94,7 @@ def assemble(sources: Sources, wishes: Wishes, notes: Notes) -> Made:
         planner=_planner(built, wishes, notes),
         landmarks=any(sheet.kind == "landmarks" for sheet in printed),
     )
+    notes.say(name, _chosen(frame, found, _speed(sources, wishes)))
     steps = _steps(sources, found, swarm, wishes, notes)
     lines[f"{name}.yaml"] = mission_lines(frame, swarm, steps, notes)
     copies = {f"paths/{path.name}": path for path in sources.trajectories}
@@ -126,6 +127,16 @@ def _told(sources: Sources, notes: Notes, *, as_executed: bool, built: Sequence[
         notes.say(where, "the original has no time-outs but at take-off; every step has one here")
         if built and not as_executed:
             notes.say(where, "the planner keeps 0.2 m from obstacles, the original kept nothing")
+
+
+def _chosen(frame: Frame, found: Sequence[Record], speed: float) -> str:
+    """Say which numbers of the mission no file says."""
+    low, high = frame.height
+    said = [f"limits.speed {show(frame.speed)} m/s", f"limits.height {show(low)} to {show(high)} m"]
+    if any(record.task.startswith("goto") for record in found):
+        said += [f"of goto: speed {show(speed)} m/s", f"within {show(REACHED)} m"]
+        said += [f"spacing {show(2 * ZONE)} m where several fly to one place"]
+    return f"numbers that no file says: {', '.join(said)}"
 
 
 def _planner(built: Sequence[Wall], wishes: Wishes, notes: Notes) -> str:

@@ -130,9 +130,9 @@ def _agents(value: Value, written: str, known: Sequence[str], notes: Notes) -> t
         else:
             names.append(word)
     if missing := [name for name in dict.fromkeys(names) if name not in known]:
+        among = f" among {', '.join(known)}" if known else ""
         raise value.wrong(
-            f"no agent named {missing[0]!r} among {', '.join(known)}; "
-            f"say where it stands: --agent {missing[0]}=X,Y"
+            f"no agent named {missing[0]!r}{among}; say where it stands: --agent {missing[0]}=X,Y"
         )
     return tuple(dict.fromkeys(names))
 

@@ -103,12 +103,19 @@ def _told(name: str, kind: Value, notes: Notes) -> None:
                 value.place,
                 f"type {name}: motion capture is left out; the localizer is one that needs none",
             )
-        elif key == "battery" and "voltage_critical" in value.map():
-            volt = value.map()["voltage_critical"].number()
-            notes.say(
-                value.place,
-                f"type {name}: voltage_critical {show(volt)} V does nothing in Crazyswarm2; to "
-                f"land below it, add safety: {{battery_low: {{below: {show(volt)}}}}}",
-            )
+        elif key == "battery":
+            for inner, volt in value.map().items():
+                if inner == "voltage_critical":
+                    notes.say(
+                        volt.place,
+                        f"type {name}: {inner} {show(volt.number())} V does nothing in "
+                        "Crazyswarm2; to land below it, add "
+                        f"safety: {{battery_low: {{below: {show(volt.number())}}}}}",
+                    )
+                else:
+                    notes.say(
+                        volt.place,
+                        f"type {name}: {inner!r} is nothing that a mission says; left out",
+                    )
         else:
             notes.say(value.place, f"type {name}: {key!r} is nothing that a mission says; left out")

@@ -44,6 +44,7 @@ def parser() -> argparse.ArgumentParser:
     )
     star.add_argument("world", help="world file (YAML)")
     star.add_argument(
+        "-o",
         "--out",
         metavar="FILE",
         help="FILE.pdf, or FILE.svg for a file each: FILE-NUMBER.svg (WORLD-tags.pdf)",

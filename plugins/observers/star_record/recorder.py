@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from star_core import Array, Flight, Frames, Tick
+from star_core import Array, Flight, Frames, Image, Tick
+
+log = logging.getLogger(__name__)
 
 
 class Recorder:
@@ -21,8 +24,9 @@ class Recorder:
     there is a truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
     ``setpoint_velocity`` (T, N, 3), ``estimate_yaw``, ``setpoint_yaw`` and ``battery`` (T, N),
     ``goal_active``, ``setpoint_active`` and ``estimate_valid`` (T, N), and ``phase`` (T, N), the
-    numbers of `star_core.AgentPhase`. Images are kept where the flight asks for it, and where the
-    world has targets, ``targets.csv`` tells which were found.
+    numbers of `star_core.AgentPhase`. Where the truth of a tick is not known it is NaN. Images are
+    kept where the flight asks for it, and where the world has targets, ``targets.csv`` tells which
+    were found.
 
     Args:
         flight: What is flown.
@@ -34,6 +38,7 @@ class Recorder:
         self._agents = flight.scene.names
         self._columns: dict[str, list[Array]] = {}
         self._save_frames = flight.save_frames
+        self._true = False  # whether a truth was ever known
         folder.mkdir(parents=True, exist_ok=True)
         self._write("manifest.json", flight.manifest)
 
@@ -53,30 +58,38 @@ class Recorder:
             "phase": tick.health.phase,
             "battery": tick.health.battery,
         }
-        if tick.truth is not None:
-            row["truth_position"] = tick.truth.position
-            row["truth_attitude"] = tick.truth.attitude
+        n = len(self._agents)
+        truth = tick.truth
+        row["truth_position"] = np.full((n, 3), np.nan) if truth is None else truth.position
+        row["truth_attitude"] = np.full((n, 4), np.nan) if truth is None else truth.attitude
+        self._true |= truth is not None
         if self._save_frames:
             self._keep(tick.telemetry.frames)
         for name, value in row.items():
             self._columns.setdefault(name, []).append(value)
 
     def _keep(self, frames: Frames) -> None:
-        """Write images as ``frames/AGENT/TIME.png``, with the mission time in milliseconds."""
-        import cv2
-
+        """Write images; with the first that cannot be written, keep no more of them."""
         times = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived)
         for row, time, image in zip(frames.agent, times, frames.image, strict=True):
-            folder = self._folder / "frames" / self._agents[row]
-            folder.mkdir(parents=True, exist_ok=True)
-            cv2.imwrite(str(folder / f"{round(1000 * time):07d}.png"), image)
+            path = self._folder / "frames" / self._agents[row] / f"{round(1000 * time):07d}.png"
+            try:
+                _write_image(path, image)
+            except OSError as error:
+                self._save_frames = False
+                log.warning("no more images are kept: %s", error)
+                return
 
     def close(self, summary: Mapping[str, Any]) -> None:
         """Write what was kept; the summary first, for the disk may be full."""
         self._write("summary.json", summary)
         if summary["targets"]["total"]:
             self._tell_targets(summary["targets"]["list"])
-        columns: dict[str, Any] = {name: np.array(rows) for name, rows in self._columns.items()}
+        columns: dict[str, Any] = {
+            name: np.array(rows)
+            for name, rows in self._columns.items()
+            if self._true or not name.startswith("truth_")
+        }
         np.savez_compressed(
             self._folder / "trajectory.npz", agents=np.array(self._agents), **columns
         )
@@ -93,3 +106,16 @@ class Recorder:
     def _write(self, name: str, content: Mapping[str, Any]) -> None:
         text = json.dumps(content, indent=2, allow_nan=False)
         (self._folder / name).write_text(text + "\n", encoding="utf-8")
+
+
+def _write_image(path: Path, image: Image) -> None:
+    """Write an image as ``frames/AGENT/TIME.png``, with the mission time in milliseconds.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    import cv2
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not cv2.imwrite(str(path), image):
+        raise OSError(f"{path} cannot be written")

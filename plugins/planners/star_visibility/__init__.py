@@ -77,15 +77,6 @@ def check(scene: Scene, **_options: Any) -> Iterator[Problem]:
             f"no height to fly at is inside the fence: from {low:g} to {high:g} m, and the fence "
             f"from {fence.low[2]:g} to {fence.high[2]:g} m",
         )
-    for agent in scene.agents:
-        x, y, _ = agent.start
-        for obstacle in scene.world.obstacles:
-            if obstacle.height[1] > agent.start[2] and obstacle.contains((x, y, low)):
-                yield Problem(
-                    (),
-                    f"{agent.name!r} cannot take off: obstacle {obstacle.name!r} is where it "
-                    f"comes to the lowest height to fly at, {low:g} m",
-                )
 
 
 @hookimpl

@@ -1,145 +1,240 @@
-"""The visibility graphs of all bands of heights, and the shortest path through them."""
+"""The visibility graph of a world, and the shortest path through it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from itertools import pairwise, product
+from collections.abc import Generator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
-from star_core import Array, Fence
-from star_visibility.escape import BEYOND
-from star_visibility.search import shortest
-from star_visibility.sight import band_of, meeting, open_in, sees, within
-from star_visibility.slopes import met, sloped
-from star_visibility.tangents import graph, seen_from
-from star_visibility.walls import Walls
+from star_core import Array, Fence, Mask, Rows
+from star_visibility.doors import doors
+from star_visibility.openings import entered
+from star_visibility.places import joined, places
+from star_visibility.profile import profile
+from star_visibility.search import FOUND, FULL, MORE, Goal, Net, Places, Search, advance
+from star_visibility.sight import sees
+from star_visibility.tangents import corners, graph
+from star_visibility.walls import Block, Walls, apart
 
-DIRECTIONS = 8  # in which a way out from under an obstacle is looked for, besides the goal's
-PAIRS = 24  # ways out from over or under obstacles, of start and goal, that are tried together
+DETOUR = 1.2  # times the straight way: for paths longer than this doors are tried, too
+STEEP = 1.02  # times what it was taken for: a path longer than this is searched for anew
+BEGIN = 5000  # what it takes to begin a search, in the measure of `Work`
+STRAIGHT = 1e-9  # m; a point nearer than this to the line between its neighbours is no turn
+
+
+@dataclass(slots=True)
+class Work:
+    """What may still be done now; who searches takes from it, and waits when it is used up.
+
+    Attributes:
+        left: How many boxes around rings, and points, may be looked at.
+    """
+
+    left: int
+
+
+Flat: TypeAlias = tuple[Array, Array, Mask]
+"""(M, 2) points of a line in the plane, m; (M - 1,) a height that each stretch is free at, m; and
+(M,) whether the line turns round a corner there."""
+
+Found: TypeAlias = tuple[float, Array, Flat]
+"""Length of a path, m; (K, 3) its points, m; and the line that it is above."""
 
 
 class Network:
-    """Finds paths between free places. What is slow is done when it is made.
+    """Finds paths between free places.
 
-    A path crosses in one band of heights: up or down to the nearest height of the band, around what
-    is in the way there, and up or down to its end. If an obstacle is above or below an end, the
-    path may first come out from under it in another band. Of all these the shortest is taken.
+    A path is a line in the plane that turns at corners of what is in the way, and heights along it:
+    the least that clear what the line is over and under, climbing as evenly as that allows.
+    It can change from over to under things in between: where the straight line, or a line between
+    two corners of the path, comes upon something; and if that is no way, or a long one, at doors
+    on all outlines. Of the ways that are tried the shortest is taken.
 
     Args:
-        walls: What paths stay out of.
+        blocks: What paths stay out of.
+        planned: The same, in bands of heights.
+        height: Lowest and highest z to fly at, m.
         fence: Paths turn inside of it only.
     """
 
-    def __init__(self, walls: Walls, fence: Fence) -> None:
-        self._walls = walls
-        self._bands = range(len(walls.level) - 1)
-        self._graphs = [graph(walls, band, fence) for band in self._bands]
-        self._warm_up(np.array(fence.low, np.float64), np.array(fence.high, np.float64))
+    def __init__(
+        self, blocks: list[Block], planned: Walls, height: tuple[float, float], fence: Fence
+    ) -> None:
+        self._planned = planned
+        self._height = height
+        self._parts = apart(blocks)
+        self._span = np.array([block[:2] for block in blocks], np.float64).reshape(-1, 2)
+        self._passed = [k for k, block in enumerate(blocks) if block[:2] != height]
+        corner = corners(self._parts, fence)
+        tangents = graph(self._parts, self._span, corner)
+        self._net = Net(self._parts, self._span, corner, tangents)
+        self._plain = self._places(corner.place, corner.block)
+        door = doors(blocks, height, fence)
+        self._doors = self._places(door) if len(door) else None
+        low, high = (np.array([*end[:2], z]) for end, z in
+                     zip((fence.low, fence.high), height, strict=True))  # fmt: skip
+        self._warm_up(low.astype(np.float64), high.astype(np.float64))
 
-    def path(self, start: Array, end: Array) -> Array | None:
-        """Return the (K, 3) points of a path with both its ends, m; None if none is found."""
-        if sees(self._walls, start, end):
+    def path(self, start: Array, end: Array, work: Work) -> Generator[None, None, Array | None]:
+        """Return the (K, 3) points of a path with both its ends, m; None if there is none.
+
+        It yields whenever the work is used up.
+        """
+        if sees(self._planned, start, end):
             return np.array([start, end])
-        best: Array | None = None
-        doors = list(product(self._doors(start, end), self._doors(end, start)))
-        pairs = [
-            (math.dist(start, leave) + math.dist(leave, come) + math.dist(come, end), i)
-            for i, (leave, come) in enumerate(doors)
-        ]
-        known: dict[tuple[float, ...], Array | None] = {}
-        for bound, i in sorted(pairs)[:PAIRS]:
-            if best is not None and bound >= _length(best):
+        there = tuple(start.tolist()) <= tuple(end.tolist())  # the way back is the same
+        way = yield from self._path(*((start, end) if there else (end, start)), work)
+        return way if way is None or there else way[::-1].copy()
+
+    def _path(self, start: Array, end: Array, work: Work) -> Generator[None, None, Array | None]:
+        met = self._met(np.array([start[:2], end[:2]]))
+        found = yield from self._tried(self._plain, start, end, met, math.inf, work)
+        if self._doors is None or (found and found[0] <= DETOUR * math.dist(start, end)):
+            return found[1] if found else None
+        every, least = joined(self._plain, self._doors), found[0] if found else math.inf
+        other = yield from self._tried(every, start, end, met, least, work)
+        while other and other[0] < least - STRAIGHT:
+            found, least = other, other[0]
+            line, _, turns = other[2]
+            turns[[0, -1]] = True
+            more = np.concatenate([self._met(line[turns]), line[~turns]])
+            other = yield from self._tried(self._plain, start, end, more, least, work)
+        return found[1] if found else None
+
+    def _tried(
+        self, base: Places, start: Array, end: Array, more: Array, most: float, work: Work
+    ) -> Generator[None, None, Found | None]:
+        """Search for the shortest path, by points of one's own; None if none is below `most`, m.
+
+        If it cannot climb as evenly as the search took for granted, it is searched for anew as if
+        no way could, and the shorter of both is taken.
+        """
+        found: Found | None = None
+        for steep in (False, True):
+            flat = yield from self._flat(base, (start, end), more, most, work, steep=steep)
+            if flat is None:
                 break
-            legs = []
-            for leg in pairwise([start, *doors[i], end]):
-                key = (*leg[0].tolist(), *leg[1].tolist())
-                if key not in known:
-                    known[key] = leg[0][None] if math.dist(*leg) == 0.0 else self._crossing(*leg)
-                if (way := known[key]) is None:
-                    break
-                legs.append(way)
-            else:
-                whole = np.concatenate(legs)
-                best = whole if best is None or _length(whole) < _length(best) else best
-        return best
+            way = self._whole(flat[0], start, end)
+            length = _length(way)
+            if found is None or length < found[0]:
+                found = length, way, flat[0]
+            if length <= STEEP * flat[1]:
+                break
+        return found
 
-    def _crossing(self, start: Array, end: Array) -> Array | None:
-        """The shortest path that crosses in one band; None if there is none."""
-        return min(self._crossings(start, end), key=_length, default=None)
-
-    def _crossings(self, start: Array, end: Array) -> Iterator[Array]:
-        """Paths through one band each; those that cannot be the shortest are left out."""
-        apart = math.dist(start[:2], end[:2])
-        z = [np.clip([start[2], end[2]], *ends) for ends in pairwise(self._walls.level)]
-        bound = [
-            math.hypot(apart, abs(up - start[2]) + abs(down - up) + abs(end[2] - down))
-            for up, down in z
-        ]
-        least = math.inf
-        for band in np.argsort(bound, kind="stable").tolist():
-            if bound[band] >= least:
-                return
-            way = self._through(band, start, end, *z[band].tolist())
-            if way is not None:
-                least = min(least, _length(way))
-                yield way
-
-    def _through(
-        self, band: int, start: Array, end: Array, first: float, last: float
-    ) -> Array | None:
-        """The shortest path in one band, from one height to another; None if there is none."""
-        up, down = np.array([*start[:2], first]), np.array([*end[:2], last])
-        for place, beside in ((start, up), (end, down)):
-            if within(self._walls, band, *place[:2]) or not sees(self._walls, place, beside):
+    def _flat(
+        self,
+        base: Places,
+        ends: tuple[Array, Array],
+        more: Array,
+        most: float,
+        work: Work,
+        *,
+        steep: bool,
+    ) -> Generator[None, None, tuple[Flat, float] | None]:
+        """Search for the shortest line, and return it with what the search takes for its length."""
+        start, end = ends
+        known = joined(base, self._places(np.concatenate([[start[:2], end[:2]], more])))
+        first, z = len(base.place), min(max(float(end[2]), self._height[0]), self._height[1])
+        goal = Goal(first + 1, float(end[0]), float(end[1]), z, most, steep)
+        search = self._begin(known, first, start, end)
+        work.left -= BEGIN
+        while True:
+            if work.left <= 0:
+                yield
+            how, state, work.left = advance(self._net, known, search, goal, work.left)
+            if how == FULL:
+                search = _longer(search)
+            elif how == FOUND:
+                line = _line(known, search, int(state), len(self._net.corner.place))
+                return line, float(search.total[state])
+            elif how != MORE:
                 return None
-        flat = np.array([start[:2], end[:2]])
-        if not open_in(self._walls, band, *start[:2], *end[:2]):
-            turns = self._turns(band, start[:2], end[:2])
-            if not len(turns):
-                return None
-            flat = np.concatenate([flat[:1], turns, flat[1:]])
-        return sloped(self._walls, band, flat, (start[2], first, last, end[2]))
 
-    def _turns(self, band: int, start: Array, end: Array) -> Array:
-        """(K, 2) corners that the shortest path in one band turns at, m; none if there is none."""
-        net = self._graphs[band]
-        leave, come = (
-            seen_from(self._walls, band, net.corner, net.before, net.after, place)
-            for place in (start, end)
-        )
-        return net.corner[shortest(net.corner, net.first, net.to, net.length, leave, come, end)]
+    def _begin(self, known: Places, first: int, start: Array, end: Array) -> Search:
+        states, z = len(known.of), float(np.clip(start[2], *self._height))
+        most = int(np.diff(self._net.graph.first).max(initial=0)) + len(known.place) + states
+        zero, count = np.zeros(states), np.array([0, most])
+        search = Search(
+            zero, zero.copy(), zero.copy(), np.full(states, np.inf), np.full(states, -1),
+            np.zeros(states, np.bool_), np.empty(4 * most), np.empty(4 * most, np.int64),
+            np.empty(4 * most, np.int64), np.empty(4 * most, np.int64), count,
+        )  # fmt: skip
+        for state in range(known.first[first], known.first[first + 1]):
+            low, high = known.open[state]
+            if low - STRAIGHT <= z <= high + STRAIGHT:
+                search.z[state], search.total[state] = z, math.dist(start, end)
+                k = count[0]
+                search.key[k], search.who[k], search.to[k] = 0.0, state, -1
+                count[0] += 1
+                break
+        return search
+
+    def _whole(self, flat: Flat, start: Array, end: Array) -> Array:
+        line, leg, turns = flat
+        least, most = self._height
+        low, high = (min(max(float(z), least), most) for z in (start[2], end[2]))
+        way = profile(self._parts, self._span, line, leg, (low, high))
+        if len(way) > len(line) or not turns[1:-1].all():
+            way = _turns(way)
+        above = [start[None]] if start[2] != low else []
+        below = [end[None]] if end[2] != high else []
+        return np.concatenate([*above, way, *below])
+
+    def _places(self, place: Array, block: Rows | None = None) -> Places:
+        own: Rows = np.full(len(place), -1) if block is None else block
+        return places(self._parts, self._span, self._height, place, own)
+
+    def _met(self, line: Array) -> Array:
+        """(K, 2) where a line comes upon what it can fly over or under, and leaves it, m."""
+        found = [np.empty((0, 2))]
+        for a, b in pairwise(line):
+            length = math.dist(a, b)
+            for part in self._passed:
+                ends = entered(self._parts, part, *a, *b)
+                inner = ends[(ends > STRAIGHT) & (ends < length - STRAIGHT)]
+                found.append(a + inner[:, None] * (b - a) / max(length, STRAIGHT))
+        return np.concatenate(found)
 
     def _warm_up(self, low: Array, high: Array) -> None:
-        """Have what is called below compiled, or fetched from disk, before anybody flies."""
-        self._turns(0, low[:2], high[:2])
-        sees(self._walls, low, high)
-        within(self._walls, 0, *low[:2])
-        open_in(self._walls, 0, *low[:2], *high[:2])
-        meeting(self._walls, 0, low[0], low[1], high[0], high[1], False)  # noqa: FBT003
-        met(self._walls, 0, 0, np.array([low[:2], high[:2]]))
-        band_of(self._walls, low[2])
+        """Have what is called in flight compiled, or fetched from disk, before anybody flies."""
+        sees(self._planned, low, high)
+        entered(self._parts, 0, *low[:2], *high[:2]) if len(self._span) else None
+        for _ in self._path(low, high, Work(10_000)):
+            break
+        flat = np.array([low[:2], high[:2]])
+        profile(self._parts, self._span, flat, low[2:], (low[2], low[2]))
 
-    def _doors(self, place: Array, towards: Array) -> list[Array]:
-        """A place, and those at its height that are straight out from all that is above or below.
 
-        One is on the way to another place; the others lie in `DIRECTIONS` all around.
-        """
-        over = [band for band in self._bands if within(self._walls, band, *place[:2])]
-        doors = [place]
-        far = float(np.ptp(self._walls.corner)) if len(self._walls.corner) else 0.0
-        bearing = math.atan2(towards[1] - place[1], towards[0] - place[0])
-        angles = [bearing, *(math.tau * i / DIRECTIONS for i in range(DIRECTIONS))]
-        for angle in angles if over else ():
-            ray = np.array([math.cos(angle), math.sin(angle)])
-            (x, y), (far_x, far_y) = place[:2], place[:2] + far * ray
-            out = max(meeting(self._walls, b, x, y, far_x, far_y, False) for b in over)  # noqa: FBT003
-            if out < math.inf:
-                door = np.array([*(place[:2] + (out + BEYOND) * ray), place[2]])
-                if not any(within(self._walls, band, *door[:2]) for band in over):
-                    doors.append(door)
-        return doors
+def _line(known: Places, search: Search, state: int, corner_count: int) -> Flat:
+    chain = [state]
+    while search.came[chain[-1]] >= 0:
+        chain.append(int(search.came[chain[-1]]))
+    chain.reverse()
+    at = known.of[chain]
+    return known.place[at], search.z[chain[1:]], at < corner_count
+
+
+def _longer(search: Search) -> Search:
+    key, who, to, by = (np.concatenate([row, np.empty_like(row)]) for row in
+                        (search.key, search.who, search.to, search.by))  # fmt: skip
+    return search._replace(key=key, who=who, to=to, by=by)
+
+
+def _turns(way: Array) -> Array:
+    """Return a path without the points that it passes straight."""
+    kept: list[Array] = [way[0]]
+    for point, following in pairwise(way[1:]):
+        along, off = following - kept[-1], point - kept[-1]
+        size = float(np.sqrt((along**2).sum()))
+        aside = off - along * float(off @ along) / max(size, STRAIGHT) ** 2
+        if float(np.sqrt((aside**2).sum())) > STRAIGHT:
+            kept.append(point)
+    return np.array([*kept, way[-1]])
 
 
 def _length(way: Array) -> float:

@@ -2,29 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from star_core import Array, Estimate, Goals, Homing, Mask, Plan, Rows, Scene, Setpoint
 from star_visibility.carrot import steer
+from star_visibility.network import Work
 from star_visibility.routes import Routes
 from star_visibility.sight import all_see
 from star_visibility.trips import Trips
 
 TURNING = 0.5  # of the greatest acceleration, for turns and braking: the rest is as for `Homing`
 
+WORK = 80_000  # in one tick, in the measure of `Work`
+SHARE = 4  # of agents between which it is shared at least; if more ask, they take turns
+
+
+class Job(NamedTuple):
+    """A path that is being planned.
+
+    Attributes:
+        here: (3,) from where, m.
+        goal: (3,) where to, m.
+        work: What may be done for it now.
+        search: Yields when that is done.
+    """
+
+    here: Array
+    goal: Array
+    work: Work
+    search: Generator[None, None, Array | str]
+
 
 class Visibility:
     """Flies each agent the shortest way to its goal that keeps clear of obstacles.
 
     An agent that sees its goal flies to it as with the planner `straight`. Any other flies a path
-    from the visibility graph, which was built when the planner was made; no more than so many
-    paths are planned in one tick, and agents take turns. Until its turn an agent keeps the path it
-    is on if its goal moved a little only and the path is in sight; else it holds.
+    from the visibility graph, which was built when the planner was made. No more than so many
+    paths, and no more than `WORK`, are planned in one tick: agents take turns, and the search for a
+    path goes on in the ticks to come. It is counted what is looked at, not how long it takes: so
+    flights in lock-step are the same on every machine. Until its path is there an agent keeps the
+    one that it is on if its goal moved a little only and the path is in sight; else it holds.
 
     A goal that cannot be reached is not flown to: the agent holds, and its row of
-    `Plan.unreachable` is True.
+    `Plan.unreachable` is True. So it is with one outside the heights to fly at.
 
     Args:
         scene: The mission's scene.
@@ -66,6 +90,7 @@ class Visibility:
         self._hold_distance = hold_distance
         self._most = queries_per_tick
         self._next = 0  # row whose turn it is
+        self._jobs: dict[int, Job] = {}
         self._direct = np.zeros(n, np.bool_)
         nowhere, nobody = np.zeros((n, 3)), np.zeros(n, np.bool_)
         self._sees_goal(nowhere, nowhere, nobody)  # compiled, as all else, before anybody flies
@@ -75,8 +100,9 @@ class Visibility:
         active = goals.active & estimate.valid
         here = np.where(active[:, None], estimate.position, 0.0)
         aim = np.where(active[:, None], goals.position, 0.0)
-        aim[:, 2] = np.clip(aim[:, 2], *self._height)
-        direct = self._direct = self._sees_goal(here, aim, active)
+        off = active & self._routes.too_high_or_low(here, aim)
+        aim[:, 2] = np.where(off, aim[:, 2], np.clip(aim[:, 2], *self._height))
+        direct = self._direct = self._sees_goal(here, aim, active & ~off)
         trips, on = self._trips, active & ~direct
         trips.forget(~on)
         known = on & (trips.count > 0)
@@ -88,7 +114,8 @@ class Visibility:
         )
         asked = self._ask(here, aim, on & ~fresh)
         again, still_lost = self._steer(here, asked & (trips.count > 0))
-        target[asked], lost[asked], moved[asked] = again[asked], still_lost[asked], 0.0
+        target[asked], lost[asked] = again[asked], still_lost[asked]
+        moved = _far(aim, trips.goal)
         on &= (trips.count > 0) & ~lost & (moved <= self._hold_distance)
         stuck = np.zeros(len(active), np.bool_)
         stuck[list(trips.fault)] = True
@@ -122,15 +149,30 @@ class Visibility:
         )
 
     def _ask(self, here: Array, aim: Array, wanting: Mask) -> Mask:
-        """Plan the paths of those whose turn it is, and return who they are: (N,)."""
+        """Plan the paths of those whose turn it is, and return whose are done: (N,)."""
+        self._jobs = {row: job for row, job in self._jobs.items() if wanting[row]}
         rows: Rows = np.flatnonzero(wanting)
         rows = np.roll(rows, -int(np.searchsorted(rows, self._next)))[: self._most]
-        for row in rows.tolist():
-            self._trips.put(row, here[row], aim[row], self._routes.route(here[row], aim[row]))
+        done, left = np.zeros(len(wanting), np.bool_), WORK
+        for k, row in enumerate(rows.tolist()):
+            if left <= 0:
+                break
+            job = self._jobs.get(row) or self._job(here[row].copy(), aim[row].copy())
+            job.work.left = share = max(left // (len(rows) - k), min(left, WORK // SHARE))
+            try:
+                next(job.search)
+                self._jobs[row] = job
+            except StopIteration as end:
+                self._jobs.pop(row, None)
+                self._trips.put(row, job.here, job.goal, end.value)
+                done[row] = True
+            left -= share - job.work.left
             self._next = (row + 1) % len(wanting)
-        asked = np.zeros(len(wanting), np.bool_)
-        asked[rows] = True
-        return asked
+        return done
+
+    def _job(self, here: Array, goal: Array) -> Job:
+        work = Work(0)
+        return Job(here, goal, work, self._routes.search(here, goal, work))
 
     def _setpoint(
         self, estimate: Estimate, goals: Goals, direct: Mask, on: Mask, target: Array

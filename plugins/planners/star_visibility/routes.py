@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import sys
+from collections.abc import Generator, Iterable, Iterator
 
 import numpy as np
+import shapely
 
-from star_core import Array, Scene
+from star_core import Array, Mask, Scene, footprint
 from star_visibility.escape import way_out
-from star_visibility.network import Network
+from star_visibility.network import Network, Work
 from star_visibility.sight import covered, sees
-from star_visibility.walls import walls
+from star_visibility.walls import blocks, walls
 
 SAME = 1e-9  # m; points nearer than this are one
 THERE = 0.1  # m; an agent nearer than this to its goal is there, and may stay
@@ -41,14 +43,17 @@ class Routes:
         world = scene.world
         self._world = world
         self._clearance = clearance
+        self._vertical_clearance = vertical_clearance
         low, high = scene.limits.height
         height = (max(low, world.fence.low[2]), min(high, world.fence.high[2]))
+        self._height_fault = scene.height_fault
         self._low = np.array([*world.fence.low[:2], height[0]], np.float64)
         self._high = np.array([*world.fence.high[:2], height[1]], np.float64)
-        self.planned = walls(world, height, clearance + margin, vertical_clearance + margin)
-        self.kept = walls(world, height, clearance, vertical_clearance)
-        self._solid = walls(world, height, 0.0, 0.0)
-        self._network = Network(self.planned, world.fence)
+        avoided = blocks(world, height, clearance + margin, vertical_clearance + margin)
+        self.planned = walls(avoided, height)
+        self.kept = walls(blocks(world, height, clearance, vertical_clearance), height)
+        self._solid = walls(blocks(world, height, 0.0, 0.0), height)
+        self._network = Network(avoided, self.planned, height, world.fence)
         covered(self.planned, *self._low)  # compiled before anybody flies
         way_out(self.planned, self.kept, self._low, self._low, self._high)
 
@@ -60,23 +65,44 @@ class Routes:
 
         Args:
             here: (3,) where the agent is, m.
-            goal: (3,) where it is to be, m, at a height within the limits.
+            goal: (3,) where it is to be, m.
 
         Returns:
             (K, 3) points after `here` up to and with `goal`, m; or the reason in words.
         """
+        search = self.search(here, goal, Work(sys.maxsize))
+        while True:
+            try:
+                next(search)
+            except StopIteration as end:
+                found: Array | str = end.value
+                return found
+
+    def search(self, here: Array, goal: Array, work: Work) -> Generator[None, None, Array | str]:
+        """Do as `route` does, but yield whenever the work is used up."""
         if math.dist(here, goal) <= THERE and self._may_stay(here, goal):
             return goal[None]
+        if self.too_high_or_low(here[None], goal[None])[0]:
+            return f"nobody flies to {_show(goal)}: {self._height_fault(float(goal[2]))}"
         start = self._left(here)
         if isinstance(start, str):
             return start
         end = self._come_to(goal)
         if isinstance(end, str):
             return end
-        way = self._network.path(start, end)
+        way = yield from self._network.path(start, end, work)
         if way is None:
             return f"no way leads from {_show(here)} to {_show(goal)}"
         return _joined([here, *way, goal])
+
+    def too_high_or_low(self, here: Array, goal: Array) -> Mask:
+        """Return whether goals, (N, 3) m, are outside the heights to fly at: (N,).
+
+        An agent that is at its goal may stay: the core brings it back to the heights.
+        """
+        out = (goal[:, 2] < self._low[2] - SAME) | (goal[:, 2] > self._high[2] + SAME)
+        answer: Mask = out & (((goal - here) ** 2).sum(axis=1) > THERE**2)
+        return answer
 
     def _may_stay(self, here: Array, goal: Array) -> bool:
         """Whether an agent at its goal is within the clearance of an obstacle, but in none."""
@@ -111,7 +137,20 @@ class Routes:
         for obstacle in self._world.obstacles:
             if obstacle.contains((x, y, z)):
                 return f"inside obstacle {obstacle.name!r}"
-        return f"within the clearance of {self._clearance:g} m of an obstacle"
+        beside, _, name = min(self._gaps(x, y, z))
+        which, kept = (
+            ("", self._clearance) if beside > 0 else ("vertical ", self._vertical_clearance)
+        )
+        return f"within the {which}clearance of {kept:g} m of obstacle {name!r}"
+
+    def _gaps(self, x: float, y: float, z: float) -> Iterator[tuple[float, float, str]]:
+        """How far a point is beside and above or below obstacles that are near in height, m."""
+        for obstacle in self._world.obstacles:
+            foot, top = obstacle.height
+            above = max(foot - z, z - top, 0.0)
+            if above <= self._vertical_clearance:
+                ground = footprint([obstacle], -math.inf, math.inf)
+                yield float(ground.distance(shapely.Point(x, y))), above, obstacle.name
 
 
 def _joined(points: Iterable[Array]) -> Array:

@@ -1,4 +1,4 @@
-"""The visibility graph of one band: corners, and the tangents between those that see each other."""
+"""The visibility graph of blocks: their corners, and the tangents between those."""
 
 from __future__ import annotations
 
@@ -8,84 +8,106 @@ from typing import NamedTuple
 import numpy as np
 
 from star_core import Array, Fence, Rows, compiled
-from star_visibility.sight import TOUCH, meets
+from star_visibility.openings import openings
+from star_visibility.sight import TOUCH
 from star_visibility.walls import Walls
 
 
-class Graph(NamedTuple):
-    """Corners that a shortest path can turn at, and the stretches between them.
+class Corners(NamedTuple):
+    """Corners that a shortest path can turn at.
 
     Attributes:
-        corner: (C, 2) m.
+        place: (C, 2) m.
         before: (C, 2) corner before it on its outline, m.
         after: (C, 2) corner after it, m.
-        first: (C + 1,) first stretch of each corner, and one past the last.
-        to: (S,) corner that a stretch leads to.
-        length: (S,) m.
+        block: (C,) block that it is of.
     """
 
-    corner: Array
+    place: Array
     before: Array
     after: Array
+    block: Rows
+
+
+class Graph(NamedTuple):
+    """Stretches between corners; one that is free at several heights apart is several.
+
+    Attributes:
+        first: (C + 1,) first stretch of each corner, and one past the last.
+        to: (S,) corner that a stretch leads to.
+        open: (S, 2) least and greatest height at which it is free, m.
+    """
+
     first: Rows
     to: Rows
-    length: Array
+    open: Array
 
 
-def graph(walls: Walls, band: int, fence: Fence) -> Graph:
-    """Return the reduced visibility graph of a band.
+def corners(parts: Walls, fence: Fence) -> Corners:
+    """Return the corners of all blocks that paths turn at.
 
-    A shortest path among polygons turns at corners where they are convex only, and touches them
-    there without cutting in (Lozano-Pérez and Wesley, CACM 22(10), 1979): other corners and
-    stretches are left out. So are corners outside the fence, which is convex: no path turns there.
+    A shortest path among polygons turns where they are convex only (Lozano-Pérez and Wesley, CACM
+    22(10), 1979): other corners are left out. So are those outside the fence, which is convex.
     """
-    corners, befores, afters = [np.empty((0, 2))], [np.empty((0, 2))], [np.empty((0, 2))]
-    for ring in range(walls.first_ring[band], walls.first_ring[band + 1]):
-        corner = walls.corner[walls.first_corner[ring] : walls.first_corner[ring + 1]]
-        before, after = np.roll(corner, 1, axis=0), np.roll(corner, -1, axis=0)
-        come, go = corner - before, after - corner
-        convex = come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0] > -TOUCH
-        convex &= ((corner >= fence.low[:2]) & (corner <= fence.high[:2])).all(axis=1)
-        corners.append(corner[convex])
-        befores.append(before[convex])
-        afters.append(after[convex])
-    corner, before, after = map(np.concatenate, (corners, befores, afters))
-    return Graph(corner, before, after, *connect(walls, band, corner, before, after))
+    found = [(np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64))]
+    for part in range(len(parts.first_ring) - 1):
+        for ring in range(parts.first_ring[part], parts.first_ring[part + 1]):
+            corner = parts.corner[parts.first_corner[ring] : parts.first_corner[ring + 1]]
+            before, after = np.roll(corner, 1, axis=0), np.roll(corner, -1, axis=0)
+            come, go = corner - before, after - corner
+            convex = come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0] > -TOUCH
+            convex &= ((corner >= fence.low[:2]) & (corner <= fence.high[:2])).all(axis=1)
+            found.append(
+                (corner[convex], before[convex], after[convex], np.full(convex.sum(), part))
+            )
+    return Corners(*map(np.concatenate, zip(*found, strict=True)))
 
 
 @compiled
-def connect(
-    walls: Walls, band: int, corner: Array, before: Array, after: Array
-) -> tuple[Rows, Rows, Array]:
-    """Return the last three fields of a `Graph`."""
-    n = len(corner)
+def graph(parts: Walls, span: Array, corner: Corners) -> Graph:
+    """Return the reduced visibility graph of blocks.
+
+    A shortest path touches a block at a corner without cutting in, and does so only at heights at
+    which the block is there: other stretches are left out.
+
+    Args:
+        parts: The blocks.
+        span: (G, 2) least and greatest height of each, m.
+        corner: Their corners.
+    """
+    n = len(corner.place)
     count = np.zeros(n + 1, np.int64)
     one, other = [0 for _ in range(0)], [0 for _ in range(0)]
+    least, greatest = [0.0 for _ in range(0)], [0.0 for _ in range(0)]
     for i in range(n):
+        a, block = corner.place[i], corner.block[i]
         for j in range(i):
+            b, its = corner.place[j], corner.block[j]
             if (
-                passes(corner[j], corner[i], before[i], after[i])
-                and passes(corner[i], corner[j], before[j], after[j])
-                and math.hypot(corner[i, 0] - corner[j, 0], corner[i, 1] - corner[j, 1]) > TOUCH
-                and not meets(walls, band, corner[i, 0], corner[i, 1], corner[j, 0], corner[j, 1])
+                passes(b, a, corner.before[i], corner.after[i])
+                and passes(a, b, corner.before[j], corner.after[j])
+                and math.hypot(a[0] - b[0], a[1] - b[1]) > TOUCH
             ):
-                one.append(i)
-                other.append(j)
-                count[i + 1] += 1
-                count[j + 1] += 1
+                low, high = max(span[block, 0], span[its, 0]), min(span[block, 1], span[its, 1])
+                if low < high:
+                    free = openings(parts, span, a, b, (low, high), (block, its))
+                    for k in range(len(free)):
+                        one.append(i)
+                        other.append(j)
+                        least.append(free[k, 0])
+                        greatest.append(free[k, 1])
+                        count[i + 1] += 1
+                        count[j + 1] += 1
     for i in range(n):
         count[i + 1] += count[i]
     first, place = count, count.copy()
-    to = np.empty(2 * len(one), np.int64)
-    length = np.empty(2 * len(one))
+    to, heights = np.empty(2 * len(one), np.int64), np.empty((2 * len(one), 2))
     for k in range(len(one)):
-        i, j = one[k], other[k]
-        distance = math.hypot(corner[i, 0] - corner[j, 0], corner[i, 1] - corner[j, 1])
-        to[place[i]], to[place[j]] = j, i
-        length[place[i]] = length[place[j]] = distance
-        place[i] += 1
-        place[j] += 1
-    return first, to, length
+        for i, j in ((one[k], other[k]), (other[k], one[k])):
+            to[place[i]] = j
+            heights[place[i], 0], heights[place[i], 1] = least[k], greatest[k]
+            place[i] += 1
+    return Graph(first, to, heights)
 
 
 @compiled
@@ -96,17 +118,3 @@ def passes(point: Array, corner: Array, before: Array, after: Array) -> bool:
     one = ux * (before[1] - corner[1]) - uy * (before[0] - corner[0])
     other = ux * (after[1] - corner[1]) - uy * (after[0] - corner[0])
     return bool((one >= -near and other >= -near) or (one <= near and other <= near))
-
-
-@compiled
-def seen_from(
-    walls: Walls, band: int, corner: Array, before: Array, after: Array, point: Array
-) -> Array:
-    """Return how far each corner is from a free point, (C,) m; infinity where no tangent leads."""
-    distance = np.full(len(corner), np.inf)
-    for i in range(len(corner)):
-        if passes(point, corner[i], before[i], after[i]) and not meets(
-            walls, band, point[0], point[1], corner[i, 0], corner[i, 1]
-        ):
-            distance[i] = math.hypot(corner[i, 0] - point[0], corner[i, 1] - point[1])
-    return distance

@@ -1,13 +1,17 @@
-"""Where no agent may be, in bands of heights, as arrays that kernels read."""
+"""Where no agent may be, as arrays that kernels read: in bands of heights, and by what is there."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
-from star_core import Array, Rows, World, footprint
+from star_core import Array, Obstacle, Rows, World, footprint
 
 THIN = 1e-9  # m, less than this between two heights is no band
 
@@ -34,9 +38,25 @@ class Walls(NamedTuple):
     corner: Array
 
 
-def walls(
+class Block(NamedTuple):
+    """What is forbidden between two heights; all that is so between the same two is one.
+
+    Attributes:
+        low: Where it begins, m.
+        high: Where it ends, m.
+        ground: Where it is in the x-y plane, in pieces that do not touch.
+        rings: Those of each piece, (K, 2) m, as in `Walls`.
+    """
+
+    low: float
+    high: float
+    ground: list[shapely.Polygon]
+    rings: list[list[Array]]
+
+
+def blocks(
     world: World, height: tuple[float, float], clearance: float, vertical_clearance: float
-) -> Walls:
+) -> list[Block]:
     """Return where no agent may be that keeps a clearance to the obstacles of a world.
 
     Args:
@@ -45,35 +65,89 @@ def walls(
         clearance: Distance to keep beside an obstacle, m.
         vertical_clearance: Distance to keep below and above an obstacle, m.
     """
-    level = _levels(world, height, vertical_clearance)
-    first_ring, rings = [0], list[Array]()
+    low, high = height
+    alike: dict[tuple[float, float], list[Obstacle]] = {}
+    for obstacle in world.obstacles:
+        foot, top = obstacle.height
+        begin, end = foot - vertical_clearance, top + vertical_clearance
+        if begin < high - THIN and end > low + THIN:
+            alike.setdefault((max(begin, low), min(end, high)), []).append(obstacle)
+    found = []
+    for ends, some in sorted(alike.items()):
+        ground = list(footprint(some, -np.inf, np.inf, clearance).geoms)
+        found.append(Block(*ends, ground, [_rings(piece) for piece in ground]))
+    return found
+
+
+def walls(parts: list[Block], height: tuple[float, float]) -> Walls:
+    """Return what is forbidden in bands; blocks that overlap in one are one outline there.
+
+    Args:
+        parts: What is forbidden.
+        height: Lowest and highest z, m.
+    """
+    level = _levels(parts, height)
+    piece = [(part, ground, rings) for part in parts
+             for ground, rings in zip(part.ground, part.rings, strict=True)]  # fmt: skip
+    crowds = list(_crowds([ground for _, ground, _ in piece]))
+    known: dict[tuple[int, ...], list[Array]] = {
+        (k,): rings for k, (_, _, rings) in enumerate(piece)
+    }
+    bands = []
     for low, high in pairwise(level):
         middle = (low + high) / 2
-        ground = footprint(
-            world.obstacles, middle - vertical_clearance, middle + vertical_clearance, clearance
-        )
-        for part in ground.geoms:
-            rings += [_ring(line.coords, turn) for line, turn in
-                      [(part.exterior, 1), *((hole, -1) for hole in part.interiors)]]  # fmt: skip
+        bands.append(list[Array]())
+        for crowd in crowds:
+            here = tuple(k for k in crowd if piece[k][0].low < middle < piece[k][0].high)
+            if here and here not in known:
+                known[here] = _rings(shapely.union_all([piece[k][1] for k in here]))
+            bands[-1] += known.get(here, ())
+    return _tables(np.array(level, np.float64), bands)
+
+
+def apart(parts: Iterable[Block]) -> Walls:
+    """Return the outlines of blocks, each block as if it were a band."""
+    return _tables(np.empty(0), [[ring for some in part.rings for ring in some] for part in parts])
+
+
+def _crowds(ground: list[shapely.Polygon]) -> Iterator[list[int]]:
+    """Yield which polygons touch, over others or not: the rows of each such crowd."""
+    if not ground:
+        return
+    one, other = shapely.STRtree(ground).query(ground, predicate="intersects")
+    net: Any = csr_array((np.ones(len(one)), (one, other)), shape=(len(ground),) * 2)
+    count, label = connected_components(net, directed=False)
+    for crowd in range(count):
+        yield np.flatnonzero(label == crowd).tolist()
+
+
+def _tables(level: Array, bands: Iterable[list[Array]]) -> Walls:
+    first_ring, rings = [0], list[Array]()
+    for some in bands:
+        rings += some
         first_ring.append(len(rings))
-    box = [np.concatenate([ring.min(axis=0), ring.max(axis=0)]) for ring in rings]
-    return Walls(
-        np.array(level, np.float64),
-        np.array(first_ring),
-        np.array(box).reshape(-1, 4),
-        np.cumsum([0, *map(len, rings)]),
-        np.concatenate([np.empty((0, 2)), *rings]),
-    )
+    first_corner = np.cumsum([0, *map(len, rings)])
+    corner = np.concatenate([np.empty((0, 2)), *rings])
+    box = np.empty((len(rings), 4))
+    if rings:
+        box[:, :2] = np.minimum.reduceat(corner, first_corner[:-1])
+        box[:, 2:] = np.maximum.reduceat(corner, first_corner[:-1])
+    return Walls(level, np.array(first_ring), box, first_corner, corner)
 
 
-def _levels(world: World, height: tuple[float, float], vertical_clearance: float) -> list[float]:
+def _rings(ground: shapely.Geometry) -> list[Array]:
+    """The rings of all polygons in something flat."""
+    return [
+        _ring(line, turn)
+        for part in shapely.get_parts(ground)
+        if part.geom_type == "Polygon" and not part.is_empty
+        for line, turn in [(part.exterior, 1), *((hole, -1) for hole in part.interiors)]
+    ]
+
+
+def _levels(parts: Iterable[Block], height: tuple[float, float]) -> list[float]:
     low, high = height
-    between = {
-        float(z)
-        for obstacle in world.obstacles
-        for z in (obstacle.height[0] - vertical_clearance, obstacle.height[1] + vertical_clearance)
-        if low + THIN < z < high - THIN
-    }
+    between = {z for part in parts for z in (part.low, part.high) if low + THIN < z < high - THIN}
     levels = [low]
     for z in sorted(between):
         if z - levels[-1] > THIN:
@@ -81,9 +155,9 @@ def _levels(world: World, height: tuple[float, float], vertical_clearance: float
     return [*levels, high]
 
 
-def _ring(coordinates: object, turn: int) -> Array:
+def _ring(line: shapely.LinearRing, turn: int) -> Array:
     """Corners of a closed line, each once, anticlockwise (1) or clockwise (-1): (K, 2) m."""
-    ring = np.array(coordinates, np.float64)[:-1, :2]
-    after = np.roll(ring, -1, axis=0)
-    area = float((ring[:, 0] * after[:, 1] - after[:, 0] * ring[:, 1]).sum())
-    return ring if area * turn > 0 else np.ascontiguousarray(ring[::-1])
+    closed = np.asarray(shapely.get_coordinates(line), np.float64)
+    (x, y), (next_x, next_y) = closed[:-1].T, closed[1:].T
+    ring = closed[:-1]
+    return ring if float(x @ next_y - next_x @ y) * turn > 0 else np.ascontiguousarray(ring[::-1])

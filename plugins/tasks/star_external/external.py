@@ -22,13 +22,11 @@ import numpy as np
 from star_core import Estimate, Goals, Health, InputError, Scene, Status, Step
 from star_external.door import LONGEST, Door, Line
 from star_external.messages import Done, Failed, Goal, Message, read
+from star_external.offer import TIME_OUT
 from star_external.rates import ticks_between
 from star_external.reports import greeting, refusal, state
 
 log = logging.getLogger(__name__)
-
-TIME_OUT: Final = 60.0
-"""How long the step may take if the mission does not say, s."""
 
 LINES: Final = 50
 """Lines that are heard in a tick; what is more waits, and then the sender does."""

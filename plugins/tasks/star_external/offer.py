@@ -21,6 +21,9 @@ PORT: Final = 5799
 
 LOOPBACK: Final = "127.0.0.1"
 
+TIME_OUT: Final = 60.0
+"""How long the step may take if the mission does not say, s."""
+
 
 def offer() -> Offer[Task]:
     """Return the verb; steps of one flight that name the same port share its door."""
@@ -32,6 +35,7 @@ def offer() -> Offer[Task]:
         check=check,
         options={
             "type": "object",
+            "outside": {"holds": ["listen", "port"], "timeout": TIME_OUT},
             "properties": {
                 "port": {
                     "type": "integer",

@@ -25,6 +25,19 @@ def corners(scene: Scene, area: Area | None) -> tuple[Corner, ...]:
     return tuple((float(x), float(y)) for x, y in area)
 
 
+def inside(ring: Sequence[Corner], x: float, y: float) -> bool:
+    """Return whether a point is inside a polygon, by the crossings of a ray towards +x.
+
+    >>> inside([(0, 0), (2, 0), (2, 2), (0, 2)], 1.0, 1.5)
+    True
+    """
+    odd = False
+    for (ax, ay), (bx, by) in zip(ring, [*ring[1:], ring[0]], strict=True):
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            odd = not odd
+    return odd
+
+
 def faults(scene: Scene, area: Area | None) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Yield what is wrong with an area that its schema cannot see, and where in it."""
     if isinstance(area, Mapping):

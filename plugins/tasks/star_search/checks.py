@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Problem
 from star_search import area as areas
@@ -13,23 +14,33 @@ from star_search.view import swaths
 if TYPE_CHECKING:
     from star_core import Scene
 
+SPEED: Final = 0.3  # m/s, as the schema has it
+STAYS: Final = ("land", "hover")
+"""What `then` may say with which a finder searches no more."""
 
-def check(
+
+def check(  # noqa: PLR0913 -- a mission's own options
     scene: Scene,
     rows: tuple[int, ...],
     *,
     area: areas.Area | None = None,
     height: float = 0.8,
-    speed: float = 0.3,
+    speed: float | None = None,
     swath: float | None = None,
     clearance: float = 0.3,
     targets: int | Sequence[str] | None = None,
+    then: str = "continue",
     **_others: Any,
 ) -> Iterator[Problem]:
     """Yield every reason why a search cannot be flown."""
     yield from (Problem(("area", *path), message) for path, message in areas.faults(scene, area))
     if fault := scene.height_fault(height):
         yield Problem(("height",), fault)
+    pace = min(SPEED if speed is None else speed, scene.limits.speed)
+    if speed is not None and speed > pace:
+        yield Problem(
+            ("speed",), f"{speed:g} m/s is above limits.speed, {scene.limits.speed:g} m/s"
+        )
     blind = [row for row in rows if scene.agents[row].camera is None]
     if blind:
         has = "has" if len(blind) == 1 else "have"
@@ -39,7 +50,7 @@ def check(
             "give agents `camera: aideck`, or name those that have one",
         )
     else:
-        yield from _swath(scene, rows, height, min(speed, scene.limits.speed), swath)
+        yield from _swath(scene, rows, height, pace, swath)
     fence = scene.world.fence
     narrow = min(fence.high[0] - fence.low[0], fence.high[1] - fence.low[1])
     if 2 * clearance >= narrow:
@@ -47,7 +58,17 @@ def check(
             ("clearance",),
             f"{clearance:g} m on both sides leave nothing of the fence's {narrow:g} m",
         )
-    yield from _targets(scene, targets)
+    wrong = [*areas.faults(scene, area), *blind, *(unknown := [*_targets(scene, targets)])]
+    yield from unknown
+    if then in STAYS and not wrong:
+        wide = max(widest for _, widest in swaths(scene, rows, height, pace))
+        if (there := _far_apart(scene, area, targets, wide)) > len(rows):
+            yield Problem(
+                ("then",),
+                f"each finder stays at its target, so {scene.named(rows)} cannot find the {there} "
+                "that are in the area; send more scouts, let them 'mark' or 'continue', or ask "
+                "for fewer 'targets'",
+            )
 
 
 def _swath(
@@ -70,6 +91,31 @@ def _swath(
         else:
             continue
         return
+
+
+def _far_apart(
+    scene: Scene, area: areas.Area | None, targets: int | Sequence[str] | None, wide: float
+) -> int:
+    """How many of the wanted targets are in the area, none in view on the way to another.
+
+    Args:
+        scene: The mission's scene.
+        area: As the mission gives it.
+        targets: How many, or which; None for all.
+        wide: What a camera sees of the floor, m.
+    """
+    ring = areas.corners(scene, area)
+    found: dict[str, tuple[float, float]] = {}
+    for tag in scene.world.targets:
+        x, y, _ = tag.position
+        new = tag.of not in found and all(math.dist(one, (x, y)) > wide for one in found.values())
+        if (
+            new
+            and areas.inside(ring, x, y)
+            and (targets is None or isinstance(targets, int) or tag.of in targets)
+        ):
+            found[tag.of] = (x, y)
+    return min(len(found), targets) if isinstance(targets, int) else len(found)
 
 
 def _targets(scene: Scene, targets: int | Sequence[str] | None) -> Iterator[Problem]:

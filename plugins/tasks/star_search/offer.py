@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Offer, PluginError
 from star_search.area import Area
@@ -12,6 +12,10 @@ from star_search.choice import names
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
+
+
+VISITS: Final = ("land", "hover", "mark")
+"""What `then` may say that takes a finder's time."""
 
 
 def make(  # noqa: PLR0913 -- a mission's own options
@@ -57,7 +61,11 @@ def offer() -> Offer[Task]:
     properties: dict[str, Mapping[str, Any]] = {
         "area": {
             "type": ["array", "object"],
-            "items": corner,
+            "items": {
+                **corner,
+                "errorMessage": "expected {low: [x, y], high: [x, y]}, or the corners [x, y] of a "
+                "polygon in order, m",
+            },
             "minItems": 3,
             "properties": {"low": corner, "high": corner},
             "required": ["low", "high"],
@@ -126,6 +134,19 @@ def offer() -> Offer[Task]:
         options={
             "type": "object",
             "properties": properties,
+            "if": {"properties": {"then": {"enum": list(VISITS)}}, "required": ["then"]},
+            "then": {
+                "properties": {
+                    "until": {
+                        "title": "Until",
+                        "description": "A condition other than 'found'; none if not given.",
+                        "examples": [{"elapsed": 60}],
+                        "not": {"required": ["found"]},
+                        "errorMessage": "'found' would end the search before the finder does what "
+                        "'then' says; say `targets:` for how many are enough, in place of it",
+                    }
+                }
+            },
             "examples": [{"pattern": "sweep", "height": 0.8, "timeout": 120}],
         },
     )

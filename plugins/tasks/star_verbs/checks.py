@@ -14,7 +14,7 @@ from star_verbs.envelope import (
     samples,
     thinned,
 )
-from star_verbs.places import slot_faults
+from star_verbs.places import slot_faults, too_fast
 from star_verbs.routes import least_distance, route, way_faults
 from star_verbs.slots import slots
 from star_verbs.trajectory import read
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from star_core import Scene
 
 SPACING = 0.6  # m, the default in the schemas
-POLY7 = ("format", "timescale", "relative")  # options of `follow` for trajectories
+POLY7 = ("format", "timescale", "relative", "on_board")  # options of `follow` for trajectories
+MEMORY = 4096  # bytes that a Crazyflie has for trajectories
+PIECE = 132  # bytes of a piece: 33 numbers
 
 
 def takeoff(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
@@ -31,11 +33,17 @@ def takeoff(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Pr
         yield Problem(("height",) if "height" in options else (), fault)
 
 
+def leave(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from too_fast(scene, options)
+
+
 def hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from too_fast(scene, options)
     yield from _spread(scene, len(rows), "at", options)
 
 
 def goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from too_fast(scene, options)
     yield from _one_of("to", "by", options)
     yield from _spread(scene, len(rows), "to", options)
     if "by" in options:
@@ -48,10 +56,11 @@ def follow(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Prob
         return
     yield from (
         Problem((key,), f"{key!r} goes with 'format: poly7' only")
-        for key in ("timescale", "relative")
+        for key in POLY7[1:]
         if key in options
     )
     options = {key: value for key, value in options.items() if key not in POLY7}
+    yield from too_fast(scene, options)
     before = list(_one_of("file", "path", options)) or list(_company(options))
     if before:
         yield from before
@@ -88,16 +97,28 @@ def _poly7(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Probl
         return near
     name = options["file"]
     try:
-        found = samples(read(scene.file(name), name))
+        trajectory = read(scene.file(name), name)
     except InputError as error:
         return [Problem(("file",), message) for message in error.problems]
+    found = samples(trajectory)
     faults = [*limit_faults(scene, found, options.get("timescale", 1.0), name)]
     if options.get("relative", True):
         faults += room_faults(scene, found, name)
     else:
         shifts = slots(agents, (0.0, 0.0, 0.0), options.get("spacing", SPACING))
         faults += place_faults(scene, thinned(found), shifts, name)
-    return [Problem(("file",), message) for message in faults]
+    too_long = _memory(len(trajectory.pieces), name) if options.get("on_board") else ()
+    return [*too_long, *(Problem(("file",), message) for message in faults)]
+
+
+def _memory(pieces: int, name: str) -> Iterable[Problem]:
+    """A trajectory that does not fit into an agent's memory."""
+    if pieces * PIECE > MEMORY:
+        yield Problem(
+            ("on_board",),
+            f"{name} has {pieces} pieces of {PIECE} bytes, {pieces * PIECE} bytes in all; a "
+            f"Crazyflie has {MEMORY} bytes for trajectories: {MEMORY // PIECE} pieces at most",
+        )
 
 
 def _one_of(one: str, other: str, options: dict[str, Any]) -> Iterable[Problem]:

@@ -122,7 +122,7 @@ def limit_faults(
         (rough, jump, change, 1,
          "changes its velocity by {:.2f} m/s at once, more than {:g} m/s in a tick"),
     ):  # fmt: skip
-        flown = value / timescale**power
+        flown = value / timescale if power == 1 else value / timescale / timescale
         if flown > most * (1 + ROUNDING):
             where = f"{name}:{sample.line}: {sample.time:.2f} s after its start"
             yield f"{where} it {told.format(flown, most)}; {slower}"

@@ -9,7 +9,17 @@ from typing import Protocol
 
 import numpy as np
 
-from star_core import Array, Estimate, Health, Scene, Status, Step
+from star_core import (
+    Array,
+    Command,
+    Estimate,
+    Health,
+    Order,
+    Scene,
+    Status,
+    Step,
+    Trajectory,
+)
 from star_verbs.assignment import assign
 from star_verbs.crew import Crew
 from star_verbs.timeouts import time_out
@@ -20,6 +30,7 @@ NEAR = 0.15  # m: at the start and at the end
 LAG = 0.3  # m behind its point that an agent may be before the points slow down
 STOP = 0.6  # m behind its point at which they wait
 TURN = math.radians(60)  # rad/s: the yaw goal turns no faster
+FACING = math.radians(15)  # of where it begins to look, as an agent sets out on board
 LEVEL = 1e-6  # a path's direction less level than this has no heading
 
 
@@ -48,6 +59,7 @@ class Way:
         ahead: Where on it each agent begins.
         beside: How far each agent's line is shifted, m; None lets it begin where the agent is.
         fault: Says why a line that is shifted so cannot be flown; nothing if it can.
+        on_board: The line as the agents fly it on their own; None leads them along it.
     """
 
     line: Line
@@ -58,6 +70,7 @@ class Way:
     ahead: Sequence[float]
     beside: Sequence[Point] | None
     fault: Callable[[Sequence[Point]], str]
+    on_board: Trajectory | None = None
 
 
 class Follow:
@@ -68,12 +81,18 @@ class Follow:
     wait when it is `STOP` behind or not located. So agents keep their distance along the path, and
     an agent that makes way for another is waited for.
 
+    Agents that fly on board are ordered to as the points set out. Then nobody is waited for: the
+    points show where they should be, and lead whoever does not fly on its own.
+
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
         way: The line, and where on it and beside it each of as many agents flies.
         along: Whether to look along the path; else the agents look where the line says, or
             where they looked when the step began.
+
+    Attributes:
+        trajectories: What they fly on board.
     """
 
     def __init__(self, scene: Scene, rows: tuple[int, ...], way: Way, *, along: bool) -> None:
@@ -82,6 +101,7 @@ class Follow:
         self._ahead = np.array(way.ahead, np.float64)  # (K,)
         self._beside = np.array(way.beside or np.zeros((len(rows), 3)))  # (K, 3)
         self._along = along
+        self.trajectories = () if way.on_board is None else (way.on_board,)
         self._fault = "" if way.beside is None else way.fault(way.beside)
         self._flown = 0.0
         self._time = 0.0
@@ -104,8 +124,11 @@ class Follow:
             return Step()
         passed, self._time = estimate.time - self._time, estimate.time
         lag = self._crew.farthest(estimate, self._point)
-        if not self._under_way:
-            self._under_way = lag <= NEAR and self._crew.slow(estimate)
+        commands: tuple[Command, ...] = ()
+        if not self._under_way and self._lined_up(estimate, lag):
+            self._under_way = True
+            if self._way.on_board is not None:
+                commands, passed = (self._order(self._way.on_board),), 0.0
         pace = self._pace(lag) if self._under_way else 0.0
         self._flown = min(self._flown + pace * passed, self._way.length)
         over = self._flown >= self._way.length
@@ -116,7 +139,7 @@ class Follow:
         speed = self._way.fastest if self._under_way else self._way.speed
         goals = self._crew.goals(self._point, self._yaw, speed, velocity)
         done = over and self._crew.farthest(estimate, self._point) <= NEAR
-        return Step(goals, status=Status.SUCCESS if done else Status.RUNNING)
+        return Step(goals, commands, Status.SUCCESS if done else Status.RUNNING)
 
     def stay(self, rows: tuple[int, ...]) -> None:
         kept = self._crew.stay(rows)
@@ -143,8 +166,27 @@ class Follow:
         self._yaw = estimate.yaw[self._crew.rows]
         self._time = estimate.time
 
+    def _lined_up(self, estimate: Estimate, lag: float) -> bool:
+        """Whether all have stopped at their beginnings; on board they also look where it begins."""
+        if lag > NEAR or not self._crew.slow(estimate):
+            return False
+        yaw = None if self._way.on_board is None else self._way.line.yaw(self._ahead)
+        if yaw is None:
+            return True
+        off = np.remainder(estimate.yaw[self._crew.rows] - yaw + math.pi, math.tau) - math.pi
+        return bool(np.abs(off).max() <= FACING)
+
+    def _order(self, trajectory: Trajectory) -> Command:
+        """Have all fly a trajectory from where they are lined up."""
+        rows = self._crew.rows
+        seconds = np.full(len(rows), self._way.length / self._way.pace)
+        unturned = np.zeros(len(rows))
+        return Command(Order.FOLLOW, rows, self._beside, unturned, seconds, trajectory)
+
     def _pace(self, lag: float) -> float:
         """How much of the line is flown in a second when the farthest agent is `lag` m behind."""
+        if self._way.on_board is not None:
+            return self._way.pace
         return self._way.pace * min(max((STOP - lag) / (STOP - LAG), 0.0), 1.0)
 
     def _turn(self, tangent: Array, passed: float) -> None:

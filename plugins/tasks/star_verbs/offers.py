@@ -74,6 +74,7 @@ def _follow(  # noqa: PLR0913 -- a mission's own options
     format: str = "waypoints",  # noqa: A002 -- the mission's own word
     timescale: float = 1.0,
     relative: bool = True,
+    on_board: bool = False,
     **source: Any,
 ) -> Task:
     from star_verbs.follow import Follow
@@ -81,7 +82,13 @@ def _follow(  # noqa: PLR0913 -- a mission's own options
 
     if format == "poly7":
         way = in_its_own_time(
-            scene, len(rows), spacing, source["file"], timescale=timescale, relative=relative
+            scene,
+            len(rows),
+            spacing,
+            source["file"],
+            timescale=timescale,
+            relative=relative,
+            on_board=on_board,
         )
     else:
         way = along_route(scene, len(rows), speed, spacing=spacing, laps=laps, **source)
@@ -188,12 +195,12 @@ OFFERS: tuple[Offer[Task], ...] = (
         name="join",
         before="ground",
         after="air",
-        summary="Take off from reserve, and be in the mission from then on.",
+        summary="Take off from reserve, and be in the mission from then on; needs 'agents', "
+        "except in 'each'.",
         make=_join,
         check=checks.takeoff,
         options={
             "type": "object",
-            "required": ["agents"],
             "properties": {
                 "height": positive("Height to climb to, z in the map, m.", default=0.8),
                 "speed": positive("Mean speed of the climb, m/s.", default=0.3),
@@ -214,6 +221,7 @@ OFFERS: tuple[Offer[Task], ...] = (
         after="ground",
         summary="Fly to where one started, land, and be in the mission no more.",
         make=_leave,
+        check=checks.leave,
         options={
             "type": "object",
             "properties": {
@@ -295,6 +303,13 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "description": "Whether a poly7 file begins where each agent is, shifted and "
                     "not turned; false: it lies in the map.",
                     "default": True,
+                },
+                "on_board": {
+                    "type": "boolean",
+                    "description": "Whether each agent is sent a poly7 file before take-off and "
+                    "flies it by its own commander: exactly in its time, steered by neither "
+                    "planner nor avoider until it is over. Others still make way.",
+                    "default": False,
                 },
                 "path": {
                     "enum": ["box", "circle", "figure8"],

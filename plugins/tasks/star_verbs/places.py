@@ -1,9 +1,11 @@
-"""Whether an agent can be at a place. Nothing here imports numpy."""
+"""Whether an agent can be at a place, or fly so fast. Nothing here imports numpy."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from star_core import Problem
 
 if TYPE_CHECKING:
     from star_core import Scene
@@ -25,3 +27,12 @@ def slot_faults(scene: Scene, places: Sequence[Sequence[float]]) -> Iterable[str
         if message is not None:
             several = len(places) > 1
             yield f"place {number} of {len(places)}: {message}" if several else message
+
+
+def too_fast(scene: Scene, options: Mapping[str, Any], *path: str) -> Iterator[Problem]:
+    """Say that the option ``speed``, which stands at `path`, is above what an agent may fly."""
+    most = scene.limits.speed
+    if options.get("speed", 0.0) > most:
+        yield Problem(
+            (*path, "speed"), f"{options['speed']:g} m/s is above limits.speed, {most:g} m/s"
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+import star_core
 from star_core import Array
 from star_verbs.trajectory import Trajectory
 
@@ -21,6 +22,14 @@ class TimedPath:
     def __init__(self, trajectory: Trajectory) -> None:
         self._trajectory = trajectory
         self.length = trajectory.duration
+
+    def on_board(self) -> star_core.Trajectory:
+        """Return what agents fly on their own."""
+        pieces = self._trajectory.pieces
+        return star_core.Trajectory(
+            np.array([piece.duration for piece in pieces]),
+            np.array([piece.polynomials for piece in pieces]),
+        )
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Return (K, 3) points, m, and (K, 3) velocities, m/s, at (K,) times, s."""

@@ -76,6 +76,9 @@ def _header_faults(columns: Sequence[str]) -> Iterator[str]:
     if all(_is_number(name) for name in columns):
         yield f"begins with numbers, expected a header with columns {_list(KNOWN)}"
         return
+    if "duration" in [name.strip(" #").lower() for name in columns]:
+        yield "this is a polynomial trajectory; add `format: poly7`"
+        return
     for name in NEEDED:
         if name not in columns:
             yield f"no column {name!r}, expected {_list(KNOWN)}"

@@ -51,7 +51,14 @@ def along_route(scene: Scene, agents: int, speed: float, **source: Any) -> Way:
 
 
 def in_its_own_time(
-    scene: Scene, agents: int, spacing: float, file: str, *, timescale: float, relative: bool
+    scene: Scene,
+    agents: int,
+    spacing: float,
+    file: str,
+    *,
+    timescale: float,
+    relative: bool,
+    on_board: bool = False,
 ) -> Way:
     """Return the way of `agents` agents along a trajectory.
 
@@ -63,14 +70,16 @@ def in_its_own_time(
         timescale: How many times its own time it is flown in.
         relative: Whether each agent's begins where the agent is; else they lie side by side about
             its place in the map.
+        on_board: Whether the agents fly it on their own.
 
     Raises:
         InputError: The file cannot be used.
     """
     trajectory = read(scene.file(file), file)
     looked_at = thinned(samples(trajectory))
+    line = TimedPath(trajectory)
     return Way(
-        line=TimedPath(trajectory),
+        line=line,
         length=trajectory.duration,
         pace=1 / timescale,
         speed=scene.limits.speed,
@@ -78,4 +87,5 @@ def in_its_own_time(
         ahead=(0.0,) * agents,
         beside=None if relative else slots(agents, (0.0, 0.0, 0.0), spacing),
         fault=lambda shifts: "; ".join(place_faults(scene, looked_at, shifts, file)),
+        on_board=line.on_board() if on_board else None,
     )

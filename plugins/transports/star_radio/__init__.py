@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import Offer, Problem, hookimpl
 from star_radio import budget
-from star_radio.address import faults
+from star_radio.address import RadioAddress, faults
+from star_radio.camera import address as camera
 from star_radio.options import OPTIONS
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ def check(
     cameras: Mapping[str, str] | None = None,
     mocap: Mapping[str, Any] | None = None,
     watchdog: bool = False,
+    broadcast: int | None = None,
     **_others: Any,
 ) -> Iterable[Problem]:
     """Say which agents cannot be reached or served, and what is not installed."""
@@ -102,9 +104,18 @@ def check(
     yield from (Problem((), wrong) for wrong in faults(scene.agents))
     uris = [agent.uri for agent in scene.agents if agent.uri]
     yield from (Problem((), over) for over in budget.overloads(uris, mode, scene.period, report))
-    for name in cameras or {}:
-        if name not in scene.names:
-            yield Problem(("cameras", name), f"no agent is named {name!r}")
+    links = [agent for agent in scene.agents if _dongle(agent.uri) == str(broadcast)]
+    if links:
+        said = f"dongle {broadcast} has the link of agent {links[0].name!r}: expected another"
+        yield Problem(("broadcast",), said)
+    for name, wrong in camera.faults(scene, cameras or {}):
+        yield Problem(("cameras", name), wrong)
+
+
+def _dongle(uri: str | None) -> str | None:
+    """Return the number or the serial of the dongle of a link; None if it has none."""
+    radio = RadioAddress.of(uri or "")
+    return None if radio is None else radio.dongle
 
 
 @hookimpl

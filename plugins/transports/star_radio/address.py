@@ -21,6 +21,7 @@ _RADIO = re.compile(
 )
 _LAST_CHANNEL = 125
 _FIRST_ADDRESS = "E7E7E7E7E7"
+_SERIAL = 10  # digits, at least, of a dongle's serial
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class RadioAddress:
     """Where a Crazyflie listens on the air.
 
     Attributes:
-        dongle: Number or serial of the Crazyradio.
+        dongle: Number or serial of the Crazyradio; ten digits are a serial, as cflib has it.
         channel: 0 to 125, 1 MHz each from 2400 MHz.
         rate: 250K, 1M or 2M.
         address: Ten hexadecimal digits.
@@ -50,21 +51,49 @@ class RadioAddress:
         if not found or int(found["channel"]) > _LAST_CHANNEL:
             return None
         address = (found["address"] or _FIRST_ADDRESS).upper().rjust(10, "0")
-        return cls(found["dongle"].upper(), int(found["channel"]), found["rate"], address)
+        dongle = found["dongle"].upper()
+        if dongle.isdigit() and len(dongle) < _SERIAL:
+            dongle = str(int(dongle))
+        return cls(dongle, int(found["channel"]), found["rate"], address)
 
 
 def faults(agents: Iterable[Agent]) -> Iterator[str]:
-    """Say which agents have no address, a wrong one, or that of another."""
-    seen: dict[str, str] = {}
+    """Say which agents have no address, a wrong one, or one of another's drone."""
+    seen: dict[tuple[str | int, ...], Agent] = {}
     for agent in agents:
         if agent.uri is None:
             yield f"agent {agent.name!r} has no 'uri': the address of its link"
         elif wrong := fault(agent.uri):
             yield f"agent {agent.name!r}: {wrong}"
-        elif agent.uri in seen:
-            yield f"agents {seen[agent.uri]!r} and {agent.name!r} have the same uri {agent.uri!r}"
+        elif (other := seen.setdefault(drone(agent.uri), agent)) is agent:
+            pass
+        elif other.uri == agent.uri:
+            yield f"agents {other.name!r} and {agent.name!r} have the same uri {agent.uri!r}"
         else:
-            seen[agent.uri] = agent.name
+            yield (
+                f"agents {other.name!r} and {agent.name!r} are one drone: {other.uri!r} and "
+                f"{agent.uri!r} reach the same"
+            )
+
+
+def drone(uri: str) -> tuple[str | int, ...]:
+    """Return what a sound address says of who is reached, and nothing of how.
+
+    Whichever dongle calls, and however often, who listens on a channel at a rate to an address is
+    the same; so is who listens at a host's port.
+
+    >>> drone("radio://0/80/2M/e7e7e7e701") == drone("radio://1/80/2M/E7E7E7E701?rate_limit=100")
+    True
+    >>> drone("udp://LocalHost:19850")
+    ('localhost', 19850)
+    """
+    radio = RadioAddress.of(uri)
+    if radio is not None:
+        return radio.channel, radio.rate, radio.address
+    parts = urlsplit(uri)
+    if parts.scheme == "usb":
+        return "usb", int(parts.netloc)
+    return parts.hostname or "", parts.port or 0
 
 
 def fault(uri: str) -> str | None:

@@ -27,6 +27,8 @@ class Question:
         refused: The payload of the last answer that was not accepted.
         due: When to ask again, s of the computer's clock.
         left: How often that may still be done.
+        sendings: How often it was sent.
+        answers: How often it was answered.
         done: Set when it is answered.
     """
 
@@ -40,7 +42,14 @@ class Question:
     refused: bytes | None = None
     due: float = 0.0
     left: int = TIMES
+    sendings: int = 0
+    answers: int = 0
     done: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def unheard(self) -> bool:
+        """Whether it may have been carried out before it was answered: an answer is missing."""
+        return self.sendings > self.answers
 
 
 class Answers:
@@ -55,6 +64,7 @@ class Answers:
         """Wait for the answer of a question that is being sent now."""
         question.due = time.monotonic() + AGAIN_AFTER
         question.left -= 1
+        question.sendings += 1
         with self._lock:
             if question.topic:
                 self._open = [other for other in self._open if other.topic != question.topic]
@@ -66,11 +76,17 @@ class Answers:
             if question in self._open:
                 self._open.remove(question)
 
+    def forget(self, topic: str) -> None:
+        """Wait no longer for an answer about a topic."""
+        with self._lock:
+            self._open = [question for question in self._open if question.topic != topic]
+
     def take(self, place: tuple[int, int], payload: bytes) -> bool:
         """Give a packet to the oldest question it answers; return whether there was one."""
         with self._lock:
             for question in self._open:
                 if question.place == place and payload.startswith(question.start):
+                    question.answers += 1
                     if question.accepts(payload):
                         question.answer = payload
                         self._open.remove(question)
@@ -91,6 +107,8 @@ class Answers:
                 if question.left < 0:
                     self._open.remove(question)
                     self._ended.append(question)
+                else:
+                    question.sendings += 1
         return [question for question in late if question.left >= 0]
 
     def ended(self) -> list[Question]:

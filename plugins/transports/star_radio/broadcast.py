@@ -1,17 +1,18 @@
 """Packets to all drones of a channel at once, over a Crazyradio of their own.
 
-Nobody acknowledges a broadcast, so it is repeated. cflib has no broadcast and keeps a dongle to
-itself, so this needs another one. Not tried on hardware: the bytes are tested, and the order in
+Nobody acknowledges a broadcast, so an order is repeated. cflib has no broadcast and keeps a dongle
+to itself, so this needs another one. Not tried on hardware: the bytes are tested, and the order in
 which the dongle is told things.
 """
 
 from __future__ import annotations
 
+import logging
 import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, Final
 
@@ -20,10 +21,13 @@ from star_radio.address import RadioAddress
 from star_radio.orders import LOCALISATION, packed_quaternion
 from star_radio.packets import packet
 
+log = logging.getLogger(__name__)
+
 EVERYBODY: Final = bytes.fromhex("FFE7E7E7E7")  # the address that every Crazyflie listens to
-TIMES: Final = 15  # as Crazyswarm2 repeats them
+TIMES: Final = 15  # that an order is sent, as Crazyswarm2 repeats it
 PAUSE: Final = 0.001  # s between two of them
-POSITIONS, POSES = 4, 2  # in one packet
+POSES: Final = 2  # in one packet
+_PACKED: Final = b"\x09"  # what such a packet begins with
 _VENDOR, _PRODUCT = 0x1915, 0x7777  # of a Crazyradio
 _CHANNEL, _ADDRESS, _RATE, _RETRIES, _ACKNOWLEDGE = 0x01, 0x02, 0x03, 0x06, 0x10  # USB requests
 _RATES: Final = {"250K": 0, "1M": 1, "2M": 2}
@@ -31,37 +35,16 @@ _OUT: Final = 1  # endpoint
 _TIMEOUT: Final = 1000  # ms
 
 
-def position_packets(last: Sequence[int], position: Sequence[Sequence[float]]) -> Iterator[bytes]:
-    """Yield packets that tell estimators where their drones are, four drones in each.
+def pose(last: int, position: Sequence[float], attitude: Sequence[float]) -> bytes:
+    """Return what tells one estimator its drone's pose; two of them go into a packet.
 
     Args:
-        last: Last byte of each drone's address.
-        position: Of each, m; sent in mm.
+        last: Last byte of the drone's address.
+        position: m; sent in mm.
+        attitude: Unit quaternion x, y, z, w.
     """
-    drones = [
-        struct.pack("<Bhhh", *_numbered(number, where))
-        for number, where in zip(last, position, strict=True)
-    ]
-    for at in range(0, len(drones), POSITIONS):
-        yield packet(LOCALISATION, 2, b"".join(drones[at : at + POSITIONS]))
-
-
-def pose_packets(
-    last: Sequence[int], position: Sequence[Sequence[float]], attitude: Sequence[Sequence[float]]
-) -> Iterator[bytes]:
-    """Yield packets that tell estimators their drones' poses, two drones in each.
-
-    Args:
-        last: Last byte of each drone's address.
-        position: Of each, m; sent in mm.
-        attitude: Unit quaternion x, y, z, w of each.
-    """
-    drones = [
-        struct.pack("<BhhhI", *_numbered(number, where), packed_quaternion(turn))
-        for number, where, turn in zip(last, position, attitude, strict=True)
-    ]
-    for at in range(0, len(drones), POSES):
-        yield packet(LOCALISATION, 1, b"\x09" + b"".join(drones[at : at + POSES]))
+    x, y, z = (round(1000 * value) for value in position)
+    return struct.pack("<BhhhI", last, x, y, z, packed_quaternion(attitude))
 
 
 class Broadcaster:
@@ -71,51 +54,83 @@ class Broadcaster:
         dongle: Number of the Crazyradio, which no link uses.
         on: An address on each channel and data rate to send on.
 
+    Attributes:
+        broken: Whether the dongle has failed: then nothing is sent any more.
+
     Raises:
-        PluginError: There is no such dongle.
+        PluginError: There is no such dongle, or it cannot be used.
     """
 
     def __init__(self, dongle: int, on: Sequence[RadioAddress]) -> None:
         self._on = sorted({(radio.channel, radio.rate) for radio in on})
         self._device = _dongle(dongle)
-        self._device.set_configuration(1)
-        self._tell(_RETRIES, 0)
-        self._tell(_ACKNOWLEDGE, 0)
-        self._waiting: deque[bytes] = deque()
-        self._posted = threading.Semaphore(0)
+        try:
+            self._device.set_configuration(1)
+            self._tell(_RETRIES, 0)
+            self._tell(_ACKNOWLEDGE, 0)
+        except OSError as error:
+            raise PluginError(f"Crazyradio {dongle} cannot broadcast: {error}") from error
+        self.broken = False
+        self._orders: deque[bytes] = deque()
+        self._poses: dict[int, bytes] = {}  # the newest of each drone, by the last byte
+        self._changed = threading.Condition()
+        self._tuned: tuple[int, str] | None = None
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="star-radio-all", daemon=True)
         self._thread.start()
 
-    def post(self, packet: bytes) -> None:
-        """Send a packet to everybody, without waiting."""
-        self._waiting.append(packet)
-        self._posted.release()
+    def order(self, packet: bytes) -> None:
+        """Send a packet to everybody, several times, without waiting."""
+        with self._changed:
+            self._orders.append(packet)
+            self._changed.notify()
+
+    def show(self, last: int, pose: bytes) -> None:
+        """Send a `pose` once, without waiting; it takes the place of one that still waits."""
+        with self._changed:
+            self._poses[last] = pose
+            self._changed.notify()
 
     def close(self) -> None:
         """Send what waits, and release the dongle. Safe to call twice."""
-        if self._ended:
-            return
-        self._ended = True
-        self._posted.release()
+        with self._changed:
+            if self._ended:
+                return
+            self._ended = True
+            self._changed.notify()
         self._thread.join(1.0)
         import_module("usb.util").dispose_resources(self._device)
 
     def _run(self) -> None:
-        while True:
-            self._posted.acquire()
-            if not self._waiting:
+        try:
+            while (following := self._next()) is not None:
+                self._send(*following)
+        except Exception as error:  # noqa: BLE001 -- drivers raise what they like
+            self.broken = True
+            log.warning("radio: no broadcasts any more, links take over: %s", error)
+
+    def _next(self) -> tuple[bytes, int] | None:
+        """Wait for a packet, orders first, and how often it is to be sent; None at the end."""
+        with self._changed:
+            while not self._orders and not self._poses:
                 if self._ended:
-                    return
-                continue
-            message = self._waiting.popleft()
-            for channel, rate in self._on:
+                    return None
+                self._changed.wait()
+            if self._orders:
+                return self._orders.popleft(), TIMES
+            drones = [self._poses.pop(last) for last in list(self._poses)[:POSES]]
+        return packet(LOCALISATION, 1, _PACKED + b"".join(drones)), 1
+
+    def _send(self, message: bytes, times: int) -> None:
+        for channel, rate in self._on:
+            if self._tuned != (channel, rate):
                 self._tell(_RATE, _RATES[rate])
                 self._tell(_CHANNEL, channel)
                 self._tell(_ADDRESS, 0, EVERYBODY)
-                for _time in range(TIMES):
-                    self._device.write(_OUT, message, _TIMEOUT)
-                    time.sleep(PAUSE)
+                self._tuned = channel, rate
+            for _time in range(times):
+                self._device.write(_OUT, message, _TIMEOUT)
+                time.sleep(PAUSE)
 
     def _tell(self, request: int, value: int, data: bytes = b"") -> None:
         """Set the dongle up: a USB request of the vendor's own kind."""
@@ -137,8 +152,3 @@ def _dongle(number: int) -> Any:
             "beside those of the links"
         )
     return found[number]
-
-
-def _numbered(number: int, position: Sequence[float]) -> tuple[int, int, int, int]:
-    x, y, z = (round(1000 * value) for value in position)
-    return number, x, y, z

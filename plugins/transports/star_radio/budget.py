@@ -61,11 +61,33 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
         if agents * each <= room * (1 + 1e-9):
             continue
         can = math.floor(room / each + 1e-9)
-        others = "" if mode == "inline" else ", or mode: inline where the dongles' firmware has it"
         yield (
-            f"dongle {dongle!r} is to serve {agents} agents with {each:g} exchanges/s each "
-            f"({1 / tick:g} setpoints/s up, {1 / between:g} reports/s down): "
-            f"{agents * each:g}/s, where {room:g}/s may be planned, {SHARE:.0%} of the "
-            f"{CAPACITY[mode]}/s of mode {mode!r}; it can serve {can}: lower the mission's rate, "
-            f"report less often, or share the agents among more dongles{others}"
+            f"dongle {dongle!r} is to serve {agents} agents with {_shown(each)} exchanges/s each "
+            f"({_shown(1 / tick)} setpoints/s up, {_shown(1 / between)} reports/s down): "
+            f"{_shown(agents * each)}/s, where {_shown(room)}/s may be planned, {SHARE:.0%} of the "
+            f"{CAPACITY[mode]}/s of mode {mode!r}; it can serve {can}; "
+            f"{_advice(mode, tick, between)}"
         )
+
+
+def _advice(mode: str, tick: float, between: float) -> str:
+    """Say what takes most of a dongle's time, and what can be done about that."""
+    ways = []
+    if tick < between:
+        most = "setpoints take"
+        ways.append("lower the mission's rate")
+    elif between < tick:
+        most = "reports take"
+        ways.append("report less often")
+    else:
+        most = "setpoints and reports alike take"
+        if tick < SLOWEST:
+            ways.append("lower the mission's rate and report less often")
+    ways.append("share the agents among more dongles")
+    if mode != "inline":
+        ways.append("say mode: inline where the dongles' firmware has it")
+    return f"{most} the most: {', or '.join(ways)}"
+
+
+def _shown(rate: float) -> str:
+    return f"{rate:.1f}".removesuffix(".0")

@@ -1,20 +1,26 @@
-"""The cameras of the swarm's AI-decks, gathered into `Frames`."""
+"""The cameras of the swarm's AI-decks, gathered into `Frames`; those that are lost are told."""
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Mapping
-from typing import Final
+from dataclasses import dataclass
 
 import numpy as np
 
 from star_core import Frames, Scene
+from star_radio.camera.address import place
 from star_radio.camera.client import SHAPE, CameraClient
 
-PORT: Final = 5000  # of an AI-deck
+log = logging.getLogger(__name__)
 
 
 class Decks:
     """One client for each agent with a camera.
+
+    A deck that is not there, falls away or sends images of another size is a warning in the log,
+    once until an image of it has come again.
 
     Args:
         scene: The agents, with the cameras that they carry.
@@ -23,17 +29,25 @@ class Decks:
     """
 
     def __init__(self, scene: Scene, addresses: Mapping[str, str], latency: float) -> None:
-        self._clients: dict[int, CameraClient] = {}
+        self._decks: dict[int, _Deck] = {}
         for row, agent in enumerate(scene.agents):
             if agent.name in addresses:
-                host, _, port = addresses[agent.name].partition(":")
+                host, port = place(addresses[agent.name])
                 camera = agent.camera
-                self._clients[row] = CameraClient(
-                    host,
-                    int(port or PORT),
-                    shape=(camera.height, camera.width) if camera else SHAPE,
-                    latency=latency,
-                )
+                shape = (camera.height, camera.width) if camera else SHAPE
+                client = CameraClient(host, port, shape=shape, latency=latency)
+                self._decks[row] = _Deck(agent.name, shape, client)
+
+    def greet(self, patience: float) -> None:
+        """Wait until all decks are there, but at most `patience` s, and tell of those that are not.
+
+        Nobody stays on the ground for want of a camera.
+        """
+        until = time.monotonic() + patience
+        for deck in self._decks.values():
+            deck.client.reached(max(0.0, until - time.monotonic()))
+        for deck in self._decks.values():
+            deck.watch(seen=False)
 
     def frames(self, began: float) -> Frames:
         """Return the images since the last call.
@@ -41,7 +55,11 @@ class Decks:
         Args:
             began: When mission time was 0, s of the computer's clock.
         """
-        shots = [(row, shot) for row, client in self._clients.items() for shot in client.arrived()]
+        shots = []
+        for row, deck in self._decks.items():
+            arrived = deck.client.arrived()
+            deck.watch(seen=bool(arrived))
+            shots += [(row, shot) for shot in arrived]
         shots.sort(key=lambda found: found[1].arrived)
         if not shots:
             return Frames.none()
@@ -54,5 +72,39 @@ class Decks:
 
     def close(self) -> None:
         """Hang up."""
-        for client in self._clients.values():
-            client.close()
+        for deck in self._decks.values():
+            deck.client.hang_up()
+        for deck in self._decks.values():
+            deck.client.close()
+
+
+@dataclass(slots=True)
+class _Deck:
+    """One deck, and whether it is known to be lost."""
+
+    name: str
+    shape: tuple[int, int]
+    client: CameraClient
+    lost: bool = False
+
+    def watch(self, *, seen: bool) -> None:
+        """Tell of it when it is lost, and when it is back.
+
+        Args:
+            seen: Whether an image of it has just come. Only that is its return: a deck that takes
+                calls and sends nothing would else be back and lost without end.
+        """
+        if seen:
+            if self.lost:
+                log.info("radio: the camera of %s is back", self.name)
+            self.lost = False
+        elif not self.lost and (why := self._fault()) is not None:
+            log.warning("radio: the camera of %s is not there: %s", self.name, why)
+            self.lost = True
+
+    def _fault(self) -> str | None:
+        fault = self.client.fault
+        if fault is None and (counts := self.client.counts).wrong and not counts.images:
+            height, width = self.shape
+            return f"it sends images that are not {width} x {height} px"
+        return fault

@@ -6,7 +6,6 @@ Questions are asked again on every kind of link (cflib does so over radios witho
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Callable
 from typing import Final
@@ -16,6 +15,7 @@ from star_radio import packets
 from star_radio.answers import AGAIN_AFTER, Answers, Question
 from star_radio.datagrams import SCHEME, Datagrams
 from star_radio.driven import Driven
+from star_radio.quality import Quality
 from star_radio.wire import Wire
 
 log = logging.getLogger(__name__)
@@ -34,17 +34,14 @@ class Link:
     Attributes:
         uri: As given.
         broken: The wire's last complaint; empty without one. A link may well recover.
-        quality: What the dongle says of the link, by cflib's names; empty on links without one.
-        round_trip: How long the last echo took to the drone's firmware and back, s; NaN before.
         report: Called with every report, and when it arrived, in the thread that hears it.
     """
 
     def __init__(self, uri: str, name: str, datagrams: Datagrams | None = None) -> None:
         self.uri = uri
         self.broken = ""
-        self.quality: dict[str, float] = {}
-        self.round_trip = math.nan
         self._name = name
+        self._quality = Quality(name)
         self._datagrams = datagrams
         self._wire: Wire | None = None
         self._answers = Answers()
@@ -130,6 +127,10 @@ class Link:
         if not sent:
             self.post(question.packet)
 
+    def forget(self, topic: str) -> None:
+        """Ask no more about a topic."""
+        self._answers.forget(topic)
+
     def chase(self, now: float) -> list[Question]:
         """Ask again what is not answered at `now`, s of the computer's clock.
 
@@ -155,21 +156,19 @@ class Link:
         if packets.is_null(packet[0]):
             return
         payload = packet[1:]
-        if (sent := packets.echoed(place, payload)) is not None:
-            self.round_trip = arrived - sent
-        elif not self._answers.take(place, payload) and place[0] == packets.CONSOLE:
+        if not self._answers.take(place, payload) and place[0] == packets.CONSOLE:
             log.debug("%s says %r", self._name, payload.decode("utf-8", "replace"))
 
     def idle(self, now: float) -> None:
         if now - self._last > BEAT:
-            self.post(packets.echo(now))
+            self.post(packets.echo())
 
     def complain(self, message: str) -> None:
         self.broken = message.strip().splitlines()[-1] if message.strip() else "unknown"
-        log.debug("%s: %s", self.uri, message)
+        log.debug("%s: %s", self.uri, self.broken)  # cflib's have tracebacks
 
     def note_quality(self, quality: dict[str, float]) -> None:
-        self.quality = dict(quality)
+        self._quality.note(quality, time.monotonic())
 
     def _question(self, packet: bytes, start: bytes, about: str, channel: int | None) -> Question:
         port, own = packets.address(packet[0])

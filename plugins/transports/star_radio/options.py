@@ -11,13 +11,14 @@ OPTIONS: dict[str, Any] = {
             "enum": ["refuse", "fly-without"],
             "default": "refuse",
             "description": "What to do when an agent cannot be reached: refuse to fly, or fly "
-            "without it; it then counts as lost from the start.",
+            "without it, in a mission whose safety has the rule link_lost: that takes it out.",
         },
         "patience": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 2.0,
-            "description": "After which time without any answer an agent is absent, s.",
+            "description": "After which time without any answer an agent is absent, and a camera "
+            "is told to be, s.",
         },
         "deadline": {
             "type": "number",

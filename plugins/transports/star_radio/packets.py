@@ -10,6 +10,8 @@ from __future__ import annotations
 import struct
 from typing import Final
 
+from star_core import PluginError
+
 MOST: Final = 30  # bytes that a packet carries
 
 CONSOLE, PARAMETER, MEMORY, LOG, PLATFORM, LINK = 0, 2, 4, 5, 13, 15
@@ -17,11 +19,14 @@ TABLE, SETTINGS, DATA = 0, 1, 2  # channels of LOG; of PARAMETER: TABLE, read, W
 WRITE: Final = 2
 VERSION: Final = 1  # channel of PLATFORM
 PROTOCOL: Final = bytes([0])
-RESET, CREATE, APPEND, START = bytes([5]), bytes([6]), bytes([7]), bytes([3])
+RESET, CREATE, APPEND = bytes([5]), bytes([6]), bytes([7])
+DELETE, START = bytes([2]), bytes([3])
 TABLE_SIZE, TABLE_ITEM = bytes([3]), bytes([2])
 MEMORY_INFO, MEMORY_WRITE = 0, 2  # channels of MEMORY
 MEMORY_PIECE: Final = 24  # bytes of a memory that one packet writes
 
+_ERRORS: Final = {2: "no such variable", 7: "it is too large", 12: "it has no memory left"}
+_EXISTS: Final = 17  # the same was asked before, and only the answer was lost
 _LEGACY: Final = 0x0C  # two bits that are set on the way up, and mean nothing on the way down
 
 
@@ -53,21 +58,9 @@ def is_null(header: int) -> bool:
     return header & 0xF3 == 0xF3  # noqa: PLR2004 -- port 15, channel 3
 
 
-def echo(sent: float) -> bytes:
-    """Ask for these bytes back: when they were sent, s."""
-    return packet(LINK, 0, struct.pack("<d", sent))
-
-
-def echoed(place: tuple[int, int], payload: bytes) -> float | None:
-    """Return when an echo was sent, s; None if it is none.
-
-    >>> echoed((LINK, 0), echo(1.5)[1:])
-    1.5
-    """
-    if place != (LINK, 0) or len(payload) != 8:  # noqa: PLR2004 -- one number
-        return None
-    sent: float = struct.unpack("<d", payload)[0]
-    return sent
+def echo() -> bytes:
+    """Ask for bytes back: so the drone hears of us, and on a radio we of it."""
+    return packet(LINK, 0, bytes(8))  # as many as cflib sends
 
 
 def table_item(port: int, number: int) -> bytes:
@@ -88,6 +81,22 @@ def log_block(block: int, variables: bytes, command: bytes = CREATE) -> bytes:
 def start_block(block: int, period: float) -> bytes:
     """Have a block reported every `period`, s: in steps of 10 ms, at most 2.55 s."""
     return packet(LOG, SETTINGS, START + bytes([block, min(255, max(1, round(period * 100)))]))
+
+
+def delete_block(block: int) -> bytes:
+    """Have a block reported no more, and forgotten."""
+    return packet(LOG, SETTINGS, DELETE + bytes([block]))
+
+
+def accepted(answer: bytes, what: str) -> None:
+    """Look whether a question about a log block was granted.
+
+    Raises:
+        PluginError: It was not; `what` is the block, in words.
+    """
+    error = answer[2] if len(answer) > 2 else 0  # noqa: PLR2004 -- command, block, error
+    if error not in {0, _EXISTS}:
+        raise PluginError(f"it refuses {what}: {_ERRORS.get(error, error)}")
 
 
 def memory_info(number: int) -> bytes:

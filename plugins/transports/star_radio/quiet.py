@@ -9,8 +9,11 @@ from typing import Any
 
 log = logging.getLogger(__name__)
 
-TALKATIVE = ("cflib.cpx", "cflib.cpx.transports", "cflib.crtp.radiodriver", "cflib.crtp.tcpdriver")
+TALKATIVE = ("cflib.cpx.transports", "cflib.crtp.radiodriver", "cflib.crtp.tcpdriver")
 """Modules of cflib 0.1.34 that print while links are opened, closed or broken."""
+
+ALARMED = ("cflib.cpx",)
+"""Those that print a traceback whenever a link is closed, and in a loop when it has broken."""
 
 
 def hush() -> None:
@@ -20,6 +23,8 @@ def hush() -> None:
     """
     for name in TALKATIVE:
         vars(import_module(name))["print"] = _say
+    for name in ALARMED:
+        vars(import_module(name))["print"] = _say_nothing
     logging.getLogger("cflib").setLevel(logging.CRITICAL)
 
 
@@ -41,6 +46,10 @@ def end(driver: Any) -> None:
             vars(transport)["_socket"] = None
             with suppress(OSError):
                 socket.close()
+
+
+def _say_nothing(*_words: object, **_options: object) -> None:
+    """Print nothing: that a link is gone is told by who used it."""
 
 
 def _say(*words: object, **_options: object) -> None:

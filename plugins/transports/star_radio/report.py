@@ -21,10 +21,9 @@ from star_radio.tables import Ask, Table
 
 BLOCK: Final = 1  # the block's number; there is no other
 ROOM: Final = 26  # bytes of variables in a report
-_U8, _U16, _I16, _F16 = 1, 2, 5, 8  # types of the log protocol
-_FORMATS: Final = {_U8: "u1", _U16: "<u2", _I16: "<i2", _F16: "<f2"}
-_ERRORS: Final = {2: "no such variable", 7: "it is too large", 12: "it has no memory left"}
-_EXISTS: Final = 17  # the same was asked before, and only the answer was lost
+_U16, _I16, _F16 = 2, 5, 8  # types of the log protocol
+_FORMATS: Final = {_U16: "<u2", _I16: "<i2", _F16: "<f2"}
+_WHAT: Final = "the log block of its state"
 
 
 class Source(NamedTuple):
@@ -35,8 +34,8 @@ class Source(NamedTuple):
     unit: float
 
 
-X, Y, Z, VX, VY, VZ, ROLL, PITCH, YAW, YAW_RATE, BATTERY, STATE, RSSI = range(13)
-"""Columns of what `Layout.read` returns: odometry frame, m, m/s, rad, rad/s, V, bits, dBm."""
+X, Y, Z, VX, VY, VZ, ROLL, PITCH, YAW, YAW_RATE, BATTERY, STATE = range(12)
+"""Columns of what `Layout.read` returns: odometry frame, m, m/s, rad, rad/s, V, bits."""
 
 SOURCES: Final[tuple[tuple[Source, ...], ...]] = (
     (Source("stateEstimateZ.x", _I16, 1e-3), Source("stateEstimate.x", _F16, 1.0)),
@@ -51,11 +50,8 @@ SOURCES: Final[tuple[tuple[Source, ...], ...]] = (
     (Source("stateEstimateZ.rateYaw", _I16, 1e-3), Source("gyro.z", _F16, radians(1))),
     (Source("pm.vbatMV", _U16, 1e-3), Source("pm.vbat", _F16, 1.0)),
     (Source("supervisor.info", _U16, 1.0),),
-    (Source("radio.rssi", _U8, -1.0),),
 )
 """For each column, the variables that hold it, the better first."""
-
-OPTIONAL: Final = {RSSI}
 
 
 @dataclass(frozen=True)
@@ -63,10 +59,10 @@ class Layout:
     """Which variables a drone reports.
 
     Attributes:
-        sources: For each column its source; None for one that the firmware does not have.
+        sources: Of each column.
     """
 
-    sources: tuple[Source | None, ...]
+    sources: tuple[Source, ...]
 
     @classmethod
     def of(cls, table: Table) -> Layout:
@@ -75,36 +71,32 @@ class Layout:
         Raises:
             PluginError: The firmware lacks variables; the message names them.
         """
-        found = [next((s for s in ways if s.name in table), None) for ways in SOURCES]
+        found = [[source for source in ways if source.name in table] for ways in SOURCES]
         lacking = [
-            " or ".join(repr(source.name) for source in SOURCES[column])
-            for column, source in enumerate(found)
-            if source is None and column not in OPTIONAL
+            " or ".join(repr(source.name) for source in ways)
+            for ways, there in zip(SOURCES, found, strict=True)
+            if not there
         ]
         if lacking:
             raise PluginError(f"its firmware has no log variable {', '.join(lacking)}; update it")
-        return cls(tuple(found))
+        return cls(tuple(there[0] for there in found))
 
     @cached_property
     def _units(self) -> Array:
-        return np.array([1.0 if source is None else source.unit for source in self.sources])
+        return np.array([source.unit for source in self.sources])
 
     @cached_property
     def dtype(self) -> np.dtype[np.void]:
         """Of a report's payload: block, time stamp of 24 bits, variables."""
-        named = [
-            (str(column), _FORMATS[source.kind])
-            for column, source in enumerate(self.sources)
-            if source is not None
-        ]
+        named = [(str(column), _FORMATS[source.kind]) for column, source in enumerate(self.sources)]
         return np.dtype([("block", "u1"), ("stamp", "u1", 3), *named])
 
     def read(self, payloads: Sequence[bytes]) -> Array:
-        """Return (K, 13) values of K payloads, whose columns stand above; NaN if not reported."""
+        """Return (K, 12) values of K payloads, whose columns stand above."""
         table = np.frombuffer(b"".join(payloads), self.dtype)
         values = np.empty((len(table), len(SOURCES)))
-        for column, source in enumerate(self.sources):
-            values[:, column] = np.nan if source is None else table[str(column)]
+        for column in range(len(SOURCES)):
+            values[:, column] = table[str(column)]
         values *= self._units
         return values
 
@@ -122,25 +114,18 @@ class Layout:
         variables = b"".join(
             bytes([source.kind]) + table[source.name].number.to_bytes(2, "little")
             for source in self.sources
-            if source is not None
         )
         ask(packets.packet(packets.LOG, packets.SETTINGS, packets.RESET), packets.RESET, "reports")
         command, entry = packets.CREATE, 3  # bytes of a variable
         most = (packets.MOST - 2) // entry * entry
         for at in range(0, len(variables), most):
             question = packets.log_block(BLOCK, variables[at : at + most], command)
-            _accepted(ask(question, question[1:3], "reports"))
+            packets.accepted(ask(question, question[1:3], "reports"), _WHAT)
             command = packets.APPEND
         question = packets.start_block(BLOCK, period)
-        _accepted(ask(question, question[1:3], "reports"))
+        packets.accepted(ask(question, question[1:3], "reports"), _WHAT)
 
 
 def stamp(payload: bytes) -> int:
     """Return the time stamp of a report, ms since the drone was started, of 24 bits."""
     return int.from_bytes(payload[1:4], "little")
-
-
-def _accepted(answer: bytes) -> None:
-    error = answer[2] if len(answer) > 2 else 0  # noqa: PLR2004
-    if error not in {0, _EXISTS}:
-        raise PluginError(f"it refuses the log block of its state: {_ERRORS.get(error, error)}")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from star_core import Array, Corrections, PluginError, Scene
+from star_core import Corrections, PluginError, Scene
 from star_radio.address import RadioAddress
-from star_radio.broadcast import Broadcaster, pose_packets
+from star_radio.broadcast import Broadcaster, pose
 
 
 class Shouts:
@@ -17,7 +17,8 @@ class Shouts:
         dongle: Number of the Crazyradio to broadcast with.
 
     Raises:
-        PluginError: There is no such dongle, or two drones share the last byte of their address.
+        PluginError: There is no such dongle, it cannot be used, or two drones share the last byte
+            of their address.
     """
 
     def __init__(self, scene: Scene, dongle: int) -> None:
@@ -34,23 +35,27 @@ class Shouts:
     def order(self, packets: Mapping[int, bytes]) -> Sequence[int]:
         """Broadcast an order if it is the same for every radio; return the rows that it reached.
 
+        Nothing is broadcast any more once the dongle has failed.
+
         Args:
             packets: By the row of the drone that it is for.
         """
+        if self._radio.broken:
+            return ()
         meant = {packets[row] for row in self._last if row in packets}
         if len(meant) != 1 or any(row not in packets for row in self._last):
             return ()
-        self._radio.post(meant.pop())
+        self._radio.order(meant.pop())
         return tuple(self._last)
 
     def correct(self, corrections: Corrections) -> Sequence[int]:
         """Broadcast the poses of the drones that are on the air; return their rows."""
-        rows = [i for i, row in enumerate(corrections.agent.tolist()) if row in self._last]
-        last = [self._last[int(corrections.agent[i])] for i in rows]
-        position: Array = corrections.position[rows]
-        attitude: Array = corrections.attitude[rows]
-        for packet in pose_packets(last, position.tolist(), attitude.tolist()):
-            self._radio.post(packet)
+        if self._radio.broken:
+            return ()
+        for i, row in enumerate(corrections.agent.tolist()):
+            if (last := self._last.get(row)) is not None:
+                position, attitude = corrections.position[i], corrections.attitude[i]
+                self._radio.show(last, pose(last, position.tolist(), attitude.tolist()))
         return tuple(self._last)
 
     def close(self) -> None:

@@ -21,7 +21,7 @@ class Samples:
     Attributes:
         agent: (K,) row of the drone.
         time: (K,) s of the computer's clock.
-        values: (K, 13) columns of `star_radio.report`.
+        values: (K, 12) columns of `star_radio.report`.
     """
 
     agent: Rows

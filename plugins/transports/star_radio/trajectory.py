@@ -56,8 +56,8 @@ def packed(pieces: Sequence[Piece]) -> bytes:
     )
 
 
-def upload(number: int, pieces: Sequence[Piece], ask: Ask) -> None:
-    """Write a trajectory to a drone's memory, from its beginning, and give it a number.
+def upload(number: int, pieces: Sequence[Piece], ask: Ask, *, at: int = 0) -> None:
+    """Write a trajectory to a drone's memory, from byte `at` on, and give it a number.
 
     Takes some 0.1 s per piece on a radio: not for use in a tick.
 
@@ -67,14 +67,15 @@ def upload(number: int, pieces: Sequence[Piece], ask: Ask) -> None:
     """
     data = packed(pieces)
     memory = _memory(ask)
-    for at in range(0, len(data), packets.MEMORY_PIECE):
-        question = packets.write_memory(memory, at, data[at : at + packets.MEMORY_PIECE])
+    for done in range(0, len(data), packets.MEMORY_PIECE):
+        piece = data[done : done + packets.MEMORY_PIECE]
+        question = packets.write_memory(memory, at + done, piece)
         answer = ask(question, question[1:6], "the trajectory memory")
         if answer[5:6] != b"\0":
             raise PluginError(
-                f"byte {at} of the trajectory memory is refused: {answer[5:].hex()!r}"
+                f"byte {at + done} of the trajectory memory is refused: {answer[5:].hex()!r}"
             )
-    question = orders.define_trajectory(number, len(pieces))
+    question = orders.define_trajectory(number, len(pieces), at)
     answer = ask(question, question[1:4], f"trajectory {number}")
     if answer[3:4] != b"\0":
         raise PluginError(f"trajectory {number} is refused: error {answer[3:].hex()!r}")

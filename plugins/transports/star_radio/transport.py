@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-import struct
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -21,16 +20,20 @@ from star_core import (
     Refusal,
     Scene,
     Setpoint,
+    Supervisor,
     Telemetry,
+    Trajectory,
     Truth,
 )
-from star_radio import orders, report
+from star_radio import commands, orders, report
+from star_radio.carried import Carried, misfit
 from star_radio.datagrams import Datagrams
 from star_radio.heading import yaw_rate
 from star_radio.link import Link
 from star_radio.quiet import hush
 from star_radio.tables import Tables
 from star_radio.telemetry import Gatherer
+from star_radio.together import faults
 from star_radio.vehicle import Manner, Vehicle
 
 if TYPE_CHECKING:
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+ON_ITS_WAY: Final = int(Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED)
 FEED: Final = 0.2  # s between two packets that keep the emergency-stop watchdog, of 1 s, asleep
 
 
@@ -60,8 +64,8 @@ class Rules(NamedTuple):
 class Radio:
     """Crazyflies over whatever links cflib has drivers for.
 
-    No call waits for a drone but `connect` and `close`: what has to be confirmed is asked again in
-    `wait`, and what stays unconfirmed is logged.
+    No call waits for a drone but `connect`, `upload` and `close`: what has to be confirmed is asked
+    again in `wait`, and what stays unconfirmed is logged.
 
     Args:
         scene: Agents, each with the address of its link.
@@ -74,7 +78,7 @@ class Radio:
         datagrams: Where links over UDP are heard; cflib hears them if not given.
 
     Attributes:
-        vehicles: The drone of each row, for what no contract has: trajectories, whole states.
+        vehicles: The drone of each row, for what no contract has: whole states.
     """
 
     def __init__(
@@ -99,6 +103,8 @@ class Radio:
             Vehicle(agent.name, Link(agent.uri or "", agent.name, datagrams))
             for agent in scene.agents
         )
+        self._carried = Carried()
+        self._setting_out: set[int] = set()  # rows told to follow, that have not said they do
         self._there = np.zeros(len(self.vehicles), np.bool_)
         self._refusals: list[Refusal] = []
         self._gatherer = Gatherer(self.vehicles)
@@ -111,28 +117,47 @@ class Radio:
         Raises:
             PluginError: Agents cannot be reached; the message names every one and says why.
         """
-        with ThreadPoolExecutor(len(self.vehicles)) as pool:
-            faults = list(pool.map(self._connect, self.vehicles))
-        self._there[:] = [fault is None for fault in faults]
-        absent = [
-            f"{vehicle.name} ({fault})"
-            for vehicle, fault in zip(self.vehicles, faults, strict=True)
-            if fault is not None
-        ]
+        absent = faults(dict(enumerate(self.vehicles)), self._connect)
+        self._there[:] = [row not in absent for row in range(len(self.vehicles))]
+        if self._decks is not None and (self._rules.without or not absent):
+            self._decks.greet(self._manner.patience)
         if not absent:
             return
-        said = f"cannot reach {len(absent)} of {len(faults)} agents: {'; '.join(absent)}"
-        if not self._rules.without:
-            raise PluginError(f"{said}; 'absent: fly-without' flies without them")
+        count = f"{len(absent)} of {len(self.vehicles)}"
+        said = f"cannot reach {count} agents: {'; '.join(absent.values())}"
         if not self._there.any():
             raise PluginError(said)
+        if not self._rules.without:
+            raise PluginError(
+                f"{said}; 'absent: fly-without' flies without them in a mission that has "
+                "'safety: {link_lost: {}}'"
+            )
         log.warning("radio: %s: flying without", said)
+
+    def upload(self, trajectories: Sequence[Trajectory]) -> None:
+        """Upload trajectories to every drone, all drones at the same time.
+
+        Raises:
+            PluginError: They do not fit, or drones refuse; the message names every one.
+        """
+        self._carried = Carried(trajectories)
+        present = {row: self.vehicles[row] for row in np.flatnonzero(self._there).tolist()}
+        agents = self._scene.agents
+        refused = faults(present, lambda row, one: self._carried.upload(one, agents[row].yaw))
+        if refused:
+            raise PluginError(
+                f"cannot upload trajectories to {len(refused)} of {len(present)} agents: "
+                f"{'; '.join(refused.values())}"
+            )
 
     def wait(self, until: float) -> float:
         now = time.monotonic()
         if self._began is None:
             self._began = now
         for row in np.flatnonzero(self._there).tolist():
+            if row in self._setting_out and self._follows(row):
+                self._setting_out.discard(row)
+                self.vehicles[row].confirm()  # told again, it would begin again from where it is
             for trouble in self.vehicles[row].chase(now):
                 log.warning("radio: %s %s", self.vehicles[row].name, trouble.words)
                 if trouble.refused:
@@ -153,36 +178,51 @@ class Radio:
     def command(self, command: Command) -> None:
         """Give an order to those that are there, and see to it that it is confirmed.
 
+        A trajectory begins where the drone is when the order comes, and turned as it was uploaded:
+        what the drone is off its beginning stays, and its heading's drift.
+
         Raises:
-            ContractError: A duration is not positive, or a target is not finite.
+            ContractError: A number makes no sense, or a trajectory was not uploaded.
         """
-        _check(command)
+        commands.check(command)
         rows = [(i, row) for i, row in enumerate(command.agent.tolist()) if self._there[row]]
+        self._setting_out.difference_update(command.agent.tolist())
+        if command.trajectory is not None:
+            rows = [(i, row) for i, row in rows if self._can_follow(row, float(command.yaw[i]))]
+            self._setting_out.update(row for _i, row in rows if not self._follows(row))
         if command.order is Order.ARM:
             for _i, row in rows:
                 self.vehicles[row].arm()
             return
-        packets = {row: _packet(command, i, self.vehicles[row].version) for i, row in rows}
-        shouted = self._shouts.order(packets) if self._shouts else ()
+        packets = {
+            row: commands.packet(command, i, self.vehicles[row].version, self._carried)
+            for i, row in rows
+        }
+        calm = not any(self.vehicles[row].steered for row in packets)
+        for row in packets:
+            if command.order is Order.TAKEOFF:
+                self.vehicles[row].arm()
+            self.vehicles[row].let_go()
+        # another dongle may overtake a setpoint, which would cancel what it orders, but not a stop
+        loud = calm or command.order is Order.STOP
+        shouted = self._shouts.order(packets) if self._shouts and loud else ()
         for row, packet in packets.items():
             vehicle = self.vehicles[row]
-            if command.order is Order.TAKEOFF:
-                vehicle.arm()
-            vehicle.order(packet, WORDS[command.order], sent=row in shouted)
+            vehicle.order(packet, commands.WORDS[command.order], sent=row in shouted)
             if command.order is Order.STOP and self._rules.latch:
                 vehicle.lock()
 
     def correct(self, corrections: Corrections) -> None:
         """Send poses to estimators, each after the deviations that it is to be weighed with."""
+        rows = [(i, row) for i, row in enumerate(corrections.agent.tolist()) if self._there[row]]
+        deviations = corrections.position_deviation, corrections.attitude_deviation
+        for i, row in rows:
+            self.vehicles[row].weigh(*(float(deviation[i]) for deviation in deviations))
         shouted = self._shouts.correct(corrections) if self._shouts else ()
-        for i, row in enumerate(corrections.agent.tolist()):
-            if self._there[row]:
+        for i, row in rows:
+            if row not in shouted:
                 self.vehicles[row].correct(
-                    corrections.position[i].tolist(),
-                    corrections.attitude[i].tolist(),
-                    float(corrections.position_deviation[i]),
-                    float(corrections.attitude_deviation[i]),
-                    sent=row in shouted,
+                    corrections.position[i].tolist(), corrections.attitude[i].tolist()
                 )
 
     def send(self, setpoint: Setpoint) -> Setpoint:
@@ -227,49 +267,23 @@ class Radio:
     def _present(self) -> list[Vehicle]:
         return [self.vehicles[row] for row in np.flatnonzero(self._there).tolist()]
 
-    def _connect(self, vehicle: Vehicle) -> str | None:
-        """Connect one drone; say why it cannot be reached, None if it can."""
+    def _can_follow(self, row: int, yaw: float) -> bool:
+        """Whether a trajectory turned by `yaw`, rad, lies as uploaded; if not, it is refused."""
+        words = misfit(yaw, self._scene.agents[row].yaw)
+        if words:
+            log.warning("radio: %s %s", self.vehicles[row].name, words)
+            self._refusals.append(Refusal(row, words))
+        return not words
+
+    def _follows(self, row: int) -> bool:
+        """Whether a drone has reported that its commander is on the way."""
+        state = self._gatherer.last[row, report.STATE]
+        return not np.isnan(state) and int(state) & ON_ITS_WAY == Supervisor.COMMANDER_ACTIVE
+
+    def _connect(self, _row: int, vehicle: Vehicle) -> None:
+        """Connect one drone, or leave no link to it open."""
         try:
             vehicle.connect(self._tables, self._manner)
-        except PluginError as error:
-            fault = str(error)
-        except (IndexError, struct.error) as error:
-            fault = f"{vehicle.link.uri} answers what is no answer: {error}"
-        else:
-            return None
-        vehicle.link.close()
-        return fault
-
-
-WORDS: Final = {
-    Order.TAKEOFF: "take off",
-    Order.LAND: "land",
-    Order.GOTO: "go to a place",
-    Order.STOP: "stop",
-}
-
-
-def _packet(command: Command, i: int, version: int) -> bytes:
-    """Return the packet of one row of a command."""
-    position = command.position[i].tolist()
-    duration = float(command.duration[i])
-    make: Callable[[], bytes] = {
-        Order.TAKEOFF: lambda: orders.takeoff(position[2], duration),
-        Order.LAND: lambda: orders.land(position[2], duration),
-        Order.GOTO: lambda: orders.go_to(position, float(command.yaw[i]), duration, version),
-        Order.STOP: orders.stop,
-    }[command.order]
-    return make()
-
-
-def _check(command: Command) -> None:
-    if command.order in {Order.ARM, Order.STOP}:
-        return
-    if not (command.duration > 0).all():
-        raise ContractError(f"Command.duration must be positive, got {command.duration!r}")
-    turning = command.order is Order.GOTO
-    used = command.position if turning else command.position[:, 2]
-    if not np.isfinite(used).all():
-        raise ContractError(f"Command.position must be finite, got {command.position!r}")
-    if turning and not np.isfinite(command.yaw).all():
-        raise ContractError(f"Command.yaw must be finite, got {command.yaw!r}")
+        except Exception:
+            vehicle.link.close()
+            raise

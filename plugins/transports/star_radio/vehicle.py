@@ -15,21 +15,19 @@ from star_core import PluginError
 from star_radio import orders, packets
 from star_radio.answers import Question
 from star_radio.clock import Clock
+from star_radio.deviations import Deviations
+from star_radio.estimator import Settling, start_anew
 from star_radio.link import Link
-from star_radio.parameters import set_now, setting
+from star_radio.parameters import set_now
 from star_radio.report import BLOCK, Layout, stamp
 from star_radio.tables import Table, Tables
 from star_radio.trajectory import Piece, upload
 
-ESTIMATOR_RESET: Final = "kalman.resetEstimation"
-POSITION_DEVIATION: Final = "locSrv.extPosStdDev"  # m
-ATTITUDE_DEVIATION: Final = "locSrv.extQuatStdDev"  # rad
 OLDEST: Final = 4  # protocol version with tables of more than 255 entries
-HELD: Final = 0.1  # s, for which the estimator's reset is held, as Bitcraze's own tools do
 LOOK: Final = 0.005  # s between two looks for the first report
 GOODBYE: Final = 0.3  # s, for which a drone may confirm that it reports no more
 KEPT: Final = 1000  # reports that are kept for a reader that is late: 10 s of them
-FORGIVEN: Final = 0.1  # share by which a deviation may change without being told
+_ALREADY: Final = 1  # what an order to do what is being done is answered: a plan is in the way
 _BUSY: Final = 16  # errno of an order that the supervisor blocks for now
 _WORDS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: "it is wrong"}
 
@@ -79,6 +77,7 @@ class Vehicle:
         clock: Of its reports.
         heard: When its last report arrived, s of the computer's clock; before the first, when it
             was made.
+        steered: Whether setpoints fly it.
     """
 
     def __init__(self, name: str, link: Link) -> None:
@@ -89,8 +88,9 @@ class Vehicle:
         self.parameters: Table = {}
         self.clock = Clock()
         self.heard = time.monotonic()
-        self._told = {POSITION_DEVIATION: 0.0, ATTITUDE_DEVIATION: 0.0}
-        self._steered = False  # whether setpoints fly it
+        self.steered = False
+        self._deviations = Deviations()
+        self._settling = Settling()
         self._until = self._patience = 0.0
         self._samples: deque[tuple[float, bytes]] = deque(maxlen=KEPT)
 
@@ -116,17 +116,18 @@ class Vehicle:
         for name, value in manner.parameters.items():
             set_now(self.parameters, name, value, self._ask)
         if manner.reset:
-            set_now(self.parameters, ESTIMATOR_RESET, 1, self._ask)
-            time.sleep(HELD)
-            set_now(self.parameters, ESTIMATOR_RESET, 0, self._ask)
+            start_anew(self.parameters, self._ask)
         self.link.post(orders.no_more_setpoints())  # a client before may have left some
         self.layout = layout
         self.link.report = partial(self._take, layout.size)
         for _attempt in range(2):
             layout.begin(variables, manner.period, self._ask)
             if self._reported(manner.patience):
-                return
-        raise PluginError(f"{self.link.uri} does not report its state")
+                break
+        else:
+            raise PluginError(f"{self.link.uri} does not report its state")
+        if manner.reset:
+            self._settling.wait(variables, self._ask)
 
     def reports(self) -> list[tuple[float, bytes]]:
         """Return what was reported since the last call: when, by the computer's clock, and what."""
@@ -135,21 +136,26 @@ class Vehicle:
 
     def steer(self, setpoint: bytes) -> None:
         """Fly what `orders.velocity`, `orders.position` or `orders.full_state` packed."""
-        self._steered = True
+        if not self.steered:
+            self.steered = True
+            self.confirm()  # it takes over: an order that is given again would take back
         self.link.steer(setpoint)
+
+    def let_go(self) -> None:
+        """End setpoints: else an order would be heard and not flown."""
+        self.steered = False
+        self.link.post(orders.no_more_setpoints())
 
     def order(self, packet: bytes, what: str, *, sent: bool = False) -> None:
         """Give a high-level order, and again until it is confirmed; a newer one takes its place.
 
-        Setpoints are ended first: else the order would be heard and not flown.
+        Setpoints are to be ended first: see `let_go`.
 
         Args:
             packet: The order.
             what: Its name, for messages.
             sent: Whether it has just been broadcast.
         """
-        self._steered = False
-        self.link.post(orders.no_more_setpoints())
         self.link.assure(
             Question(
                 packet,
@@ -158,6 +164,7 @@ class Vehicle:
                 f"the order to {what}",
                 topic="order",
                 accepts=lambda payload: _error(payload) != _BUSY,
+                sendings=int(sent),  # a broadcast is repeated, and each time answered
             ),
             sent=sent,
         )
@@ -176,46 +183,47 @@ class Vehicle:
         for _time in range(3):
             self.link.post(orders.emergency_stop(self.version))
 
-    def correct(
-        self,
-        position: Sequence[float],
-        attitude: Sequence[float],
-        position_deviation: float,
-        attitude_deviation: float,
-        *,
-        sent: bool = False,
-    ) -> None:
-        """Tell the estimator where the drone is, in the odometry frame, and how sure that is.
+    def weigh(self, position_deviation: float, attitude_deviation: float) -> None:
+        """Tell the estimator how sure the poses are that follow, m and rad.
+
+        Raises:
+            PluginError: The firmware cannot be told that.
+        """
+        sure = self._deviations.changed(self.parameters, position_deviation, attitude_deviation)
+        try:
+            for question in sure:
+                self.link.assure(question)
+        except PluginError as error:
+            raise PluginError(f"{self.name}: {error}") from error
+
+    def correct(self, position: Sequence[float], attitude: Sequence[float]) -> None:
+        """Tell the estimator where the drone is, in the odometry frame.
 
         Args:
             position: m.
             attitude: Unit quaternion x, y, z, w.
-            position_deviation: m.
-            attitude_deviation: rad.
-            sent: Whether the pose has just been broadcast.
-
-        Raises:
-            PluginError: The firmware cannot be told how sure it is.
         """
-        self._tell(POSITION_DEVIATION, position_deviation)
-        self._tell(ATTITUDE_DEVIATION, attitude_deviation)
-        if not sent:
-            self.link.post(orders.seen_as(position, attitude))
+        self.link.post(orders.seen_as(position, attitude))
 
-    def upload(self, number: int, pieces: Sequence[Piece]) -> None:
-        """Upload a trajectory; not for use in a tick.
+    def upload(self, number: int, pieces: Sequence[Piece], *, at: int = 0) -> None:
+        """Upload a trajectory to byte `at` of the memory; not for use in a tick.
 
         Raises:
             ContractError: It does not fit.
             PluginError: The drone refuses, or does not answer.
         """
         self._until = math.inf
-        upload(number, pieces, self._ask)
+        upload(number, pieces, self._ask, at=at)
 
     def follow(self, number: int, *, stretch: float = 1.0, relative: bool = False) -> None:
         """Fly a trajectory that was uploaded, `stretch` times slower; `relative` is from here."""
         packet = orders.start_trajectory(number, self.version, stretch=stretch, relative=relative)
+        self.let_go()
         self.order(packet, f"follow trajectory {number}")
+
+    def confirm(self) -> None:
+        """Take it that the last order was heard: it is not given again."""
+        self.link.forget("order")
 
     def chase(self, now: float) -> list[Trouble]:
         """Ask again what is not confirmed; say what was refused, or never confirmed."""
@@ -223,6 +231,10 @@ class Vehicle:
         for question in self.link.chase(now):
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
+            if error == _ALREADY and question.unheard:
+                continue  # it does what it was told before
+            if self._deviations.given_up(question):
+                continue  # that was said
             if error:
                 why = _WORDS.get(error, f"error {error}")
                 troubles.append(Trouble(f"refuses {question.about}: {why}", refused=True))
@@ -237,29 +249,20 @@ class Vehicle:
         fly is told nothing, so that its own time-out levels it and lets it down.
         """
         if self.layout is not None:
-            if not self._steered:
+            if not self.steered:
                 self.link.post(orders.no_more_setpoints())
             reset = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
             with suppress(PluginError):  # it may be gone
                 self.link.ask(reset, packets.RESET, "the end of reports", patience=GOODBYE)
         self.link.close()
 
-    def _tell(self, name: str, deviation: float) -> None:
-        """Set a deviation that has changed by more than `FORGIVEN`."""
-        if abs(deviation - self._told[name]) > FORGIVEN * self._told[name]:
-            try:
-                question = setting(self.parameters, name, deviation)
-            except PluginError as error:
-                raise PluginError(f"{self.name}: {error}") from error
-            question.topic = name
-            self.link.assure(question)
-            self._told[name] = deviation
-
     def _take(self, size: int, payload: bytes, arrived: float) -> None:
         """Keep a report; here, where no tick waits for it, it is also told when it was made."""
         if len(payload) == size and payload[0] == BLOCK:
             self._samples.append((self.clock.time(stamp(payload), arrived), payload))
             self.heard = arrived
+        else:
+            self._settling.hear(payload)
 
     def _reported(self, patience: float) -> bool:
         """Wait for the first report; say whether it came."""

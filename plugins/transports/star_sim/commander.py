@@ -7,6 +7,8 @@ What a runner can rely on, as the firmware has it:
 * A take-off is over when COMMANDER_FINISHED is set. The drone then hovers for as long as it can.
 * A landing is over when COMMANDER_FINISHED is set, and with it the motors stop; the drone is down
   for good when FLYING is clear as well, 2 s later. A new take-off may follow at any time.
+* A trajectory that was uploaded is flown piece by piece, and over when COMMANDER_FINISHED is set.
+  Whatever takes over from it drops what is left of it.
 * STOP stops the motors at once and locks nothing. ARM does nothing: a brushed Crazyflie is armed.
 * 0.5 s after the last setpoint the drone brakes and levels; after 2 s its motors stop and it is
   LOCKED until the end of the simulation (``COMMANDER_WDT`` in the firmware's ``supervisor.c``).
@@ -128,19 +130,27 @@ def ending_at_rest(
     )
 
 
+def can_fly(drones: Drones, rows: Rows) -> Mask:
+    """Return (K,) which of some drones take orders, by their (K,) rows."""
+    able: Mask = (drones["locked"][rows] == 0) & (drones["crashed"][rows] == 0)
+    return able
+
+
 def obey(drones: Drones, command: Command, now: float) -> None:
     """Start what `command` says at mission time `now`, s, on the drones that can fly.
+
+    Trajectories that were uploaded are flown by `star_sim.pieces`.
 
     Raises:
         ContractError: A duration is not positive, or a target is not finite.
     """
-    able = (drones["locked"][command.agent] == 0) & (drones["crashed"][command.agent] == 0)
+    able = can_fly(drones, command.agent)
     rows = command.agent[able]
     if command.order is Order.STOP:
         drones["mode"][rows] = OFF
         drones["finished"][rows] = 1
     elif command.order is not Order.ARM:
-        _check(command)
+        check(command)
         landing = command.order is Order.LAND
         turning = command.order is Order.GOTO
         target = command.position[able].copy()
@@ -174,6 +184,22 @@ def take(drones: Drones, setpoint: Setpoint, now: float) -> None:
     drones["mode"][rows] = VELOCITY
 
 
+def check(command: Command) -> None:
+    """Refuse an order that makes no sense.
+
+    Raises:
+        ContractError: A duration is not positive, or a target is not finite.
+    """
+    if not (command.duration > 0).all():
+        raise ContractError(f"Command.duration must be positive, got {command.duration!r}")
+    turning = command.order in {Order.GOTO, Order.FOLLOW}
+    used = command.position if turning else command.position[:, 2]
+    if not np.isfinite(used).all():
+        raise ContractError(f"Command.position must be finite, got {command.position!r}")
+    if turning and not np.isfinite(command.yaw).all():
+        raise ContractError(f"Command.yaw must be finite, got {command.yaw!r}")
+
+
 def _reference(drones: Drones, rows: Rows) -> tuple[Array, Array, Array, Array]:
     """Return position, velocity, acceleration and yaw that a trajectory starts from.
 
@@ -189,14 +215,3 @@ def _reference(drones: Drones, rows: Rows) -> tuple[Array, Array, Array, Array]:
         np.where(column, some["reference_acceleration"], 0.0),
         np.where(planned, some["reference_yaw"], some["believed_yaw"]),
     )
-
-
-def _check(command: Command) -> None:
-    if not (command.duration > 0).all():
-        raise ContractError(f"Command.duration must be positive, got {command.duration!r}")
-    turning = command.order is Order.GOTO
-    used = command.position if turning else command.position[:, 2]
-    if not np.isfinite(used).all():
-        raise ContractError(f"Command.position must be finite, got {command.position!r}")
-    if turning and not np.isfinite(command.yaw).all():
-        raise ContractError(f"Command.yaw must be finite, got {command.yaw!r}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from star_core import (
     Detections,
     Frames,
     Odometry,
+    Order,
     Scene,
     Setpoint,
     Telemetry,
+    Trajectory,
     Truth,
 )
 from star_sim import commander
@@ -28,6 +31,7 @@ from star_sim.contact import SWEEP, prisms
 from star_sim.drone import OFF, standing
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance
+from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.report import report
 from star_sim.sensors import TEXTURE_POINTS, draw_errors, draw_texture, noise_streams
 
@@ -94,6 +98,8 @@ class Simulator:
         self._samples = np.zeros((BLOCK, n, 8))
         self._arrived: list[Array] = []  # (cycles, N, 8) since the last call of `receive`
         self._obstacles = prisms(scene.world)
+        self._uploaded: dict[Trajectory, tuple[Piece, ...]] = {}
+        self._queue = Queue(self.drones)
 
     @property
     def time(self) -> float:
@@ -111,14 +117,20 @@ class Simulator:
         self._advance(0)
         self.receive()
 
+    def upload(self, trajectories: Sequence[Trajectory]) -> None:
+        """Take trajectories that may be ordered."""
+        self._uploaded = {trajectory: pieces_of(trajectory) for trajectory in trajectories}
+
     def wait(self, until: float) -> float:
         """Simulate whole steps of 2 ms up to mission time `until`, s, or the next step after it."""
         end = math.ceil(until / STEP - 1e-6)
         while self._step < end:
-            due = end
+            if self._queue.next_step <= self._step:
+                self._queue.advance(self._step)
+            due = min(end, self._queue.next_step)
             if self._cameras is not None:
                 self._cameras.take(self.drones, self._step)
-                due = min(end, self._cameras.next_step)
+                due = min(due, self._cameras.next_step)
             cycle = self._step // STEPS_PER_CYCLE
             if self._noise and self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
                 for row, stream in enumerate(self._streams):
@@ -159,6 +171,11 @@ class Simulator:
         )
 
     def command(self, command: Command) -> None:
+        if command.trajectory is not None:
+            self._set_out(command, command.trajectory)
+            return
+        if command.order is not Order.ARM:
+            self._queue.drop(command.agent)
         commander.obey(self.drones, command, self._step * STEP)
 
     def correct(self, corrections: Corrections) -> None:
@@ -185,6 +202,25 @@ class Simulator:
 
     def close(self) -> None:
         """Nothing to release."""
+
+    def _set_out(self, command: Command, trajectory: Trajectory) -> None:
+        """Have drones fly a trajectory from where the order says that its frame lies.
+
+        Raises:
+            ContractError: It was not uploaded, or the order is not finite.
+        """
+        if trajectory not in self._uploaded:
+            raise ContractError("Command.trajectory was not uploaded")
+        commander.check(command)
+        able = commander.can_fly(self.drones, command.agent)
+        places = np.column_stack([command.position, command.yaw])  # (K, 4)
+        stretch = command.duration / trajectory.duration.sum()
+        for i in np.flatnonzero(able).tolist():
+            pieces = [
+                piece.slower(float(stretch[i])).moved(places[i], float(command.yaw[i]))
+                for piece in self._uploaded[trajectory]
+            ]
+            self._queue.fly(int(command.agent[i]), pieces, self._step * STEP)
 
     def _advance(self, steps: int) -> None:
         advance(

@@ -21,7 +21,7 @@ def test_gentle_keeps_the_contract() -> None:
 
 
 def test_an_avoider_that_loses_agents_breaks_the_contract() -> None:
-    with pytest.raises(ContractError, match="3 agents in, 0 out"):
+    with pytest.raises(ContractError, match="has 0 rows, expected 3"):
         check_avoider(Absent())
 
 

@@ -14,10 +14,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Offer, Tick, Truth, hookimpl
+from star_core import AgentPhase, Array, Flight, Offer, Tick, Truth, hookimpl
 from star_core.mission import load
 from star_core.registry import Registry, Source
 from star_core.runner import fly
+from star_record.recorder import Recorder
 from star_sim.transport import Simulator
 
 WORLD = """\
@@ -269,6 +270,46 @@ def test_where_there_is_no_truth_none_is_kept() -> None:
     with np.load("out/trajectory.npz") as file:
         assert set(file) == {"agents", "time", *COLUMNS}
     assert summary["position_rmse_m"] is None
+
+
+class Dim(Simulator):
+    """A simulator that knows where its drones are at every other tick from the second on."""
+
+    asked = 0
+
+    def truth(self) -> Truth | None:
+        self.asked += 1
+        return super().truth() if self.asked % 2 == 0 else None
+
+
+def test_ticks_without_a_truth_are_nan_before_and_after_the_first_one_that_has_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(globals(), "Blind", Dim)
+    flown(Blinds(), folder=Path("out"), assignments=["transport=blind"])
+    with np.load("out/trajectory.npz") as file:
+        ticks = len(file["time"])
+        for name, shape in TRUTH.items():
+            assert file[name].shape == (ticks, 2, *shape)
+            assert np.isnan(file[name][0::2]).all()
+            assert np.isfinite(file[name][1::2]).all()
+
+
+def test_targets_csv_tells_of_each_target_that_was_found_who_when_and_where() -> None:
+    found = [
+        {"name": "red", "finder": "cf2", "time_s": 12.5, "position_m": [1.0, -0.25, 0.0],
+         "error_m": 0.03},
+        {"name": "blue, far", "finder": "cf1", "time_s": 13.0, "position_m": [0.0, 2.0, 0.0],
+         "error_m": 0.12345},
+    ]  # fmt: skip
+    scene = load(Path("m.yaml"), Registry()).scene
+    recorder = Recorder(Flight("kept", scene, {}, Path("out")), Path("out"))
+    recorder.close({"targets": {"found": 2, "total": 3, "list": found}})
+    assert Path("out/targets.csv").read_text().splitlines() == [
+        "target,finder,time_s,x_m,y_m,z_m,error_m",
+        "red,cf2,12.500,1.0000,-0.2500,0.0000,0.0300",
+        '"blue, far",cf1,13.000,0.0000,2.0000,0.0000,0.1235',
+    ]
 
 
 def apart(a: Array, b: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 from star_core.cli import main
@@ -53,3 +54,19 @@ def test_every_image_is_a_file_named_by_the_time_it_was_taken() -> None:
 def test_no_image_is_kept_unless_asked_for() -> None:
     assert main(["run", "m.yaml", "--json", "--out", "out"]) == 0
     assert not Path("out/frames").exists()
+
+
+@pytest.mark.parametrize("obstacle", ["a file in the way", "an image that is not written"])
+def test_images_that_cannot_be_kept_cost_one_warning_and_no_record(
+    obstacle: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    if obstacle == "a file in the way":
+        Path("out").mkdir()
+        Path("out/frames").write_text("")
+    else:
+        monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
+    assert main(["run", "m.yaml", "--json", "--out", "out", "--save-frames"]) == 0
+    (warning,) = [one.getMessage() for one in caplog.records if "images" in one.getMessage()]
+    assert warning.startswith("no more images are kept: ")
+    with np.load("out/trajectory.npz") as file:
+        assert len(file["time"]) > 20

@@ -93,6 +93,7 @@ def test_in_an_empty_world_it_flies_as_straight_does(
     here: Array, there: Array, velocity: Array
 ) -> None:
     empty = room(n=N)
+    there = there * [1, 1, 0.25] + [0, 0, 1]  # within the heights
     (offer,) = star_straight.star_planners()
     now, wanted = estimate(here), goals(there, velocity=velocity, yaw=np.array([1.0, 2, 3]))
     one, other = planner(empty).plan(now, wanted), offer.make(empty).plan(now, wanted)
@@ -226,7 +227,11 @@ def test_until_its_turn_an_agent_keeps_its_path_if_its_goal_moved_a_little(
     [
         ((0, 0, 1), (3, 0, 1), "[0, 0, 1] is inside obstacle 'block'"),
         ((3, 0, 1), (0, 0, 1), "[0, 0, 1] is inside obstacle 'block'"),
-        ((3, 0, 1), (0.6, 0, 1), "[0.6, 0, 1] is within the clearance of 0.2 m of an obstacle"),
+        (
+            (3, 0, 1),
+            (0.6, 0, 1),
+            "[0.6, 0, 1] is within the clearance of 0.2 m of obstacle 'block'",
+        ),
     ],
 )
 def test_an_agent_holds_that_is_or_is_sent_where_nobody_can_be(
@@ -238,6 +243,27 @@ def test_an_agent_holds_that_is_or_is_sent_where_nobody_can_be(
     assert plan.setpoint.velocity.tolist() == [[0, 0, 0]]
     assert plan.setpoint.active.tolist() == [True]
     assert plan.reasons == {0: why}
+
+
+@pytest.mark.parametrize("here", [[-2, 0, 1.0], [2, 1, 1.0]])
+@pytest.mark.parametrize(("z", "side"), [(2.5, 1), (0.1, 1), (1.8 + 1e-6, 1), (1.8, 0)])
+def test_a_goal_outside_the_heights_is_unreachable_not_moved(
+    here: Sequence[float], z: float, side: int
+) -> None:
+    plan = planner(room(BLOCK)).plan(estimate(np.array([here])), goals([[2, 0, z]]))
+    assert plan.unreachable.tolist() == [bool(side)]
+    assert (np.linalg.norm(plan.setpoint.velocity) == 0) == bool(side)
+    if side:
+        assert plan.reasons[0] == (
+            f"nobody flies to [2, 0, {z:g}]: {z:g} m is outside the heights to fly at, from 0.2 to "
+            "1.8 m"
+        )
+
+
+def test_an_agent_a_little_outside_the_heights_may_stay_where_it_is() -> None:
+    here = np.array([[2, 0, 1.85]])
+    plan = planner(room(BLOCK)).plan(estimate(here), goals(here))
+    assert plan.unreachable.tolist() == [False]
 
 
 def test_a_goal_that_is_walled_in_is_unreachable_and_others_are_not() -> None:
@@ -367,14 +393,6 @@ def test_the_check_finds_nothing_wrong_with_a_good_scene() -> None:
     assert problems(room(aside)) == []
 
 
-def test_a_start_below_an_obstacle_that_hangs_too_low_is_refused() -> None:
-    lid = Obstacle("lid", BLOCK.polygons, (0.1, 0.3))
-    assert problems(room(lid)) == [
-        "'cf1' cannot take off: obstacle 'lid' is where it comes to the lowest height to fly at, "
-        "0.2 m"
-    ]
-
-
 def test_heights_that_are_all_outside_the_fence_are_refused() -> None:
     (message,) = problems(room(limits=Limits(height=(3.5, 4.0))))
     assert message == (
@@ -413,3 +431,41 @@ def test_announcing_and_checking_imports_neither_numpy_nor_shapely() -> None:
         "assert not {'numpy', 'shapely'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# Planning takes as many ticks as it needs
+
+
+def parted() -> tuple[Obstacle, ...]:
+    """A wall that nobody passes, and blocks of many heights: it takes long to find no way."""
+    random = np.random.default_rng(4)
+    blocks = [
+        Obstacle(
+            f"block {k}",
+            (
+                box(
+                    random.uniform(-4, 4, 2).tolist(),
+                    random.uniform(0.2, 0.6, 2).tolist(),
+                    float(k),
+                ),
+            ),
+            (foot := float(random.choice([0.0, random.uniform(0.3, 1.5)])), foot + 0.4),
+        )
+        for k in range(30)
+    ]
+    return (Obstacle("across", wall([(0.0, -5.0), (0.0, 5.0)], 0.1), (0.0, 3.0)), *blocks)
+
+
+def test_while_a_long_search_goes_on_its_agent_holds_and_others_fly() -> None:
+    given = room(*parted(), n=2)
+    visible = planner(given)
+    here = np.array([[-4.6, 4.6, 1.0], [4.6, -4.6, 1.0]])
+    wanted = goals([[4.6, 4.6, 1.0], [4.6, 4.6, 1.0]])
+    ticks = 0
+    while not (plan := visible.plan(estimate(here), wanted)).unreachable.any():
+        assert plan.setpoint.velocity[0].tolist() == [0, 0, 0]
+        ticks += 1
+        assert ticks < 1000
+    assert ticks > 2
+    assert plan.reasons == {0: "no way leads from [-4.6, 4.6, 1] to [4.6, 4.6, 1]"}
+    assert np.linalg.norm(plan.setpoint.velocity[1]) > 0

@@ -270,7 +270,7 @@ BLOCK = block((0, 0), (1, 1))
         (
             (3, 0, 1),
             (0.65, 0, 1),
-            "[0.65, 0, 1] is within the clearance of 0.2 m of an obstacle",
+            "[0.65, 0, 1] is within the clearance of 0.2 m of obstacle 'block'",
         ),
     ],
 )
@@ -278,6 +278,12 @@ def test_where_nobody_can_be_is_said(
     start: tuple[float, ...], goal: tuple[float, ...], reason: str
 ) -> None:
     assert routes(BLOCK).route(np.array(start, float), np.array(goal, float)) == reason
+
+
+def test_what_is_too_near_above_is_named() -> None:
+    low, aside = Obstacle("low", BLOCK.polygons, (0.0, 0.8)), block((2.0, 0), (1, 1))
+    why = routes(aside, low).route(np.array([-3.0, 0, 1]), np.array([0.0, 0, 0.9]))
+    assert why == "[0, 0, 0.9] is within the vertical clearance of 0.2 m of obstacle 'low'"
 
 
 def test_from_within_the_clearance_the_shortest_way_leads_out_first() -> None:
@@ -300,7 +306,7 @@ def test_the_way_out_does_not_lead_through_a_wall() -> None:
     cell = barrier([(0.0, -0.3), (0.0, 0.3), (3.0, 0.3), (3.0, -0.3), (0.0, -0.3)])
     why = routes(cell).route(np.array([0.15, 0.0, 1.0]), np.array([-2.0, 0, 1]))
     assert why == (
-        "no way leads out from [0.15, 0, 1], within the clearance of 0.2 m of an obstacle"
+        "no way leads out from [0.15, 0, 1], within the clearance of 0.2 m of obstacle 'wall'"
     )
 
 

@@ -88,6 +88,8 @@ class Swarm:
         return replace(health(len(self.phase)), phase=self.phase)
 
     def obey(self, command: Command, time: float) -> None:
+        if command.order is Order.FOLLOW:
+            return  # its goals move along what it flies
         climbing = command.order is Order.TAKEOFF
         self.phase[command.agent] = AgentPhase.TAKING_OFF if climbing else AgentPhase.LANDING
         self.height[command.agent] = command.position[:, 2]

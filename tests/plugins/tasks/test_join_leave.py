@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Order, Status
+from star_core import AgentPhase, Offer, Order, Registry, Status, Telemetry, hookimpl, load
+from star_core import fly as fly_mission
+from star_core.registry import Source
 from star_core.testing import estimate, health, scene
+from star_sim.transport import Simulator
 
 GROUND = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 GROUNDED = AgentPhase.GROUNDED
@@ -37,6 +41,60 @@ def test_who_has_too_little_battery_or_tells_none_stays_down(
     step = joins(make, volt=volt)
     assert step.status is Status.FAILURE
     assert step.reason == f"the battery of cf1 is at {said} V, 3.8 V needed"
+
+
+def test_who_is_not_located_stays_down_until_it_is(make: Any) -> None:
+    task = make("join", scene(3), (0,), battery=3.8)
+    well = replace(health(3, GROUNDED), battery=np.full(3, 4.1))
+    task.begin(estimate(GROUND), well)
+    lost = replace(estimate(GROUND), valid=np.array([False, True, True]))
+    for _ in range(3):
+        step = task.step(lost, well)
+        assert (step.status, step.commands) == (Status.RUNNING, ())
+    assert task.step(estimate(GROUND), well).commands[0].order is Order.TAKEOFF
+
+
+class Deaf(Simulator):
+    """A simulator that hears nothing of its second drone."""
+
+    def receive(self) -> Telemetry:
+        telemetry = super().receive()
+        age, battery = telemetry.age.copy(), telemetry.battery.copy()
+        age[1], battery[1] = 9.0, np.nan
+        return replace(telemetry, age=age, battery=battery)
+
+
+class Deafness:
+    """A plugin that offers the transport ``deaf``."""
+
+    @hookimpl
+    def star_transports(self) -> list[Offer[Any]]:
+        return [Offer(name="deaf", summary="Hears one.", make=Deaf)]
+
+
+def test_who_is_not_heard_does_not_join_and_the_others_land(tmp_path: Path) -> None:
+    (tmp_path / "room.yaml").write_text(
+        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+    )
+    mission = tmp_path / "m.yaml"
+    mission.write_text("""\
+star: 1
+name: m
+world: room.yaml
+swarm: {cf1: {start: [-1, 0, 0]}, cf2: {start: [1, 0, 0]}}
+reserve: {agents: [cf2]}
+transport: deaf
+localizer: flow
+planner: straight
+avoider: none
+mission: [takeoff: {height: 0.5}, join: {agents: cf2, height: 0.5}]
+""")
+    registry = Registry()
+    registry.add(Deafness(), Source("their-dist:deaf"))
+    summary = fly_mission(load(mission, registry), registry)
+    assert summary["outcome"] == "failed"
+    assert "cf2" in summary["reason"]
+    assert summary["path_length_m"]["per_agent"]["cf2"] < 0.05
 
 
 def test_nobody_takes_off_under_another(make: Any) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Problem
 from star_verbs.formation.shapes import Shape, shape, size_of_grid
-from star_verbs.places import fault
+from star_verbs.places import fault, too_fast
 
 if TYPE_CHECKING:
     from star_core import Scene
@@ -32,6 +32,8 @@ SHAPES_WITH: Final = {
 
 def check(scene: Scene, rows: tuple[int, ...], /, **options: Any) -> Iterator[Problem]:
     """Yield what is wrong with a formation of the agents in `rows`."""
+    yield from too_fast(scene, options)
+    yield from too_fast(scene, options.get("move", {}), "move")
     wrong = [*_company(options)] or [*_number(len(rows), options)]
     if wrong:
         yield from wrong

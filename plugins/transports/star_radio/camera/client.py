@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 import socket
 import threading
 import time
@@ -14,9 +13,9 @@ from types import TracebackType
 from typing import Final, NamedTuple, Self
 
 from star_core import Image
+from star_radio.camera.address import PORT
 from star_radio.camera.stream import Arrival, Counts, Stream
 
-PORT: Final = 5000  # of an AI-deck's ESP32
 LATENCY: Final = 0.15  # s: how late the original STAR's images were
 SHAPE: Final = (244, 324)  # height and width of an HM01B0's image, px
 CHUNK: Final = 65_536  # bytes to read at a time
@@ -25,8 +24,6 @@ PAUSE: Final = 0.25  # s from one try to the next
 SILENCE: Final = 2.0  # s without a byte, after which a deck is called anew; they send 8 images a s
 WAITING: Final = 8  # images: 1 s of a deck's stream
 CLOSING: Final = 2.0  # s to wait for the thread
-
-_log = logging.getLogger(__name__)
 
 
 class Shot(NamedTuple):
@@ -128,9 +125,7 @@ class CameraClient:
         try:
             while not self._closed.is_set():
                 self._call()
-                if self._there.is_set():
-                    self._there.clear()
-                    _log.info("camera %s", self.fault)
+                self._there.clear()
                 self._closed.wait(PAUSE)
         finally:
             self._there.clear()

@@ -31,6 +31,7 @@ def run(arguments: Sequence[str]) -> int:
     mission = load(Path(options.mission), Registry(), assignments)
     agents = mission.scene.agents
     _check_ports(options, len(agents))
+    _check_cameras(options, any(agent.camera is not None for agent in agents))
     from star_sim.fleet.server import Fleet
 
     with ExitStack() as opened:
@@ -40,6 +41,7 @@ def run(arguments: Sequence[str]) -> int:
                 host=options.host,
                 port=options.port,
                 speed=options.speed,
+                arms_itself=not options.brushless,
                 **_of_simulator(mission, seen=options.cameras is not None),
             )
             opened.callback(fleet.close)
@@ -84,6 +86,14 @@ def parser() -> argparse.ArgumentParser:
         metavar="N",
         help="stream the cameras as AI-decks do, from port N on, 0 takes free ones",
     )
+    star.add_argument(
+        "--jpeg", action="store_true", help="compress the cameras' images, as the deck can"
+    )
+    star.add_argument(
+        "--brushless",
+        action="store_true",
+        help="drones with brushless motors, which have to be armed before they fly",
+    )
     star.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
     star.add_argument("--seed", help="seed of every random number (the mission's)")
     star.add_argument(
@@ -109,6 +119,20 @@ def _check_ports(options: argparse.Namespace, agents: int) -> None:
             )
 
 
+def _check_cameras(options: argparse.Namespace, carried: bool) -> None:  # noqa: FBT001
+    """Refuse to stream what nobody sees.
+
+    Raises:
+        InputError: There is no camera, or it is not to be streamed.
+    """
+    if options.cameras is not None and not carried:
+        raise InputError(
+            [f"--cameras {options.cameras}: no agent of {options.mission} carries a 'camera'"]
+        )
+    if options.jpeg and options.cameras is None:
+        raise InputError(["--jpeg: there are no images to compress without --cameras"])
+
+
 def _over_tcp(
     fleet: Fleet, mission: Mission, options: argparse.Namespace, opened: ExitStack
 ) -> dict[int, list[str]]:
@@ -121,7 +145,14 @@ def _over_tcp(
         return {}
     from star_sim.fleet.wifi import Wifi  # image compression is slow to import
 
-    wifi = Wifi(fleet, mission.scene, options.host, links=options.tcp, cameras=options.cameras)
+    wifi = Wifi(
+        fleet,
+        mission.scene,
+        options.host,
+        links=options.tcp,
+        cameras=options.cameras,
+        jpeg=options.jpeg,
+    )
     opened.callback(wifi.close)
     found: dict[int, list[str]] = {row: [uri] for row, uri in wifi.links.items()}
     for row, address in wifi.cameras.items():

@@ -83,12 +83,10 @@ def encode(packet: Packet) -> bytes:
 class Decoder:
     """Takes a stream apart as it comes, in pieces of any size.
 
-    Attributes:
-        skipped: Frames so far with a version, a function or a target that there is not.
+    Frames with a version, a function or a target that there is not are passed over.
     """
 
     def __init__(self) -> None:
-        self.skipped = 0
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Packet]:
@@ -109,9 +107,7 @@ class Decoder:
             if len(stream) < end:
                 break
             packet = _packet(stream[at + _LENGTH : end])
-            if packet is None:
-                self.skipped += 1
-            else:
+            if packet is not None:
                 packets.append(packet)
             at = end
         self._rest = stream[at:]

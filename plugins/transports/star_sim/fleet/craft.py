@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from star_core import Array, Corrections
-from star_sim.drone import DEMAND, OFF, TRAJECTORY
+from star_sim.drone import DEMAND, OFF
 from star_sim.fleet.setpoints import Demand
-from star_sim.fleet.trajectory import Piece
+from star_sim.pieces import Piece, enter
 from star_sim.transport import Simulator
 
 
@@ -58,13 +58,7 @@ class Craft:
 
     def follow(self, piece: Piece, began: float, *, lands: bool) -> None:
         """Follow a piece that began at `began`, s, and stop the motors at its end if it lands."""
-        drone = self._drone
-        drone["trajectory"] = piece.coefficients
-        drone["trajectory_start"] = began
-        drone["trajectory_duration"] = piece.duration
-        drone["landing"] = lands
-        drone["finished"] = 0
-        drone["mode"] = TRAJECTORY
+        enter(self._drone, piece, began, lands=lands)
 
     def demand(self, demand: Demand) -> None:
         """Do what a setpoint asks for."""

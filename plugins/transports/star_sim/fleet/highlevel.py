@@ -1,10 +1,10 @@
 """The high-level commander: take-off, landing, go-to and uploaded trajectories, as one plan.
 
 What it does and answers is the firmware's (``crtp_commander_high_level.c``, ``planner.c``): a plan
-runs by the clock even while setpoints keep it from the motors; a take-off is refused while another
-plan runs (1), a landing while one runs (1), everything that moves while the supervisor forbids
-flight (EBUSY), and what it does not know or cannot do (ENOEXEC). An unknown trajectory is accepted
-and nothing flies.
+runs by the clock even while setpoints keep it from the motors; a take-off is refused while any plan
+runs (1), a landing only while another landing does (1), everything that moves while the supervisor
+forbids flight (EBUSY), and what it does not know or cannot do (ENOEXEC). An unknown trajectory is
+accepted and nothing flies.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from star_sim.commander import ending_at_rest
 from star_sim.fleet.craft import Craft
 from star_sim.fleet.packet import read, sound
 from star_sim.fleet.parameters import Parameters
-from star_sim.fleet.trajectory import Piece, compressed, plain
+from star_sim.fleet.trajectory import compressed, plain
+from star_sim.pieces import Piece
 from star_sim.position import wrap
 
 SET_GROUPS, STOP, DEFINE = 0, 3, 6  # commands; the others are for a group, and move

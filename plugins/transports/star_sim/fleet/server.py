@@ -105,7 +105,6 @@ class Fleet:
         self._clients: list[tuple[tuple[str, int], float] | None] = [None] * len(scene.agents)
         self._streams: list[list[Callable[[bytes], object]]] = [[] for _ in scene.agents]
         self._late: list[tuple[int, int, bytes, tuple[str, int]]] = []
-        self._cut: set[int] = set()
         self._sockets: list[socket.socket] = []
         try:
             self._open(scene, host, port, ports)
@@ -134,14 +133,6 @@ class Fleet:
     def listen(self, row: int, send: Callable[[bytes], object]) -> None:
         """Have `send` called with every packet that a vehicle streams, beside its UDP client."""
         self._streams[row].append(send)
-
-    def cut(self, row: int) -> None:
-        """Cut the link of a vehicle: it hears nothing and is not heard, and nobody is told."""
-        self._cut.add(row)
-
-    def restore(self, row: int) -> None:
-        """Mend a link that was cut."""
-        self._cut.discard(row)
 
     def advance(self) -> None:
         """Go on by one cycle of 10 ms."""
@@ -254,15 +245,13 @@ class Fleet:
             packet, client = self._sockets[row].recvfrom(DATAGRAM)
         except OSError:  # none after all, or a client has closed its port
             return
-        if row in self._cut:
-            return
         if not is_null(packet):  # which asks who is there
             self._clients[row] = client, time.monotonic()
         for answer in self.handle(row, packet):
             self._send(row, answer, client)
 
     def _stream(self, row: int, packets: list[bytes]) -> None:
-        if not packets or row in self._cut:
+        if not packets:
             return
         for send in self._streams[row]:
             for packet in packets:

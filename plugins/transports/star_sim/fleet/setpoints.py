@@ -197,7 +197,14 @@ def _place(payload: bytes, _kind: int) -> Demand | None:
 
 
 def _full_state(payload: bytes, _kind: int) -> Demand | None:
-    """Position, velocity, acceleration in mm, attitude; body rates in mrad/s go unused."""
+    """Position, velocity, acceleration in mm, attitude; body rates in mrad/s go unused.
+
+    So they do in the firmware with its default controller, which this one stands for:
+    ``fullStateDecoder`` (``crtp_commander_generic.c``) disables roll, pitch and yaw and has heading
+    by the quaternion, and ``controller_pid.c`` heeds rates only where one of them is a velocity.
+    A client that packs deg/s for rad/s is therefore not seen to be wrong here, nor there; with the
+    Mellinger controller (``controller_mellinger.c``), which damps towards them, it is.
+    """
     values = read("9hI3h", payload, 1)
     if values is None:
         return None

@@ -1,7 +1,6 @@
 """Trajectories that a client uploads: polynomials of order 7, plain or as Bézier curves.
 
-A `Piece` is what the simulated commander follows: coefficients over the fraction of its time. The
-formats are those of the firmware: ``poly4d`` (33 floats a piece) and the compressed one of
+The formats are those of the firmware: ``poly4d`` (33 floats a piece) and the compressed one of
 ``pptraj_compressed.c``.
 """
 
@@ -10,61 +9,17 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from star_core import Array
 from star_sim.fleet.packet import read
+from star_sim.pieces import ORDER, Piece
 
 PIECE_BYTES: Final = 33 * 4
-ORDER: Final = 7
 CONTROL_POINTS: Final = (0, 1, 3, 7)  # that are stored of an axis, by its two bits of type
 MOST: Final = 1e6  # of a coefficient, so that nothing overflows
-
-
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """One stretch of a trajectory.
-
-    Attributes:
-        coefficients: (4, 8) of x, y, z, m, and yaw, rad, over the fraction of time passed; constant
-            first.
-        duration: s.
-    """
-
-    coefficients: Array
-    duration: float
-
-    def at(self, time: float) -> tuple[Array, Array, Array]:
-        """Return value, first and second derivative (each (4,)) `time` seconds after its start."""
-        u = min(max(time / self.duration, 0.0), 1.0)
-        powers = u ** np.arange(ORDER + 1)
-        once = np.arange(1, ORDER + 1)
-        slope = (self.coefficients[:, 1:] * once) @ powers[:-1]
-        curve = (self.coefficients[:, 2:] * (once[1:] * once[:-1])) @ powers[:-2]
-        return self.coefficients @ powers, slope / self.duration, curve / self.duration**2
-
-    def slower(self, factor: float) -> Piece:
-        """Return it, taking `factor` times as long."""
-        return replace(self, duration=self.duration * factor)
-
-    def backwards(self) -> Piece:
-        """Return it from its end to its start."""
-        turned = np.zeros_like(self.coefficients)
-        for k in range(ORDER + 1):  # (1 - u)^k
-            for j in range(k + 1):
-                turned[:, j] += self.coefficients[:, k] * math.comb(k, j) * (-1) ** j
-        return replace(self, coefficients=turned)
-
-    def moved(self, shift: Array, turn: float = 0.0) -> Piece:
-        """Return it turned by `turn`, rad, about the origin, and then moved by `shift`, (4,)."""
-        cos, sin = math.cos(turn), math.sin(turn)
-        x, y, z, yaw = self.coefficients
-        moved = np.stack([cos * x - sin * y, sin * x + cos * y, z, yaw])
-        moved[:, 0] += shift
-        return replace(self, coefficients=moved)
 
 
 def plain(memory: bytes, offset: int, count: int) -> list[Piece] | None:
@@ -81,8 +36,7 @@ def plain(memory: bytes, offset: int, count: int) -> list[Piece] | None:
         if not (math.isfinite(duration) and duration > 0):
             return None
         with np.errstate(over="ignore", invalid="ignore"):
-            scaled = np.reshape(numbers, (4, 8)) * duration ** np.arange(ORDER + 1)
-        pieces.append(Piece(scaled, duration))
+            pieces.append(Piece.over_time(np.reshape(numbers, (4, 8)), duration))
     return _flyable(pieces)
 
 

@@ -20,6 +20,7 @@ class Wifi:
         host: Address to serve at.
         links: Port of the first agent's link, 0 for free ones; None for no links.
         cameras: Port of the first camera, 0 for free ones; None for none.
+        jpeg: Whether cameras compress their images.
 
     Attributes:
         links: ``tcp://host:port`` by the row of the agent.
@@ -30,7 +31,14 @@ class Wifi:
     """
 
     def __init__(
-        self, fleet: Fleet, scene: Scene, host: str, *, links: int | None, cameras: int | None
+        self,
+        fleet: Fleet,
+        scene: Scene,
+        host: str,
+        *,
+        links: int | None,
+        cameras: int | None,
+        jpeg: bool = False,
     ) -> None:
         self.links: dict[int, str] = {}
         self.cameras: dict[int, str] = {}
@@ -44,7 +52,7 @@ class Wifi:
                 if cameras is not None and agent.camera is not None:
                     port = cameras and cameras + len(self._decks)
                     shape = agent.camera.height, agent.camera.width
-                    deck = AideckServer(host, port, shape=shape, switchboard=board)
+                    deck = AideckServer(host, port, shape=shape, jpeg=jpeg, switchboard=board)
                     opened.callback(deck.close)
                     self._decks[row] = deck
                     self.cameras[row] = _shown(deck.address)

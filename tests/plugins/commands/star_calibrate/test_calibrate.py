@@ -160,7 +160,7 @@ def test_the_report_names_every_picture_and_its_error(
     shots: list[str], lens: Lens, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     empty = blank(tmp_path / "empty.png")
-    main(["camera", *shots, empty, "-o", str(tmp_path / "camera.yaml")])
+    main(["camera", *shots, empty, "--out", str(tmp_path / "camera.yaml")])
     out = capsys.readouterr().out
     for seen in lens.used:
         assert f"{seen.name}: {seen.error:.3f} px at {seen.distance:.2f} m\n" in out

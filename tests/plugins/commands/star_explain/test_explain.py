@@ -147,6 +147,40 @@ def test_steps_of_each_agent_are_told_once(explain: Explain) -> None:
     assert text.count("goto") == 1
 
 
+def test_steps_of_an_agent_by_itself_are_neither_at_once_nor_one_after_the_other(
+    explain: Explain,
+) -> None:
+    text = explain("  - each: {agents: cf1, steps: [takeoff: {}, land: {}]}\n")
+    assert "1  each by itself, cf1: about" in text
+    assert "at once" not in text
+    assert "one after the other" not in text
+
+
+@pytest.mark.parametrize("form", [(), ("--mermaid",)])
+def test_a_file_that_is_included_is_named(
+    explain: Explain, tmp_path: Path, form: tuple[str, ...]
+) -> None:
+    (tmp_path / "inner.yaml").write_text("star: 1\nmission: [{hold: {}}, {hold: {}}]\n")
+    (tmp_path / "part.yaml").write_text(
+        "star: 1\nmission: [{hold: {}}, {include: {file: inner.yaml}}]\n"
+    )
+    text = explain("  - takeoff: {}\n  - include: {file: part.yaml}\n", *form)
+    assert "inner.yaml" in text
+    part, inner = (text.index(f"from {tmp_path / name}") for name in ("part.yaml", "inner.yaml"))
+    assert part < inner
+
+
+def test_a_program_from_outside_is_not_waited_for_and_its_port_stays_shut(
+    write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("socket.create_server", None)  # whoever calls it raises
+    steps = "  - takeoff: {}\n  - external: {}\n  - external: {timeout: 7}\n"
+    _, first, second = told(write(steps)).parts
+    assert (first.takes, first.limit, second.limit) == (None, 60.0, 7.0)
+    assert isinstance(first, Told)
+    assert first.fault == ""
+
+
 def test_a_step_that_would_fail_is_told(explain: Explain) -> None:
     text = explain(
         "  - takeoff: {}\n  - goto: {by: [0, 0, 0.1], on_failure: land}\n  - takeoff: {}\n"
@@ -154,6 +188,21 @@ def test_a_step_that_would_fail_is_told(explain: Explain) -> None:
     assert "! in rehearsal: already in the air: cf1, cf2" in text
     grounded = explain("  - land: {on_failure: continue}\n  - goto: {to: [0, 1, 1]}\n")
     assert "! in rehearsal: is not over when its time is" in grounded
+
+
+def test_what_is_flown_on_board_is_told_with_the_time_it_takes(
+    explain: Explain, tmp_path: Path
+) -> None:
+    header = ",".join(["duration", *(f"{a}^{p}" for a in ("x", "y", "z", "yaw") for p in range(8))])
+    still = ",".join(["4.0", *["0"] * 32])
+    (tmp_path / "still.csv").write_text(f"{header}\n{still}\n", encoding="utf-8")
+    options = "file: still.csv, format: poly7, timescale: 2"
+    text = explain(
+        f"  - takeoff: {{}}\n  - follow: {{{options}, on_board: true}}\n  - follow: {{{options}}}\n"
+    )
+    (told,) = (line for line in text.splitlines() if "flown on board" in line)
+    assert told.startswith("     about 8.")
+    assert told.endswith("; flown on board: neither planner nor avoider steers")
 
 
 def test_who_is_in_reserve_does_nothing_until_it_joins(explain: Explain) -> None:
@@ -281,8 +330,9 @@ def test_no_arrow_into_a_frame_pulls_the_step_before_into_it(explain: Explain) -
             assert set(match.groups()) <= inside
 
 
-def test_what_is_in_a_chart_cannot_break_it(explain: Explain) -> None:
-    steps = "  - takeoff: {}\n  - wait: {until: {event: 'a\"]-->b'}, timeout: 1}\n"
+def test_what_is_in_a_chart_cannot_break_it(explain: Explain, tmp_path: Path) -> None:
+    (tmp_path / 'a"]-->b').write_text("x,y,z\n0,0,1\n1,0,1\n")
+    steps = "  - takeoff: {}\n  - follow: {file: 'a\"]-->b'}\n"
     text = explain(steps, "--mermaid")
     assert "#quot;]--#gt;b" in text
     assert 'a"]' not in text

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError, Registry, actions, fly, load
+from star_import.command import main
 from tests.plugins.commands.star_import.conftest import ROBOTS, Import
 
 Put = Callable[[str, str], str]
@@ -124,3 +125,31 @@ def test_a_trajectory_that_is_too_fast_is_refused_with_what_would_fit(
 def test_a_trajectory_that_is_not_there_is_told(take: Import) -> None:
     with pytest.raises(InputError, match=r"no\.csv: no such file"):
         take("no.csv")
+
+
+def test_every_voltage_of_a_battery_is_told(place: Put, take: Import) -> None:
+    both = "{voltage_critical: 3.7, voltage_warning: 3.8}"
+    place("crazyflies.yaml", ROBOTS.replace("{voltage_critical: 3.7}", both))
+    told = take("crazyflies.yaml")
+    assert [line for line in told if "type a: voltage_critical 3.7 V does nothing" in line]
+    assert [line for line in told if "type a: 'voltage_warning' is nothing" in line]
+
+
+def test_numbers_that_no_file_says_are_told(place: Put, take: Import) -> None:
+    place("crazyflies.yaml", ROBOTS)
+    limits = "limits.speed 0.5 m/s, limits.height 0.2 to 2 m"
+    told = take("crazyflies.yaml")
+    assert f"crazyflies: numbers that no file says: {limits}" in told
+    up, go = '"takeoff", "wait", "all", "", ""', '"goto", "wait", "all", "", "0 0 1 0"'
+    place("m.yaml", f"command_sequence: [{up}, {go}]")
+    told = take("m.yaml", "crazyflies.yaml", "--force")
+    assert (
+        "m: numbers that no file says: limits.speed 0.2 m/s, limits.height 0.5 to 2 m, of goto: "
+        "speed 0.1 m/s, within 0.2 m, spacing 0.4 m where several fly to one place" in told
+    )
+
+
+def test_an_agent_that_nobody_names_is_missed_though_there_is_none(place: Put) -> None:
+    place("m.yaml", 'command_sequence: ["land", "wait", "cf2", "", ""]')
+    with pytest.raises(InputError, match="no agent named 'cf2'; say where it stands: --agent"):
+        main(["m.yaml"])

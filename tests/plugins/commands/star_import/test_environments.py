@@ -161,7 +161,8 @@ def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import)
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("[0.0, 1.5]", "[0]"),
          "lab.yaml:5:15: obs0: expected z of the foot and of the top, m"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("[0.0, 1.5]", "[2, 1]"),
-         "lab.yaml:4:7: as STAR reads it: foot 2 is not below top 1"),
+         "lab.yaml:4:7: as STAR reads it: obstacle 'obs0' has its foot at 2 m, not below its top "
+         "at 1 m"),
         (TAGS.format(tags="id1: {location: [1.0, 0.0], purpose: eliminate}"),
          "lab.yaml:5:10: 'id1', expected a tag 'id000' or a pair 'id000 id001'"),
         (TAGS.format(tags=PAIR.replace("top-left", "middle")),

@@ -273,3 +273,12 @@ def test_a_rectangle_goes_round_anticlockwise() -> None:
 @pytest.mark.parametrize(("value", "text"), [(1e-9, "0"), (-1e-9, "0"), (10.0, "10"), (0.1, "0.1")])
 def test_a_number_is_written_without_exponent_or_idle_noughts(value: float, text: str) -> None:
     assert number(value) == text
+
+
+@pytest.mark.parametrize("flag", ["-o", "--out"])
+def test_where_sheets_go_has_two_names(
+    flag: str, world: Callable[[str], Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "sheets.pdf"
+    assert main([str(world(TAGS)), flag, str(out)]) == 0
+    assert out.exists()

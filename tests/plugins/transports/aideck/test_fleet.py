@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
 import pytest
 
 from star_core import Agent, Camera, Fence, Frames, Scene, World
@@ -41,6 +42,19 @@ def test_what_a_simulated_camera_sees_arrives(fleet: Fleet, until: Until) -> Non
         shots = client.arrived()
     published = [image for frames in list(seen) for image in frames.image]
     assert any((shots[0].image == image).all() for image in published)
+
+
+def test_what_a_simulated_camera_sees_arrives_compressed(fleet: Fleet, until: Until) -> None:
+    seen: list[Frames] = []
+    fleet.frame_listeners.append(seen.append)
+    wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0, jpeg=True)
+    host, port = wifi.cameras[0].split(":")
+    with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
+        assert until(lambda: client.counts.images >= 2, within=30.0)
+        shots = client.arrived()
+    published = [image for frames in list(seen) for image in frames.image]
+    off = [np.abs(shots[0].image.astype(int) - image).mean() for image in published]
+    assert 0 < min(off) < 5  # grey values: JPEG keeps them nearly
 
 
 @pytest.mark.usefixtures("capfd")  # cflib prints

@@ -6,15 +6,36 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from star_core import InputError
+from star_core import InputError, Supervisor
 from star_sim.fleet.command import run
+from star_sim.fleet.packet import Port, join
 
 MISSIONS = Path(__file__).parents[4] / "missions"
 FIRST = str(MISSIONS / "first_flight.yaml")
+EYES = str(MISSIONS / "three_eyes.yaml")
+
+
+def free() -> int:
+    """A port that nobody has, to be served at."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port: int = taken.getsockname()[1]
+    return port
+
+
+def called(port: int) -> socket.socket:
+    """Call a port until somebody answers."""
+    for _ in range(600):
+        with suppress(OSError):
+            return socket.create_connection(("127.0.0.1", port))
+        time.sleep(0.1)
+    raise TimeoutError
 
 
 def test_it_says_where_each_drone_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,14 +74,70 @@ def test_ports_end() -> None:
 def test_links_and_cameras_are_served_over_tcp_if_wanted(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    eyes = str(MISSIONS / "three_eyes.yaml")
     flags = ["--port", "0", "--tcp", "0", "--cameras", "0", "--duration", "0.1", "--speed", "10"]
-    assert run([eyes, *flags]) == 0
+    assert run([EYES, *flags]) == 0
     for line in capsys.readouterr().out.splitlines():
         _name, udp, tcp, camera, where = line.split()
         assert udp.startswith("udp://")
         assert tcp.startswith("tcp://127.0.0.1:")
         assert (camera, where.split(":")[0]) == ("camera", "127.0.0.1")
+
+
+def test_cameras_of_a_mission_that_has_none_are_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        run([FIRST, "--port", "0", "--cameras", "0"])
+    assert caught.value.problems == (f"--cameras 0: no agent of {FIRST} carries a 'camera'",)
+
+
+def test_compression_without_cameras_is_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        run([EYES, "--port", "0", "--jpeg"])
+    assert caught.value.problems == ("--jpeg: there are no images to compress without --cameras",)
+
+
+@pytest.mark.parametrize(("flags", "form"), [([], 0), (["--jpeg"], 1)])
+def test_images_are_compressed_if_wanted(flags: list[str], form: int) -> None:
+    heads: list[bytes] = []
+
+    def watch(port: int) -> None:
+        with called(port) as deck:
+            deck.settimeout(60)
+            heads.append(deck.recv(15, socket.MSG_WAITALL))
+
+    port = free()
+    reader = threading.Thread(target=watch, args=(port,))
+    reader.start()
+    assert run([EYES, "--port", "0", "--cameras", str(port), *flags, "--duration", "1.5"]) == 0
+    reader.join()
+    assert heads[0][4] == 0xBC
+    assert heads[0][10] == form
+
+
+@pytest.mark.parametrize(
+    ("flags", "state"),
+    [
+        ([], Supervisor.ARMED | Supervisor.AUTO_ARM | Supervisor.CAN_FLY),
+        (["--brushless"], Supervisor.CAN_ARM),
+    ],
+)
+def test_drones_with_brushless_motors_wait_to_be_armed(flags: list[str], state: Supervisor) -> None:
+    answers: list[bytes] = []
+
+    def ask(port: int) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.settimeout(0.1)
+            for _ in range(300):
+                client.sendto(join(Port.SUPERVISOR, 0, b"\x0c"), ("127.0.0.1", port))
+                with suppress(OSError):
+                    answers.append(client.recv(64))
+                    return
+
+    port = free()
+    client = threading.Thread(target=ask, args=(port,))
+    client.start()
+    assert run([FIRST, "--port", str(port), *flags, "--duration", "0.5"]) == 0
+    client.join()
+    assert answers == [join(Port.SUPERVISOR, 0, b"\x8c" + int(state).to_bytes(2, "little"))]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import struct
 from collections.abc import Callable
@@ -11,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_sim.fleet.packet import Port, join
+from star_sim.fleet.localisation import fixes
+from star_sim.fleet.packet import Port, is_null, join, split
+from star_sim.fleet.setpoints import decode
 
 Start = Callable[..., Any]
 
 FEW = 6_000
-MANY = 100_000  # with STAR_FUZZ set
+MANY = 100_000
 
 GOOD = [
     join(Port.SETPOINT, 0, struct.pack("<Bffff", 8, 0.1, 0.0, 0.0, 0.0)),
@@ -58,10 +59,10 @@ def spoiled(rng: random.Random) -> bytes:
     return bytes(packet)
 
 
-def test_no_datagram_breaks_a_vehicle_or_is_answered_at_length(start: Start) -> None:
-    bench = start(2, noise=True)
+def assert_nothing_breaks(bench: Any, datagrams: int) -> None:
+    """Give a vehicle spoiled datagrams, and see that it and the one beside it are whole."""
     rng = random.Random(1)  # noqa: S311 -- the same each time
-    for i in range(MANY if "STAR_FUZZ" in os.environ else FEW):
+    for i in range(datagrams):
         for answer in bench.fleet.handle(0, spoiled(rng)):
             assert 1 <= len(answer) <= 31
         if i % 20 == 0:
@@ -73,6 +74,86 @@ def test_no_datagram_breaks_a_vehicle_or_is_answered_at_length(start: Start) -> 
     assert all(len(packet) <= 31 for packet in bench.streamed[0])
     assert bench.fleet.handle(0, join(Port.LINK, 0, b"ping")) == [join(Port.LINK, 0, b"ping")]
     assert bench.fleet.simulator.drones["position"][1] == pytest.approx([0.5, 0, 0], abs=0.1)
+
+
+def test_no_datagram_breaks_a_vehicle_or_is_answered_at_length(start: Start) -> None:
+    assert_nothing_breaks(start(2, noise=True), FEW)
+
+
+@pytest.mark.campaign
+def test_none_of_very_many_datagrams_breaks_a_vehicle(start: Start) -> None:
+    assert_nothing_breaks(start(2, noise=True), MANY)
+
+
+ANSWERS = {
+    Port.PARAMETERS, Port.MEMORY, Port.LOG, Port.HIGH_LEVEL, Port.SUPERVISOR, Port.PLATFORM
+}  # fmt: skip
+ERROR = {(Port.HIGH_LEVEL, 0): 4, (Port.MEMORY, 1): 6, (Port.MEMORY, 2): 6}  # its place in answers
+
+
+def refused(packet: bytes, answers: list[bytes]) -> bool:
+    """Whether a datagram was certainly refused, by what the protocol says of it and its answer."""
+    parts = split(packet)
+    if parts is None or is_null(packet) or parts[0] not in set(Port):
+        return True
+    port, channel, payload = parts
+    silent = channel == 1 and payload[:1] in {b"\3", b"\4"}  # emergency stop, and its watchdog
+    if port == Port.SETPOINT:
+        return channel > 1 or (channel == 0 and decode(payload) is None)
+    if port == Port.LOCALISATION:
+        return not silent and not list(fixes(channel, payload))
+    if port in ANSWERS and not answers:
+        return not (port == Port.SUPERVISOR and silent)
+    at = ERROR.get((Port(port), channel))
+    return at is not None and any(answers[0][at : at + 1])
+
+
+def known(bench: Any) -> tuple[Any, ...]:
+    """All that the first vehicle and its firmware keep, but for who listens."""
+    vehicle = bench.fleet.vehicles[0]
+    return (
+        bench.fleet.simulator.drones[0].tobytes(),
+        tuple(bytes(memory) for _kind, memory in vehicle._memories._memories),
+        tuple(vehicle._parameters._values),
+        dict(vehicle._parameters._stored),
+        repr(vehicle._log._blocks),
+        repr(vehicle._guidance._demand),
+        vehicle._guidance._stamp,
+        vehicle._high_level.plan(bench.fleet.time),
+        dict(vehicle._high_level._defined),
+        vehicle.supervisor.state,
+        vehicle.supervisor.armed,
+    )
+
+
+def assert_what_is_refused_changes_nothing(bench: Any, datagrams: int) -> int:
+    """Give a vehicle in flight spoiled datagrams, and return how many of them it refused."""
+    bench.takeoff()
+    bench.fly(2.0)
+    rng = random.Random(2)  # noqa: S311 -- the same each time
+    count = 0
+    before = known(bench)
+    for i in range(datagrams):
+        packet = spoiled(rng)
+        answers = bench.fleet.handle(0, packet)
+        after = known(bench)
+        if refused(packet, answers):
+            count += 1
+            assert after == before, packet.hex()
+        before = after
+        if i % 20 == 0:
+            bench.fleet.advance()
+            before = known(bench)
+    return count
+
+
+def test_what_is_refused_changes_nothing(start: Start) -> None:
+    assert assert_what_is_refused_changes_nothing(start(), FEW // 2) > FEW // 8
+
+
+@pytest.mark.campaign
+def test_none_of_very_many_refused_datagrams_changes_anything(start: Start) -> None:
+    assert assert_what_is_refused_changes_nothing(start(), MANY) > MANY // 4
 
 
 @pytest.mark.parametrize("packet", [packet for packet in GOOD if packet[0] >> 4 in WHOLE])

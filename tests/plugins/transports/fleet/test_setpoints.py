@@ -83,6 +83,11 @@ def test_a_full_state_is_in_thousandths_and_its_yaw_in_the_quaternion(start: Sta
     assert bench.log("stateEstimate.yaw")[0] == pytest.approx(60, abs=1)
 
 
+def test_the_rates_of_a_full_state_are_not_flown() -> None:
+    state = (6, 300, -200, 900, 10, 20, 30, 40, 50, 60, 3 << 30)
+    assert decoded("B9hI3h", *state, 1500, -1500, 20_000) == decoded("B9hI3h", *state, 0, 0, 0)
+
+
 def test_a_pitch_is_nose_up_positive_and_a_roll_is_to_the_right(start: Start) -> None:
     bench = aloft(start)
     bench.fly(1.0, "Bffff", 9, 4.0, -5.0, 0.0, 0.8)

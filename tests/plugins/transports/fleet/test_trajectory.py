@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 
-from star_sim.fleet.trajectory import Piece, bezier, compressed, plain
+from star_sim.fleet.trajectory import bezier, compressed, plain
+from star_sim.pieces import Piece
 
 coefficients = st.lists(st.floats(-2, 2), min_size=32, max_size=32)
 durations = st.floats(0.25, 4)

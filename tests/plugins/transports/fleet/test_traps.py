@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import math
 import struct
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -188,6 +190,34 @@ def test_the_watchdog_stops_whoever_is_not_told_for_a_second(
     assert bench.turned
     bench.fly(0.2)
     assert Supervisor.LOCKED in bench.state()
+
+
+def full_state(yaw_rate: float) -> bytes:
+    """What cflib packs for a hover and this rate; its words say deg/s, the wire says mrad/s."""
+    commander: Any = pytest.importorskip("cflib.crazyflie.commander")
+    sent: list[Any] = []
+    client = commander.Commander(SimpleNamespace(send_packet=sent.append))
+    zero = (0.0, 0.0, 0.0)
+    client.send_full_state_setpoint((0.0, 0.0, 0.8), zero, zero, (0, 0, 0, 1), 0, 0, yaw_rate)
+    return bytes(sent[0].data)
+
+
+def test_a_full_states_rates_in_degrees_do_not_fit_beyond_what_rad_per_s_allow() -> None:
+    assert struct.unpack("<h", full_state(math.radians(45))[-2:]) == (785,)
+    with pytest.raises(struct.error):
+        full_state(45.0)
+
+
+def test_a_full_states_rates_in_degrees_are_57_times_too_fast_and_not_flown(start: Start) -> None:
+    def after(yaw_rate: float) -> Any:
+        bench = aloft(start)
+        for _ in range(20):
+            bench.ask(Port.SETPOINT, 0, full_state(yaw_rate))
+            bench.fly(0.05)
+        return bench.fleet.simulator.drones[0].copy()
+
+    assert struct.unpack("<h", full_state(30.0)[-2:]) == (30_000,)  # 1719 deg/s
+    assert after(30.0) == after(math.radians(30.0))
 
 
 def test_a_vehicle_with_brushed_motors_is_armed_by_itself(start: Start) -> None:

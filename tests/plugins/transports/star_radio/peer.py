@@ -16,7 +16,7 @@ VALUES: dict[str, float] = {
     "stateEstimateZ.x": 0, "stateEstimateZ.y": 0, "stateEstimateZ.z": 0,
     "stateEstimateZ.vx": 0, "stateEstimateZ.vy": 0, "stateEstimateZ.vz": 0,
     "stateEstimate.roll": 0, "stateEstimate.pitch": 0, "stateEstimate.yaw": 0,
-    "stateEstimateZ.rateYaw": 0, "pm.vbatMV": 4000, "supervisor.info": 15, "radio.rssi": 40,
+    "stateEstimateZ.rateYaw": 0, "pm.vbatMV": 4000, "supervisor.info": 15,
 }  # fmt: skip
 PARAMETERS: dict[str, tuple[int, bytes]] = {
     "kalman.resetEstimation": (0x08, b"\0"),
@@ -58,8 +58,9 @@ class Peer:
         self.refuses_block = 0
         self.memory = bytearray(4096)
         self.boot = 3.0
-        self._block: list[tuple[int, int]] = []
-        self._period: float | None = None
+        self._blocks: dict[int, list[tuple[int, int]]] = {}
+        self._periods: dict[int, float] = {}
+        self._due: dict[int, float] = {}
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.002)
@@ -99,7 +100,6 @@ class Peer:
         self._socket.close()
 
     def _serve(self) -> None:
-        due = 0.0
         while not self._ended:
             try:
                 data, self._client = self._socket.recvfrom(64)
@@ -110,9 +110,10 @@ class Peer:
             if data:
                 self._take(data)
             now = time.monotonic()
-            if self._period and now >= due:
-                due = max(due + self._period, now)
-                self.report(now)
+            for block, period in list(self._periods.items()):
+                if now >= self._due.setdefault(block, 0.0):
+                    self._due[block] = max(self._due[block] + period, now)
+                    self.report(now, block)
 
     def _take(self, data: bytes) -> None:
         packet = bytes([data[0] & 0xF3]) + data[1:]
@@ -175,16 +176,20 @@ class Peer:
 
     def _log(self, payload: bytes) -> bytes:
         if payload == b"\5":
-            self._block, self._period = [], None
+            self._blocks.clear()
+            self._periods.clear()
             return b"\5\0\0"
+        block = payload[1]
         if payload[0] in {6, 7}:
             if self.refuses_block:
                 return payload[:2] + bytes([self.refuses_block])
-            if payload[0] == 6 and self._block:
+            if payload[0] == 6 and block in self._blocks:
                 return payload[:2] + bytes([17])
-            self._block += list(struct.iter_unpack("<BH", payload[2:]))
+            self._blocks.setdefault(block, []).extend(struct.iter_unpack("<BH", payload[2:]))
         elif payload[0] == 3:
-            self._period = payload[2] / 100
+            self._periods[block] = payload[2] / 100
+        elif payload[0] == 2:
+            self._periods.pop(block, None)
         return payload[:2] + b"\0"
 
     def _write(self, payload: bytes) -> bytes | None:
@@ -194,8 +199,8 @@ class Peer:
         self.stored[name] = payload[2:]
         return payload
 
-    def report(self, now: float) -> None:
-        """Send the block once."""
+    def report(self, now: float, block: int = 1) -> None:
+        """Send a block once."""
         if self.mute.is_set():
             return
         names = list(self.values)
@@ -204,7 +209,7 @@ class Peer:
                 LOG_TYPES[kind],
                 self.values[names[number]] if kind > 6 else int(self.values[names[number]]),
             )
-            for kind, number in self._block
+            for kind, number in self._blocks[block]
         )
         stamp = int((now + self.boot) * 1000) % (1 << 24)
-        self.say(bytes([0x52, 1]) + stamp.to_bytes(3, "little") + data)
+        self.say(bytes([0x52, block]) + stamp.to_bytes(3, "little") + data)

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import struct
 import sys
+import threading
 import time
+from collections.abc import Callable
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
 
-from star_core import Corrections, PluginError
+import star_radio
+from star_core import Command, Corrections, Order, PluginError, Setpoint
 from star_radio import orders
 from star_radio.address import RadioAddress
-from star_radio.broadcast import TIMES, Broadcaster, pose_packets, position_packets
+from star_radio.broadcast import TIMES, Broadcaster, pose
 from star_radio.shouts import Shouts
+from star_radio.tables import Entry
+from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import reached
 
 
@@ -25,6 +30,9 @@ class Dongle:
     def __init__(self) -> None:
         self.told: list[tuple[int, int, bytes]] = []
         self.sent: list[bytes] = []
+        self.go = threading.Event()
+        self.go.set()
+        self.error: OSError | None = None
 
     def set_configuration(self, _number: int) -> None:
         """There is one."""
@@ -37,6 +45,9 @@ class Dongle:
 
     def write(self, endpoint: int, data: bytes, _timeout: int) -> None:
         assert endpoint == 1
+        self.go.wait(5)
+        if self.error is not None:
+            raise self.error
         self.sent.append(bytes(data))
 
 
@@ -52,24 +63,6 @@ def dongles(monkeypatch: pytest.MonkeyPatch) -> list[Dongle]:
     return found
 
 
-def test_four_positions_go_into_one_packet() -> None:
-    position = [[i * 0.5, -1.0, 0.25] for i in range(5)]
-    first, second = position_packets([1, 2, 3, 4, 5], position)
-    assert first[0] & 0xF3 == 6 << 4 | 2
-    drones = list(struct.iter_unpack("<Bhhh", first[1:]))
-    assert drones == [(i + 1, 500 * i, -1000, 250) for i in range(4)]
-    assert second[1:] == struct.pack("<Bhhh", 5, 2000, -1000, 250)
-
-
-def test_two_poses_go_into_one_packet() -> None:
-    turn = [0.0, 0.0, 0.0, 1.0]
-    first, second = pose_packets([1, 2, 3], [[1.0, 2.0, 3.0]] * 3, [turn] * 3)
-    assert first[0] & 0xF3 == 6 << 4 | 1
-    one = struct.pack("<BhhhI", 1, 1000, 2000, 3000, 0xC0000000)
-    assert first[1:] == b"\x09" + one + b"\2" + one[1:]
-    assert second[1:] == b"\x09\3" + one[1:]
-
-
 def settled(dongle: Dongle, n: int) -> bool:
     end = time.monotonic() + 3
     while len(dongle.sent) < n and time.monotonic() < end:
@@ -81,7 +74,7 @@ def test_a_packet_is_repeated_on_every_channel(dongles: list[Dongle]) -> None:
     uris = [f"radio://0/{channel}/{rate}" for channel, rate in ((80, "2M"), (90, "250K"))]
     on = [address for uri in uris if (address := RadioAddress.of(uri))]
     radio = Broadcaster(1, on)
-    radio.post(orders.stop())
+    radio.order(orders.stop())
     assert settled(dongles[1], 2 * TIMES)
     radio.close()
     radio.close()
@@ -101,6 +94,7 @@ def test_a_dongle_that_lacks_is_named() -> None:
         Broadcaster(2, [])
 
 
+AIRED = [RadioAddress("1", 80, "2M", "E7E7E7E701")]
 AIR = ["radio://0/80/2M/E7E7E7E701", "udp://127.0.0.1:1", "radio://0/80/2M/E7E7E7E702"]
 
 
@@ -123,15 +117,173 @@ def test_an_order_is_broadcast_if_it_is_the_same_for_every_radio(
     shouts.close()
 
 
-def test_corrections_of_radios_are_broadcast(dongles: list[Dongle]) -> None:
+def corrections(n: int) -> Corrections:
+    turn: Any = np.tile([0.0, 0, 0, 1], (n, 1))
+    return Corrections(np.arange(n), np.ones((n, 3)), turn, np.full(n, 0.05), np.full(n, 0.05))
+
+
+def test_corrections_of_radios_are_broadcast_once(dongles: list[Dongle]) -> None:
     shouts = Shouts(reached(AIR), 1)
-    n = np.arange(3)
-    turn: Any = np.tile([0.0, 0, 0, 1], (3, 1))
-    rows = shouts.correct(Corrections(n, np.ones((3, 3)), turn, np.ones(3), np.ones(3)))
-    assert tuple(rows) == (0, 2)
-    assert settled(dongles[1], TIMES)
-    assert dongles[1].sent[0][2::11][:2] == b"\1\2"
+    assert tuple(shouts.correct(corrections(3))) == (0, 2)
     shouts.close()
+    assert b"".join(packet[2::11] for packet in dongles[1].sent) == b"\1\2"
+
+
+def test_two_poses_go_into_one_packet(dongles: list[Dongle]) -> None:
+    radio = Broadcaster(1, AIRED)
+    dongles[1].go.clear()
+    radio.order(orders.stop())  # holds up what comes after it
+    for last in (1, 2, 3):
+        radio.show(last, pose(last, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]))
+    dongles[1].go.set()
+    radio.close()
+    first, second = dongles[1].sent[TIMES:]
+    assert first[0] & 0xF3 == 6 << 4 | 1
+    one = struct.pack("<BhhhI", 1, 1000, 2000, 3000, 0xC0000000)
+    assert first[1:] == b"\x09" + one + b"\2" + one[1:]
+    assert second[1:] == b"\x09\3" + one[1:]
+
+
+def test_a_dongle_that_is_late_sends_the_newest_pose_of_each_drone(dongles: list[Dongle]) -> None:
+    radio = Broadcaster(1, AIRED)
+    dongles[1].go.clear()
+    radio.order(orders.stop())
+    for i in range(1000):
+        radio.show(1, pose(1, [i / 1000, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
+    dongles[1].go.set()
+    radio.close()
+    [sent] = dongles[1].sent[TIMES:]
+    assert struct.unpack_from("<Bh", sent, 2) == (1, 999)
+
+
+def test_a_dongle_that_fails_leaves_everything_to_the_links(
+    dongles: list[Dongle], caplog: pytest.LogCaptureFixture
+) -> None:
+    shouts = Shouts(reached(AIR), 1)
+    dongles[1].error = OSError("pipe error")
+    assert shouts.order({0: b"a", 2: b"a"}) == (0, 2)
+    shouts._radio._thread.join(3)
+    assert shouts.order({0: b"a", 2: b"a"}) == ()
+    assert shouts.correct(corrections(3)) == ()
+    shouts.close()
+    assert caplog.messages == ["radio: no broadcasts any more, links take over: pipe error"]
+
+
+@pytest.mark.usefixtures("dongles")
+def test_a_dongle_that_may_not_be_used_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def forbid(*_what: object) -> None:
+        raise OSError("access denied")
+
+    monkeypatch.setattr(Dongle, "set_configuration", forbid)
+    with pytest.raises(PluginError, match="Crazyradio 1 cannot broadcast: access denied"):
+        Broadcaster(1, AIRED)
+
+
+class Wire:
+    """What carries packets to one drone: it writes them down, by their first byte's port."""
+
+    def __init__(self, name: str, log: list[tuple[str, str]]) -> None:
+        self._name, self._log = name, log
+
+    def send(self, packet: bytes) -> None:
+        self._log.append((self._name, WHAT[packet[0] & 0xF3]))
+
+    steer = send
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+WHAT = {
+    0x70: "setpoint",
+    0x71: "let go",
+    0x80: "order",
+    0x91: "arm",
+    0x22: "deviation",
+    0x61: "pose",
+}
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tuple[str, str]]]]:
+    """Make a connected radio that broadcasts, and what it says, to whom, in order."""
+
+    def make() -> tuple[Radio, list[tuple[str, str]]]:
+        log: list[tuple[str, str]] = []
+        everybody = Wire("all", log)
+        monkeypatch.setattr(Broadcaster, "order", lambda _self, packet: everybody.send(packet))
+        monkeypatch.setattr(Broadcaster, "show", lambda *_pose: everybody.send(b"\x61"))
+        radio = star_radio.make(reached([AIR[0], AIR[2]]), broadcast=1)
+        assert isinstance(radio, Radio)
+        radio._there[:] = True
+        for vehicle in radio.vehicles:
+            vehicle.version = 12
+            vehicle.link._wire = Wire(vehicle.name, log)
+            vehicle.parameters = {
+                "locSrv.extPosStdDev": Entry(1, 6), "locSrv.extQuatStdDev": Entry(2, 6)
+            }  # fmt: skip
+        return radio, log
+
+    return make
+
+
+def ordered(order: Order, n: int = 2) -> Command:
+    return Command(order, np.arange(n), np.zeros((n, 3)), np.zeros(n), np.ones(n))
+
+
+Said: TypeAlias = Callable[[], tuple[Radio, list[tuple[str, str]]]]
+
+
+@pytest.mark.usefixtures("dongles")
+def test_drones_are_armed_and_let_go_before_a_take_off_is_broadcast(said: Said) -> None:
+    radio, log = said()
+    radio.command(ordered(Order.TAKEOFF))
+    assert log == [
+        ("cf1", "arm"), ("cf1", "let go"), ("cf2", "arm"), ("cf2", "let go"), ("all", "order"),
+    ]  # fmt: skip
+    radio.close()
+
+
+@pytest.mark.usefixtures("dongles")
+def test_an_order_goes_to_each_while_setpoints_fly_one_of_them(said: Said) -> None:
+    radio, log = said()
+    radio.send(Setpoint(np.zeros((2, 3)), np.zeros(2), np.array([False, True])))
+    radio.command(ordered(Order.LAND))
+    assert log == [
+        ("cf2", "setpoint"), ("cf1", "let go"), ("cf2", "let go"), ("cf1", "order"),
+        ("cf2", "order"),
+    ]  # fmt: skip
+    radio.command(ordered(Order.LAND))
+    assert log[-1] == ("all", "order")
+    radio.close()
+
+
+@pytest.mark.usefixtures("dongles")
+def test_a_stop_is_broadcast_whoever_is_flown_by_setpoints(said: Said) -> None:
+    radio, log = said()
+    radio.send(Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)))
+    radio.command(ordered(Order.STOP))
+    assert log[2:] == [("cf1", "let go"), ("cf2", "let go"), ("all", "order")]
+    radio.close()
+
+
+@pytest.mark.usefixtures("dongles")
+def test_deviations_are_told_before_poses_are_broadcast(said: Said) -> None:
+    radio, log = said()
+    radio.correct(corrections(2))
+    assert log == [
+        *[("cf1", "deviation")] * 2, *[("cf2", "deviation")] * 2, *[("all", "pose")] * 2,
+    ]  # fmt: skip
+    radio.close()
+
+
+@pytest.mark.usefixtures("dongles")
+def test_a_broadcast_take_off_is_confirmed_by_any_of_its_answers(said: Said) -> None:
+    radio, _log = said()
+    radio.command(ordered(Order.TAKEOFF))
+    radio.vehicles[0].link.hear(b"\x80\7\0\0\1", 0.0)  # a repetition: the plan is in the way
+    assert radio.vehicles[0].chase(0.0) == []
+    radio.close()
 
 
 @pytest.mark.usefixtures("dongles")

@@ -34,15 +34,30 @@ def test_reports_that_are_too_many_are_refused_with_the_arithmetic() -> None:
     assert list(overloads(on_dongle(3), "legacy", 0.05, 0.01)) == [
         "dongle '0' is to serve 3 agents with 100 exchanges/s each (20 setpoints/s up, "
         "100 reports/s down): 300/s, where 150/s may be planned, 50% of the 300/s of mode "
-        "'legacy'; it can serve 1: lower the mission's rate, report less often, or share the "
-        "agents among more dongles, or mode: inline where the dongles' firmware has it"
+        "'legacy'; it can serve 1; reports take the most: report less often, or share the agents "
+        "among more dongles, or say mode: inline where the dongles' firmware has it"
     ]
 
 
 def test_setpoints_that_are_too_many_are_refused() -> None:
     [told] = overloads(on_dongle(8), "legacy", 0.05, None)
-    assert "8 agents with 20 exchanges/s each (20 setpoints/s up, 16.6667 reports/s down)" in told
-    assert "it can serve 7" in told
+    assert "8 agents with 20 exchanges/s each (20 setpoints/s up, 16.7 reports/s down)" in told
+    assert (
+        "it can serve 7; setpoints take the most: lower the mission's rate, or share the agents "
+        "among more dongles"
+    ) in told
+
+
+def test_where_both_are_the_same_both_are_to_be_fewer() -> None:
+    [told] = overloads(on_dongle(4), "legacy", 0.02, 0.02)
+    assert (
+        "setpoints and reports alike take the most: lower the mission's rate and report less often,"
+    ) in told
+
+
+def test_what_cannot_be_fewer_is_not_advised() -> None:
+    [told] = overloads(on_dongle(69), "inline", 0.1, None)
+    assert told.endswith("alike take the most: share the agents among more dongles")
 
 
 @pytest.mark.parametrize(("n", "fits"), [(68, True), (69, False)])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
+import threading
 import time
 from pathlib import Path
 
@@ -30,6 +32,63 @@ def test_the_estimator_starts_anew(peers: Peers, connect: Open) -> None:
     assert drone.sent_to(2, 2)[:2] == [b"\0\0\1", b"\0\0\0"]
 
 
+VARIANCES = {f"kalman.var{axis}": 1e-4 for axis in ("PX", "PY", "PZ")}
+
+
+def test_an_estimator_is_waited_for_until_it_has_settled(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.values |= VARIANCES
+    begun = time.monotonic()
+
+    def settle() -> None:
+        while time.monotonic() - begun < 1.0:
+            drone.values["kalman.varPZ"] += 0.001
+            time.sleep(0.01)
+
+    settling = threading.Thread(target=settle)
+    settling.start()
+    connect([drone])
+    settling.join()
+    assert time.monotonic() - begun > 1.2
+    assert drone.sent_to(5, 1)[-1] == b"\2\2"  # its block is deleted
+
+
+def test_estimators_settle_at_the_same_time(peers: Peers, connect: Open) -> None:
+    drones = peers(6)
+    for drone in drones:
+        drone.values |= VARIANCES
+    begun = time.monotonic()
+    connect(drones)
+    assert time.monotonic() - begun < 2.5  # one after the other, they would take more than 3 s
+
+
+@pytest.mark.parametrize("growth", [0.0003, math.nan])
+def test_an_estimator_that_does_not_settle_is_named(
+    peers: Peers, connect: Open, monkeypatch: pytest.MonkeyPatch, growth: float
+) -> None:
+    monkeypatch.setattr("star_radio.estimator.DEADLINE", 0.9)
+    [drone] = peers()
+    drone.values |= VARIANCES
+    report = drone.report
+
+    def diverge(now: float, block: int = 1) -> None:
+        drone.values["kalman.varPX"] += growth * (block == 2)
+        report(now, block)
+
+    drone.report = diverge  # type: ignore[method-assign]
+    with pytest.raises(
+        PluginError, match=r"cf1 \(its estimator has not settled in 0.9 s: is its Flow deck on"
+    ):
+        connect([drone])
+
+
+def test_an_estimator_that_is_left_alone_is_not_waited_for(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.values |= dict.fromkeys(VARIANCES, math.nan)
+    connect([drone], reset=False)
+    assert all(payload[1:2] != b"\2" for payload in drone.sent_to(5, 1))
+
+
 def test_an_estimator_is_left_alone_where_that_is_wanted(peers: Peers, connect: Open) -> None:
     [drone] = peers(lacks=("kalman.resetEstimation",))
     connect([drone], reset=False)
@@ -40,7 +99,7 @@ def test_the_second_of_two_drones_reads_no_table(peers: Peers, connect: Open) ->
     drones = peers(3)
     connect(drones)
     asked = [sum(payload[0] == 2 for payload in drone.sent_to(5, 0)) for drone in drones]
-    assert sorted(asked) == [0, 0, 13]
+    assert sorted(asked) == [0, 0, 12]
 
 
 def test_the_next_flight_reads_no_table(peers: Peers, connect: Open) -> None:
@@ -57,7 +116,7 @@ def test_a_cache_that_is_spoilt_is_read_anew(peers: Peers, connect: Open, tmp_pa
         path.write_text('{"a": [1')
     [again] = peers()
     connect([again])
-    assert len(again.sent_to(5, 0)) == 14
+    assert len(again.sent_to(5, 0)) == 13
     assert all(json.loads(path.read_text()) for path in tmp_path.glob("*.json"))
 
 
@@ -78,7 +137,9 @@ def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
         "udp://127.0.0.1:9 in 0.6 s"
     )
     assert "cf3 (no answer about its protocol version from udp://127.0.0.1:7" in told
-    assert told.endswith("'absent: fly-without' flies without them")
+    assert told.endswith(
+        "; 'absent: fly-without' flies without them in a mission that has 'safety: {link_lost: {}}'"
+    )
     assert "cf2" not in told
 
 
@@ -95,9 +156,11 @@ def test_the_others_fly_without_an_absent_drone(
     assert "cannot reach 1 of 2 agents: cf1" in caplog.text
 
 
-def test_nobody_flies_when_all_are_absent(make: Open) -> None:
-    with pytest.raises(PluginError, match="cannot reach 1 of 1 agents: cf1"):
-        make([NOBODY], absent="fly-without").connect()
+@pytest.mark.parametrize("absent", ["refuse", "fly-without"])
+def test_nobody_flies_when_all_are_absent(make: Open, absent: str) -> None:
+    with pytest.raises(PluginError, match="cannot reach 1 of 1 agents: cf1") as caught:
+        make([NOBODY], absent=absent).connect()
+    assert "fly-without" not in str(caught.value)
 
 
 def test_an_address_without_a_driver_is_named(make: Open) -> None:
@@ -129,10 +192,6 @@ def test_log_variables_that_lack_are_named(peers: Peers, connect: Open) -> None:
         match=r"no log variable 'pm.vbatMV' or 'pm.vbat', 'supervisor.info'; update it",
     ):
         connect(peers(lacks=lacks))
-
-
-def test_a_drone_needs_no_radio_to_be_connected(peers: Peers, connect: Open) -> None:
-    assert connect(peers(lacks=("radio.rssi",))).receive().age[0] < 1
 
 
 def test_a_block_that_cannot_be_added_is_named(peers: Peers, connect: Open) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -127,11 +128,13 @@ def fleet() -> Iterator[Fleet]:
 
 
 def flown(
-    folder: Path, uris: Sequence[str], options: str = "", takeoff: str = ""
+    folder: Path, uris: Sequence[str], options: str = "", takeoff: str = "", rules: str = ""
 ) -> dict[str, Any]:
     """Fly `MISSION` over links to some addresses, and return its summary."""
     (folder / "room.yaml").write_text(ROOM)
-    text = MISSION.replace("CACHE", f"'{folder / 'cache'}'{options}").replace("LET", takeoff)
+    text = (
+        (MISSION + rules).replace("CACHE", f"'{folder / 'cache'}'{options}").replace("LET", takeoff)
+    )
     for i, uri in enumerate(uris):
         text = text.replace(f"URI{i}", uri)
     (folder / "mission.yaml").write_text(text)
@@ -146,6 +149,18 @@ def test_a_mission_that_allows_it_is_flown_without_who_is_absent(tmp_path: Path)
         assert summary["outcome"] == "completed", summary["reason"]
         moved = fleet.simulator.drones["position"] - fleet.simulator.drones["origin"]
         assert np.allclose(moved[0], [0.4, 0, 0], atol=0.15)
+
+
+@pytest.mark.parametrize("rule", [True, pytest.param(False, marks=pytest.mark.campaign)])
+def test_who_is_absent_is_taken_out_by_the_rule_for_lost_links(
+    tmp_path: Path,
+    rule: bool,  # noqa: FBT001
+) -> None:
+    with Fleet(scene(1), port=0, noise=False) as fleet:
+        uris = [*fleet.addresses, "udp://127.0.0.1:9"]
+        rules = "safety: {link_lost: {}}" if rule else ""
+        summary = flown(tmp_path, uris, ", absent: fly-without", "timeout: 1", rules)
+        assert summary["outcome"] == ("completed" if rule else "failed"), summary["reason"]
 
 
 def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_landed(
@@ -213,8 +228,12 @@ def test_corrections_reach_the_estimator(tmp_path: Path) -> None:
 
 
 def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
-    fleet: Fleet, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Fleet,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
+    caplog.set_level(logging.DEBUG)  # as `--verbose`
     server = CrtpOverTcp("127.0.0.1", 0, lambda packet: fleet.handle(0, packet))
     fleet.listen(0, server.push)
     flight = Flight(fleet, scene(1), tmp_path, uris=["tcp://{}:{}".format(*server.address)])
@@ -231,6 +250,8 @@ def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
     flight.radio.close()
     assert time.process_time() - used < 0.15  # nothing spins
     assert capfd.readouterr().out == ""
+    assert "Traceback" not in caplog.text
+    assert len(caplog.records) < 100
 
 
 def test_a_stop_that_locks_locks(fleet: Fleet, tmp_path: Path) -> None:

@@ -130,9 +130,8 @@ def test_a_tick_that_is_late_does_not_wait(make: Open) -> None:
 
 def test_a_drone_hears_of_us_while_nothing_is_to_be_said(peers: Peers, connect: Open) -> None:
     [drone] = peers()
-    vehicle = connect([drone]).vehicles[0]
+    connect([drone])
     assert drone.until(lambda: drone.echoes >= 2)
-    assert drone.until(lambda: 0 < vehicle.link.round_trip < 1)
 
 
 def test_a_drone_that_falls_silent_ages(peers: Peers, connect: Open) -> None:
@@ -293,6 +292,32 @@ def test_an_order_that_is_refused_is_told(
     assert radio.receive().refusals == ()
 
 
+def test_a_take_off_whose_answer_got_lost_is_not_refused(
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    [drone] = peers()
+    drone.lose[b"\x80\7"] = 1
+    drone.errors[7] = [0, 1]  # told again, it says that a plan is in the way
+    radio = connect([drone])
+    radio.command(told(Order.TAKEOFF))
+    ticks(radio, 12)
+    assert len(drone.sent_to(8, 0)) == 2
+    assert caplog.text == ""
+    assert radio.receive().refusals == ()
+
+
+@pytest.mark.parametrize("errors", [[1], [16, 1]])
+def test_a_take_off_that_a_plan_is_in_the_way_of_is_refused(
+    peers: Peers, connect: Open, errors: list[int]
+) -> None:
+    [drone] = peers()
+    drone.errors[7] = [*errors]
+    radio = connect([drone])
+    radio.command(told(Order.TAKEOFF))
+    ticks(radio, 12)
+    assert radio.receive().refusals == ((0, "refuses the order to take off: error 1"),)
+
+
 @pytest.mark.usefixtures("soon")
 def test_an_order_that_is_never_confirmed_is_told(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
@@ -375,6 +400,38 @@ def test_deviations_are_told_when_they_change(peers: Peers, connect: Open) -> No
     assert len(drone.sent_to(2, 2)) - before == 3  # two at first, one change beyond 10 %
 
 
+@pytest.mark.usefixtures("soon")
+def test_a_deviation_that_was_given_up_is_told_anew(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.lose[b"\x22\1\0"] = 10
+    before = len(drone.sent_to(2, 2))
+    radio.correct(seen(0.05, 0.1))
+    ticks(radio, 14)
+    assert len(drone.sent_to(2, 2)) - before == 11
+    radio.correct(seen(0.05, 0.1))
+    assert drone.until(lambda: len(drone.sent_to(2, 2)) - before == 12)
+    ticks(radio, 2, first=14)
+    radio.correct(seen(0.05, 0.1))
+    ticks(radio, 2, first=16)
+    assert len(drone.sent_to(2, 2)) - before == 12
+
+
+@pytest.mark.usefixtures("soon")
+def test_a_deviation_that_is_given_up_again_and_again_is_told_of_once(
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.lose[b"\x22\1\0"] = 21
+    for tick in range(0, 39, 13):
+        radio.correct(seen(0.05, 0.1))
+        ticks(radio, 13, first=tick)
+    said = "radio: cf1 does not confirm parameter 'locSrv.extPosStdDev'"
+    assert caplog.messages == [said]
+    assert drone.stored["locSrv.extPosStdDev"] == struct.pack("<f", 0.05)
+
+
 def test_firmware_that_cannot_be_told_deviations_is_named(peers: Peers, connect: Open) -> None:
     radio = connect(peers(lacks=("locSrv.extPosStdDev",)))
     with pytest.raises(PluginError, match=r"cf1: its firmware has no parameter 'locSrv.extPosStdD"):
@@ -392,12 +449,14 @@ def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None
     numbers = np.frombuffer(drone.memory[: 3 * 132], "<f4").reshape(3, 33)
     assert np.allclose(numbers[:, 0], [0, 0.1, 0.2])
     assert np.allclose(numbers[:, 32], [1, 2, 3])
+    vehicle.steer(orders.velocity((0, 0, 0), 0.0, 12))
     vehicle.follow(1, stretch=2.0, relative=True)
     define, start = (
         orders.define_trajectory(1, 3),
         orders.start_trajectory(1, 12, stretch=2.0, relative=True),
     )
     assert drone.until(lambda: drone.sent_to(8, 0) == [define[1:], start[1:]])
+    assert [packet[0] for packet in drone.got[-3:]] == [0x70, 0x71, 0x80]  # setpoints are ended
 
 
 def test_a_trajectory_that_is_refused_is_told(peers: Peers, connect: Open) -> None:

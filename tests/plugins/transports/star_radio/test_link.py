@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ from star_core import PluginError
 from star_radio.answers import Question
 from star_radio.datagrams import Datagrams
 from star_radio.link import Link
+from star_radio.quality import Quality
 
 
 class Driver:
@@ -136,6 +138,36 @@ def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver
     with pytest.raises(PluginError, match=r"usb://0: not opened in 0.05 s"):
         Link("usb://0", "cf1", Datagrams()).open(0.05)
     assert soon(lambda: driver.closed)
+
+
+def test_a_link_that_stays_weak_is_told_once(
+    link: Link, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("star_radio.quality.LASTS", 0.0)
+    link.note_quality({"uplink_rssi": 40.0})
+    link.note_quality({"link_quality": 71.0})
+    assert caplog.text == ""
+    for quality in (69.0, 60.0):
+        link.note_quality({"link_quality": quality})
+    [told] = caplog.messages
+    assert told == "radio: the link of cf1 is weak: its quality is 69 %, below 70 % for 0 s"
+
+
+def test_a_link_that_recovers_in_time_is_not_weak(caplog: pytest.LogCaptureFixture) -> None:
+    quality = Quality("cf1")
+    for now, percent in enumerate((60.0, 60.0, 80.0, 60.0, 60.0)):
+        quality.note({"link_quality": percent}, float(now))
+    assert caplog.text == ""
+    quality.note({"link_quality": 65.0}, 5.0)
+    assert "cf1 is weak: its quality is 65 %, below 70 % for 2 s" in caplog.text
+
+
+def test_a_complaint_with_a_traceback_is_one_line(
+    link: Link, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    link.complain("Error communicating\n\nTraceback (most recent call last):\n  x\nOSError: gone\n")
+    assert caplog.messages == ["usb://0: OSError: gone"]
 
 
 def test_an_answer_is_known_by_its_beginning(driver: Driver, link: Link) -> None:

@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 
 import star_radio
-from star_core import Registry
+from star_core import Camera, Registry, Scene
 from star_core.testing import scene
 from star_radio.address import RadioAddress, fault
 from star_radio.options import OPTIONS
@@ -78,6 +78,30 @@ def test_agents_that_share_an_address_are_named() -> None:
     assert found(["usb://0", "usb://0"]) == ["agents 'cf1' and 'cf2' have the same uri 'usb://0'"]
 
 
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("radio://0/80/2M/e7e7e7e701", "radio://0/80/2M/E7E7E7E701"),
+        ("radio://0/80/2M/E7E7E7E701", "radio://0/80/2M/E7E7E7E701?rate_limit=100"),
+        ("radio://0/80/2M/E7E7E7E701", "radio://1/80/2M/E7E7E7E701"),
+        ("radio://0/80/2M", "radio://0/80/2M/E7E7E7E7E7"),
+        ("radio://0/80/2M/E701", "radio://0/80/2M/000000E701"),
+        ("udp://127.0.0.1:19850", "tcp://127.0.0.1:19850"),
+        ("tcp://CF.local:5000", "tcp://cf.local:5000"),
+        ("usb://0", "usb://00"),
+    ],
+)
+def test_agents_that_are_one_drone_are_named(one: str, other: str) -> None:
+    assert found([one, other]) == [
+        f"agents 'cf1' and 'cf2' are one drone: {one!r} and {other!r} reach the same"
+    ]
+
+
+@pytest.mark.parametrize("other", ["81/2M/E7E7E7E701", "80/1M/E7E7E7E701", "80/2M/E7E7E7E702"])
+def test_agents_that_differ_in_channel_rate_or_address_are_two(other: str) -> None:
+    assert found(["radio://0/80/2M/E7E7E7E701", f"radio://0/{other}"]) == []
+
+
 def test_a_wrong_address_is_named() -> None:
     [told] = found(["udp://127.0.0.1"])
     assert told == "agent 'cf1': 'udp://127.0.0.1' has no port"
@@ -88,8 +112,68 @@ def test_an_overload_is_told() -> None:
     assert told.startswith("dongle '0' is to serve 9 agents")
 
 
-def test_cameras_of_nobody_are_named() -> None:
-    assert found(["usb://0"], cameras={"cf9": "host"}) == ["no agent is named 'cf9'"]
+CAMERAS = {
+    "cf9": ("host", "no agent is named 'cf9'"),
+    "cf2": ("host", "agent 'cf2' carries no camera: say which by its 'camera'"),
+    "cf1": ("1.2.3.4:99999", "'1.2.3.4:99999' has no port from 1 to 65535"),
+    "cf3": ("1.2.3.4:0", "'1.2.3.4:0' has no port from 1 to 65535"),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_camera_that_cannot_be_read_is_named_and_located(name: str) -> None:
+    address, told = CAMERAS[name]
+    room = reached(["usb://0", "usb://1", "usb://2"])
+    one, two, three = room.agents
+    agents = (
+        dataclasses.replace(one, camera=Camera()),
+        two,
+        dataclasses.replace(three, camera=Camera()),
+    )
+    room = dataclasses.replace(room, agents=agents)
+    assert list(star_radio.check(room, cameras={name: address})) == [(("cameras", name), told)]
+
+
+def seeing(*uris: str) -> Scene:
+    """A scene whose agents have addresses and cameras."""
+    room = reached(list(uris))
+    agents = tuple(dataclasses.replace(agent, camera=Camera()) for agent in room.agents)
+    return dataclasses.replace(room, agents=agents)
+
+
+@pytest.mark.parametrize("address", ["Deck", "deck:5000"])
+def test_a_deck_serves_a_link_or_a_camera(address: str) -> None:
+    room = seeing("tcp://deck:5000")
+    assert list(star_radio.check(room, cameras={"cf1": address})) == [
+        (
+            ("cameras", "cf1"),
+            "'deck:5000' is the link of agent 'cf1' already, and a deck serves one client",
+        )
+    ]
+
+
+def test_a_deck_serves_one_camera() -> None:
+    room = seeing("usb://0", "usb://1")
+    assert list(star_radio.check(room, cameras={"cf1": "deck", "cf2": "deck:5000"})) == [
+        (
+            ("cameras", "cf2"),
+            "'deck:5000' is the camera of agent 'cf1' already, and a deck serves one client",
+        )
+    ]
+
+
+def test_links_and_cameras_at_other_ports_of_a_host_are_served() -> None:
+    room = seeing("tcp://127.0.0.1:6000", "udp://127.0.0.1:5001")
+    cameras = {"cf1": "127.0.0.1:5000", "cf2": "127.0.0.1:5001"}
+    assert list(star_radio.check(room, cameras=cameras)) == []
+
+
+@pytest.mark.parametrize("uri", ["radio://1/80/2M/E701", "radio://01/80/2M/E701"])
+def test_a_dongle_that_has_links_does_not_broadcast(uri: str) -> None:
+    assert list(star_radio.check(reached([uri]), broadcast=1)) == [
+        (("broadcast",), "dongle 1 has the link of agent 'cf1': expected another")
+    ]
+    assert list(star_radio.check(reached([uri]), broadcast=0)) == []
 
 
 def test_a_watchdog_needs_a_quick_tick() -> None:

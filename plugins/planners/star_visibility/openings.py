@@ -1,0 +1,95 @@
+"""The heights at which a point, or the stretch between two, is free."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from star_core import Array, compiled
+from star_visibility.sight import LEVEL, meeting, meets, on_outline, within
+from star_visibility.walls import Walls
+
+
+@compiled
+def openings(
+    parts: Walls,
+    span: Array,
+    a: Array,
+    b: Array,
+    heights: tuple[float, float],
+    touches: tuple[int, int],
+) -> Array:
+    """Return the heights at which the stretch from a to b is free: (K, 2) m.
+
+    Each row is a least and a greatest height, from the bottom up. To run along an outline is free,
+    to touch a corner between a and b is not: that way is two stretches. If a is b, it is a point.
+
+    Args:
+        parts: Blocks, in place of bands.
+        span: (G, 2) least and greatest height of each, m.
+        a: (2,) m.
+        b: (2,) m.
+        heights: Least and greatest to look at, m.
+        touches: Blocks that the stretch touches at a and at b, and does not enter there; -1 for
+            none.
+    """
+    low, high = heights
+    ax, ay, bx, by = a[0], a[1], b[0], b[1]
+    count = len(span)
+    begin, end = np.empty(count + 1), np.empty(count + 1)
+    found = 0
+    for part in range(count):
+        foot, top = span[part, 0], span[part, 1]
+        if foot >= high or top <= low:
+            continue
+        if meets(parts, part, ax, ay, bx, by) or (
+            part not in touches and strictly(parts, part, (ax + bx) / 2, (ay + by) / 2)
+        ):
+            place = found  # in the order of their feet
+            while place > 0 and begin[place - 1] > foot:
+                begin[place], end[place] = begin[place - 1], end[place - 1]
+                place -= 1
+            begin[place], end[place] = foot, top
+            found += 1
+    begin[found] = np.inf
+    free = np.empty((found + 1, 2))
+    rows, least = 0, low
+    for k in range(found + 1):
+        if min(begin[k], high) - least > LEVEL:
+            free[rows, 0], free[rows, 1] = least, min(begin[k], high)
+            rows += 1
+        if k < found:
+            least = max(least, end[k])
+    answer: Array = free[:rows]
+    return answer
+
+
+@compiled
+def strictly(parts: Walls, part: int, x: float, y: float) -> bool:
+    """Whether a point is inside a block, and not as good as on its outline."""
+    return within(parts, part, x, y) and not on_outline(parts, part, x, y)
+
+
+@compiled
+def entered(parts: Walls, part: int, ax: float, ay: float, bx: float, by: float) -> Array:
+    """Return between what distances from a the stretch to b is in a block: (2,) m.
+
+    Where it comes out and in again counts as inside; from infinity if it is nowhere inside.
+    """
+    length = math.hypot(bx - ax, by - ay)
+    answer = np.array([np.inf, np.inf])
+    first = meeting(parts, part, ax, ay, bx, by, False)  # noqa: FBT003
+    if first == np.inf:
+        if strictly(parts, part, (ax + bx) / 2, (ay + by) / 2):
+            answer[0], answer[1] = 0.0, length
+        return answer
+    last = length - meeting(parts, part, bx, by, ax, ay, False)  # noqa: FBT003
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    answer[0], answer[1] = first, last
+    if strictly(parts, part, ax + ux * first / 2, ay + uy * first / 2):
+        answer[0] = 0.0
+    middle = (last + length) / 2
+    if strictly(parts, part, ax + ux * middle, ay + uy * middle):
+        answer[1] = length
+    return answer

@@ -1,0 +1,66 @@
+"""The points that a search goes by, and the heights that are free at each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from star_core import Array, Rows, compiled
+from star_visibility.openings import openings
+from star_visibility.search import Places
+from star_visibility.walls import Walls
+
+LEAST = 1e-9  # m; fewer heights than this are none
+
+
+def places(
+    parts: Walls, span: Array, height: tuple[float, float], place: Array, block: Rows
+) -> Places:
+    """Return points and their states.
+
+    Args:
+        parts: Blocks.
+        span: (G, 2) least and greatest height of each, m.
+        height: Lowest and highest z to fly at, m.
+        place: (P, 2) the points, m.
+        block: (P,) block that each is a corner of; -1 for none.
+    """
+    of, free = columns(parts, span, place, *height)
+    come = free.copy()
+    own = block[of] >= 0
+    its = span[block[of[own]]] if own.any() else np.empty((0, 2))
+    come[own, 0] = np.maximum(come[own, 0], its[:, 0])
+    come[own, 1] = np.minimum(come[own, 1], its[:, 1])
+    use = come[:, 1] - come[:, 0] > LEAST
+    of, free, come = of[use], free[use], come[use]
+    return Places(place, np.searchsorted(of, np.arange(len(place) + 1)), free, come, of)
+
+
+def joined(some: Places, others: Places) -> Places:
+    """Return the points of both."""
+    count = len(some.place)
+    return Places(
+        np.concatenate([some.place, others.place]),
+        np.concatenate([some.first, some.first[-1] + others.first[1:]]),
+        np.concatenate([some.open, others.open]),
+        np.concatenate([some.come, others.come]),
+        np.concatenate([some.of, others.of + count]),
+    )
+
+
+@compiled
+def columns(parts: Walls, span: Array, place: Array, low: float, high: float) -> tuple[Rows, Array]:
+    """Return the heights that are free at each point: (S,) its row, and (S, 2) from where to where.
+
+    They are in the order of the rows and of the heights.
+    """
+    rows, least, greatest = [0 for _ in range(0)], [0.0 for _ in range(0)], [0.0 for _ in range(0)]
+    for i in range(len(place)):
+        free = openings(parts, span, place[i], place[i], (low, high), (-1, -1))
+        for k in range(len(free)):
+            rows.append(i)
+            least.append(free[k, 0])
+            greatest.append(free[k, 1])
+    of, heights = np.empty(len(rows), np.int64), np.empty((len(rows), 2))
+    for k in range(len(rows)):
+        of[k], heights[k, 0], heights[k, 1] = rows[k], least[k], greatest[k]
+    return of, heights

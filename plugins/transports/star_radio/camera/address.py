@@ -1,0 +1,50 @@
+"""Where AI-decks stream from, and what can be wrong with that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Final
+
+from star_radio.address import drone, fault
+
+if TYPE_CHECKING:
+    from star_core import Scene
+
+PORT: Final = 5000  # of an AI-deck's ESP32
+LAST_PORT: Final = 65535
+
+
+def place(address: str) -> tuple[str, int]:
+    """Return the host and the port of a deck's address.
+
+    >>> place("192.168.4.1"), place("192.168.4.1:5001")
+    (('192.168.4.1', 5000), ('192.168.4.1', 5001))
+    """
+    host, _, port = address.partition(":")
+    return host.lower(), int(port or PORT)
+
+
+def faults(scene: Scene, cameras: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Say whose camera cannot be read, as the agent's name and why.
+
+    A deck's WiFi serves one client (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer``), so what
+    reads its images cannot share it with a link over TCP, nor with the reader of another agent.
+    """
+    agents = {agent.name: agent for agent in scene.agents}
+    taken = {
+        drone(agent.uri): f"is the link of agent {agent.name!r}"
+        for agent in scene.agents
+        if agent.uri and agent.uri.startswith("tcp://") and fault(agent.uri) is None
+    }
+    for name, address in cameras.items():
+        host, port = where = place(address)
+        if name not in agents:
+            yield name, f"no agent is named {name!r}"
+        elif agents[name].camera is None:
+            yield name, f"agent {name!r} carries no camera: say which by its 'camera'"
+        elif not 0 < port <= LAST_PORT:
+            yield name, f"{address!r} has no port from 1 to {LAST_PORT}"
+        elif where in taken:
+            yield name, f"'{host}:{port}' {taken[where]} already, and a deck serves one client"
+        else:
+            taken[where] = f"is the camera of agent {name!r}"

@@ -1,0 +1,143 @@
+"""Trajectories in pieces: what a piece is, and which of them drones have still to fly."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from typing import Final
+
+import numpy as np
+
+from star_core import Array, Rows, Trajectory
+from star_sim.airframe import STEP
+from star_sim.compiled import Record
+from star_sim.drone import TRAJECTORY, Drones
+
+ORDER: Final = 7
+NEVER: Final = sys.maxsize  # number of a step
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One stretch of a trajectory, as the simulated commander follows it.
+
+    Attributes:
+        coefficients: (4, 8) of x, y, z, m, and yaw, rad, over the fraction of time passed; constant
+            first.
+        duration: s.
+    """
+
+    coefficients: Array
+    duration: float
+
+    @classmethod
+    def over_time(cls, coefficients: Array, duration: float) -> Piece:
+        """Return the piece of (4, 8) coefficients over the time in seconds.
+
+        >>> Piece.over_time(np.ones((4, 8)), 2.0).coefficients[0]
+        array([  1.,   2.,   4.,   8.,  16.,  32.,  64., 128.])
+        """
+        return cls(coefficients * duration ** np.arange(ORDER + 1), duration)
+
+    def at(self, time: float) -> tuple[Array, Array, Array]:
+        """Return value, first and second derivative (each (4,)) `time` seconds after its start."""
+        u = min(max(time / self.duration, 0.0), 1.0)
+        powers = u ** np.arange(ORDER + 1)
+        once = np.arange(1, ORDER + 1)
+        slope = (self.coefficients[:, 1:] * once) @ powers[:-1]
+        curve = (self.coefficients[:, 2:] * (once[1:] * once[:-1])) @ powers[:-2]
+        return self.coefficients @ powers, slope / self.duration, curve / self.duration**2
+
+    def slower(self, factor: float) -> Piece:
+        """Return it, taking `factor` times as long."""
+        return replace(self, duration=self.duration * factor)
+
+    def backwards(self) -> Piece:
+        """Return it from its end to its start."""
+        turned = np.zeros_like(self.coefficients)
+        for k in range(ORDER + 1):  # (1 - u)^k
+            for j in range(k + 1):
+                turned[:, j] += self.coefficients[:, k] * math.comb(k, j) * (-1) ** j
+        return replace(self, coefficients=turned)
+
+    def moved(self, shift: Array, turn: float = 0.0) -> Piece:
+        """Return it turned by `turn`, rad, about the origin, and then moved by `shift`, (4,)."""
+        cos, sin = math.cos(turn), math.sin(turn)
+        x, y, z, yaw = self.coefficients
+        moved = np.stack([cos * x - sin * y, sin * x + cos * y, z, yaw])
+        moved[:, 0] += shift
+        return replace(self, coefficients=moved)
+
+
+def pieces_of(trajectory: Trajectory) -> tuple[Piece, ...]:
+    """Return the pieces of a trajectory, in its own frame and time."""
+    return tuple(map(Piece.over_time, trajectory.coefficients, trajectory.duration.tolist()))
+
+
+def enter(drone: Record, piece: Piece, began: float, *, lands: bool = False) -> None:
+    """Have a drone follow a piece that began at `began`, s; at its end its motors stop or not."""
+    drone["trajectory"] = piece.coefficients
+    drone["trajectory_start"] = began
+    drone["trajectory_duration"] = piece.duration
+    drone["landing"] = lands
+    drone["finished"] = 0
+    drone["mode"] = TRAJECTORY
+
+
+class Queue:
+    """Pieces that drones have still to fly; the kernel knows the one of each that is flown now.
+
+    A drone that flies something else when its next piece is due has lost the rest.
+
+    Args:
+        drones: All of them.
+
+    Attributes:
+        next_step: Number of the step of 2 ms at which a piece is due next, or `NEVER`.
+    """
+
+    def __init__(self, drones: Drones) -> None:
+        self._drones = drones
+        self._waiting: dict[int, deque[tuple[float, Piece]]] = {}  # when each begins, s
+        self.next_step = NEVER
+
+    def fly(self, row: int, pieces: Sequence[Piece], now: float) -> None:
+        """Have a drone fly pieces one after the other from mission time `now`, s, on."""
+        begins = accumulate((piece.duration for piece in pieces[:-1]), initial=now)
+        waiting = deque(zip(begins, pieces, strict=True))
+        waiting.popleft()
+        enter(self._drones[row], pieces[0], now)
+        self._waiting[row] = waiting
+        if waiting:
+            self.next_step = min(self.next_step, _step(waiting[0][0]))
+
+    def drop(self, rows: Rows) -> None:
+        """Forget what some drones have still to fly."""
+        if self._waiting:
+            for row in rows.tolist():
+                self._waiting.pop(row, None)
+            self._look_ahead()
+
+    def advance(self, step: int) -> None:
+        """Go on to the pieces that are due at a step."""
+        for row, waiting in self._waiting.items():
+            if self._drones["mode"][row] != TRAJECTORY:
+                waiting.clear()
+            while waiting and _step(waiting[0][0]) <= step:
+                began, piece = waiting.popleft()
+                enter(self._drones[row], piece, began)
+        self._look_ahead()
+
+    def _look_ahead(self) -> None:
+        self._waiting = {row: waiting for row, waiting in self._waiting.items() if waiting}
+        steps = (_step(waiting[0][0]) for waiting in self._waiting.values())
+        self.next_step = min(steps, default=NEVER)
+
+
+def _step(time: float) -> int:
+    """Return the number of the first step that is not before a time, s."""
+    return math.ceil(time / STEP - 1e-6)

@@ -1,0 +1,355 @@
+"""Trajectories that drones fly on their own: how they are uploaded, begun and ended."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import (
+    Array,
+    Command,
+    ContractError,
+    Order,
+    PluginError,
+    Registry,
+    Setpoint,
+    Telemetry,
+    Trajectory,
+    fly,
+    load,
+)
+from star_core.interrupts import Interrupts
+from star_core.testing import scene
+from star_radio import orders
+from star_radio.transport import Radio
+from star_sim.fleet.server import Fleet
+from tests.plugins.transports.star_radio.conftest import Open, Peers
+
+ACTIVE, FINISHED = 0x10F, 0x30F  # supervisor.info of one that is on the way, and of one that was
+
+
+def trajectory(pieces: int = 2, seed: int = 0) -> Trajectory:
+    rng = np.random.default_rng(seed)
+    return Trajectory(rng.uniform(1, 2, pieces), rng.uniform(-1, 1, (pieces, 4, 8)))
+
+
+def told(flown: Trajectory, n: int = 1, *, yaw: float = 0.0, seconds: float = 6.0) -> Command:
+    where = np.tile([1.0, 2.0, 0.8], (n, 1))
+    return Command(
+        Order.FOLLOW, np.arange(n), where, np.full(n, yaw), np.full(n, seconds), flown
+    )  # fmt: skip
+
+
+def ticks(radio: Radio, n: int) -> list[Any]:
+    """Let ticks of 50 ms pass; return everything that was refused."""
+    first = 0.0 if radio._began is None else time.monotonic() - radio._began
+    refused: list[Any] = []
+    for i in range(n):
+        radio.wait(first + i * 0.05)
+        refused += radio.receive().refusals
+    return refused
+
+
+def begins(drone: Any) -> list[bytes]:
+    """What it was told to fly."""
+    return [payload for payload in drone.sent_to(8, 0) if payload[0] == 13]
+
+
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have questions asked again at every tick."""
+    monkeypatch.setattr("star_radio.answers.AGAIN_AFTER", 0.02)
+
+
+def test_trajectories_share_the_memory_of_every_drone(peers: Peers, connect: Open) -> None:
+    drones = peers(2)
+    radio = connect(drones)
+    one, other = trajectory(3), trajectory(2, seed=1)
+    radio.upload((one, other))
+    for drone in drones:
+        assert drone.sent_to(8, 0) == [
+            orders.define_trajectory(0, 3, 0)[1:], orders.define_trajectory(1, 2, 3 * 132)[1:],
+        ]  # fmt: skip
+        numbers = np.frombuffer(drone.memory[: 5 * 132], "<f4").reshape(5, 33)
+        assert numbers[:3, 32] == pytest.approx(one.duration)
+        assert numbers[3:, :32] == pytest.approx(other.coefficients.reshape(2, 32))
+
+
+def test_it_is_turned_into_the_odometry_frame_of_each_drone(peers: Peers, make: Open) -> None:
+    [drone] = peers()
+    radio = make([drone.uri])
+    radio._scene = dataclasses.replace(
+        radio._scene, agents=(dataclasses.replace(radio._scene.agents[0], yaw=math.pi / 2),)
+    )
+    radio.connect()
+    flown = trajectory(1)
+    radio.upload((flown,))
+    x, y, z, yaw = np.frombuffer(drone.memory[:128], "<f4").reshape(4, 8)
+    assert x == pytest.approx(flown.coefficients[0, 1], abs=1e-6)  # x of its frame is y of the map
+    assert y == pytest.approx(-flown.coefficients[0, 0], abs=1e-6)
+    assert z == pytest.approx(flown.coefficients[0, 2], abs=1e-6)
+    assert yaw[0] == pytest.approx(flown.coefficients[0, 3, 0] - math.pi / 2, abs=1e-6)
+    assert yaw[1:] == pytest.approx(flown.coefficients[0, 3, 1:], abs=1e-6)
+
+
+def test_31_pieces_fit_however_they_are_shared(peers: Peers, connect: Open) -> None:
+    connect(peers()).upload((trajectory(20), trajectory(11, seed=1)))
+
+
+def test_more_are_refused_with_the_arithmetic(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    with pytest.raises(PluginError) as raised:
+        radio.upload((trajectory(20), trajectory(12, seed=1)))
+    assert str(raised.value) == (
+        "2 trajectories have 32 pieces of 132 bytes, 4224 bytes in all; a Crazyflie has 4096 bytes "
+        "for them: 31 pieces at most"
+    )
+    with pytest.raises(PluginError, match="a Crazyflie knows 10 trajectories at most, got 11"):
+        radio.upload([trajectory(1, seed=i) for i in range(11)])
+    assert drone.sent_to(4, 2) == []
+
+
+def test_every_drone_that_refuses_an_upload_is_named(peers: Peers, connect: Open) -> None:
+    drones = peers(3)
+    drones[0].errors[6], drones[2].errors[6] = [12], [12]
+    with pytest.raises(PluginError) as raised:
+        connect(drones).upload((trajectory(),))
+    assert str(raised.value) == (
+        "cannot upload trajectories to 2 of 3 agents: "
+        "cf1 (trajectory 0 is refused: error '0c'); cf3 (trajectory 0 is refused: error '0c')"
+    )
+
+
+def test_who_is_absent_is_uploaded_nothing(peers: Peers, make: Open) -> None:
+    [drone] = peers()
+    radio = make(["udp://127.0.0.1:9", drone.uri], absent="fly-without")
+    radio.connect()
+    radio.upload((trajectory(),))
+    radio.command(told(trajectory(), 2))
+    assert drone.until(lambda: len(begins(drone)) == 1)
+
+
+def test_it_begins_where_the_drone_is_and_takes_the_time_that_is_told(
+    peers: Peers, connect: Open
+) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    one, other = trajectory(3), trajectory(2, seed=1)
+    radio.upload((one, other))
+    before = len(drone.got)
+    radio.send(Setpoint(np.zeros((1, 3)), np.zeros(1), np.ones(1, np.bool_)))
+    radio.command(told(other, seconds=3.0 * float(other.duration.sum())))
+    assert drone.until(lambda: bool(begins(drone)))
+    assert [packet[0] for packet in drone.got[before:]] == [0x70, 0x71, 0x80]
+    assert begins(drone) == [orders.start_trajectory(1, 12, stretch=3.0, relative=True)[1:]]
+
+
+def test_the_order_takes_no_time_of_the_tick(peers: Peers, connect: Open) -> None:
+    drones = peers(2)
+    radio = connect(drones)
+    radio.upload((trajectory(),))
+    for drone in drones:
+        drone.mute.set()
+    begun = time.monotonic()
+    radio.command(told(trajectory(), 2))
+    assert time.monotonic() - begun < 0.05
+
+
+def test_one_that_was_not_uploaded_is_a_fault(peers: Peers, connect: Open) -> None:
+    radio = connect(peers())
+    radio.upload((trajectory(),))
+    with pytest.raises(ContractError, match=r"Command\.trajectory was not uploaded"):
+        radio.command(told(trajectory(seed=1)))
+
+
+@pytest.mark.parametrize(("yaw", "flies"), [(0.4, True), (math.pi / 2, False), (-1.0, False)])
+def test_one_that_is_to_lie_otherwise_is_refused(
+    peers: Peers, connect: Open, yaw: float, flies: bool  # noqa: FBT001 -- what is expected
+) -> None:  # fmt: skip
+    [drone] = peers()
+    radio = connect([drone])
+    radio.upload((trajectory(),))
+    radio.command(told(trajectory(), yaw=yaw))
+    refused = ticks(radio, 2)
+    assert bool(begins(drone)) is flies
+    words = f"it is to be turned by {math.degrees(yaw):.0f}°, and was uploaded as it is"
+    assert refused == ([] if flies else [(0, f"refuses to follow a trajectory: {words}")])
+
+
+@pytest.mark.usefixtures("soon")
+def test_a_refusal_is_told(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.errors[13] = [8]
+    radio = connect([drone])
+    radio.upload((trajectory(),))
+    radio.command(told(trajectory()))
+    assert drone.until(lambda: bool(begins(drone)))
+    assert ticks(radio, 4) == [
+        (0, "refuses the order to follow a trajectory: it does not know it")
+    ]  # fmt: skip
+
+
+@pytest.mark.usefixtures("soon")
+def test_one_that_reports_to_be_on_the_way_is_not_told_again(
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    [drone] = peers()
+    drone.values["supervisor.info"] = FINISHED
+    radio = connect([drone])
+    radio.upload((trajectory(),))
+    ticks(radio, 2)
+    drone.lose[b"\x80"] = 100
+    radio.command(told(trajectory()))
+    ticks(radio, 2)
+    drone.values["supervisor.info"] = ACTIVE
+    ticks(radio, 4)
+    said = len(begins(drone))
+    ticks(radio, 10)
+    assert len(begins(drone)) == said
+    assert caplog.text == ""
+
+
+@pytest.mark.usefixtures("soon")
+def test_one_that_does_not_report_so_is_told_again(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.values["supervisor.info"] = FINISHED
+    radio = connect([drone])
+    radio.upload((trajectory(),))
+    ticks(radio, 2)
+    drone.lose[b"\x80"] = 3
+    radio.command(told(trajectory()))
+    ticks(radio, 6)
+    assert len(begins(drone)) == 4
+
+
+@pytest.mark.usefixtures("soon")
+def test_one_that_setpoints_took_over_is_not_told_again(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    radio.upload((trajectory(),))
+    drone.lose[b"\x80"] = 100
+    radio.command(told(trajectory()))
+    radio.send(Setpoint(np.zeros((1, 3)), np.zeros(1), np.ones(1, np.bool_)))
+    ticks(radio, 6)
+    assert len(begins(drone)) == 1
+
+
+# Missions, over links to simulated drones that have their own firmware's ways, in real time
+
+ROOM = "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 2]}\n"
+MISSION = """\
+star: 1
+name: over-udp
+world: room.yaml
+rate: 20
+limits: {speed: 1.0}
+transport: {use: radio, cache: CACHE, patience: 1.0}
+localizer: flow
+planner: straight
+avoider: orca
+swarm:
+  cf1: {start: [0, 0, 0], uri: URI0}
+  cf2: {start: [0, 1, 0], yaw_deg: 90, uri: URI1}
+mission:
+  - takeoff: {height: 0.4, speed: 0.4}
+  - follow: {file: hook.csv, format: poly7, timescale: 1.25, on_board: true}
+  - land: {speed: 0.4}
+"""
+
+
+def hook() -> str:
+    """An L of 0.5 m along x and 0.3 m along y, 1.6 s each, that stands still at its ends."""
+    lines = [
+        ",".join(["duration", *(f"{a}^{p}" for a in ("x", "y", "z", "yaw") for p in range(8))])
+    ]
+    for x, y in ((0.5, 0.0), (0.0, 0.3)):
+        axes = np.zeros((4, 8))
+        for power, factor in ((3, 10), (4, -15), (5, 6)):
+            axes[0, power], axes[1, power] = (factor * way / 1.6**power for way in (x, y))
+        axes[0, 0] = 0.5 - x
+        lines.append(",".join(map(repr, [1.6, *axes.ravel().tolist()])))
+    return "\n".join(lines)
+
+
+@pytest.fixture
+def fleet() -> Iterator[Fleet]:
+    room = scene(2)
+    places = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    agents = tuple(
+        dataclasses.replace(agent, start=place, yaw=yaw)
+        for agent, place, yaw in zip(room.agents, places, (0.0, math.pi / 2), strict=True)
+    )
+    with Fleet(dataclasses.replace(room, agents=agents), port=0, noise=False) as fleet:
+        yield fleet
+
+
+def flown(folder: Path, fleet: Fleet, interrupts: Interrupts | None = None) -> dict[str, Any]:
+    (folder / "room.yaml").write_text(ROOM)
+    (folder / "hook.csv").write_text(hook())
+    text = MISSION.replace("CACHE", f"'{folder / 'cache'}'")
+    for i, uri in enumerate(fleet.addresses):
+        text = text.replace(f"URI{i}", uri)
+    (folder / "mission.yaml").write_text(text)
+    registry = Registry()
+    return fly(load(folder / "mission.yaml", registry), registry, interrupts=interrupts)
+
+
+@pytest.fixture
+def track(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> list[Array]:
+    """(2, 3) how far the drones really are from their starts, each tick since they set out."""
+    drones, found = fleet.simulator.drones, list[Array]()
+    receive = Radio.receive
+
+    def look(radio: Radio) -> Telemetry:
+        if radio._setting_out or found:
+            found.append(drones["position"] - drones["origin"])
+        return receive(radio)
+
+    monkeypatch.setattr(Radio, "receive", look)
+    return found
+
+
+def test_drones_fly_it_in_the_map_and_land_in_the_middle(
+    fleet: Fleet, tmp_path: Path, track: list[Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interrupts, send = Interrupts(), Radio.send
+
+    def end(radio: Radio, setpoint: Setpoint) -> Setpoint:
+        if not interrupts.count:
+            assert not (track and setpoint.active.any())  # nobody is steered
+        interrupts.count = int(len(track) > 24)  # 1.2 s
+        return send(radio, setpoint)
+
+    monkeypatch.setattr(Radio, "send", end)
+    summary = flown(tmp_path, fleet, interrupts)
+    assert summary["outcome"] == "aborted"
+    assert summary["reason"] == "interrupted by the operator"
+    there = track[24]
+    assert (there[:, 0] > 0.1).all()  # the first one looks along x, the other one along y
+    assert there[:, 1:] == pytest.approx(np.tile([0.0, 0.4], (2, 1)), abs=0.08)
+    assert track[-1][:, 0] == pytest.approx(there[:, 0], abs=0.2)
+    assert (track[-1][:, 2] == 0.0).all()
+
+
+@pytest.mark.campaign
+def test_a_mission_flies_a_trajectory_on_board_to_its_end(
+    fleet: Fleet, tmp_path: Path, track: list[Array]
+) -> None:
+    summary = flown(tmp_path, fleet)
+    assert summary["outcome"] == "completed", summary["reason"]
+    assert track[-1][:, :2] == pytest.approx(np.tile([0.5, 0.3], (2, 1)), abs=0.12)
+    corners = [[0.0, 0.0], [0.5, 0.0], [0.5, 0.3]]
+    along = np.linspace(0, 2, 101)
+    line = np.stack([np.interp(along, [0, 1, 2], axis) for axis in zip(*corners, strict=True)])
+    off = np.linalg.norm(np.array(track)[:, :, None, :2] - line.T, axis=3).min(axis=2)
+    assert off.max() < 0.1
+    step = summary["steps"][1]
+    assert 4.0 < step["ended_s"] - step["begun_s"] < 7.0  # one turns by 90° first
