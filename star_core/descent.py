@@ -19,7 +19,7 @@ from star_core.table import Array, Mask
 from star_core.wishes import Wishes
 
 PLACE: Final = 0.25
-"""How far from each other two must come down, in the plane, m: twice what they collide at."""
+"""How far from each other two must come down, in the plane, m: they collide at 0.12 m."""
 
 BESIDE: Final = 0.1
 """How far from an obstacle below it an agent may come down, in the plane, m."""
@@ -158,10 +158,10 @@ class Descent:
         flies = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
         others = ~flies | (position[:, 2] < position[row, 2])
         others[row] = False
-        others[list(self._waiting)] = False
+        spots = {who: one.spot for who, one in self._waiting.items() if one.spot is not None}
+        others[list(spots)] = False  # they come down elsewhere than where they are
         others &= np.isfinite(position).all(axis=1)
-        spots = [one.spot for one in self._waiting.values() if one.spot is not None]
-        return np.concatenate([position[others, :2], np.array(spots).reshape(-1, 2)])
+        return np.concatenate([position[others, :2], np.array(list(spots.values())).reshape(-1, 2)])
 
     def _free(self, places: Array, taken: Array, top: float, more: float) -> Mask:
         """Whether (K, 2) places, m, are clear of all that is below `top`, m, by so much `more`."""

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from star_core import AgentPhase
 from star_core.cli import run
+from star_core.descent import Descent
+from star_core.testing import estimate, scene
+from star_core.wishes import Wishes
 
 HEAD = """
 star: 1
@@ -124,3 +131,22 @@ mission:
   - land: {}
 """
     assert landed(flown(tmp_path, mission)) == []
+
+
+def test_who_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None:
+    """The lower one is not located: it lands at once, where it is, and the other makes way."""
+    told: list[str] = []
+    landed: list[list[int]] = []
+    helm: Any = SimpleNamespace(
+        time=0.0,
+        phases=SimpleNamespace(of_agents=lambda: np.full(2, int(AgentPhase.FLYING))),
+        release=lambda _rows: None,
+        land=lambda rows, _estimate, _takes: landed.append(rows.tolist()),
+    )
+    observers: Any = SimpleNamespace(event=lambda _kind, text, _agent: told.append(text))
+    descent = Descent(scene(2), helm, observers)
+    stacked = estimate(np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.5]]))
+    descent.bring([0, 1])
+    descent.step(replace(stacked, valid=np.array([True, False])), Wishes.none(2))
+    assert landed == [[1]]
+    assert told == ["cf1 lands 0.35 m aside: its place is not free"]
