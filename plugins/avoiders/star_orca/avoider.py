@@ -10,6 +10,7 @@ import numpy as np
 from star_core import Array, Estimate, Scene, Setpoint, Transform
 from star_orca.kernel import orca
 from star_orca.outlines import outlines
+from star_orca.reach import within_reach
 
 # How far agents keep to the right when somebody is ahead: see `star_orca.keep_right`. It bows a way
 # out by no more than 5 % of its length (tan(turn) / e: the logarithmic spiral of a steady offset).
@@ -38,7 +39,8 @@ class Orca:
         obstacle_horizon: Time for which none shall collide with an obstacle, s.
         clearance: Distance that each keeps to obstacles, m; the radius if None.
         response: Time constant with which agents follow a velocity, s. Everything is worked out for
-            where they will be that much later, and two that overlap take no less to come apart.
+            where they will be that much later, two that overlap take no less to come apart, and
+            nobody is asked for more than the scene's greatest acceleration.
     """
 
     def __init__(  # noqa: PLR0913 -- one for every option
@@ -64,6 +66,7 @@ class Orca:
         self._vertical = float(vertical)
         self._apart_in = max(float(scene.period), float(response))
         self._response = float(response)
+        self._change = float(scene.limits.acceleration) * self._response
         self._flown = np.zeros((n, 3))  # what was last answered, where `_flies`
         self._flies = np.zeros(n, np.bool_)
         self._obstacle_horizon = float(obstacle_horizon)
@@ -97,6 +100,8 @@ class Orca:
             self._apart_in,
             TURN,
         )
+        if self._response > 0.0:
+            within_reach(answer, np.array(estimate.velocity), avoids, self._change, self._speed)
         self._flown, self._flies = answer, avoids
         return replace(wanted, velocity=answer)
 

@@ -105,8 +105,26 @@ def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
 
 def test_nobody_is_sent_faster_than_the_scene_allows() -> None:
     wish = wanted(np.array([[3.0, 4.0, 0.0]]))
-    safe = Orca(scene(1, limits=Limits(speed=0.7))).avoid(estimate(HEAD_ON[:1]), wish)
+    safe = Orca(scene(1, limits=Limits(speed=0.7)), response=0.0).avoid(estimate(HEAD_ON[:1]), wish)
     assert np.linalg.norm(safe.velocity) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("speed", [0.5, 0.7])
+def test_who_is_to_turn_back_is_asked_for_no_more_than_the_limits_accelerate(speed: float) -> None:
+    room = scene(1, limits=Limits(speed=SPEED, acceleration=2.0))
+    now = estimate(np.array([[0.0, 0.0, 0.8]]), velocity=np.array([[speed, 0.0, 0.0]]))
+    asked = Orca(room, response=0.2).avoid(now, wanted(np.array([[-SPEED, 0.0, 0.0]]))).velocity
+    np.testing.assert_allclose(asked, [[min(speed - 2.0 * 0.2, SPEED), 0.0, 0.0]])
+    slower = estimate(np.array([[0.0, 0.0, 0.8]]), velocity=np.array([[-0.2, 0.0, 0.0]]))
+    asked = Orca(room, response=0.2).avoid(slower, wanted(np.array([[-SPEED, 0.0, 0.0]]))).velocity
+    np.testing.assert_allclose(asked, [[-SPEED, 0.0, 0.0]])  # within reach: to the bit
+
+
+def test_who_flies_too_fast_is_still_asked_for_no_more_than_its_speed() -> None:
+    room = scene(1, limits=Limits(speed=SPEED, acceleration=0.1))
+    now = estimate(np.array([[0.0, 0.0, 0.8]]), velocity=np.array([[0.9, 0.0, 0.0]]))
+    asked = Orca(room).avoid(now, wanted(np.array([[0.0, SPEED, 0.0]]))).velocity
+    assert np.linalg.norm(asked) == pytest.approx(SPEED)
 
 
 def test_an_inactive_row_is_answered_as_it_came_and_given_way_to_in_full() -> None:
