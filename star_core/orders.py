@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from star_core.errors import ContractError
-from star_core.table import Array, Rows, settle
+from star_core.table import Array, Mask, Rows, settle
 
 
 class Order(StrEnum):
@@ -77,6 +77,10 @@ class Command:
         duration: (K,) time to take, s. A trajectory is flown as much slower as this is longer than
             its own.
         trajectory: What to FOLLOW: one of those that were uploaded. None with any other order.
+
+    Raises:
+        ContractError: It makes no sense: a duration is not above 0, or a number that is used is
+            none.
     """
 
     order: Order
@@ -90,6 +94,8 @@ class Command:
         k = len(self.agent)
         settle(self, np.int64, agent=(k,))
         settle(self, position=(k, 3), yaw=(k,), duration=(k,))
+        if not isinstance(self.order, Order):
+            raise ContractError(f"Command.order is {self.order!r}, expected an Order")
         follows = self.order is Order.FOLLOW
         if follows is not isinstance(self.trajectory, Trajectory):
             expected = "a Trajectory" if follows else "None"
@@ -97,7 +103,16 @@ class Command:
                 f"Command.trajectory of the order {str(self.order)!r} is "
                 f"{type(self.trajectory).__name__}, expected {expected}"
             )
-        if follows and not (self.duration > 0).all():
-            raise ContractError(
-                f"Command.duration is {self.duration.tolist()!r}, expected more than 0"
-            )
+        if self.order in {Order.ARM, Order.STOP}:
+            return
+        turns = follows or self.order is Order.GOTO
+        lasts = np.isfinite(self.duration) & (self.duration > 0)
+        self._expect("duration", self.duration, "more than 0", lasts)
+        self._expect("position", self.position, "numbers", np.isfinite(self.position[:, 2]))
+        if turns:
+            self._expect("position", self.position, "numbers", np.isfinite(self.position))
+            self._expect("yaw", self.yaw, "numbers", np.isfinite(self.yaw))
+
+    def _expect(self, name: str, given: Array, what: str, so: Mask) -> None:
+        if not so.all():
+            raise ContractError(f"Command.{name} is {given.tolist()!r}, expected {what}")

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 
 from star_core.conformance import expect
 from star_core.contracts import Step
 from star_core.errors import ContractError
-from star_core.orders import Command, Order, Trajectory
+from star_core.orders import Command, Trajectory
 from star_core.swarm import Goals
 from star_core.table import Array, Mask
-
-NUMBERED: Final = (Order.TAKEOFF, Order.LAND, Order.GOTO, Order.FOLLOW)
-"""Orders that say where and how fast."""
 
 
 @dataclass(slots=True)
@@ -95,16 +91,6 @@ class Wishes:
         agents, rows = command.agent.tolist(), np.flatnonzero(own).tolist()
         if not set(agents) <= set(rows):
             raise ContractError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
-        if not isinstance(command.order, Order):
-            raise ContractError(f"Command.order is {command.order!r}, expected an Order")
-        if command.order in NUMBERED:
-            for name in ("position", "yaw", "duration"):
-                values = getattr(command, name)
-                if not np.isfinite(values).all():
-                    raise ContractError(f"Command.{name} is {values.tolist()!r}, expected numbers")
-            if not (command.duration > 0).all():
-                given = command.duration.tolist()
-                raise ContractError(f"Command.duration is {given!r}, expected more than 0")
         if command.trajectory is not None and command.trajectory not in self.uploaded:
             raise ContractError(
                 "orders a trajectory that no task had among its trajectories before take-off"

@@ -27,6 +27,7 @@ FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31s
 ONCE = range(20, 21)
 BOOM = RuntimeError("boom")
 NAN = np.full((2, 3), np.nan)
+ROW = np.array([0])
 FOUR = np.zeros((4, 3))
 FOR_FOUR = Setpoint(FOUR, FOUR[:, 0], FOUR[:, 0] > 0)
 EVERYBODY = np.array([True, True])
@@ -257,8 +258,8 @@ def test_no_step_takes_for_ever_when_a_localizer_does_not_tell_the_time_it_is(la
 
 @pytest.mark.parametrize("order", [Order.GOTO, Order.LAND, Order.TAKEOFF])
 def test_an_order_that_is_no_number_is_not_given(lab: Lab, order: Order) -> None:
-    bad = Command(order, np.array([0]), NAN[:1], np.zeros(1), np.ones(1))
-    lab.spoil("wait", "step", lambda *_: Step(commands=(bad,)))
+    one = np.ones(1)
+    lab.spoil("wait", "step", lambda *_: Step(commands=(Command(order, ROW, NAN[:1], one, one),)))
     summary = lab.fly()
     assert summary["reason"].startswith(f"{NAMED['wait']}: ")
 
@@ -278,7 +279,7 @@ def goals(n: int, *, active: tuple[bool, ...], speed: float = 0.5) -> Goals:
             "Goals.speed is [inf], expected numbers",
         ),
         (
-            Step(commands=(Command(Order.LAND, np.array([0, 1]), NAN, NAN[:, 0], NAN[:, 0]),)),
+            Step(commands=(Command(Order.STOP, np.array([0, 1]), NAN, NAN[:, 0], NAN[:, 0]),)),
             "commands agents [0, 1], its own are (0,)",
         ),
         (Step(commands=("land",)), "returned str, expected Command"),  # type: ignore[arg-type]

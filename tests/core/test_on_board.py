@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -258,15 +259,47 @@ def test_what_is_no_trajectory_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("order", "trajectory", "duration", "message"),
+    ("order", "numbers", "message"),
     [
-        (Order.FOLLOW, None, 1.0, "of the order 'follow' is NoneType, expected a Trajectory"),
-        (Order.GOTO, line(), 1.0, "of the order 'goto' is Trajectory, expected None"),
-        (Order.FOLLOW, line(), 0.0, r"Command.duration is \[0.0\], expected more than 0"),
+        (Order.FOLLOW, {"trajectory": None}, "of the order 'follow' is NoneType, expected a Traj"),
+        (Order.GOTO, {"trajectory": line()}, "of the order 'goto' is Trajectory, expected None"),
+        (Order.FOLLOW, {"trajectory": line(), "duration": 0.0}, "duration is [0.0], expected more"),
+        (Order.TAKEOFF, {"duration": math.inf}, "Command.duration is [inf], expected more than 0"),
+        (Order.LAND, {"z": math.nan}, "position is [[0.0, 0.0, nan]], expected numbers"),
+        (Order.GOTO, {"x": math.nan}, "position is [[nan, 0.0, 0.0]], expected numbers"),
+        (Order.GOTO, {"yaw": math.nan}, "Command.yaw is [nan], expected numbers"),
+        ("up", {}, "Command.order is 'up', expected an Order"),
     ],
 )
 def test_an_order_that_makes_no_sense_is_refused(
-    order: Order, trajectory: Trajectory | None, duration: float, message: str
+    order: Order, numbers: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(ContractError, match=message):
-        Command(order, [0], np.zeros((1, 3)), [0.0], [duration], trajectory)  # type: ignore[arg-type]
+    with pytest.raises(ContractError, match=re.escape(message)):
+        told(order, **numbers)
+
+
+@pytest.mark.parametrize(
+    ("order", "numbers"),
+    [
+        (Order.ARM, {"z": math.nan, "yaw": math.nan, "duration": 0.0}),
+        (Order.STOP, {"z": math.nan, "yaw": math.nan, "duration": 0.0}),
+        (Order.TAKEOFF, {"x": math.nan, "yaw": math.nan}),
+        (Order.LAND, {"x": math.nan, "yaw": math.nan}),
+    ],
+)
+def test_what_an_order_does_not_use_need_not_be_a_number(
+    order: Order, numbers: dict[str, Any]
+) -> None:
+    assert told(order, **numbers).order is order
+
+
+def told(
+    order: Order,
+    *,
+    x: float = 0.0,
+    z: float = 0.0,
+    yaw: float = 0.0,
+    duration: float = 1.0,
+    trajectory: Trajectory | None = None,
+) -> Command:
+    return Command(order, [0], [[x, 0.0, z]], [yaw], [duration], trajectory)  # type: ignore[arg-type]

@@ -182,9 +182,8 @@ class Radio:
         what the drone is off its beginning stays, and its heading's drift.
 
         Raises:
-            ContractError: A number makes no sense, or a trajectory was not uploaded.
+            ContractError: A trajectory was not uploaded.
         """
-        commands.check(command)
         rows = [(i, row) for i, row in enumerate(command.agent.tolist()) if self._there[row]]
         self._setting_out.difference_update(command.agent.tolist())
         if command.trajectory is not None:

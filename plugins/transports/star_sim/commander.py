@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from star_core import Array, Command, ContractError, Order, Rows, Setpoint
+from star_core import Array, Command, Order, Rows, Setpoint
 from star_sim.airframe import CYCLE
 from star_sim.compiled import Record, compiled
 from star_sim.drone import DEMAND, OFF, TRAJECTORY, VELOCITY, Drones
@@ -140,9 +140,6 @@ def obey(drones: Drones, command: Command, now: float) -> None:
     """Start what `command` says at mission time `now`, s, on the drones that can fly.
 
     Trajectories that were uploaded are flown by `star_sim.pieces`.
-
-    Raises:
-        ContractError: A duration is not positive, or a target is not finite.
     """
     able = can_fly(drones, command.agent)
     rows = command.agent[able]
@@ -150,7 +147,6 @@ def obey(drones: Drones, command: Command, now: float) -> None:
         drones["mode"][rows] = OFF
         drones["finished"][rows] = 1
     elif command.order is not Order.ARM:
-        check(command)
         landing = command.order is Order.LAND
         turning = command.order is Order.GOTO
         target = command.position[able].copy()
@@ -182,22 +178,6 @@ def take(drones: Drones, setpoint: Setpoint, now: float) -> None:
     drones["setpoint_time"][rows] = now
     drones["finished"][rows[drones["mode"][rows] == TRAJECTORY]] = 1
     drones["mode"][rows] = VELOCITY
-
-
-def check(command: Command) -> None:
-    """Refuse an order that makes no sense.
-
-    Raises:
-        ContractError: A duration is not positive, or a target is not finite.
-    """
-    if not (command.duration > 0).all():
-        raise ContractError(f"Command.duration must be positive, got {command.duration!r}")
-    turning = command.order in {Order.GOTO, Order.FOLLOW}
-    used = command.position if turning else command.position[:, 2]
-    if not np.isfinite(used).all():
-        raise ContractError(f"Command.position must be finite, got {command.position!r}")
-    if turning and not np.isfinite(command.yaw).all():
-        raise ContractError(f"Command.yaw must be finite, got {command.yaw!r}")
 
 
 def _reference(drones: Drones, rows: Rows) -> tuple[Array, Array, Array, Array]:

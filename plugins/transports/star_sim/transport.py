@@ -207,11 +207,10 @@ class Simulator:
         """Have drones fly a trajectory from where the order says that its frame lies.
 
         Raises:
-            ContractError: It was not uploaded, or the order is not finite.
+            ContractError: It was not uploaded.
         """
         if trajectory not in self._uploaded:
             raise ContractError("Command.trajectory was not uploaded")
-        commander.check(command)
         able = commander.can_fly(self.drones, command.agent)
         places = np.column_stack([command.position, command.yaw])  # (K, 4)
         stretch = command.duration / trajectory.duration.sum()

@@ -331,21 +331,6 @@ def test_an_order_that_is_never_confirmed_is_told(
     assert radio.receive().refusals == ()
 
 
-@pytest.mark.parametrize(
-    ("command", "message"),
-    [
-        (Command(Order.LAND, [0], np.zeros((1, 3)), [0.0], [0.0]), "duration must be positive"),  # type: ignore[arg-type]
-        (told(Order.LAND, z=math.nan), "position must be finite"),
-        (told(Order.GOTO, yaw=math.nan), "yaw must be finite"),
-    ],
-)
-def test_an_order_that_makes_no_sense_is_refused(
-    make: Open, command: Command, message: str
-) -> None:
-    with pytest.raises(ContractError, match=message):
-        make([NOBODY]).command(command)
-
-
 def test_a_stop_can_lock(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     connect([drone], stop="lock").command(told(Order.STOP))

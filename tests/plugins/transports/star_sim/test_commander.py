@@ -201,21 +201,6 @@ def test_a_drone_that_tumbles_in_flight_has_crashed(start: Flying) -> None:
     assert flight.position[0, 2] == 0.0
 
 
-def test_a_duration_that_is_not_positive_is_refused(start: Flying) -> None:
-    with pytest.raises(ContractError, match=r"Command\.duration must be positive, got array"):
-        start().order(Order.TAKEOFF, (0, 0, 1), duration=0.0)
-
-
-def test_a_target_that_is_not_finite_is_refused(start: Flying) -> None:
-    with pytest.raises(ContractError, match=r"Command\.position must be finite, got array"):
-        start().order(Order.GOTO, (0, np.nan, 1))
-
-
-def test_a_heading_that_is_not_finite_is_refused(start: Flying) -> None:
-    with pytest.raises(ContractError, match=r"Command\.yaw must be finite, got array"):
-        start().order(Order.GOTO, (0, 0, 1), yaw=np.inf)
-
-
 def test_a_setpoint_that_is_not_finite_is_refused_by_name(start: Flying) -> None:
     with pytest.raises(ContractError, match="the setpoint of cf1, cf2 is not finite"):
         start(2).fly(0.1, (np.nan, 0, 0))
