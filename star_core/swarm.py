@@ -117,6 +117,7 @@ class Telemetry:
         frames: Every image since the last tick.
         detections: Every tag since the last tick that was found on board.
         refusals: Every order that was refused since the last tick; it fails the agent's step.
+        signal: (N,) strength with which each agent hears its radio, dBm; None where there is none.
     """
 
     time: float
@@ -130,9 +131,12 @@ class Telemetry:
     frames: Frames = field(default_factory=Frames.none)
     detections: Detections = field(default_factory=Detections.none)
     refusals: tuple[Refusal, ...] = ()
+    signal: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.position)
+        if self.signal is not None:
+            settle(self, signal=(n,))
         settle(self, position=(n, 3), velocity=(n, 3), attitude=(n, 4), battery=(n,), age=(n,))
         settle(self, np.int64, state=(n,))
         for agent, _reason in self.refusals:

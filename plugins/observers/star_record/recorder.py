@@ -24,9 +24,9 @@ class Recorder:
     there is a truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
     ``setpoint_velocity`` (T, N, 3), ``estimate_yaw``, ``setpoint_yaw`` and ``battery`` (T, N),
     ``goal_active``, ``setpoint_active`` and ``estimate_valid`` (T, N), and ``phase`` (T, N), the
-    numbers of `star_core.AgentPhase`. Where the truth of a tick is not known it is NaN. Images are
-    kept where the flight asks for it, and where the world has targets, ``targets.csv`` tells which
-    were found.
+    numbers of `star_core.AgentPhase`. Where the truth of a tick is not known it is NaN. Over radios
+    there is ``signal`` (T, N), the strength with which agents hear them, dBm. Images are kept where
+    the flight asks for it, and where the world has targets, ``targets.csv`` tells which were found.
 
     Args:
         flight: What is flown.
@@ -38,7 +38,7 @@ class Recorder:
         self._agents = flight.scene.names
         self._columns: dict[str, list[Array]] = {}
         self._save_frames = flight.save_frames
-        self._true = False  # whether a truth was ever known
+        self._unknown = {"truth_position", "truth_attitude", "signal"}  # so far, all the time
         folder.mkdir(parents=True, exist_ok=True)
         self._write("manifest.json", flight.manifest)
 
@@ -58,11 +58,15 @@ class Recorder:
             "phase": tick.health.phase,
             "battery": tick.health.battery,
         }
-        n = len(self._agents)
-        truth = tick.truth
-        row["truth_position"] = np.full((n, 3), np.nan) if truth is None else truth.position
-        row["truth_attitude"] = np.full((n, 4), np.nan) if truth is None else truth.attitude
-        self._true |= truth is not None
+        truth, n = tick.truth, len(self._agents)
+        for name, shape, value in (
+            ("truth_position", (n, 3), None if truth is None else truth.position),
+            ("truth_attitude", (n, 4), None if truth is None else truth.attitude),
+            ("signal", (n,), tick.telemetry.signal),
+        ):
+            row[name] = np.full(shape, np.nan) if value is None else value
+            if value is not None:
+                self._unknown.discard(name)
         if self._save_frames:
             self._keep(tick.telemetry.frames)
         for name, value in row.items():
@@ -88,7 +92,7 @@ class Recorder:
         columns: dict[str, Any] = {
             name: np.array(rows)
             for name, rows in self._columns.items()
-            if self._true or not name.startswith("truth_")
+            if name not in self._unknown
         }
         np.savez_compressed(
             self._folder / "trajectory.npz", agents=np.array(self._agents), **columns

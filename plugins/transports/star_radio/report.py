@@ -1,8 +1,9 @@
-"""The one log block in which a drone reports its state, and how its bytes are read.
+"""The one log block in which a drone reports how it is, and how its bytes are read.
 
-All that `Telemetry` and `Odometry` need of one drone at one time fits into the 26 bytes of one
-packet: positions and velocities in the firmware's own 16-bit millimetres, angles as 16-bit floats
-(0.008° at 10°). So a sample is of one time, and a radio carries as many of them as it can.
+All that `Telemetry` and `Odometry` need of one drone at one time, state, battery, supervisor and
+link, fits into the 26 bytes of one packet: positions and velocities in the firmware's own 16-bit
+millimetres, angles as 16-bit floats (0.008° at 10°). So a sample is of one time, and a radio
+carries as many of them as it can.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from star_radio.tables import Ask, Table
 
 BLOCK: Final = 1  # the block's number; there is no other
 ROOM: Final = 26  # bytes of variables in a report
-_U16, _I16, _F16 = 2, 5, 8  # types of the log protocol
-_FORMATS: Final = {_U16: "<u2", _I16: "<i2", _F16: "<f2"}
+_U8, _U16, _I16, _F16 = 1, 2, 5, 8  # types of the log protocol
+_FORMATS: Final = {_U8: "u1", _U16: "<u2", _I16: "<i2", _F16: "<f2"}
 _WHAT: Final = "the log block of its state"
 
 
@@ -34,8 +35,8 @@ class Source(NamedTuple):
     unit: float
 
 
-X, Y, Z, VX, VY, VZ, ROLL, PITCH, YAW, YAW_RATE, BATTERY, STATE = range(12)
-"""Columns of what `Layout.read` returns: odometry frame, m, m/s, rad, rad/s, V, bits."""
+X, Y, Z, VX, VY, VZ, ROLL, PITCH, YAW, YAW_RATE, BATTERY, STATE, SIGNAL = range(13)
+"""Columns of what `Layout.read` returns: odometry frame, m, m/s, rad, rad/s, V, bits, dBm."""
 
 SOURCES: Final[tuple[tuple[Source, ...], ...]] = (
     (Source("stateEstimateZ.x", _I16, 1e-3), Source("stateEstimate.x", _F16, 1.0)),
@@ -50,8 +51,12 @@ SOURCES: Final[tuple[tuple[Source, ...], ...]] = (
     (Source("stateEstimateZ.rateYaw", _I16, 1e-3), Source("gyro.z", _F16, radians(1))),
     (Source("pm.vbatMV", _U16, 1e-3), Source("pm.vbat", _F16, 1.0)),
     (Source("supervisor.info", _U16, 1.0),),
+    (Source("radio.rssi", _U8, -1.0),),
 )
 """For each column, the variables that hold it, the better first."""
+
+SPARED: Final = frozenset({SIGNAL})
+"""Columns that firmware may lack."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +64,10 @@ class Layout:
     """Which variables a drone reports.
 
     Attributes:
-        sources: Of each column.
+        sources: Of each column; None where there is none.
     """
 
-    sources: tuple[Source, ...]
+    sources: tuple[Source | None, ...]
 
     @classmethod
     def of(cls, table: Table) -> Layout:
@@ -74,30 +79,30 @@ class Layout:
         found = [[source for source in ways if source.name in table] for ways in SOURCES]
         lacking = [
             " or ".join(repr(source.name) for source in ways)
-            for ways, there in zip(SOURCES, found, strict=True)
-            if not there
+            for column, (ways, there) in enumerate(zip(SOURCES, found, strict=True))
+            if not there and column not in SPARED
         ]
         if lacking:
             raise PluginError(f"its firmware has no log variable {', '.join(lacking)}; update it")
-        return cls(tuple(there[0] for there in found))
+        return cls(tuple(there[0] if there else None for there in found))
 
     @cached_property
-    def _units(self) -> Array:
-        return np.array([source.unit for source in self.sources])
+    def _reported(self) -> tuple[tuple[int, Source], ...]:
+        return tuple((column, one) for column, one in enumerate(self.sources) if one is not None)
 
     @cached_property
     def dtype(self) -> np.dtype[np.void]:
         """Of a report's payload: block, time stamp of 24 bits, variables."""
-        named = [(str(column), _FORMATS[source.kind]) for column, source in enumerate(self.sources)]
+        named = [(str(column), _FORMATS[source.kind]) for column, source in self._reported]
         return np.dtype([("block", "u1"), ("stamp", "u1", 3), *named])
 
     def read(self, payloads: Sequence[bytes]) -> Array:
-        """Return (K, 12) values of K payloads, whose columns stand above."""
+        """Return (K, 13) values of K payloads, whose columns stand above; NaN if not reported."""
         table = np.frombuffer(b"".join(payloads), self.dtype)
-        values = np.empty((len(table), len(SOURCES)))
-        for column in range(len(SOURCES)):
+        values = np.full((len(table), len(SOURCES)), np.nan)
+        for column, source in self._reported:
             values[:, column] = table[str(column)]
-        values *= self._units
+            values[:, column] *= source.unit
         return values
 
     @property
@@ -113,7 +118,7 @@ class Layout:
         """
         variables = b"".join(
             bytes([source.kind]) + table[source.name].number.to_bytes(2, "little")
-            for source in self.sources
+            for _column, source in self._reported
         )
         ask(packets.packet(packets.LOG, packets.SETTINGS, packets.RESET), packets.RESET, "reports")
         command, entry = packets.CREATE, 3  # bytes of a variable

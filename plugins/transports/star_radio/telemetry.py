@@ -21,7 +21,7 @@ class Samples:
     Attributes:
         agent: (K,) row of the drone.
         time: (K,) s of the computer's clock.
-        values: (K, 12) columns of `star_radio.report`.
+        values: (K, 13) columns of `star_radio.report`.
     """
 
     agent: Rows
@@ -67,6 +67,7 @@ class Gatherer:
             frames=frames,
             detections=Detections.none(),
             refusals=refusals,
+            signal=self.last[:, report.SIGNAL],
         )
 
     def _read(self) -> Samples:

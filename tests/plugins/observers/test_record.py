@@ -7,6 +7,7 @@ import logging
 import math
 import shutil
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Flight, Offer, Tick, Truth, hookimpl
+from star_core import AgentPhase, Array, Flight, Offer, Telemetry, Tick, Truth, hookimpl
 from star_core.mission import load
 from star_core.registry import Registry, Source
 from star_core.runner import fly
@@ -293,6 +294,25 @@ def test_ticks_without_a_truth_are_nan_before_and_after_the_first_one_that_has_i
             assert file[name].shape == (ticks, 2, *shape)
             assert np.isnan(file[name][0::2]).all()
             assert np.isfinite(file[name][1::2]).all()
+
+
+class Heard(Simulator):
+    """A simulator that says how strong its radio is at every other tick."""
+
+    asked = 0
+
+    def receive(self) -> Telemetry:
+        self.asked += 1
+        told = super().receive()
+        return replace(told, signal=np.array([-44.0, -61.0])) if self.asked % 2 == 0 else told
+
+
+def test_the_signal_is_kept_where_agents_hear_a_radio(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(globals(), "Blind", Heard)
+    flown(Blinds(), folder=Path("out"), assignments=["transport=blind"])
+    with np.load("out/trajectory.npz") as file:
+        assert (file["signal"][0::2] == [-44.0, -61.0]).all()
+        assert np.isnan(file["signal"][1::2]).all()
 
 
 def test_targets_csv_tells_of_each_target_that_was_found_who_when_and_where() -> None:

@@ -17,6 +17,7 @@ VALUES: dict[str, float] = {
     "stateEstimateZ.vx": 0, "stateEstimateZ.vy": 0, "stateEstimateZ.vz": 0,
     "stateEstimate.roll": 0, "stateEstimate.pitch": 0, "stateEstimate.yaw": 0,
     "stateEstimateZ.rateYaw": 0, "pm.vbatMV": 4000, "supervisor.info": 15,
+    "radio.rssi": 44,
 }  # fmt: skip
 PARAMETERS: dict[str, tuple[int, bytes]] = {
     "kalman.resetEstimation": (0x08, b"\0"),

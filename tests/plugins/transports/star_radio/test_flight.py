@@ -59,6 +59,7 @@ def test_telemetry_is_in_si_and_right_handed(peers: Peers, connect: Open) -> Non
         "stateEstimateZ.vx": 100, "stateEstimateZ.vy": 200, "stateEstimateZ.vz": -50,
         "stateEstimate.roll": 10.0, "stateEstimate.pitch": 5.0, "stateEstimate.yaw": 90.0,
         "stateEstimateZ.rateYaw": 250, "pm.vbatMV": 3712, "supervisor.info": 0x11F,
+        "radio.rssi": 61,
     }  # fmt: skip
     radio = connect([drone])
     telemetry = radio.receive()
@@ -66,6 +67,8 @@ def test_telemetry_is_in_si_and_right_handed(peers: Peers, connect: Open) -> Non
     assert np.allclose(telemetry.velocity, [[0.1, 0.2, -0.05]])
     assert np.allclose(telemetry.battery, [3.712])
     assert telemetry.state.tolist() == [0x11F]
+    assert telemetry.signal is not None
+    assert telemetry.signal.tolist() == [-61.0]
     x, y, z, w = telemetry.attitude[0]
     nose = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)])
     up = math.sin(math.radians(5.0))  # the firmware's pitch is nose up positive
@@ -91,6 +94,15 @@ def test_firmware_without_the_compressed_state_reports_the_same(
     assert telemetry.position[0, 0] == 1.5
     assert telemetry.velocity[0, 1] == 0.25
     assert np.allclose(telemetry.odometry.yaw_rate, math.pi / 2)
+
+
+def test_firmware_that_does_not_tell_how_strong_its_link_is_reports_the_rest(
+    peers: Peers, connect: Open
+) -> None:
+    telemetry = connect(peers(lacks=("radio.rssi",))).receive()
+    assert telemetry.signal is not None
+    assert np.isnan(telemetry.signal).all()
+    assert np.allclose(telemetry.battery, [4.0])
 
 
 def test_samples_have_the_mission_time_they_were_taken_at(peers: Peers, connect: Open) -> None:
