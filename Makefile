@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
-.PHONY: help fly test check bench campaign scenarios lowest clean
+.PHONY: help fly test check air bench campaign scenarios lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -29,6 +29,9 @@ check: $(VENV)/.ready  ## style, types, layers, tests (on all processors)
 	$(BIN)/lint-imports
 	$(BIN)/star-run missions/first_flight.yaml --no-record  # compiles once for all that follow
 	$(BIN)/python -m pytest -q -n auto --dist loadgroup
+
+air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` leaves out
+	$(BIN)/python -m pytest -q -m campaign tests/end_to_end/test_over_the_air.py
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pyrvo
