@@ -11,13 +11,16 @@ from star_visibility.sight import covered, sees
 from star_visibility.walls import Walls
 
 TRIES = 5  # carrots looked at, each nearer to the next corner than the one before
+ASTRAY = 0.1  # m farther from the way out than it was: it was pushed away
 
 
 @compiled
-def steer(
-    walls: Walls,
+def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+    kept: Walls,
+    shunned: Walls,
     here: Array,
     rows: Rows,
+    start: Array,
     path: Array,
     count: Rows,
     leg: Rows,
@@ -27,13 +30,16 @@ def steer(
 
     The carrot is the point of the path that lies `look_ahead` ahead, counted along the path, or
     nearer if that cannot be seen: so the line to it is free, and it turns evenly as the agent comes
-    to a corner. An agent that is within the walls goes to the first point of its path, which leads
-    out; it lost its path if it has gone further than that.
+    to a corner. An agent that is in what is to be shunned goes to the first point of a path that
+    begins there: that leads out. It lost its path if it has none such, has gone further than that
+    point, or is pushed away from it. One that only grazes what is to be kept free may go on.
 
     Args:
-        walls: What lines must not go through.
+        kept: What lines must not go through.
+        shunned: What they must not go through from within the first: the most of it.
         here: (N, 3) where the agents are, m.
         rows: Rows to look at.
+        start: (N, 3) where their paths were planned from, m.
         path: (N, M, 3) points still to fly to when the path was planned, m.
         count: (N,) how many of them there are.
         leg: (N,) the one that each agent flies to; written.
@@ -45,10 +51,12 @@ def steer(
     target = np.zeros(here.shape)
     lost = np.zeros(len(here), np.bool_)
     for i in rows:
-        at, last = here[i], count[i] - 1
+        at, last, walls = here[i], count[i] - 1, kept
+        if covered(kept, at[0], at[1], at[2]):
+            walls = shunned
         if covered(walls, at[0], at[1], at[2]):
             _put(target, i, path[i, leg[i]])
-            lost[i] = leg[i] > 0
+            lost[i] = leg[i] > 0 or not _leads_out(walls, start[i], path[i, 0], at)
             continue
         while leg[i] < last and _is_past(walls, at, path[i], leg[i], look_ahead):
             leg[i] += 1
@@ -73,6 +81,13 @@ def _put(table: Array, row: int, point: Array) -> None:
     """Write a point into a table; number by number, which takes seconds less to compile."""
     for k in range(3):
         table[row, k] = point[k]
+
+
+@compiled
+def _leads_out(walls: Walls, start: Array, out: Array, at: Array) -> bool:
+    """Whether a path's first point is the way out of the walls, and still is so from `at`."""
+    begins_within = covered(walls, start[0], start[1], start[2])
+    return begins_within and _apart(at, out) <= _apart(start, out) + ASTRAY
 
 
 @compiled

@@ -140,8 +140,10 @@ class Visibility:
         trips = self._trips
         return steer(
             self._routes.kept,
+            self._routes.shunned,
             here,
             np.flatnonzero(rows),
+            trips.start,
             trips.path,
             trips.count,
             trips.leg,

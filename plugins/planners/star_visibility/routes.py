@@ -17,6 +17,7 @@ from star_visibility.walls import blocks, walls
 
 SAME = 1e-9  # m; points nearer than this are one
 THERE = 0.1  # m; an agent nearer than this to its goal is there, and may stay
+GRAZED = 0.02  # m: so much nearer than the clearance an agent may fly before it is led out
 
 
 class Routes:
@@ -35,6 +36,8 @@ class Routes:
     Attributes:
         planned: What paths stay out of.
         kept: What agents stay out of: all that is nearer than the clearances.
+        shunned: What they are led out of, a little less: an avoider holds them at the clearance, by
+            a millimetre on this side or on that.
     """
 
     def __init__(
@@ -52,6 +55,8 @@ class Routes:
         avoided = blocks(world, height, clearance + margin, vertical_clearance + margin)
         self.planned = walls(avoided, height)
         self.kept = walls(blocks(world, height, clearance, vertical_clearance), height)
+        grazed = (max(one - GRAZED, 0.0) for one in (clearance, vertical_clearance))
+        self.shunned = walls(blocks(world, height, *grazed), height)
         self._solid = walls(blocks(world, height, 0.0, 0.0), height)
         self._network = Network(avoided, self.planned, height, world.fence)
         covered(self.planned, *self._low)  # compiled before anybody flies

@@ -294,6 +294,15 @@ def test_an_agent_pushed_within_the_clearance_flies_out_first() -> None:
     assert track[-1][0] == pytest.approx(np.array(THERE), abs=0.02)
 
 
+@pytest.mark.parametrize("start", [[-0.58, 0.0, 1.0], [-2.0, 0.1, 1.0]])
+def test_an_agent_pushed_along_an_obstacle_flies_out_where_it_is(start: Sequence[float]) -> None:
+    flies = planner(room(BLOCK))
+    flies.plan(estimate(np.array([start])), goals(THERE))
+    plan = flies.plan(estimate(np.array([[-0.58, 0.8, 1.0]])), goals(THERE))
+    first = plan.setpoint.velocity[0]
+    assert first / np.linalg.norm(first) == pytest.approx([-1, 0, 0], abs=1e-6)
+
+
 def test_an_agent_that_holds_within_the_clearance_holds_there() -> None:
     blocked = room(BLOCK)
     start = np.array([[-0.6, 0.0, 1.0]])
