@@ -20,7 +20,7 @@ from star_core.steps import begun, within
 
 def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str]:
     """Every reason why a mission that fits its schema cannot be flown, located."""
-    groups = agents_by_name(document.data, scene)
+    groups = agents_by_name(scene)
     wrong = [*room.faults(document.data, scene, registry)]
     if wrong:
         scene = room.boundless(scene)
@@ -39,14 +39,11 @@ def of_mission(document: Document, scene: Scene, registry: Registry) -> list[str
     return document.told(faults)
 
 
-def agents_by_name(data: Mapping[str, Any], scene: Scene) -> dict[str, tuple[int, ...]]:
+def agents_by_name(scene: Scene) -> dict[str, tuple[int, ...]]:
     """The rows that each name stands for: an agent, a group, or ``all``."""
     row = {name: i for i, name in enumerate(scene.names)}
-    groups = {
-        name: tuple(dict.fromkeys(row[member] for member in members if member in row))
-        for name, members in data.get("groups", {}).items()
-    }
-    return groups | {name: (i,) for name, i in row.items()} | {"all": tuple(row.values())}
+    agents = {name: (i,) for name, i in row.items()}
+    return {**scene.groups, **agents, "all": tuple(row.values())}
 
 
 def rows_of(given: str | list[str], groups: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:

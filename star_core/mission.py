@@ -83,7 +83,7 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
     scene = _scene(document, place, realtime=_realtime(document, registry))
     if found := checks.of_mission(document, scene, registry):
         raise InputError(found)
-    groups = checks.agents_by_name(document.data, scene)
+    groups = checks.agents_by_name(scene)
     steps = tuple(
         _node(step, ("mission", i), document, groups, registry)
         for i, step in enumerate(document.data["mission"])
@@ -150,7 +150,17 @@ def _scene(document: Document, world: World, *, realtime: bool) -> Scene:
         seed=data.get("seed", 0),
         realtime=realtime,
         folder=document.path.parent,
+        groups=_groups(data),
     )
+
+
+def _groups(data: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Rows of each group's agents; `checks` says who is no agent, and where."""
+    row = {name: i for i, name in enumerate(data["swarm"])}
+    return {
+        name: tuple(row[member] for member in members if member in row)
+        for name, members in data.get("groups", {}).items()
+    }
 
 
 def _realtime(document: Document, registry: Registry) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -63,6 +63,7 @@ class Scene:
         realtime: Whether mission time goes on by itself, so that no part may wait for anything.
         folder: The mission's folder; files that a mission names are read from inside it.
         files: The files that were asked for through `file`, by the mission's name for them.
+        groups: Rows of the agents of each of the mission's groups, by its name, in its order.
     """
 
     agents: tuple[Agent, ...]
@@ -73,6 +74,7 @@ class Scene:
     realtime: bool = False
     folder: Path = field(default_factory=Path)
     files: dict[str, Path] = field(default_factory=dict, compare=False, repr=False)
+    groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict, hash=False)
 
     @property
     def names(self) -> tuple[str, ...]:

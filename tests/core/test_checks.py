@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -131,15 +132,20 @@ def test_nothing_is_wrong_with_a_good_mission_in_a_good_world() -> None:
 
 
 def test_a_name_stands_for_the_rows_of_its_agents() -> None:
-    data = {"groups": {"ends": ["cf3", "cf1"], "odd": ["cf9", "cf2"]}}
-    assert agents_by_name(data, scene(3)) == {
+    assert agents_by_name(replace(scene(3), groups={"ends": (2, 0)})) == {
         "ends": (2, 0),
-        "odd": (1,),
         "cf1": (0,),
         "cf2": (1,),
         "cf3": (2,),
         "all": (0, 1, 2),
     }
+
+
+def test_every_part_is_told_the_groups_of_a_mission(missions: Path) -> None:
+    groups = "groups={ends: [cf3, cf1], pair: [cf1, cf2]}"
+    scene = load(missions / "first_flight.yaml", Registry(), [groups]).scene
+    assert scene.groups == {"ends": (2, 0), "pair": (0, 1)}
+    assert hash(scene) == hash(replace(scene, groups={}))
 
 
 @pytest.mark.parametrize(
@@ -154,7 +160,7 @@ def test_a_name_stands_for_the_rows_of_its_agents() -> None:
 def test_the_agents_of_a_step_come_once_each_in_the_order_of_the_swarm(
     given: str | list[str], rows: tuple[int, ...]
 ) -> None:
-    groups = agents_by_name({"groups": {"ends": ["cf9", "cf1"]}}, scene(9))
+    groups = agents_by_name(replace(scene(9), groups={"ends": (8, 0)}))
     assert rows_of(given, groups) == rows
 
 

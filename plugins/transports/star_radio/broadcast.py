@@ -13,6 +13,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Final
 
@@ -26,6 +28,7 @@ log = logging.getLogger(__name__)
 EVERYBODY: Final = bytes.fromhex("FFE7E7E7E7")  # the address that every Crazyflie listens to
 TIMES: Final = 15  # that an order is sent, as Crazyswarm2 repeats it
 PAUSE: Final = 0.001  # s between two of them
+SOON: Final = 0.1  # s that an order may wait; links give it again after 0.2 s
 POSES: Final = 2  # in one packet
 _PACKED: Final = b"\x09"  # what such a packet begins with
 _VENDOR, _PRODUCT = 0x1915, 0x7777  # of a Crazyradio
@@ -45,6 +48,16 @@ def pose(last: int, position: Sequence[float], attitude: Sequence[float]) -> byt
     """
     x, y, z = (round(1000 * value) for value in position)
     return struct.pack("<BhhhI", last, x, y, z, packed_quaternion(attitude))
+
+
+@dataclass(eq=False, slots=True)
+class _Call:
+    """A packet that is to be sent, to whom, and how often on each channel."""
+
+    packet: bytes
+    rows: AbstractSet[int] = frozenset()
+    times: int = 1
+    void: bool = False
 
 
 class Broadcaster:
@@ -71,7 +84,7 @@ class Broadcaster:
         except OSError as error:
             raise PluginError(f"Crazyradio {dongle} cannot broadcast: {error}") from error
         self.broken = False
-        self._orders: deque[bytes] = deque()
+        self._orders: deque[_Call] = deque()  # the first of them may be on the air
         self._poses: dict[int, bytes] = {}  # the newest of each drone, by the last byte
         self._changed = threading.Condition()
         self._tuned: tuple[int, str] | None = None
@@ -79,17 +92,40 @@ class Broadcaster:
         self._thread = threading.Thread(target=self._run, name="star-radio-all", daemon=True)
         self._thread.start()
 
-    def order(self, packet: bytes) -> None:
-        """Send a packet to everybody, several times, without waiting."""
+    def order(self, packet: bytes, rows: AbstractSet[int] = frozenset()) -> bool:
+        """Send a packet to everybody, several times, without waiting.
+
+        Args:
+            packet: What to send.
+            rows: Of those whom it is for, for `void`.
+
+        Returns:
+            Whether it is sent; not if the dongle has failed, or if many orders wait for it.
+        """
         with self._changed:
-            self._orders.append(packet)
-            self._changed.notify()
+            takes = TIMES * PAUSE * len(self._on)  # s, at least
+            if self.broken or (self._orders and takes * len(self._orders) > SOON):
+                return False
+            self._orders.append(_Call(packet, rows, TIMES))
+            self._changed.notify_all()
+        return True
+
+    def void(self, rows: AbstractSet[int]) -> None:
+        """Send no more of the orders to any of these, whatever was sent of them."""
+        with self._changed:
+            for call in self._orders:
+                call.void |= not rows.isdisjoint(call.rows)
+
+    def wait(self) -> None:
+        """Wait until every order is sent, or the dongle has failed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.broken or not self._orders)
 
     def show(self, last: int, pose: bytes) -> None:
         """Send a `pose` once, without waiting; it takes the place of one that still waits."""
         with self._changed:
             self._poses[last] = pose
-            self._changed.notify()
+            self._changed.notify_all()
 
     def close(self) -> None:
         """Send what waits, and release the dongle. Safe to call twice."""
@@ -97,39 +133,47 @@ class Broadcaster:
             if self._ended:
                 return
             self._ended = True
-            self._changed.notify()
+            self._changed.notify_all()
         self._thread.join(1.0)
         import_module("usb.util").dispose_resources(self._device)
 
     def _run(self) -> None:
         try:
-            while (following := self._next()) is not None:
-                self._send(*following)
+            while (call := self._next()) is not None:
+                self._send(call)
+                self._end(call)
         except Exception as error:  # noqa: BLE001 -- drivers raise what they like
-            self.broken = True
+            with self._changed:
+                self.broken = True
+                self._changed.notify_all()
             log.warning("radio: no broadcasts any more, links take over: %s", error)
 
-    def _next(self) -> tuple[bytes, int] | None:
-        """Wait for a packet, orders first, and how often it is to be sent; None at the end."""
+    def _next(self) -> _Call | None:
+        """Wait for something to send, orders first; None at the end."""
         with self._changed:
-            while not self._orders and not self._poses:
-                if self._ended:
-                    return None
-                self._changed.wait()
+            self._changed.wait_for(lambda: self._orders or self._poses or self._ended)
             if self._orders:
-                return self._orders.popleft(), TIMES
+                return self._orders[0]
             drones = [self._poses.pop(last) for last in list(self._poses)[:POSES]]
-        return packet(LOCALISATION, 1, _PACKED + b"".join(drones)), 1
+        return _Call(packet(LOCALISATION, 1, _PACKED + b"".join(drones))) if drones else None
 
-    def _send(self, message: bytes, times: int) -> None:
+    def _end(self, call: _Call) -> None:
+        with self._changed:
+            if self._orders and self._orders[0] is call:
+                self._orders.popleft()
+                self._changed.notify_all()
+
+    def _send(self, call: _Call) -> None:
         for channel, rate in self._on:
             if self._tuned != (channel, rate):
                 self._tell(_RATE, _RATES[rate])
                 self._tell(_CHANNEL, channel)
                 self._tell(_ADDRESS, 0, EVERYBODY)
                 self._tuned = channel, rate
-            for _time in range(times):
-                self._device.write(_OUT, message, _TIMEOUT)
+            for _time in range(call.times):
+                if call.void:
+                    return
+                self._device.write(_OUT, call.packet, _TIMEOUT)
                 time.sleep(PAUSE)
 
     def _tell(self, request: int, value: int, data: bytes = b"") -> None:

@@ -126,8 +126,9 @@ OPTIONS: dict[str, Any] = {
             "minimum": 0,
             "default": None,
             "description": "Number of a Crazyradio, beside those of the links, with which orders "
-            "that are the same for all, and corrections, go to everybody at once; null sends to "
-            "each. Not tried on hardware.",
+            "that are the same for all or for one of the mission's groups (take off, land, stop, "
+            "go to a place, follow a trajectory), and corrections, are sent to them at once; null "
+            "sends to each, as velocities always are. Not tried on hardware.",
         },
     },
 }

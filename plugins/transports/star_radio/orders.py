@@ -19,7 +19,8 @@ GOTO_LINEAR_FROM = 8  # protocol version that knows GO_TO_2
 YAW_RATE_FROM = 9  # protocol version from which yaw rates are anticlockwise
 START_YAW_FROM = 10  # protocol version that knows START_TRAJECTORY_2
 SUPERVISOR_FROM = 12  # protocol version with a port for the supervisor
-EVERYBODY: Final = 0  # group mask
+EVERYBODY: Final = 0  # in place of groups
+_GROUPS: Final = 2  # where an order names them, behind its header and its command
 KEEP_YAW: Final = 1
 _ROOT_HALF = math.sqrt(0.5)
 _MAGNITUDE = 511  # nine bits
@@ -71,14 +72,18 @@ def no_more_setpoints() -> bytes:
     return packet(SETPOINT, 1, struct.pack("<BI", 0, 0))
 
 
-def takeoff(height: float, duration: float, group: int = EVERYBODY) -> bytes:
+def takeoff(height: float, duration: float) -> bytes:
     """Climb straight up to z = `height`, m in the odometry frame, within `duration`, s."""
-    return packet(HIGH_LEVEL, 0, struct.pack("<BBffBf", 7, group, height, 0.0, KEEP_YAW, duration))
+    return packet(
+        HIGH_LEVEL, 0, struct.pack("<BBffBf", 7, EVERYBODY, height, 0.0, KEEP_YAW, duration)
+    )
 
 
-def land(height: float, duration: float, group: int = EVERYBODY) -> bytes:
+def land(height: float, duration: float) -> bytes:
     """Descend straight down to z = `height`, m in the odometry frame, within `duration`, s."""
-    return packet(HIGH_LEVEL, 0, struct.pack("<BBffBf", 8, group, height, 0.0, KEEP_YAW, duration))
+    return packet(
+        HIGH_LEVEL, 0, struct.pack("<BBffBf", 8, EVERYBODY, height, 0.0, KEEP_YAW, duration)
+    )
 
 
 def go_to(position: Sequence[float], yaw: float, duration: float, version: int) -> bytes:
@@ -89,9 +94,27 @@ def go_to(position: Sequence[float], yaw: float, duration: float, version: int) 
     return packet(HIGH_LEVEL, 0, bytes([4, EVERYBODY, 0]) + where)
 
 
-def stop(group: int = EVERYBODY) -> bytes:
+def stop() -> bytes:
     """Switch the motors off."""
-    return packet(HIGH_LEVEL, 0, bytes([3, group]))
+    return packet(HIGH_LEVEL, 0, bytes([3, EVERYBODY]))
+
+
+def set_groups(groups: int) -> bytes:
+    """Be in some of the eight groups, one bit each, until it is switched off."""
+    return packet(HIGH_LEVEL, 0, bytes([0, groups]))
+
+
+def only_for(groups: int, order: bytes) -> bytes:
+    """Return an order that those fly who are in one of some groups, a bit each.
+
+    Args:
+        groups: 1 to 255; 0 is for everybody.
+        order: A take-off, landing, go-to, stop, or start of a trajectory.
+
+    >>> only_for(0b101, stop()).hex()
+    '8c0305'
+    """
+    return order[:_GROUPS] + bytes([groups]) + order[_GROUPS + 1 :]
 
 
 def define_trajectory(number: int, pieces: int, at: int = 0, *, compressed: bool = False) -> bytes:

@@ -1,20 +1,34 @@
-"""Which orders and corrections go to many drones with one packet, and which do not."""
+"""Which orders and corrections go to many drones with one packet, and which do not.
+
+An order of the high-level commander (take off, land, stop, go to, start a trajectory) is for
+everybody or for groups: eight bits, of which each drone has its own. So an order that is the same
+for all drones of one of the mission's groups goes to all of them with one packet. A setpoint names
+no groups in the firmware's protocol: velocities go to each drone over its own link.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
 
 from star_core import Corrections, PluginError, Scene
+from star_radio import orders
 from star_radio.address import RadioAddress
 from star_radio.broadcast import Broadcaster, pose
+
+GROUPS: Final = 8  # bits that the firmware has for them
 
 
 class Shouts:
     """Broadcasts on the channels of a swarm's radios.
 
     Args:
-        scene: The agents.
+        scene: The agents and their groups. Of the groups, the first eight count that have at
+            least two radios, not all of them, and not the same as another.
         dongle: Number of the Crazyradio to broadcast with.
+
+    Attributes:
+        masks: Of each drone on the air, by its row: the groups that it is in, a bit each.
 
     Raises:
         PluginError: There is no such dongle, it cannot be used, or two drones share the last byte
@@ -30,23 +44,53 @@ class Shouts:
                 f"{scene.named(on)} share last bytes of addresses, by which broadcasts tell them "
                 "apart; give each its own"
             )
+        self._groups = _groups(scene.groups.values(), frozenset(on))
+        self.masks: Mapping[int, int] = {
+            row: sum(bit for bit, group in self._groups.items() if row in group) for row in on
+        }
         self._radio = Broadcaster(dongle, list(on.values()))
 
-    def order(self, packets: Mapping[int, bytes]) -> Sequence[int]:
-        """Broadcast an order if it is the same for every radio; return the rows that it reached.
+    def disband(self) -> None:
+        """Broadcast that nobody is in a group, and wait until that is said.
 
-        Nothing is broadcast any more once the dongle has failed.
+        A drone that hears broadcasts and cannot be connected to may be in a group from before, and
+        would obey an order that is not for it.
+        """
+        if self._groups and self._radio.order(orders.set_groups(0)):
+            self._radio.wait()
+
+    def order(self, packets: Mapping[int, bytes]) -> dict[int, bytes]:
+        """Broadcast an order to everybody, or to groups, for whom it is the same.
+
+        Nobody hears an order of another's: what goes to everybody or to a group is for every radio
+        of it, also for one that is absent. Nothing is broadcast once the dongle has failed.
 
         Args:
-            packets: By the row of the drone that it is for.
+            packets: For everybody, by the row of the drone that each is for.
+
+        Returns:
+            What was broadcast, by the rows of the drones that it is for: it differs by its groups.
         """
-        if self._radio.broken:
-            return ()
-        meant = {packets[row] for row in self._last if row in packets}
-        if len(meant) != 1 or any(row not in packets for row in self._last):
-            return ()
-        self._radio.order(meant.pop())
-        return tuple(self._last)
+        alike: dict[bytes, set[int]] = {}
+        for row in sorted(self._last.keys() & packets.keys()):
+            alike.setdefault(packets[row], set()).add(row)
+        said: dict[int, bytes] = {}
+        for packet, rows in alike.items():
+            bits = [bit for bit, group in self._groups.items() if group <= rows]
+            if rows == self._last.keys():
+                reached, shout = rows, packet
+            elif bits:  # named together: who is in two of them hears it once
+                reached = set().union(*(self._groups[bit] for bit in bits))
+                shout = orders.only_for(sum(bits), packet)
+            else:
+                continue
+            if self._radio.order(shout, reached):
+                said |= dict.fromkeys(reached, shout)
+        return said
+
+    def void(self, rows: Iterable[int]) -> None:
+        """Broadcast orders to any of these drones no more: something newer is for them."""
+        self._radio.void(frozenset(rows))
 
     def correct(self, corrections: Corrections) -> Sequence[int]:
         """Broadcast the poses of the drones that are on the air; return their rows."""
@@ -61,3 +105,12 @@ class Shouts:
     def close(self) -> None:
         """Release the dongle."""
         self._radio.close()
+
+
+def _groups(
+    groups: Iterable[Sequence[int]], radios: frozenset[int]
+) -> Mapping[int, frozenset[int]]:
+    """Return the radios of each group that a bit is worth while for, by the bit."""
+    distinct = dict.fromkeys(radios.intersection(rows) for rows in groups)
+    worth = [rows for rows in distinct if 1 < len(rows) < len(radios)]
+    return {1 << i: rows for i, rows in enumerate(worth[:GROUPS])}

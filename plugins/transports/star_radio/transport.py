@@ -117,6 +117,8 @@ class Radio:
         Raises:
             PluginError: Agents cannot be reached; the message names every one and says why.
         """
+        if self._shouts is not None:
+            self._shouts.disband()
         absent = faults(dict(enumerate(self.vehicles)), self._connect)
         self._there[:] = [row not in absent for row in range(len(self.vehicles))]
         if self._decks is not None and (self._rules.without or not absent):
@@ -198,14 +200,16 @@ class Radio:
             for i, row in rows
         }
         calm = not any(self.vehicles[row].steered for row in packets)
+        if self._shouts is not None:
+            self._shouts.void(packets)
         for row in packets:
             if command.order is Order.TAKEOFF:
                 self.vehicles[row].arm()
             self.vehicles[row].let_go()
         # another dongle may overtake a setpoint, which would cancel what it orders, but not a stop
         loud = calm or command.order is Order.STOP
-        shouted = self._shouts.order(packets) if self._shouts and loud else ()
-        for row, packet in packets.items():
+        shouted = self._shouts.order(packets) if self._shouts and loud else {}
+        for row, packet in (packets | shouted).items():
             vehicle = self.vehicles[row]
             vehicle.order(packet, commands.WORDS[command.order], sent=row in shouted)
             if command.order is Order.STOP and self._rules.latch:
@@ -244,6 +248,9 @@ class Radio:
             for row, vehicle in enumerate(self.vehicles)
             if active[row]
         ]
+        if self._shouts is not None:
+            steered = [vehicle.steered for vehicle in self.vehicles]
+            self._shouts.void(np.flatnonzero(active & ~np.array(steered)).tolist())
         for vehicle, packet in packed:  # all at once, as nearly as can be
             vehicle.steer(packet)
         if active.sum() == setpoint.active.sum():
@@ -279,10 +286,11 @@ class Radio:
         state = self._gatherer.last[row, report.STATE]
         return not np.isnan(state) and int(state) & ON_ITS_WAY == Supervisor.COMMANDER_ACTIVE
 
-    def _connect(self, _row: int, vehicle: Vehicle) -> None:
+    def _connect(self, row: int, vehicle: Vehicle) -> None:
         """Connect one drone, or leave no link to it open."""
+        groups = None if self._shouts is None else self._shouts.masks.get(row)
         try:
-            vehicle.connect(self._tables, self._manner)
+            vehicle.connect(self._tables, self._manner, groups)
         except Exception:
             vehicle.link.close()
             raise

@@ -94,8 +94,8 @@ class Vehicle:
         self._until = self._patience = 0.0
         self._samples: deque[tuple[float, bytes]] = deque(maxlen=KEPT)
 
-    def connect(self, tables: Tables, manner: Manner) -> None:
-        """Open the link and have it report.
+    def connect(self, tables: Tables, manner: Manner, groups: int | None = None) -> None:
+        """Open the link, have it report, and put it into groups, a bit each, unless that is None.
 
         Raises:
             PluginError: It cannot be reached, is too old, or refuses; says why.
@@ -128,6 +128,11 @@ class Vehicle:
             raise PluginError(f"{self.link.uri} does not report its state")
         if manner.reset:
             self._settling.wait(variables, self._ask)
+        if groups is not None:  # last: who is in a group has been connected
+            packet = orders.set_groups(groups)
+            if error := _error(self._ask(packet, packet[1:], "its groups")):
+                why = _WORDS.get(error, f"error {error}")
+                raise PluginError(f"{self.link.uri} refuses to be put into groups: {why}")
 
     def reports(self) -> list[tuple[float, bytes]]:
         """Return what was reported since the last call: when, by the computer's clock, and what."""
@@ -152,9 +157,9 @@ class Vehicle:
         Setpoints are to be ended first: see `let_go`.
 
         Args:
-            packet: The order.
+            packet: The order, for whichever groups.
             what: Its name, for messages.
-            sent: Whether it has just been broadcast.
+            sent: Whether this very packet has just been broadcast.
         """
         self.link.assure(
             Question(

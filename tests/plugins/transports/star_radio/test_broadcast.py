@@ -74,7 +74,7 @@ def test_a_packet_is_repeated_on_every_channel(dongles: list[Dongle]) -> None:
     uris = [f"radio://0/{channel}/{rate}" for channel, rate in ((80, "2M"), (90, "250K"))]
     on = [address for uri in uris if (address := RadioAddress.of(uri))]
     radio = Broadcaster(1, on)
-    radio.order(orders.stop())
+    assert radio.order(orders.stop())
     assert settled(dongles[1], 2 * TIMES)
     radio.close()
     radio.close()
@@ -86,6 +86,40 @@ def test_a_packet_is_repeated_on_every_channel(dongles: list[Dongle]) -> None:
     ]  # fmt: skip
     assert set(dongles[1].sent) == {orders.stop()}
     assert dongles[0].sent == []
+
+
+def test_an_order_that_is_void_is_sent_no_more(dongles: list[Dongle]) -> None:
+    radio = Broadcaster(1, AIRED)
+    dongles[1].go.clear()
+    for packet, rows in ((b"a", {0, 1}), (b"b", {2}), (b"c", {1, 3})):
+        assert radio.order(packet, rows)
+    radio.void({1})
+    dongles[1].go.set()
+    radio.wait()
+    sent = b"".join(dongles[1].sent)
+    assert sent.removeprefix(b"a") == b"b" * TIMES  # one may have been on its way
+    radio.close()
+
+
+def test_an_order_that_many_wait_before_is_left_to_the_links(dongles: list[Dongle]) -> None:
+    radio = Broadcaster(1, AIRED)
+    dongles[1].go.clear()
+    taken = [radio.order(b"a") for _ in range(20)].count(True)
+    assert 0.1 <= taken * TIMES * 0.001 < 0.1 + TIMES * 0.001  # s that they take
+    dongles[1].go.set()
+    radio.wait()
+    assert radio.order(b"a")
+    radio.close()
+
+
+def test_whoever_waits_for_a_dongle_that_fails_goes_on(dongles: list[Dongle]) -> None:
+    radio = Broadcaster(1, AIRED)
+    dongles[1].error = OSError("pipe error")
+    assert radio.order(b"a")
+    radio.wait()
+    assert radio.broken
+    assert not radio.order(b"a")
+    radio.close()
 
 
 @pytest.mark.usefixtures("dongles")
@@ -161,9 +195,9 @@ def test_a_dongle_that_fails_leaves_everything_to_the_links(
 ) -> None:
     shouts = Shouts(reached(AIR), 1)
     dongles[1].error = OSError("pipe error")
-    assert shouts.order({0: b"a", 2: b"a"}) == (0, 2)
+    assert shouts.order({0: b"a", 2: b"a"}) == {0: b"a", 2: b"a"}
     shouts._radio._thread.join(3)
-    assert shouts.order({0: b"a", 2: b"a"}) == ()
+    assert shouts.order({0: b"a", 2: b"a"}) == {}
     assert shouts.correct(corrections(3)) == ()
     shouts.close()
     assert caplog.messages == ["radio: no broadcasts any more, links take over: pipe error"]
@@ -211,7 +245,12 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tupl
     def make() -> tuple[Radio, list[tuple[str, str]]]:
         log: list[tuple[str, str]] = []
         everybody = Wire("all", log)
-        monkeypatch.setattr(Broadcaster, "order", lambda _self, packet: everybody.send(packet))
+
+        def order(_self: Broadcaster, packet: bytes, _rows: object) -> bool:
+            everybody.send(packet)
+            return True
+
+        monkeypatch.setattr(Broadcaster, "order", order)
         monkeypatch.setattr(Broadcaster, "show", lambda *_pose: everybody.send(b"\x61"))
         radio = star_radio.make(reached([AIR[0], AIR[2]]), broadcast=1)
         assert isinstance(radio, Radio)

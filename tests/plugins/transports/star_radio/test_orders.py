@@ -102,8 +102,8 @@ def test_take_off_and_landing(height: float, duration: float) -> None:
     cflib = Client()
     high = HighLevelCommander(cflib)
     high.takeoff(height, duration, yaw=None)
-    high.land(height, duration, yaw=None, group_mask=5)
-    assert cflib.sent == [orders.takeoff(height, duration), orders.land(height, duration, 5)]
+    high.land(height, duration, yaw=None)
+    assert cflib.sent == [orders.takeoff(height, duration), orders.land(height, duration)]
 
 
 @given(POINT, NUMBER, NUMBER, st.sampled_from([7, 8, 12]))
@@ -138,6 +138,36 @@ def test_stopping() -> None:
     cflib = Client()
     HighLevelCommander(cflib).stop()
     assert cflib.sent == [orders.stop()]
+
+
+@given(st.integers(1, 255), POINT, NUMBER, st.sampled_from([7, 8, 9, 10, 12]))
+def test_orders_for_groups(
+    groups: int, point: tuple[float, float, float], time: float, version: int
+) -> None:
+    cflib = Client(version)
+    high = HighLevelCommander(cflib)
+    high.set_group_mask(groups)
+    high.takeoff(point[2], time, groups, yaw=None)
+    high.land(point[2], time, groups, yaw=None)
+    high.stop(groups)
+    high.go_to(*point, 1.0, time, group_mask=groups)
+    high.start_trajectory(3, time, relative_position=True, group_mask=groups)
+    everybodys = [
+        orders.takeoff(point[2], time),
+        orders.land(point[2], time),
+        orders.stop(),
+        orders.go_to(point, 1.0, time, version),
+        orders.start_trajectory(3, version, stretch=time, relative=True),
+    ]
+    assert cflib.sent[0] == orders.set_groups(groups)
+    assert cflib.sent[1:] == [orders.only_for(groups, order) for order in everybodys]
+
+
+def test_orders_for_groups_byte_by_byte() -> None:
+    assert orders.set_groups(0b101).hex() == "8c0005"
+    assert orders.only_for(0b101, orders.stop()).hex() == "8c0305"
+    takeoff = orders.only_for(0x80, orders.takeoff(0.5, 2.0))
+    assert takeoff.hex() == "8c07800000003f000000000100000040"
 
 
 @pytest.mark.filterwarnings("ignore:The supervisor subsystem requires:UserWarning")

@@ -1,0 +1,317 @@
+"""Orders that are broadcast to groups: which, to whom, and that only those they are for obey."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from threading import Timer
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from star_core import Command, Order, PluginError, Scene, Setpoint, Supervisor, Telemetry
+from star_core.testing import scene
+from star_radio import orders
+from star_radio.datagrams import Datagrams
+from star_radio.shouts import Shouts
+from star_radio.tables import Tables
+from star_radio.transport import Radio, Rules
+from star_radio.vehicle import Manner
+from star_sim.fleet.server import Fleet
+from tests.plugins.transports.star_radio.conftest import Peers, reached
+from tests.plugins.transports.star_radio.peer import Peer
+
+Groups: TypeAlias = Mapping[str, Sequence[int]]
+
+
+class Air:
+    """What packets are broadcast into, in place of a dongle.
+
+    Attributes:
+        said: What was broadcast, and to whom.
+        voided: Whose orders were voided, in turn.
+        hearers: Where it arrives.
+    """
+
+    broken = False
+
+    def __init__(self) -> None:
+        self.said: list[tuple[bytes, set[int]]] = []
+        self.voided: list[set[int]] = []
+        self.hearers: list[Callable[[bytes], object]] = []
+        self._sent: list[Timer] = []
+
+    def order(self, packet: bytes, rows: Sequence[int] = ()) -> bool:
+        self.said.append((packet, set(rows)))
+        for hear in self.hearers:
+            self._sent.append(Timer(0.02, hear, [packet]))  # a dongle has a thread, too
+            self._sent[-1].start()
+        return True
+
+    def void(self, rows: Sequence[int]) -> None:
+        self.voided.append(set(rows))
+
+    def wait(self) -> None:
+        while self._sent:
+            self._sent.pop().join()
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+def aired(n: int, groups: Groups, wired: Sequence[int] = ()) -> Scene:
+    """A scene whose agents are on the air, but for those over a wire."""
+    rows = [row for row in range(n) if row not in wired]
+    on = {row: f"radio://0/80/2M/E7E7E7E7{row:02X}" for row in rows}
+    room = reached([on.get(row, f"udp://127.0.0.1:{row + 1}") for row in range(n)])
+    return dataclasses.replace(room, groups={name: tuple(rows) for name, rows in groups.items()})
+
+
+def shouts(room: Scene, air: Air) -> Shouts:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("star_radio.shouts.Broadcaster", lambda _dongle, _on: air)
+        return Shouts(room, 1)
+
+
+def test_each_group_has_a_bit() -> None:
+    made = shouts(aired(4, {"left": (0, 1), "even": (0, 2)}), Air())
+    assert made.masks == {0: 0b11, 1: 0b01, 2: 0b10, 3: 0}
+
+
+def test_groups_of_one_of_all_and_of_the_same_have_no_bit() -> None:
+    groups = {"one": (0,), "same": (1, 0), "all": (0, 1, 2), "again": (0, 1), "wire": (3, 0)}
+    made = shouts(aired(4, groups, wired=(3,)), Air())
+    assert made.masks == {0: 1, 1: 1, 2: 0}
+
+
+def test_the_first_eight_groups_have_bits() -> None:
+    groups = {f"g{i}": (i, i + 1) for i in range(9)}
+    assert shouts(aired(11, groups), Air()).masks[8] == 0x80
+    assert shouts(aired(11, groups), Air()).masks[9] == 0
+
+
+STOP, LAND = orders.stop(), orders.land(0.0, 2.0)
+HALVES = {"left": (0, 1), "right": (2, 3)}
+CROSSED = {"left": (0, 1), "even": (0, 2)}
+
+
+@pytest.mark.parametrize(
+    ("groups", "packets", "said"),
+    [
+        (HALVES, [STOP, STOP, STOP, STOP], ["8c0300"]),
+        (HALVES, [STOP, STOP, None, None], ["8c0301"]),
+        (HALVES, [None, STOP, STOP, STOP], ["8c0302"]),
+        (HALVES, [STOP, None, STOP, None], []),
+        (HALVES, [STOP, STOP, LAND, LAND], ["8c0301", orders.only_for(2, LAND).hex()]),
+        (HALVES, [STOP, STOP, LAND, STOP], ["8c0301"]),
+        (CROSSED, [STOP, STOP, STOP, None], ["8c0303"]),  # the first hears it once
+        ({}, [STOP, STOP, None, None], []),
+    ],
+)
+def test_what_a_group_has_in_common_is_broadcast_once(
+    groups: Groups, packets: list[bytes | None], said: list[str]
+) -> None:
+    air = Air()
+    made = shouts(aired(4, groups), air)
+    reached = made.order({i: one for i, one in enumerate(packets) if one})
+    assert [packet.hex() for packet, _rows in air.said] == said
+    assert reached == {row: packet for packet, rows in air.said for row in rows}
+
+
+PACKETS = st.sampled_from([None, STOP, LAND, orders.go_to([1.0, 2.0, 3.0], 0.0, 2.0, 12)])
+SIX = st.sets(st.integers(0, 5))
+
+
+@given(
+    st.lists(PACKETS, min_size=6, max_size=6),
+    st.lists(SIX, max_size=10),
+    st.sets(st.integers(0, 5), max_size=3),
+)
+def test_every_drone_gets_its_own_packet_once(
+    packets: list[bytes | None], groups: list[set[int]], wired: set[int]
+) -> None:
+    air = Air()
+    named = {f"g{i}": tuple(rows) for i, rows in enumerate(groups)}
+    made = shouts(aired(6, named, tuple(wired)), air)
+    asked = {row: packet for row, packet in enumerate(packets) if packet}
+    reached = made.order(asked)
+    for row, packet in enumerate(packets):
+        obeyed = [
+            said
+            for said, _rows in air.said
+            if row not in wired and (said[2] == 0 or said[2] & made.masks[row])
+        ]
+        assert obeyed == ([reached[row]] if row in reached else [])
+        by_link = [] if packet is None or row in reached else [packet]
+        got = by_link + [orders.only_for(orders.EVERYBODY, one) for one in obeyed]
+        assert got == ([] if packet is None else [packet])
+    assert {row for _said, rows in air.said for row in rows} == reached.keys()
+
+
+@given(st.lists(SIX, max_size=8))
+def test_nobody_of_a_group_is_told_twice_what_all_of_it_is_told(groups: list[set[int]]) -> None:
+    named = {f"g{i}": tuple(rows) for i, rows in enumerate(groups)}
+    told = [rows for rows in groups if len(rows) > 1 and 5 not in rows]
+    reached = shouts(aired(6, named), Air()).order(dict.fromkeys(set().union(*told), STOP))
+    assert reached.keys() == set().union(*told)
+
+
+def test_everybody_is_taken_out_of_groups_only_where_there_are_some() -> None:
+    air = Air()
+    shouts(aired(3, {}), air).disband()
+    assert air.said == []
+    shouts(aired(3, {"pair": (0, 1)}), air).disband()
+    assert [packet.hex() for packet, _rows in air.said] == ["8c0000"]
+
+
+Aloud: TypeAlias = Callable[..., Radio]
+
+
+@pytest.fixture
+def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
+    """Make a radio over UDP that broadcasts too: everybody with a link hears it."""
+
+    def make(uris: list[str], groups: Groups, air: Air, **rules: bool) -> Radio:
+        room = reached(uris)
+        radio = Radio(
+            room,
+            Tables(tmp_path),
+            Manner(period=0.01, patience=0.6),
+            Rules(**rules),
+            shouts=shouts(aired(len(uris), groups), air),
+            datagrams=Datagrams(),
+        )
+        stack.callback(radio.close)
+        air.hearers = [vehicle.link.post for vehicle in radio.vehicles]
+        return radio
+
+    return make
+
+
+def uris(drones: list[Peer]) -> list[str]:
+    return [drone.uri for drone in drones]
+
+
+def commanded(order: Order, rows: Sequence[int], height: float = 0.0) -> Command:
+    n = len(rows)
+    place = np.tile([0.0, 0.0, height], (n, 1))
+    return Command(order, np.array(rows), place, np.zeros(n), np.ones(n))
+
+
+def test_every_drone_is_put_into_its_groups_at_last(peers: Peers, aloud: Aloud) -> None:
+    drones = peers(3)
+    aloud(uris(drones), {"left": (0, 1), "right": (1, 2)}, Air()).connect()
+    assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0\1"], [b"\0\3"], [b"\0\2"]]
+
+
+def test_who_is_in_no_group_is_told_so(peers: Peers, aloud: Aloud) -> None:
+    drones = peers(1)
+    aloud(uris(drones), {}, Air()).connect()
+    assert drones[0].sent_to(8, 0) == [b"\0\0"]
+
+
+def test_nobody_is_told_of_groups_without_a_broadcast(peers: Peers, connect: Aloud) -> None:
+    drones = peers(1)
+    connect(drones)
+    assert drones[0].sent_to(8, 0) == []
+
+
+def test_groups_are_told_again_if_that_is_lost(peers: Peers, aloud: Aloud) -> None:
+    drones = peers(2)
+    drones[0].lose[b"\x80\0"] = 1
+    aloud(uris(drones), {}, Air()).connect()
+    assert drones[0].sent_to(8, 0) == [b"\0\0"] * 2
+
+
+def test_who_refuses_its_groups_is_absent(peers: Peers, aloud: Aloud) -> None:
+    drones = peers(1)
+    drones[0].errors[0] = [8]
+    with pytest.raises(PluginError, match="refuses to be put into groups: it does not know it"):
+        aloud(uris(drones), {}, Air()).connect()
+
+
+TRIO = {"pair": (0, 1)}
+
+
+def told(drone: Peer) -> list[bytes]:
+    """The stops that a drone was told."""
+    return [payload for payload in drone.sent_to(8, 0) if payload[0] == STOP[1]]
+
+
+def test_a_broadcast_that_is_heard_is_confirmed(peers: Peers, aloud: Aloud) -> None:
+    drones = peers(3)
+    radio = aloud(uris(drones), TRIO, Air())
+    radio.connect()
+    radio.command(commanded(Order.STOP, [0, 1]))
+    for tick in range(12):
+        radio.wait(tick * 0.05)
+    assert [told(drone) for drone in drones] == [[b"\3\1"]] * 3
+
+
+def test_a_broadcast_that_is_lost_is_given_again_by_link(peers: Peers, aloud: Aloud) -> None:
+    drones = peers(3)
+    air = Air()
+    radio = aloud(uris(drones), TRIO, air)
+    radio.connect()
+    air.hearers = []
+    radio.command(commanded(Order.STOP, [0, 1]))
+    for tick in range(12):
+        radio.wait(tick * 0.05)
+    assert [told(drone) for drone in drones] == [[b"\3\1"], [b"\3\1"], []]
+
+
+def test_what_is_newer_voids_what_is_still_broadcast(peers: Peers, aloud: Aloud) -> None:
+    air = Air()
+    radio = aloud(uris(peers(3)), TRIO, air)
+    radio.connect()
+    radio.command(commanded(Order.STOP, [0, 1]))
+    for _tick in range(2):
+        radio.send(Setpoint(np.zeros((3, 3)), np.zeros(3), np.array([False, True, False])))
+    assert air.voided == [{0, 1}, {1}, set()]
+
+
+@pytest.mark.parametrize(("absent", "said"), [(2, ["8c0301"]), (1, [])])
+def test_an_absent_drone_stops_broadcasts_that_would_be_for_it_too(
+    absent: int, said: list[str], peers: Peers, aloud: Aloud
+) -> None:
+    drones = peers(3)
+    drones[absent].mute.set()
+    air = Air()
+    radio = aloud(uris(drones), TRIO, air, without=True)
+    radio.connect()
+    air.said.clear()
+    radio.command(commanded(Order.STOP, [0, 1, 2]))
+    assert [packet.hex() for packet, _rows in air.said] == said
+
+
+@pytest.fixture
+def fleet() -> Iterator[Fleet]:
+    with Fleet(scene(3), port=0, noise=False) as fleet:
+        yield fleet
+
+
+def test_only_the_group_takes_off_though_all_hear_it(fleet: Fleet, aloud: Aloud) -> None:
+    air = Air()
+    radio = aloud(list(fleet.addresses), TRIO, air)
+    radio.connect()
+    air.said.clear()
+    radio.command(commanded(Order.TAKEOFF, [0, 1], height=0.4))
+    now = later(radio, 1.6)
+    assert [packet[:3].hex() for packet, _rows in air.said] == ["8c0701"]
+    assert (now.state & int(Supervisor.FLYING) > 0).tolist() == [True, True, False]
+    assert now.position[:2, 2] == pytest.approx(0.4, abs=0.1)
+    assert now.position[2, 2] == pytest.approx(0.0, abs=0.05)
+    assert now.refusals == ()
+
+
+def later(radio: Radio, seconds: float) -> Telemetry:
+    """What is reported after some time."""
+    for tick in range(round(seconds / 0.05)):
+        radio.wait(tick * 0.05)
+        now = radio.receive()
+    return now
