@@ -38,21 +38,9 @@ if TYPE_CHECKING:
     from star_core.schema import read_as
     from star_core.sight import Corrections, Detections, Frames, Image, Sightings
     from star_core.steps import actions
-    from star_core.swarm import (
-        AgentPhase,
-        Estimate,
-        Goals,
-        Health,
-        Odometry,
-        Paths,
-        Plan,
-        Refusal,
-        Setpoint,
-        Supervisor,
-        Telemetry,
-        Truth,
-    )
+    from star_core.swarm import AgentPhase, Estimate, Goals, Health, Paths, Plan, Setpoint, Truth
     from star_core.table import Array, Mask, Rows
+    from star_core.telemetry import Odometry, Refusal, Supervisor, Telemetry
     from star_core.world import Fence, Obstacle, Tag, World
 
 _HOME = {
@@ -78,11 +66,10 @@ _HOME = {
     "star_core.steps": ("actions",),
     "star_core.orders": ("Command", "Order", "Trajectory"),
     "star_core.swarm": (
-        "AgentPhase", "Estimate", "Goals", "Health", "Odometry",
-        "Paths", "Plan", "Refusal", "Setpoint", "Supervisor",
-        "Telemetry", "Truth",
+        "AgentPhase", "Estimate", "Goals", "Health", "Paths", "Plan", "Setpoint", "Truth",
     ),
     "star_core.table": ("Array", "Mask", "Rows"),
+    "star_core.telemetry": ("Odometry", "Refusal", "Supervisor", "Telemetry"),
     "star_core.world": ("Fence", "Obstacle", "Tag", "World"),
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOME.items() for name in names}

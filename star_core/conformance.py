@@ -10,8 +10,9 @@ import numpy as np
 
 from star_core.errors import ContractError
 from star_core.sight import Corrections
-from star_core.swarm import Estimate, Plan, Setpoint, Telemetry
+from star_core.swarm import Estimate, Plan, Setpoint
 from star_core.table import Rows
+from star_core.telemetry import Telemetry
 
 Table = TypeVar("Table")
 

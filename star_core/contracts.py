@@ -1,8 +1,9 @@
 """What a plugin can be, and the record that announces one.
 
 A contract is a `Protocol`: a plugin satisfies it by its shape and inherits nothing. Every method
-takes and returns whole tables of `star_core.swarm`, so one call serves the whole swarm. Any part
-may also have ``close()``, which is called once, however the mission ended.
+takes and returns whole tables of `star_core.swarm` and `star_core.telemetry`, so one call serves
+the whole swarm. Any part may also have ``close()``, which is called once, however the mission
+ended.
 
 This module imports no numpy, so that plugins can be listed and missions checked quickly.
 """
@@ -26,7 +27,8 @@ from typing import (
 if TYPE_CHECKING:
     from star_core.orders import Command
     from star_core.sight import Corrections
-    from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Telemetry, Truth
+    from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Truth
+    from star_core.telemetry import Telemetry
 
 
 @runtime_checkable

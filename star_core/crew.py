@@ -24,7 +24,8 @@ from star_core.mission import Mission
 from star_core.orders import Command, Trajectory
 from star_core.registry import Registry
 from star_core.sight import Corrections
-from star_core.swarm import Estimate, Goals, Plan, Setpoint, Telemetry, Truth
+from star_core.swarm import Estimate, Goals, Plan, Setpoint, Truth
+from star_core.telemetry import Telemetry
 
 EARLY = 1e-3  # s, by which a time may be off: clocks of computers have grains
 

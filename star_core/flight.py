@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from star_core.scene import Scene
 
 if TYPE_CHECKING:
-    from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Telemetry, Truth
+    from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Truth
     from star_core.table import Mask
+    from star_core.telemetry import Telemetry
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,10 @@ from star_core.orders import Command, Order
 from star_core.phases import Phases
 from star_core.scene import Scene
 from star_core.sight import Corrections, Sightings
-from star_core.swarm import AgentPhase, Estimate, Health, Setpoint, Supervisor, Telemetry, Truth
+from star_core.swarm import AgentPhase, Estimate, Health, Setpoint, Truth
 from star_core.table import Array, Mask, Rows
 from star_core.targets import Targets
+from star_core.telemetry import Supervisor, Telemetry
 
 STALE_AFTER = 0.5  # s, an agent not heard for longer is lost: the firmware's commander time-out
 ON_ITS_OWN = (Order.GOTO, Order.FOLLOW)  # an agent is not steered until these are over

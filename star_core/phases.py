@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from transitions import Machine
 
-from star_core.swarm import AgentPhase, Supervisor, among
+from star_core.swarm import AgentPhase, among
 from star_core.table import Mask, Rows
+from star_core.telemetry import Supervisor
 
 _P = AgentPhase
 AGENT_TABLE: Final = (

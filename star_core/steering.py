@@ -11,17 +11,9 @@ from star_core.observers import Observers
 from star_core.safety import SafetyFilter
 from star_core.scene import Scene
 from star_core.summary import Meter
-from star_core.swarm import (
-    AgentPhase,
-    Estimate,
-    Goals,
-    Health,
-    Paths,
-    Plan,
-    Setpoint,
-    Telemetry,
-)
+from star_core.swarm import AgentPhase, Estimate, Goals, Health, Paths, Plan, Setpoint
 from star_core.table import Mask
+from star_core.telemetry import Telemetry
 
 CALM = 1.0  # s without a correction, after which the next one is told again
 

@@ -19,16 +19,9 @@ from star_core.contracts import Avoider, Localizer, Planner
 from star_core.errors import ContractError
 from star_core.frames import Transform
 from star_core.scene import Agent, Limits, Scene
-from star_core.swarm import (
-    AgentPhase,
-    Estimate,
-    Goals,
-    Health,
-    Setpoint,
-    Supervisor,
-    Telemetry,
-)
+from star_core.swarm import AgentPhase, Estimate, Goals, Health, Setpoint
 from star_core.table import Array, Mask
+from star_core.telemetry import Supervisor, Telemetry
 from star_core.world import Fence, World
 
 

@@ -15,8 +15,9 @@ from scipy.spatial.distance import pdist
 
 from star_core import AgentPhase, Array, Corrected, Event, Fence, Obstacle, Tick, Truth, World
 from star_core.summary import Meter
-from star_core.swarm import Goals, Paths, Plan, Setpoint, Telemetry
+from star_core.swarm import Goals, Paths, Plan, Setpoint
 from star_core.targets import Targets
+from star_core.telemetry import Telemetry
 from star_core.testing import estimate, health, scene
 
 PERIOD = 0.05  # s, of the scene

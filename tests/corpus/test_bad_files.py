@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from star_ablate.study import read as read_study
+from star_ablate.reading import read as read_study
 from star_core import cli, schema
 from star_core.mission import load
 from star_core.registry import Registry

@@ -19,7 +19,8 @@ from star_ablate.flight import Result, Task
 from star_ablate.journal import Journal
 from star_ablate.measures import paths
 from star_ablate.progress import Progress
-from star_ablate.study import COLUMNS, Run, Study, read
+from star_ablate.reading import read
+from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all
 from star_core import InputError, Registry, new_folder
 

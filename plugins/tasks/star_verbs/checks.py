@@ -5,27 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, Problem
-from star_verbs.envelope import (
-    limit_faults,
-    place_faults,
-    room_faults,
-    rooms,
-    samples,
-    thinned,
-)
-from star_verbs.places import slot_faults, too_fast
-from star_verbs.routes import least_distance, route, way_faults
+from star_core import Problem
+from star_verbs.places import rooms, slot_faults, too_fast
 from star_verbs.slots import slots
-from star_verbs.trajectory import read
 
 if TYPE_CHECKING:
     from star_core import Scene
 
 SPACING = 0.6  # m, the default in the schemas
-POLY7 = ("format", "timescale", "relative", "on_board")  # options of `follow` for trajectories
-MEMORY = 4096  # bytes that a Crazyflie has for trajectories
-PIECE = 132  # bytes of a piece: 33 numbers
 
 
 def takeoff(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
@@ -44,84 +31,14 @@ def hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Proble
 
 def goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
     yield from too_fast(scene, options)
-    yield from _one_of("to", "by", options)
+    yield from one_of("to", "by", options)
     yield from _spread(scene, len(rows), "to", options)
     if "by" in options:
         yield from _span(scene, options["by"])
 
 
-def follow(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
-    if options.get("format") == "poly7":
-        yield from _poly7(scene, len(rows), options)
-        return
-    yield from (
-        Problem((key,), f"{key!r} goes with 'format: poly7' only")
-        for key in POLY7[1:]
-        if key in options
-    )
-    options = {key: value for key, value in options.items() if key not in POLY7}
-    yield from too_fast(scene, options)
-    before = list(_one_of("file", "path", options)) or list(_company(options))
-    if before:
-        yield from before
-        return
-    if near := list(_near(scene, len(rows), options)):
-        yield from near
-        return
-    source = {key: value for key, value in options.items() if key not in {"heading", "speed"}}
-    try:
-        way = route(scene, len(rows), **source)
-    except InputError as error:
-        yield from (Problem(("file",), message) for message in error.problems)
-        return
-    yield from _room(options, len(rows))
-    key = "file" if "file" in options else "path"
-    yield from (
-        Problem((key,), message) for message in way_faults(scene, way, options.get(key, ""))
-    )
-
-
-def _poly7(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem]:
-    """What is wrong with a trajectory; where one that is relative leads is seen at its begin."""
-    allowed = {*POLY7, "file", "spacing"}
-    wrong = [
-        Problem((key,), f"{key!r} does not go with 'format: poly7'")
-        for key in options
-        if key not in allowed
-    ]
-    if "file" not in options:
-        wrong.append(Problem((), "'format: poly7' needs 'file'"))
-    if wrong:
-        return wrong
-    if not options.get("relative", True) and (near := list(_near(scene, agents, options))):
-        return near
-    name = options["file"]
-    try:
-        trajectory = read(scene.file(name), name)
-    except InputError as error:
-        return [Problem(("file",), message) for message in error.problems]
-    found = samples(trajectory)
-    faults = [*limit_faults(scene, found, options.get("timescale", 1.0), name)]
-    if options.get("relative", True):
-        faults += room_faults(scene, found, name)
-    else:
-        shifts = slots(agents, (0.0, 0.0, 0.0), options.get("spacing", SPACING))
-        faults += place_faults(scene, thinned(found), shifts, name)
-    too_long = _memory(len(trajectory.pieces), name) if options.get("on_board") else ()
-    return [*too_long, *(Problem(("file",), message) for message in faults)]
-
-
-def _memory(pieces: int, name: str) -> Iterable[Problem]:
-    """A trajectory that does not fit into an agent's memory."""
-    if pieces * PIECE > MEMORY:
-        yield Problem(
-            ("on_board",),
-            f"{name} has {pieces} pieces of {PIECE} bytes, {pieces * PIECE} bytes in all; a "
-            f"Crazyflie has {MEMORY} bytes for trajectories: {MEMORY // PIECE} pieces at most",
-        )
-
-
-def _one_of(one: str, other: str, options: dict[str, Any]) -> Iterable[Problem]:
+def one_of(one: str, other: str, options: dict[str, Any]) -> Iterable[Problem]:
+    """Neither, or both, of two options of which one is needed."""
     given = (one in options) + (other in options)
     if given == 0:
         yield Problem((), f"expected {one!r} or {other!r}")
@@ -129,27 +46,17 @@ def _one_of(one: str, other: str, options: dict[str, Any]) -> Iterable[Problem]:
         yield Problem((other,), f"{other!r} does not go with {one!r}, expected one of them")
 
 
-def _company(options: dict[str, Any]) -> Iterable[Problem]:
-    """What goes with a named path goes with no file."""
-    for key in ("size", "centre"):
-        if "path" in options and key not in options:
-            yield Problem((), f"path {options['path']!r} needs {key!r}")
-    for key in ("size", "width", "centre", "laps"):
-        if "file" in options and key in options:
-            yield Problem((key,), f"{key!r} goes with 'path' only, not with 'file'")
-
-
 def _spread(scene: Scene, agents: int, key: str, options: dict[str, Any]) -> Iterable[Problem]:
     if key not in options:
         return
-    near = list(_near(scene, agents, options))
-    yield from near
-    if not near:
+    too_near = list(near(scene, agents, options))
+    yield from too_near
+    if not too_near:
         places = slots(agents, options[key], options.get("spacing", SPACING))
         yield from (Problem((key,), message) for message in slot_faults(scene, places))
 
 
-def _near(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem]:
+def near(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem]:
     """A spacing at which the core would keep the agents from their places."""
     spacing, least = options.get("spacing", SPACING), scene.limits.separation
     if agents > 1 and spacing < least:
@@ -165,16 +72,3 @@ def _span(scene: Scene, offset: Sequence[float]) -> Iterable[Problem]:
         if abs(by) > room:
             where = "the heights to fly at are" if axis == "z" else "the fence is"
             yield Problem(("by",), f"{abs(by):g} m along {axis}, where {where} only {room:g} m")
-
-
-def _room(options: dict[str, Any], agents: int) -> Iterable[Problem]:
-    if "path" not in options or agents == 1:
-        return
-    spacing = options.get("spacing", SPACING)
-    nearest = least_distance(options["path"], options["size"], agents, options.get("width"))
-    if nearest < spacing:
-        yield Problem(
-            ("size",),
-            f"{agents} agents on this {options['path']} come within {nearest:.2f} m of each other, "
-            f"nearer than the spacing of {spacing:g} m",
-        )

@@ -20,6 +20,13 @@ def fault(scene: Scene, point: Sequence[float]) -> str | None:
     return scene.world.fault((x, y, z))
 
 
+def rooms(scene: Scene) -> tuple[float, float, float]:
+    """Return how far one can fly along x, y and z inside the fence and the heights, m."""
+    fence, (low, high) = scene.world.fence, scene.limits.height
+    x, y, _ = (b - a for a, b in zip(fence.low, fence.high, strict=True))
+    return x, y, min(fence.high[2], high) - max(fence.low[2], low)
+
+
 def slot_faults(scene: Scene, places: Sequence[Sequence[float]]) -> Iterable[str]:
     """Say of each place that no agent can be at why, and which of the agents' places it is."""
     for number, place in enumerate(places, start=1):

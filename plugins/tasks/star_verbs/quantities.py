@@ -25,3 +25,8 @@ def positive(description: str, **more: Any) -> Mapping[str, Any]:
     """Return the schema of a number above zero."""
     above_zero = {"exclusiveMinimum": 0, "maximum": FARTHEST}
     return {"type": "number", **above_zero, "description": description, **more}
+
+
+SPACING = positive(
+    "Least distance between the agents where several are sent to one place, m.", default=0.6
+)

@@ -13,7 +13,7 @@ import star_core
 from star_core import Array, Limits, Order, Registry, Scene, Status, Tick, hookimpl, load
 from star_core.registry import Source
 from star_core.testing import scene
-from star_verbs.trajectory import COLUMNS
+from star_verbs.follow.trajectory import COLUMNS
 
 POLY7: dict[str, Any] = {"file": "path.csv", "format": "poly7"}
 ON_BOARD = POLY7 | {"on_board": True}

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_verbs import polyline
-from star_verbs.path import Path
-from star_verbs.shapes import SHAPES, places, shape
+from star_verbs.follow import polyline
+from star_verbs.follow.path import Path
+from star_verbs.follow.shapes import SHAPES, places, shape
 
 coordinates = st.floats(-10, 10).map(lambda value: round(value, 3))
 points = st.tuples(coordinates, coordinates, coordinates)

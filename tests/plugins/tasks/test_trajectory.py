@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from star_core import InputError, Limits, Obstacle, Scene, Status
 from star_core.testing import scene
-from star_verbs.trajectory import COLUMNS, Piece, Trajectory, read
+from star_verbs.follow.trajectory import COLUMNS, Piece, Trajectory, read
 
 HEADER = ",".join(COLUMNS)
 WIDE = Limits(speed=2.0, acceleration=10.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError
-from star_verbs.waypoints import read
+from star_verbs.follow.waypoints import read
 
 
 def written(folder: Path, text: str) -> str:

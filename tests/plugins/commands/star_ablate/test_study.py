@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from star_ablate.study import COLUMNS, MEASURES, SEEDS, read
+from star_ablate.reading import MEASURES, SEEDS, read
+from star_ablate.study import COLUMNS
 from star_core import InputError, Registry
 from star_core import schema as schemas
 

@@ -16,7 +16,7 @@ from star_core import InputError, Offer, Registry, Step, fly, hookimpl, load, sc
 from star_core.cli import main as star
 from star_core.conditions import KINDS, longest
 from star_core.rules import DEFAULTS
-from star_core.tasks import PATIENCE
+from star_core.turn import PATIENCE
 from star_explain import rehearsal
 from star_explain.command import main
 from star_explain.facts import RESERVE, RULES

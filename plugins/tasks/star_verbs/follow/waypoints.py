@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from star_core import InputError
+from star_verbs.follow.rows import numbers, read_rows
 
 Point = tuple[float, float, float]
 NEEDED = ("x", "y", "z")
@@ -40,12 +39,7 @@ def read(path: Path, file: str) -> Waypoints:
     Raises:
         InputError: The file cannot be used; every problem is told as ``file:line: what is wrong``.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError([f"{file}: cannot be read as CSV in UTF-8: {error}"]) from error
+    rows = read_rows(path, file)
     if not rows:
         raise InputError([f"{file}: is empty, expected a header with columns {_list(KNOWN)}"])
     line, header = rows[0]
@@ -53,18 +47,18 @@ def read(path: Path, file: str) -> Waypoints:
     problems = [f"{file}:{line}: {message}" for message in _header_faults(columns)]
     if problems:
         raise InputError(problems)
-    numbers: list[dict[str, float]] = []
+    points: list[dict[str, float]] = []
     for line, row in rows[1:]:
-        values, faults = _numbers(columns, row)
-        numbers.append(values)
+        values, faults = numbers(columns, row)
+        points.append(values)
         problems += [f"{file}:{line}: {message}" for message in faults]
-    if not problems and len({tuple(row[key] for key in NEEDED) for row in numbers}) < 2:  # noqa: PLR2004 -- a line has two ends
-        problems = [f"{file}: has {len(numbers)} points, expected at least 2 that differ"]
+    if not problems and len({tuple(row[key] for key in NEEDED) for row in points}) < 2:  # noqa: PLR2004 -- a line has two ends
+        problems = [f"{file}: has {len(points)} points, expected at least 2 that differ"]
     if problems:
         raise InputError(problems)
     return Waypoints(
-        point=tuple((row["x"], row["y"], row["z"]) for row in numbers),
-        yaw_deg=tuple(row["yaw_deg"] for row in numbers if "yaw_deg" in row),
+        point=tuple((row["x"], row["y"], row["z"]) for row in points),
+        yaw_deg=tuple(row["yaw_deg"] for row in points if "yaw_deg" in row),
         line=tuple(line for line, _ in rows[1:]),
     )
 
@@ -95,23 +89,6 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _numbers(columns: Sequence[str], row: Sequence[str]) -> tuple[dict[str, float], list[str]]:
-    """The finite numbers of a row by column, and what is wrong with the rest."""
-    if len(row) != len(columns):
-        return {}, [f"has {len(row)} values, expected {len(columns)}"]
-    values: dict[str, float] = {}
-    faults = []
-    for name, cell in zip(columns, row, strict=True):
-        try:
-            values[name] = float(cell)
-        except ValueError:
-            faults.append(f"{name} is {cell.strip()!r}, expected a number")
-            continue
-        if not math.isfinite(values[name]):
-            faults.append(f"{name} is {cell.strip()!r}, expected a finite number")
-    return values, faults
 
 
 def _list(names: Sequence[str]) -> str:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from star_verbs.places import fault
+from star_verbs.places import fault, rooms
 
 if TYPE_CHECKING:
     from star_core import Scene
-    from star_verbs.trajectory import Moment, Point, Trajectory
+    from star_verbs.follow.trajectory import Moment, Point, Trajectory
 
 TICK = 0.02  # s of a trajectory's own time between the moments that are looked at
 FEWEST = 20  # moments of a piece that are looked at, however short it is
@@ -71,13 +71,6 @@ def place_faults(
                 told[f"{name}:{sample.line}: {sample.time:.2f} s after its start, {why}"] = None
             bad = why is not None
     yield from told
-
-
-def rooms(scene: Scene) -> tuple[float, float, float]:
-    """Return how far one can fly along x, y and z inside the fence and the heights, m."""
-    fence, (low, high) = scene.world.fence, scene.limits.height
-    x, y, _ = (b - a for a, b in zip(fence.low, fence.high, strict=True))
-    return x, y, min(fence.high[2], high) - max(fence.low[2], low)
 
 
 def room_faults(scene: Scene, found: Sequence[Sample], name: str) -> Iterator[str]:

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from star_verbs import polyline
+from star_verbs.follow import polyline
+from star_verbs.follow.shapes import places, shape
+from star_verbs.follow.waypoints import read
 from star_verbs.places import fault
-from star_verbs.shapes import places, shape
 from star_verbs.slots import slots
-from star_verbs.waypoints import read
 
 if TYPE_CHECKING:
     from star_core import Scene

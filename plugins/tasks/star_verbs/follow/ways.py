@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from star_core import Scene
-from star_verbs.envelope import place_faults, samples, thinned
-from star_verbs.follow import Way
-from star_verbs.path import Path
-from star_verbs.routes import route, way_faults
+from star_verbs.follow.envelope import place_faults, samples, thinned
+from star_verbs.follow.follow import Way
+from star_verbs.follow.path import Path
+from star_verbs.follow.routes import route, way_faults
+from star_verbs.follow.timed_path import TimedPath
+from star_verbs.follow.trajectory import read
 from star_verbs.slots import slots
-from star_verbs.timed_path import TimedPath
-from star_verbs.trajectory import read
 
 Point = tuple[float, float, float]
 CATCH_UP = 1.5  # times the path's speed is what an agent may fly to make up its lag

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from star_core import InputError
+from star_verbs.follow.rows import numbers, read_rows
 
 Point = tuple[float, float, float]
 ORDER = 8  # coefficients of a polynomial of seventh degree
@@ -102,12 +102,7 @@ def read(path: Path, file: str) -> Trajectory:
     Raises:
         InputError: The file cannot be used; every problem is told as ``file:line: what is wrong``.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError([f"{file}: cannot be read as CSV in UTF-8: {error}"]) from error
+    rows = read_rows(path, file)
     if len(rows) < 2:  # noqa: PLR2004 -- a header and a piece
         raise InputError([f"{file}: has no piece, expected a header and a line for each"])
     header = tuple(cell.strip(" #\t").lower() for cell in _filled(rows[0][1]))
@@ -119,11 +114,14 @@ def read(path: Path, file: str) -> Trajectory:
         raise InputError([f"{file}: has {len(rows) - 1} pieces, expected {MOST} at most"])
     pieces, problems = [], []
     for line, row in rows[1:]:
-        values, faults = _numbers(_filled(row))
+        named, faults = numbers(COLUMNS, _filled(row), GREATEST)
+        duration, *values = named.values() or [0.0]
+        if not faults and duration <= 0:
+            faults = [f"duration is {duration:g} s, expected more than 0"]
         problems += [f"{file}:{line}: {message}" for message in faults]
         if not faults:
-            axes = (values[1 + ORDER * i : 1 + ORDER * (i + 1)] for i in range(len(AXES)))
-            pieces.append(Piece(values[0], tuple(map(tuple, axes)), line))
+            axes = (values[ORDER * i : ORDER * (i + 1)] for i in range(len(AXES)))
+            pieces.append(Piece(duration, tuple(map(tuple, axes)), line))
     problems = problems or [*_lasts(pieces, file), *_jumps(pieces, file)]
     if problems:
         raise InputError(problems)
@@ -146,26 +144,6 @@ def _filled(row: Sequence[str]) -> Sequence[str]:
     while count > len(COLUMNS) and not row[count - 1].strip():
         count -= 1
     return row[:count]
-
-
-def _numbers(row: Sequence[str]) -> tuple[list[float], list[str]]:
-    """The numbers of a row, and what is wrong with it."""
-    if len(row) != len(COLUMNS):
-        return [], [f"has {len(row)} values, expected {len(COLUMNS)}"]
-    values, faults = [], []
-    for name, cell in zip(COLUMNS, row, strict=True):
-        try:
-            values.append(float(cell))
-        except ValueError:
-            faults.append(f"{name} is {cell.strip()!r}, expected a number")
-            continue
-        if not math.isfinite(values[-1]):
-            faults.append(f"{name} is {cell.strip()!r}, expected a finite number")
-        elif abs(values[-1]) > GREATEST:
-            faults.append(f"{name} is {cell.strip()!r}, expected {GREATEST:g} at most")
-    if not faults and values[0] <= 0:
-        faults.append(f"duration is {values[0]:g} s, expected more than 0")
-    return values, faults
 
 
 def _lasts(pieces: Sequence[Piece], file: str) -> Iterator[str]:

@@ -6,7 +6,7 @@ import numpy as np
 
 import star_core
 from star_core import Array
-from star_verbs.trajectory import Trajectory
+from star_verbs.follow.trajectory import Trajectory
 
 
 class TimedPath:
