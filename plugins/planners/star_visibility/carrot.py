@@ -16,6 +16,7 @@ ASTRAY = 0.1  # m farther from the way out than it was: it was pushed away
 
 @compiled
 def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+    planned: Walls,
     kept: Walls,
     shunned: Walls,
     here: Array,
@@ -35,6 +36,7 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     point, or is pushed away from it. One that only grazes what is to be kept free may go on.
 
     Args:
+        planned: What paths were kept out of: who sees beyond a corner without it leaves it out.
         kept: What lines must not go through.
         shunned: What they must not go through from within the first: the most of it.
         here: (N, 3) where the agents are, m.
@@ -58,7 +60,9 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
             _put(target, i, path[i, leg[i]])
             lost[i] = leg[i] > 0 or not _leads_out(walls, start[i], path[i, 0], at)
             continue
-        while leg[i] < last and _is_past(walls, at, path[i], leg[i], look_ahead):
+        while leg[i] < last and (
+            sees(planned, at, path[i, leg[i] + 1]) or _is_past(walls, at, path[i], leg[i])
+        ):
             leg[i] += 1
         corner = path[i, leg[i]]
         if not sees(walls, at, corner):
@@ -91,11 +95,9 @@ def _leads_out(walls: Walls, start: Array, out: Array, at: Array) -> bool:
 
 
 @compiled
-def _is_past(walls: Walls, at: Array, path: Array, leg: int, look_ahead: float) -> bool:
-    """Whether an agent near a corner has come round it, or so near that it may go on."""
+def _is_past(walls: Walls, at: Array, path: Array, leg: int) -> bool:
+    """Whether an agent has come round a corner, near it or as far off as others pushed it."""
     corner, following = path[leg], path[leg + 1]
-    if _apart(at, corner) > look_ahead:
-        return False
     past = 0.0
     for k in range(3):
         past += (at[k] - corner[k]) * (following[k] - corner[k])

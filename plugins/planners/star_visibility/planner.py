@@ -139,6 +139,7 @@ class Visibility:
     def _steer(self, here: Array, rows: Mask) -> tuple[Array, Mask]:
         trips = self._trips
         return steer(
+            self._routes.planned,
             self._routes.kept,
             self._routes.shunned,
             here,

@@ -181,6 +181,22 @@ def test_an_agent_that_is_pushed_out_of_sight_of_its_path_finds_another() -> Non
 # A goal that moves
 
 
+@pytest.mark.parametrize(("aside", "left"), [([-0.2, 1.8, 1.0], 2), ([-0.9, 1.8, 1.0], 3)])
+def test_an_agent_pushed_to_where_it_sees_beyond_a_corner_does_not_go_back_to_it(
+    aside: Sequence[float], left: int
+) -> None:
+    flies = planner(room(BLOCK))
+    first = flies.plan(estimate(HERE), goals(THERE)).paths.point
+    assert len(first) == 8  # three points round each of two corners
+    then = flies.plan(estimate(np.array([aside])), goals(THERE))
+    seen = first[-left:]
+    np.testing.assert_allclose(then.paths.point[1:], seen)
+    way = seen[0] - aside
+    velocity = then.setpoint.velocity[0]
+    cosine = velocity @ way / np.linalg.norm(velocity) / np.linalg.norm(way)
+    assert cosine == pytest.approx(1.0)
+
+
 def test_a_goal_that_moves_behind_the_block_is_followed() -> None:
     blocked = room(BLOCK)
     visible, place = planner(blocked), HERE.copy()
