@@ -14,6 +14,7 @@ from star_core.options import JOIN, RESERVE
 from star_core.quaternion import Point
 from star_core.registry import Registry
 from star_core.scene import Scene
+from star_core.steps import within
 from star_core.world import CONTACT_RADIUS, Fence
 
 Path: TypeAlias = tuple[str | int, ...]
@@ -222,15 +223,12 @@ def _actions(
     steps: Iterable[Mapping[str, Any]], path: Path
 ) -> Iterator[tuple[Path, str, Mapping[str, Any]]]:
     """Yield every step that is a plugin's verb, with its place and its options."""
-    for i, step in enumerate(steps):
+    for step, place in within(steps, path):
         ((verb, given),) = step.items()
-        here = (*path, i, verb)
-        if verb == "parallel":
-            yield from _actions(given, here)
-        elif verb in {"repeat", "each"}:
-            yield from _actions(given["steps"], (*here, "steps"))
+        if verb == "each":
+            yield from _actions(given["steps"], (*place, verb, "steps"))
         else:
-            yield here, verb, given
+            yield (*place, verb), verb, given
 
 
 def _default(offer: Offer[Any], option: str) -> Any:

@@ -104,14 +104,20 @@ def flow(value: Any) -> str:
 
     >>> flow({"any": [{"found": 1}, {"not": {"event": "found"}}]})
     '{any: [{found: 1}, {not: {event: found}}]}'
+    >>> flow([{"found": 60 * "x" + "y"}])
+    ''
     """
     longest = 60
-    if isinstance(value, dict):
-        text = "{" + ", ".join(f"{key}: {flow(one)}" for key, one in value.items()) + "}"
-    elif isinstance(value, list):
-        text = "[" + ", ".join(map(flow, value)) + "]"
-    else:
+    if not isinstance(value, (dict, list)):
         text = value if isinstance(value, str) else show(value)
+    else:
+        inner = [flow(one) for one in (value.values() if isinstance(value, dict) else value)]
+        if not all(inner):
+            return ""
+        if isinstance(value, dict):
+            text = "{" + ", ".join(map("{}: {}".format, value, inner)) + "}"
+        else:
+            text = "[" + ", ".join(inner) + "]"
     return text if len(text) <= longest else ""
 
 
