@@ -191,7 +191,7 @@ def _of_plugin(name: str, arguments: list[str]) -> int:
         with Blame(f"command {name!r} ({found.source})"):
             status: int = found.offer.make(arguments)
     except PluginError as error:
-        if isinstance(error.__cause__, SystemExit | InputError):
+        if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):
             raise error.__cause__ from None
         raise
     return status

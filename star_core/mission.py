@@ -69,8 +69,12 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
-    document = expanded(override(read(Path(path)), assignments))
-    found = schema.problems(document, schema.compose(registry.offers()))
+    written, composed = override(read(Path(path)), assignments), schema.compose(registry.offers())
+    try:
+        document = expanded(written)
+    except InputError as error:
+        raise InputError([*error.problems, *schema.problems(written, composed)]) from None
+    found = schema.problems(document, composed)
     if found and not isinstance(document.data.get("world"), str):
         raise InputError(found)
     try:

@@ -70,8 +70,8 @@ class Command:
         order: What to do.
         agent: (K,) rows of the agents meant.
         position: (K, 3) target, m: in the map when a task gives it, in each agent's odometry frame
-            when a transport receives it. Take-off and landing use z only. For FOLLOW it is where
-            the origin of the trajectory's frame lies.
+            when a transport receives it. Take-off and landing use z only, x and y may be no
+            numbers. For FOLLOW it is where the origin of the trajectory's frame lies.
         yaw: (K,) heading at the end, rad, in the same frame. Take-off and landing keep theirs. For
             FOLLOW it is by how much the trajectory's frame is turned.
         duration: (K,) time to take, s. A trajectory is flown as much slower as this is longer than

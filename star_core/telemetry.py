@@ -98,7 +98,8 @@ class Telemetry:
         frames: Every image since the last tick.
         detections: Every tag since the last tick that was found on board.
         refusals: Every order that was refused since the last tick; it fails the agent's step.
-        signal: (N,) strength with which each agent hears its radio, dBm; None where there is none.
+        signal: (N,) how strongly each agent hears its radio, as it last told, dBm; None where there
+            is no radio.
     """
 
     time: float

@@ -53,6 +53,14 @@ def test_a_value_that_is_not_given_is_the_one_of_the_file(lab: Lab) -> None:
     assert wait["ended_s"] - wait["begun_s"] == pytest.approx(1.0)
 
 
+def test_what_else_is_wrong_is_told_beside_an_include_that_is(lab: Lab) -> None:
+    wrong = "\n  - climb: {}\n  - include: {file: gone.yaml}\n  - wait: {agents: 7}\n"
+    found = faults(lab, wrong)
+    assert len(found) == 2
+    assert "gone.yaml" in found[0]
+    assert "7" in found[1]
+
+
 def test_a_step_is_placed_in_its_own_file(lab: Lab) -> None:
     places = [step["place"].rpartition("/")[2] for step in lab.fly(TOUR)["steps"]]
     assert places == [

@@ -40,7 +40,7 @@ class Orca:
         clearance: Distance that each keeps to obstacles, m; the radius if None.
         response: Time constant with which agents follow a velocity, s. Everything is worked out for
             where they will be that much later, two that overlap take no less to come apart, and
-            nobody is asked for more than the scene's greatest acceleration.
+            nobody is asked for more than the scene's greatest acceleration in the plane.
     """
 
     def __init__(  # noqa: PLR0913 -- one for every option

@@ -25,10 +25,10 @@ def times(part: Part) -> str:
 
 
 def alike(group: Group) -> Group | None:
-    """Return the steps of the first branch if all branches do the same steps, as with ``each``."""
+    """Return the steps of the first branch if all do the same in the same time, as ``each`` may."""
     branches = [part for part in group.parts if isinstance(part, Group) and part.times == 1]
     groups = group.at_once and len(branches) == len(group.parts)
-    if groups and len({_places(branch) for branch in branches}) == 1:
+    if groups and len({_lines(branch) for branch in branches}) == 1:
         return branches[0]
     return None
 
@@ -64,10 +64,11 @@ def ending(told: Told) -> list[str]:
     )
 
 
-def _places(part: Part) -> tuple[str, ...]:
+def _lines(part: Part) -> tuple[tuple[str, str], ...]:
+    """Return every step as its place and what is said of its times."""
     if isinstance(part, Told):
-        return (part.action.place,)
-    return tuple(place for inner in part.parts for place in _places(inner))
+        return ((part.action.place, times(part)),)
+    return tuple(line for inner in part.parts for line in _lines(inner))
 
 
 def _steps(group: Group, number: str, registry: Registry) -> Iterator[str]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from star_import.located import Value
 from star_import.notes import Notes, show
 from star_import.text import Line, word
+
+TOP: Final = ("environment", "april_tags", "command_sequence", "robots", "robot_types")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,9 @@ def walls(file: Value, notes: Notes) -> list[Wall]:
     """Return the walls of an environment; those that cannot be said are problems of `notes`."""
     found: list[Wall] = []
     with notes.collected():
+        for key, value in file.map().items():
+            if key not in TOP:
+                notes.say(value.place, f"{key!r} is nothing that an import reads; left out")
         if "environment" not in file.map():
             return found
         for key, value in file.map()["environment"].map().items():

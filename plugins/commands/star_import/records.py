@@ -59,7 +59,7 @@ def records(file: Value, known: Sequence[str], notes: Notes) -> list[Record]:
     strings = file.need("command_sequence")
     given = strings.list()
     for key, value in file.map().items():
-        if key != "command_sequence":
+        if key not in {"command_sequence", "environment", "april_tags", "robots", "robot_types"}:
             notes.say(value.place, f"{key!r} is nothing that the original reads; left out")
     if len(given) % len(FIELDS):
         raise strings.wrong(

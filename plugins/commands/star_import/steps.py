@@ -104,7 +104,8 @@ class Steps:
                 end = f"silence: {SILENCE:g}, then: fail, on_failure: continue"
                 yield f"external: {{{_joined(agents, end)}}}"
             case "goto" if self._executed:
-                self._say(record, f"goto of {who} moves nobody, as executed: a hold of 0 s")
+                end = ", nor does it land" if record.lands else ""
+                self._say(record, f"goto of {who} moves nobody{end}, as executed: a hold of 0 s")
                 yield f"hold: {{{agents}}}"
             case _:
                 yield from self._flight(record, agents, who)

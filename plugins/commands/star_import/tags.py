@@ -128,7 +128,16 @@ def _sheet(name: str, given: Value, tags: Value, reading: Reading, notes: Notes)
             f"how large they are: --tag-size {math.floor(apart / RIM * 1000) / 1000:g} or less"
         )
     notes.say(given.place, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
+    pair = {"alignment"} if len(numbers) > 1 else set()
+    _left_out(name, given, {"id", "location", "purpose"} | pair, notes)
     return Sheet(kind, numbers, centres, reading.edge, given.place)
+
+
+def _left_out(name: str, given: Value, read: set[str], notes: Notes) -> None:
+    """Tell what else stands there."""
+    for key, value in given.map().items():
+        if key not in read:
+            notes.say(value.place, f"{name}: {key!r} is nothing that the original reads; left out")
 
 
 def _pair(name: str, given: Value, tags: Value) -> tuple[Corner, ...]:

@@ -33,7 +33,9 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     nearer if that cannot be seen: so the line to it is free, and it turns evenly as the agent comes
     to a corner. An agent that is in what is to be shunned goes to the first point of a path that
     begins there: that leads out. It lost its path if it has none such, has gone further than that
-    point, or is pushed away from it. One that only grazes what is to be kept free may go on.
+    point, or is pushed away from it. One that only grazes what is to be kept free may go on, also
+    out of sight to the first point of a path that begins there. Who is past a corner may so use up
+    what paths were kept out of beyond that.
 
     Args:
         planned: What paths were kept out of: who sees beyond a corner without it leaves it out.
@@ -54,9 +56,10 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     lost = np.zeros(len(here), np.bool_)
     for i in rows:
         at, last, walls = here[i], count[i] - 1, kept
-        if covered(kept, at[0], at[1], at[2]):
+        grazes = covered(kept, at[0], at[1], at[2])
+        if grazes:
             walls = shunned
-        if covered(walls, at[0], at[1], at[2]):
+        if grazes and covered(shunned, at[0], at[1], at[2]):
             _put(target, i, path[i, leg[i]])
             lost[i] = leg[i] > 0 or not _leads_out(walls, start[i], path[i, 0], at)
             continue
@@ -66,7 +69,8 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
             leg[i] += 1
         corner = path[i, leg[i]]
         if not sees(walls, at, corner):
-            lost[i] = True
+            _put(target, i, corner)
+            lost[i] = leg[i] > 0 or not grazes or not _leads_out(kept, start[i], corner, at)
             continue
         _put(target, i, corner)
         room = look_ahead - _apart(at, corner)

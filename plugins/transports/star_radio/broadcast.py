@@ -104,14 +104,15 @@ class Broadcaster:
         """
         with self._changed:
             takes = TIMES * PAUSE * len(self._on)  # s, at least
-            if self.broken or (self._orders and takes * len(self._orders) > SOON):
+            waiting = sum(not call.void for call in self._orders)
+            if self.broken or takes * waiting > SOON:
                 return False
             self._orders.append(_Call(packet, rows, TIMES))
             self._changed.notify_all()
         return True
 
     def void(self, rows: AbstractSet[int]) -> None:
-        """Send no more of the orders to any of these, whatever was sent of them."""
+        """Send no more of the orders to any of these; a packet that is being sent still goes."""
         with self._changed:
             for call in self._orders:
                 call.void |= not rows.isdisjoint(call.rows)

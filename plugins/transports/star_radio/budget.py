@@ -18,6 +18,10 @@ CAPACITY: Mapping[str, int] = {"legacy": 300, "inline": 1370}
 issue 9 of bitcraze/crazyradio2-firmware; inline: what its issue 23 has for three drones with
 firmware 5.1. Nothing of this was measured here."""
 
+SLOWER: Mapping[str, float] = {"2M": 0.0, "1M": 0.33e-3, "250K": 2.3e-3}
+"""By how much an exchange takes longer than at 2M, s: two packets of at most 329 bits each
+(preamble, address, control field, 32 bytes, CRC: Enhanced ShockBurst)."""
+
 SHARE = 0.5  # of the capacity that may be planned with
 FASTEST = 0.01  # s, between two reports: the estimator's own period
 SLOWEST = 0.1  # s, between two reports: five are to be lost before an agent counts as lost
@@ -39,8 +43,7 @@ def report_period(uris: Iterable[str], mode: str) -> float:
     >>> report_period([f"radio://0/80/2M/E7E7E7E70{i}" for i in range(4)], "legacy")
     0.03
     """
-    most = max(shared(uris).values(), default=0)
-    tens = most / (SHARE * CAPACITY[mode]) / FASTEST
+    tens = max(_rounds(uris, mode).values(), default=0.0) / SHARE / FASTEST
     return round(max(1, math.ceil(tens - 1e-9)) * FASTEST, 2)
 
 
@@ -54,8 +57,10 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
         report: Time between two reports, s; None as often as can be.
     """
     uris = list(uris)
-    room = SHARE * CAPACITY[mode]
+    rounds = _rounds(uris, mode)
     for dongle, agents in sorted(shared(uris).items()):
+        capacity = agents / rounds[dongle]
+        room = SHARE * capacity
         between = report or min(SLOWEST, report_period(uris, mode))
         each = max(1 / tick, 1 / between)
         if agents * each <= room * (1 + 1e-9):
@@ -65,9 +70,17 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
             f"dongle {dongle!r} is to serve {agents} agents with {_shown(each)} exchanges/s each "
             f"({_shown(1 / tick)} setpoints/s up, {_shown(1 / between)} reports/s down): "
             f"{_shown(agents * each)}/s, where {_shown(room)}/s may be planned, {SHARE:.0%} of the "
-            f"{CAPACITY[mode]}/s of mode {mode!r}; it can serve {can}; "
+            f"{_shown(capacity)}/s of mode {mode!r}; it can serve {can}; "
             f"{_advice(mode, tick, between)}"
         )
+
+
+def _rounds(uris: Iterable[str], mode: str) -> Mapping[str, float]:
+    """Return how long each dongle takes for one exchange with every one of its agents, s."""
+    found: Counter[str] = Counter()
+    for radio in filter(None, map(RadioAddress.of, uris)):
+        found[radio.dongle] += 1 / CAPACITY[mode] + SLOWER[radio.rate]  # type: ignore[assignment]
+    return found
 
 
 def _advice(mode: str, tick: float, between: float) -> str:

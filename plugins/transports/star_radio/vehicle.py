@@ -26,6 +26,7 @@ from star_radio.trajectory import Piece, upload
 OLDEST: Final = 4  # protocol version with tables of more than 255 entries
 LOOK: Final = 0.005  # s between two looks for the first report
 GOODBYE: Final = 0.3  # s, for which a drone may confirm that it reports no more
+DESCENT: Final = 3.0  # s, of a landing that nobody waits for
 KEPT: Final = 1000  # reports that are kept for a reader that is late: 10 s of them
 _ALREADY: Final = 1  # what an order to do what is being done is answered: a plan is in the way
 _BUSY: Final = 16  # errno of an order that the supervisor blocks for now
@@ -251,11 +252,14 @@ class Vehicle:
         """Let the drone go, and never lock it.
 
         The high-level commander may be used again by whoever connects next; a drone that setpoints
-        fly is told nothing, so that its own time-out levels it and lets it down.
+        fly is told to land, for its own time-out would stop its motors in the air and lock it.
         """
         if self.layout is not None:
-            if not self.steered:
-                self.link.post(orders.no_more_setpoints())
+            self.link.post(orders.no_more_setpoints())
+            if self.steered:
+                land = orders.land(0.0, DESCENT)
+                with suppress(PluginError):  # it may be gone
+                    self.link.ask(land, land[1:4], "the order to land", patience=GOODBYE)
             reset = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
             with suppress(PluginError):  # it may be gone
                 self.link.ask(reset, packets.RESET, "the end of reports", patience=GOODBYE)

@@ -319,6 +319,19 @@ def test_an_agent_pushed_along_an_obstacle_flies_out_where_it_is(start: Sequence
     assert first / np.linalg.norm(first) == pytest.approx([-1, 0, 0], abs=1e-6)
 
 
+def test_an_agent_that_grazes_an_obstacle_flies_along_it_and_is_not_led_out() -> None:
+    flies = planner(room(BLOCK))
+    flies.plan(estimate(HERE), goals(THERE))
+    plan = flies.plan(estimate(np.array([[-0.69, 0.5, 1.0]])), goals(THERE))
+    assert plan.setpoint.velocity[0, 1] > 0.3
+
+
+def test_an_agent_that_grazes_an_obstacle_goes_to_its_goal_beside_it() -> None:
+    start, goal = np.array([[-0.69, 0.0, 1.0]]), [[-0.62, 0.0, 1.0]]
+    velocity = planner(room(BLOCK)).plan(estimate(start), goals(goal)).setpoint.velocity[0]
+    assert velocity[0] > 0.05
+
+
 def test_an_agent_that_holds_within_the_clearance_holds_there() -> None:
     blocked = room(BLOCK)
     start = np.array([[-0.6, 0.0, 1.0]])

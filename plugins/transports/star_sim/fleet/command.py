@@ -63,7 +63,8 @@ def parser() -> argparse.ArgumentParser:
     star = argparse.ArgumentParser(
         prog="star fleet",
         description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
-        epilog="Noise, battery and camera are what the mission says of its transport `sim`.",
+        epilog="Noise, battery, endurance and camera are what the mission says of its transport "
+        "`sim`.",
         allow_abbrev=False,
     )
     star.add_argument("mission", help="mission file (YAML)")
@@ -173,6 +174,7 @@ def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
     return {
         "noise": options.get("noise", True),
         "battery": options.get("battery", 1.0),
+        "endurance": options.get("endurance", 420.0),
         "camera": camera if seen else None,
     }
 

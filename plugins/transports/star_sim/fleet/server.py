@@ -15,6 +15,7 @@ import numpy as np
 
 from star_core import Agent, Frames, PluginError, Scene
 from star_sim.airframe import CYCLE
+from star_sim.battery import HOVER_TIME
 from star_sim.camera_options import CameraOptions
 from star_sim.fleet.craft import Craft
 from star_sim.fleet.packet import is_null
@@ -51,6 +52,7 @@ class Fleet:
         ports: Of each agent, in place of `port`.
         noise: Whether the estimators err.
         battery: Charge at the start, as a fraction of full.
+        endurance: How long a full battery lets a drone hover, s.
         camera: How cameras err; None switches them off.
         speed: Simulated seconds per second.
         arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
@@ -74,12 +76,15 @@ class Fleet:
         ports: Sequence[int] | None = None,
         noise: bool = True,
         battery: float = 1.0,
+        endurance: float = HOVER_TIME,
         camera: CameraOptions | None = None,
         speed: float = 1.0,
         arms_itself: bool = True,
         delay: float = 0.0,
     ) -> None:
-        self.simulator = Simulator(scene, noise=noise, battery=battery, camera=camera)
+        self.simulator = Simulator(
+            scene, noise=noise, battery=battery, endurance=endurance, camera=camera
+        )
         self.frame_listeners: list[Callable[[Frames], None]] = []
         self.vehicles = tuple(
             Vehicle(

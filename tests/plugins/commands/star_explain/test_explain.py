@@ -147,6 +147,12 @@ def test_steps_of_each_agent_are_told_once(explain: Explain) -> None:
     assert text.count("goto") == 1
 
 
+def test_steps_of_agents_that_take_different_times_are_told_of_each(explain: Explain) -> None:
+    steps = "  - takeoff: {}\n  - each: {steps: [goto: {to: [1, 0.5, 0.8]}, land: {}]}\n"
+    text = explain(steps)
+    assert text.count("goto") == 2
+
+
 def test_steps_of_an_agent_by_itself_are_neither_at_once_nor_one_after_the_other(
     explain: Explain,
 ) -> None:

@@ -139,6 +139,23 @@ def test_three_numbers_of_a_place_are_its_first_two(world: World_) -> None:
     assert target.position == (2.0, 0.0, 0.0)
 
 
+def test_what_an_import_does_not_read_is_told(place: Put, take: Import) -> None:
+    tag = "id100: {location: [2.0, 0.0], purpose: eliminate, size: 0.08, alignment: top-left}"
+    place("lab.yaml", "lights: off\n" + TAGS.format(tags=tag))
+    told = take("lab.yaml", *FENCE)
+    assert "lab.yaml:1:9: 'lights' is nothing that an import reads; left out" in told
+    assert "lab.yaml:6:61: id100: 'size' is nothing that the original reads; left out" in told
+    assert "id100: 'alignment' is nothing that the original reads; left out" in "\n".join(told)
+
+
+def test_one_file_of_commands_and_walls_is_imported_whole(place: Put, take: Import) -> None:
+    walls = OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]")
+    place("both.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]\n' + walls)
+    told = "\n".join(take("both.yaml", *FENCE, "--agent", "cf1=0,0.5"))
+    assert "obs0" in told
+    assert "'environment' is nothing" not in told
+
+
 def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import) -> None:
     place("lab.yaml", TAGS.format(tags="id100: {location: [2.0, 0.0], purpose: fun}"))
     said = "lab.yaml:5:12: id100 is for 'fun', which the original ignores; left out"

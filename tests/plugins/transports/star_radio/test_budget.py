@@ -24,6 +24,13 @@ def test_a_second_dongle_helps() -> None:
     assert report_period(on_dongle(2) + on_dongle(2, 1), "legacy") == 0.02
 
 
+def test_a_slower_link_takes_longer() -> None:
+    slow = [uri.replace("2M", "250K") for uri in on_dongle(20)]
+    assert list(overloads(on_dongle(20), "inline", 0.1, 0.1)) == []
+    (said,) = overloads(slow, "inline", 0.1, 0.1)
+    assert "it can serve 16" in said
+
+
 def test_udp_is_not_counted() -> None:
     uris = [f"udp://127.0.0.1:{19850 + i}" for i in range(100)]
     assert report_period(uris, "legacy") == 0.01

@@ -183,7 +183,9 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
     second.radio.close()
 
 
-def test_a_drone_that_setpoints_fly_is_left_to_its_time_out(fleet: Fleet, tmp_path: Path) -> None:
+def test_a_drone_that_setpoints_fly_is_told_to_land_and_not_locked(
+    fleet: Fleet, tmp_path: Path
+) -> None:
     flight = Flight(fleet, scene(1), tmp_path)
     flight.order(Order.TAKEOFF, 0.5)
     assert flight.until(high)
@@ -193,6 +195,8 @@ def test_a_drone_that_setpoints_fly_is_left_to_its_time_out(fleet: Fleet, tmp_pa
     while fleet.simulator.drones["position"][0, 2] > 0.1 and time.monotonic() < end:
         time.sleep(0.05)
     assert fleet.simulator.drones["position"][0, 2] < 0.1
+    time.sleep(2.5)  # setpoints that end otherwise lock after 2 s
+    assert not fleet.simulator.drones["locked"][0]
 
 
 def test_a_trajectory_is_flown(fleet: Fleet, tmp_path: Path) -> None:
