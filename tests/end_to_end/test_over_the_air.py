@@ -149,11 +149,11 @@ def test_without_noise_three_drones_fly_by_what_their_decks_stream_as_in_the_sim
     tmp_path: Path,
 ) -> None:
     mission = MISSIONS / "three_eyes.yaml"
-    told, _ = star(
-        "run", mission, "--out", tmp_path / "sim", "--set=transport.noise=false"
-    ).communicate(timeout=PATIENCE)
+    alone = star("run", mission, "--out", tmp_path / "sim", "--set=transport.noise=false")
+    told, _ = alone.communicate(timeout=PATIENCE)
+    assert alone.returncode == 0, told
     flown, _, late = over_the_air(mission, tmp_path / "air", noise=False, cameras=True)
-    assert apart(flown, recorded(tmp_path / "sim")) < 0.05 + SPEED * late, told
+    assert apart(flown, recorded(tmp_path / "sim")) < 0.05 + SPEED * late
 
 
 def test_three_drones_find_their_places_by_what_their_decks_stream(tmp_path: Path) -> None:
