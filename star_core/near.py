@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
 
+from star_core.kernels import compiled
 from star_core.table import Array, Rows
 
 MANY = 64
-"""Agents from which on neighbours are found by a tree; below, by all pairs."""
+"""Agents from which on neighbours are found in the order of x, by a kernel; below, by all pairs."""
 
 
 def pairs(position: Array, reach: float) -> tuple[Rows, Rows]:
     """Return the rows of every two agents that are nearer than `reach` to each other, m.
 
-    Their order is the same for the same positions; it costs more to sort than to find them.
-
-    Agents that are nowhere (NaN) are near nobody.
+    Their order is the same for the same positions. Agents that are nowhere (NaN) are near nobody.
 
     Args:
         position: (N, 3) m.
@@ -35,12 +35,15 @@ def pairs(position: Array, reach: float) -> tuple[Rows, Rows]:
         first, second = _every_pair(len(position))
         near = np.flatnonzero(_apart(position, first, second) < reach)  # what is NaN is not
         return first.take(near), second.take(near)
-    from scipy.spatial import cKDTree
+    order = np.argsort(position[:, 0])
+    found = _swept(np.ascontiguousarray(position[order]), float(reach))
+    one, other = order[found[0]], order[found[1]]
+    return np.minimum(one, other), np.maximum(one, other)
 
-    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
-    tree = cKDTree(position[rows])
-    found = tree.query_pairs(np.nextafter(reach, 0.0), output_type="ndarray")
-    return rows[found[:, 0]], rows[found[:, 1]]
+
+def warm_up() -> None:
+    """Compile what `pairs` takes for many, or fetch it from disk: never in flight."""
+    pairs(np.zeros((MANY, 3)), 0.0)
 
 
 def least(position: Array) -> float:
@@ -62,6 +65,30 @@ def least(position: Array) -> float:
 
     reach: Array = np.asarray(cKDTree(known).query(known, k=2)[0])  # (N, 2), itself the first
     return float(reach[:, 1].min())
+
+
+@compiled
+def _swept(position: Array, reach: float) -> Rows:
+    """Return (2, P) rows of those nearer than `reach`, m; (N, 3) m stand in the order of x."""
+    n, count = len(position), 0
+    rows = np.empty((2, 4 * n), np.int64)
+    for i in range(n):
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        for j in range(i + 1, n):
+            ahead = position[j, 0] - x
+            if not ahead < reach:  # what is NaN is not, and stands last
+                break
+            aside, above = position[j, 1] - y, position[j, 2] - z
+            if not -reach < aside < reach:
+                continue
+            if math.sqrt(ahead * ahead + aside * aside + above * above) < reach:
+                if count == rows.shape[1]:
+                    more = np.empty((2, 2 * count), np.int64)
+                    more[:, :count] = rows
+                    rows = more
+                rows[0, count], rows[1, count] = i, j
+                count += 1
+    return rows[:, :count]
 
 
 def _apart(position: Array, first: Rows, second: Rows) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from star_core.braking import LAG, PULL, keep_apart, keep_inside
 from star_core.flight import Corrected
 from star_core.frames import Transform
-from star_core.near import pairs
+from star_core.near import pairs, warm_up
 from star_core.scene import Scene
 from star_core.swarm import Estimate, Setpoint
 from star_core.table import Array, Mask
@@ -106,6 +106,7 @@ class SafetyFilter:
         frames, wanted = Transform(level, two), Setpoint(two, level, both)
         here = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
         self.filter(here, wanted, wanted)
+        warm_up()
 
     def _slowed(self, velocity: Array) -> Array:
         """(N, 3) velocities, none faster than the limit."""

@@ -1,4 +1,4 @@
-"""Which agents are near each other, by a tree and by all pairs."""
+"""Which agents are near each other, in the order of x and by all pairs."""
 
 from __future__ import annotations
 
