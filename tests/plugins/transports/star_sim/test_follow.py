@@ -242,13 +242,6 @@ def test_one_that_was_not_uploaded_is_refused(start: Flying) -> None:
         follow(flight, CORNER, (0, 0, 0.8))
 
 
-def test_one_that_lies_nowhere_is_refused(start: Flying) -> None:
-    flight = start()
-    upload(flight, CUT)
-    with pytest.raises(ContractError, match=r"Command\.position must be finite"):
-        follow(flight, CUT, (np.nan, 0, 0.8))
-
-
 def test_a_drone_that_crashed_follows_nothing(start: Flying) -> None:
     flight = start()
     flight.simulator.drones["crashed"] = 1
