@@ -28,7 +28,7 @@ check: $(VENV)/.ready  ## style, types, layers, tests (on all processors)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/star-run missions/first_flight.yaml --no-record  # compiles once for all that follow
-	$(BIN)/python -m pytest -q -n auto --dist loadgroup
+	$(BIN)/python -m pytest -q -n auto
 
 air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` leaves out
 	$(BIN)/python -m pytest -q -m campaign tests/end_to_end/test_over_the_air.py
@@ -53,7 +53,7 @@ lowest:  ## the tests with every dependency at its lower bound
 	| sed 's/>=/==/' > $(VENV)-lowest/constraints.txt
 	$(VENV)-lowest/bin/python -m pip install --quiet --constraint $(VENV)-lowest/constraints.txt \
 	--editable '.[dev]'
-	$(VENV)-lowest/bin/python -m pytest -q -n auto --dist loadgroup
+	$(VENV)-lowest/bin/python -m pytest -q -n auto
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) $(VENV)-lowest build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -1,6 +1,7 @@
 """What every test may use."""
 
 from pathlib import Path
+from typing import Any, Final
 
 import pytest
 from hypothesis import settings
@@ -9,6 +10,15 @@ ROOT = Path(__file__).parents[1]
 
 settings.register_profile("star", deadline=None)  # times are measured in benchmarks, not in tests
 settings.load_profile("star")
+
+# Tests whose first takes long, and makes what the others use, or that fly in real time and would
+# be in each other's way: each line's go to one process, one after the other.
+TOGETHER: Final = (
+    "tests/outside/",
+    "tests/end_to_end/test_over_the_air.py",
+    "tests/plugins/commands/star_ablate/",
+    "tests/plugins/commands/star_calibrate/",
+)
 
 ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
 HOP = """\
@@ -41,3 +51,16 @@ def hop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("room.yaml").write_text(ROOM)
     Path("hop.yaml").write_text(HOP)
     return tmp_path
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Share tests among processes, but keep those `TOGETHER` that are.
+
+    The marks of pytest-xdist 3.8 for that have no effect with pytest 9.2.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    scheduling: Any = LoadScopeScheduling(config, log)
+    scheduling._split_scope = lambda test: next(filter(test.startswith, TOGETHER), test)
+    return scheduling

@@ -24,13 +24,6 @@ Run: TypeAlias = Callable[..., subprocess.CompletedProcess[str]]
 collect_ignore = [str(path) for path in DISTRIBUTIONS]  # theirs: not importable from here
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let one process make the environment, when several share the tests."""
-    for item in items:
-        if HERE in item.path.parents:
-            item.add_marker(pytest.mark.xdist_group("outside"))
-
-
 def pip(*arguments: object) -> None:
     """Run this environment's pip; what it says goes into the error if it fails."""
     done = subprocess.run([*PIP, *map(str, arguments)], capture_output=True, text=True, check=False)
