@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import TextIO
 
+    from star_core.document import Document
     from star_core.registry import Registry
 
 FAILED = 1
@@ -85,8 +86,9 @@ def parser() -> argparse.ArgumentParser:
     commands = star.add_subparsers(dest="command", required=True, metavar="COMMAND")
     fly = commands.add_parser("run", help="fly a mission (= star-run)", allow_abbrev=False)
     check = commands.add_parser("check", help="check a mission, and stop", allow_abbrev=False)
+    fly.add_argument("mission", help="mission file (YAML)")
+    check.add_argument("mission", help="mission file (YAML), or a file of steps to include")
     for command in (fly, check):
-        command.add_argument("mission", help="mission file (YAML)")
         command.add_argument(
             "--set",
             action="append",
@@ -108,7 +110,9 @@ def parser() -> argparse.ArgumentParser:
     schema = commands.add_parser(
         "schema", help="write the schema of missions for an editor", allow_abbrev=False
     )
-    schema.add_argument("of", nargs="?", default="mission", choices=["mission", "world", "study"])
+    schema.add_argument(
+        "of", nargs="?", default="mission", choices=["mission", "steps", "world", "camera", "study"]
+    )
     schema.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
     for command in (fly, check, plugins, schema):
         command.set_defaults(usage=command.format_usage)
@@ -135,13 +139,36 @@ def _run(options: argparse.Namespace, answer: TextIO) -> int:
 def _check(options: argparse.Namespace, answer: TextIO) -> int:
     from pathlib import Path
 
+    from star_core.document import override, read
+    from star_core.include import only_steps
     from star_core.mission import load
 
-    mission = load(Path(options.mission), _registry(), _assignments(options))
+    registry, path, assignments = _registry(), Path(options.mission), _assignments(options)
+    document = override(read(path), assignments)
+    if only_steps(document):
+        print(f"{path}: {_check_steps(document, registry)}", file=answer)
+        return 0
+    mission = load(path, registry, assignments)
     agents = len(mission.scene.agents)
     many = "agents" if agents > 1 else "agent"
     print(f"{options.mission}: {mission.name!r} can be flown, with {agents} {many}", file=answer)
     return 0
+
+
+def _check_steps(document: Document, registry: Registry) -> str:
+    """Return what a file of steps is for.
+
+    Raises:
+        InputError: Something is wrong with it, whatever mission includes it.
+    """
+    from star_core.include import check_alone
+    from star_core.schema import compose_steps
+
+    check_alone(document, compose_steps(registry.offers()))
+    steps, parameters = len(document.data["mission"]), document.data.get("parameters", {})
+    needed = ", ".join(name for name, value in parameters.items() if value is None)
+    many = "steps" if steps > 1 else "step"
+    return f"{steps} {many} for missions to include" + f", with a value for {needed}" * bool(needed)
 
 
 def _plugins(options: argparse.Namespace, answer: TextIO) -> int:
@@ -158,9 +185,12 @@ def _schema(options: argparse.Namespace, answer: TextIO) -> int:
 
     from star_core import schema
 
-    content = (
-        schema.compose(_registry().offers()) if options.of == "mission" else schema.load(options.of)
-    )
+    if options.of == "mission":
+        content = schema.compose(_registry().offers())
+    elif options.of == "steps":
+        content = schema.compose_steps(_registry().offers(), admit=True)
+    else:
+        content = schema.load(options.of)
     text = json.dumps(content, indent=2)
     if options.out:
         try:

@@ -116,9 +116,11 @@ def _rows_within(what: str, rows: Rows, n: int) -> None:
 
 def _corrections(corrections: Corrections, n: int) -> None:
     _rows_within("Estimate.corrections.agent", corrections.agent, n)
-    for name in ("position", "attitude", "position_deviation", "attitude_deviation"):
-        values = getattr(corrections, name)
-        _finite(f"Estimate.corrections.{name}", values, np.ones(len(values), np.bool_))
+    everywhere = np.ones(len(corrections.agent), np.bool_)
+    for name in ("position", "attitude", "position_deviation"):
+        _finite(f"Estimate.corrections.{name}", getattr(corrections, name), everywhere)
+    about = ~np.isposinf(corrections.attitude_deviation)
+    _finite("Estimate.corrections.attitude_deviation", corrections.attitude_deviation, about)
 
 
 def _rows(what: str, given: int, expected: int) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from star_core.crew import Crew
 from star_core.frames import Lying, Transform
+from star_core.lateness import Lateness
 from star_core.observers import Observers
 from star_core.orders import Command, Order
 from star_core.phases import Phases
@@ -40,6 +41,7 @@ class Helm:
         commanded: (N,) who flies to a place or along a trajectory on its own, on board.
         targets: What was found so far.
         down_by: When the last of all landings so far is over, s.
+        lateness: How late ticks came.
         without_localizer: To be set where that is broken: nobody is located any more.
     """
 
@@ -55,6 +57,7 @@ class Helm:
         self.commanded = np.zeros(n, np.bool_)
         self.targets = Targets(scene)
         self.down_by = 0.0
+        self.lateness = Lateness(scene.period, crew.took)
         self.without_localizer = False
         self._until = np.zeros(n)  # s, until when who is commanded is at least
         self._blind = False  # the truth cannot be had
@@ -67,7 +70,10 @@ class Helm:
 
     def look(self) -> tuple[Telemetry, Estimate, Health]:
         """Wait for the tick that is due, and see how things are."""
-        self.time = self._observers.time = self._crew.wait(self._due * self._scene.period)
+        due = self._due * self._scene.period
+        self.time = self._observers.time = self._crew.wait(due)
+        if late := self.lateness.note(due, self.time):
+            self._observers.event("late", late)
         self._due = max(self._due, int(self.time / self._scene.period + 1e-6)) + 1
         telemetry = self._crew.receive()
         if self.without_localizer and self.estimate is not None:

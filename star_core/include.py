@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from star_core.document import Document, read
+from star_core import schema
+from star_core.document import PARTS, Document
 from star_core.errors import InputError, instead
+from star_core.parameters import SIGN, is_parameter
 from star_core.scene import inside
 from star_core.yaml_text import DEEPEST, MOST_VALUES, Location, Mark, Place
 
 LONGEST: Final = 8
 """Files that include each other in a row, at most."""
-
-KNOWN: Final = ("star", "name", "parameters", "mission")
 
 
 def expanded(document: Document) -> Document:
@@ -36,6 +36,37 @@ def expanded(document: Document) -> Document:
     return replace(document, data=data, places=places)
 
 
+def only_steps(document: Document) -> bool:
+    """Whether this is a file of steps: it says neither where to fly nor with what."""
+    given = set(document.data)
+    return bool(given & {"mission", "parameters"}) and not given & {"world", "swarm", *PARTS}
+
+
+def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
+    """Hold a file of steps to its schema, as far as that goes without a mission that includes it.
+
+    A parameter has the value that it has if a mission does not give one. What it includes itself is
+    not looked for: that is in the mission's folder.
+
+    Args:
+        document: The file.
+        composed: The schema of such files, with the verbs that there are.
+
+    Raises:
+        InputError: Something is wrong with it; every reason found is listed.
+    """
+    if found := schema.problems(document, schema.load("steps")):
+        raise InputError(found)
+    values = {
+        name: f"{SIGN}{name}" if value is None else value
+        for name, value in document.data.get("parameters", {}).items()
+    }
+    filled = _filled(document, values, found)
+    _node(filled.data, (), filled, _Way(document.path.parent, (), opens=False))
+    if found := [*found, *schema.problems(filled, composed, parameters=True)]:
+        raise InputError(found)
+
+
 Answer = tuple[Any, dict[Location, Place], list[str]]
 
 
@@ -53,7 +84,7 @@ class _Tally:
             InputError: It cannot be read or is none.
         """
         if path not in self.files:
-            self.files[path] = _steps(replace(read(path), path=name))
+            self.files[path] = schema.read_as(name, "steps")
         return self.files[path]
 
 
@@ -65,12 +96,14 @@ class _Way:
         folder: The mission's.
         files: Those that include each other, this one last.
         level: How deep in the mission the file's steps stand.
+        opens: Whether what is included is put in.
         tally: Of the whole mission.
     """
 
     folder: Path
     files: tuple[Path, ...]
     level: int = 0
+    opens: bool = True
     tally: _Tally = field(default_factory=_Tally)
 
     def through(self, path: Path, level: int) -> _Way:
@@ -97,7 +130,7 @@ def _node(value: Any, at: Location, document: Document, way: _Way) -> Answer:
         raise InputError([document.problem(at, why)])
     places = {at: document.places[at]} if at in document.places else {}
     problems: list[str] = []
-    if _is_include(value):
+    if way.opens and _is_include(value):
         return _included(value["include"], at, document, way)
     data: Any = value
     if isinstance(value, dict | list):
@@ -165,28 +198,6 @@ def _circle(path: Path, way: _Way) -> str:
     return ""
 
 
-def _steps(source: Document) -> Document:
-    """Return a file of steps as it is.
-
-    Raises:
-        InputError: It is none.
-    """
-    problems = [
-        source.problem((key,), f"unknown key {key!r}{instead(key, KNOWN)}", key=True)
-        for key in source.data
-        if key not in KNOWN
-    ]
-    if source.data.get("star") != 1:
-        problems.append(source.problem(("star",), "expected `star: 1`, the version of the format"))
-    if not isinstance(source.data.get("mission"), list) or not source.data["mission"]:
-        problems.append(source.problem(("mission",), "expected `mission:`, a list of steps"))
-    if not isinstance(source.data.get("parameters", {}), dict):
-        problems.append(source.problem(("parameters",), "expected a map of names to values"))
-    if problems:
-        raise InputError(problems)
-    return source
-
-
 def _misfits(given: Mapping[str, Any], known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for name in given:
         if name not in known:
@@ -201,14 +212,16 @@ def _filled(source: Document, values: Mapping[str, Any], problems: list[str]) ->
             return {key: fill(inner, (*at, key)) for key, inner in value.items()}
         if isinstance(value, list):
             return [fill(inner, (*at, i)) for i, inner in enumerate(value)]
-        if isinstance(value, str) and value.startswith("$"):
-            if value[1:] in values:
-                return values[value[1:]]
-            message = f"no parameter named {value[1:]!r}{instead(value[1:], values)}"
+        if is_parameter(value):
+            name = value.removeprefix(SIGN)
+            if name in values:
+                return values[name]
+            message = f"no parameter named {name!r}{instead(name, values)}"
             problems.append(source.problem(at, message))
         return value
 
-    return replace(source, data={"mission": fill(source.data["mission"], ("mission",))})
+    steps = fill(source.data["mission"], ("mission",))
+    return replace(source, data={**source.data, "mission": steps})
 
 
 def _of_file(place: Place, path: Path) -> Place:

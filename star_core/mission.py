@@ -10,6 +10,7 @@ from typing import Any
 
 from star_core import aloft, checks, room, schema, world_file
 from star_core.camera import Camera
+from star_core.camera_file import furnished
 from star_core.document import PARTS, Document, override, read
 from star_core.errors import InputError, PluginError
 from star_core.include import expanded
@@ -70,10 +71,7 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
     written, composed = override(read(Path(path)), assignments), schema.compose(registry.offers())
-    try:
-        document = expanded(written)
-    except InputError as error:
-        raise InputError([*error.problems, *schema.problems(written, composed)]) from None
+    document = _with_files(written, composed)
     found = schema.problems(document, composed)
     if found and not isinstance(document.data.get("world"), str):
         raise InputError(found)
@@ -116,6 +114,23 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
         document=document,
         world=world,
     )
+
+
+def _with_files(written: Document, composed: Mapping[str, Any]) -> Document:
+    """Return a mission with the cameras and the steps that it names files of put in.
+
+    Raises:
+        InputError: A file will not do; what else is wrong with the mission is told after that.
+    """
+    document, problems = written, list[str]()
+    for read_in in (furnished, expanded):
+        try:
+            document = read_in(document)
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError([*problems, *schema.problems(written, composed)])
+    return document
 
 
 def _world_document(document: Document) -> Document:

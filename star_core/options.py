@@ -66,12 +66,14 @@ def held(offer: Offer[Any], given: Mapping[str, Any]) -> tuple[tuple[str, Any], 
     """Return the options that say what a step takes hold of outside of STAR, with their values.
 
     A verb names them in its schema: ``outside: {holds: [port]}``. Two steps at once cannot have the
-    same.
+    same. A step with the option that ``unless`` names there holds nothing.
     """
-    known = offer.options.get("properties", {})
+    known, outside = offer.options.get("properties", {}), offer.options.get("outside", {})
+    if outside.get("unless") in given:
+        return ()
     return tuple(
         (name, given.get(name, known[name].get("default")))
-        for name in offer.options.get("outside", {}).get("holds", ())
+        for name in outside.get("holds", ())
         if name in known
     )
 

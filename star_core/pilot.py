@@ -86,15 +86,18 @@ class Pilot:
 
     def summary(self, mission: str) -> dict[str, Any]:
         """Sum the flight up, as ``summary.json`` keeps it."""
-        return self._steering.meter.summary(
-            mission=mission,
-            outcome=str(self._helm.phases.mission),
-            reason=self.reason or "",
-            wall_time=self._wall_time,
-            took=self._crew.took,
-            steps=self._course.steps,
-            targets=self._helm.targets,
-            events=self.observers.events,
+        return (
+            self._steering.meter.summary(
+                mission=mission,
+                outcome=str(self._helm.phases.mission),
+                reason=self.reason or "",
+                wall_time=self._wall_time,
+                took=self._crew.took,
+                steps=self._course.steps,
+                targets=self._helm.targets,
+                events=self.observers.events,
+            )
+            | self._helm.lateness.summary()
         )
 
     def close(self) -> list[str]:

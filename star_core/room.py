@@ -118,40 +118,40 @@ def safety_faults(data: Mapping[str, Any], scene: Scene, registry: Registry) -> 
     rule = data.get("safety", {}).get("fence_near")
     if rule is None:
         return
-    within, fence = rule.get("within", 0.0), scene.world.fence
+    near, fence = rule.get("within", 0.0), scene.world.fence
     path = ("safety", "fence_near", *["within"] * ("within" in rule))
     narrow = min(high - low for low, high in zip(fence.low, fence.high, strict=True))
-    if 2 * within >= narrow:
+    if 2 * near >= narrow:
         yield (
             path,
-            f"every place inside the fence is within {within:g} m of it: it is {narrow:g} m wide",
+            f"every place inside the fence is within {near:g} m of it: it is {narrow:g} m wide",
         )
         return
     then = f"safety.fence_near would {rule.get('then', 'land')}"
     for agent in scene.agents:
         room = min(_room(fence, agent.start, 0), _room(fence, agent.start, 1))
-        if 0 <= room <= within:
+        if 0 <= room <= near:
             yield (
                 ("swarm", agent.name, "start"),
                 f"{agent.name!r} starts {room:.2f} m from a side of the fence, and {then} "
-                f"whoever flies within {within:g} m of it",
+                f"whoever flies within {near:g} m of it",
             )
     (low, high), (floor, ceiling) = scene.limits.height, (fence.low[2], fence.high[2])
-    if low < high and max(low, floor + within) >= min(high, ceiling - within):
+    if low < high and max(low, floor + near) >= min(high, ceiling - near):
         yield (
             path,
-            f"every height to fly at, from {low:g} to {high:g} m, is within {within:g} m of the "
+            f"every height to fly at, from {low:g} to {high:g} m, is within {near:g} m of the "
             f"floor or the ceiling of the fence, at {floor:g} and {ceiling:g} m",
         )
         return
     for place, height in _climbs(data, registry):
         room = _room(fence, (0.0, 0.0, height), 2)
-        if 0 <= room <= within and scene.height_fault(height) is None:
+        if 0 <= room <= near and scene.height_fault(height) is None:
             side = "floor" if height - floor <= ceiling - height else "ceiling"
             yield (
                 place,
                 f"{height:g} m is {room:.2f} m from the {side} of the fence, and {then} whoever "
-                f"flies within {within:g} m of it",
+                f"flies within {near:g} m of it",
             )
 
 

@@ -75,6 +75,7 @@ def told(summary: Mapping[str, Any], folder: Path | None) -> str:
         f"{collisions['agent_obstacle']} with obstacles",
         f"  separation  {apart:.2f} m at least" if apart is not None else "",
         _corrected(summary["corrected"]),
+        _late(summary["late_ticks"], summary["latest_tick_s"]),
         f"  clearance   {clear:.2f} m at least" if clear is not None else "",
         f"  estimate    {rmse:.3f} m RMS from the truth" if rmse is not None else "",
         _targets(summary["targets"]),
@@ -88,6 +89,11 @@ def _corrected(corrected: Mapping[str, int]) -> str:
     """Say why the core changed setpoints, if it did."""
     said = [f"{count} for {why}" for why, count in corrected.items() if count]
     return f"  corrected   setpoints: {', '.join(said)}" if said else ""
+
+
+def _late(ticks: int, worst: float) -> str:
+    """Say how many ticks were late, if any was, and the latest by how much, s."""
+    return f"  late        ticks: {ticks}, by {worst:.2f} s at most" if ticks else ""
 
 
 def _targets(targets: Mapping[str, Any]) -> str:

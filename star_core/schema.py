@@ -1,4 +1,4 @@
-"""The schemas of missions and worlds: composed from what is installed, and checked with places."""
+"""The schemas of every file: composed from what is installed, and checked with places."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
 from star_core.contracts import Offer
 from star_core.document import PARTS, Document, read
 from star_core.errors import InputError
 from star_core.options import SHARED, references
+from star_core.parameters import admitting, depends
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
@@ -23,7 +24,7 @@ NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
 
 
 def load(name: str) -> dict[str, Any]:
-    """Read ``schemas/<name>.schema.json``: ``mission`` or ``world``; every property has a title."""
+    """Read ``schemas/<name>.schema.json``, as for ``world``; every property has a title."""
     schema = _as_written(name)
     _entitle(schema, schema)
     return schema
@@ -63,24 +64,48 @@ def compose(offers: Mapping[str, Mapping[str, Offer[Any]]]) -> dict[str, Any]:
             "description": mission["properties"][kind]["description"],
             **_part(made),
         }
-    step = definitions["step"]
-    step["additionalProperties"] = False
-    for verb, offer in sorted(offers.get("task", {}).items()):
-        options = _options("task", offer, definitions)
-        shared = {name: {"$ref": f"#/$defs/{name}"} for name in SHARED}
-        step["properties"][verb] = {**options, "properties": options["properties"] | shared}
+    _put_verbs(definitions, offers)
     _entitle(mission, mission)
     return mission
 
 
-def problems(document: Document, schema: Mapping[str, Any]) -> list[str]:
+def compose_steps(
+    offers: Mapping[str, Mapping[str, Offer[Any]]], *, admit: bool = False
+) -> dict[str, Any]:
+    """Return the schema of files of steps, whose steps are those of the schema of missions.
+
+    Args:
+        offers: As for `compose`.
+        admit: Whether it is itself to admit a parameter in the place of every value, as editors
+            need it; `problems` tells parameters apart by itself.
+    """
+    steps, definitions = _as_written("steps"), _as_written("mission")["$defs"]
+    _put_verbs(definitions, offers)
+    steps["$defs"] = _referred_to(steps["properties"], definitions)
+    _entitle(steps, steps)
+    if admit:
+        steps["$defs"] = {name: admitting(held) for name, held in steps["$defs"].items()}
+    return steps
+
+
+def problems(
+    document: Document, schema: Mapping[str, Any], *, parameters: bool = False
+) -> list[str]:
     """Return every mistake in `document` as one line with its place, in the order of the file.
 
     The list is empty if there is none.
+
+    Args:
+        document: To be held to the schema.
+        schema: To hold it to.
+        parameters: Whether ``$name`` stands for a value that is not known yet; what depends on it
+            is no mistake.
     """
     from star_core.faults import explain
 
     errors = _validator()(dict(schema)).iter_errors(document.data)
+    if parameters:
+        errors = (error for error in errors if not depends(error))
     located = {
         (document.mark(fault.path, key=fault.key), fault.message): document.problem(
             fault.path, fault.message, key=fault.key
@@ -98,7 +123,15 @@ def _as_written(name: str) -> dict[str, Any]:
     schema: dict[str, Any] = json.loads(
         (folder / f"{name}.schema.json").read_text(encoding="utf-8")
     )
+    if name == "mission":
+        schema["$defs"]["camera"]["properties"] |= _of_camera()
     return schema
+
+
+def _of_camera() -> dict[str, Any]:
+    """Return what a camera has, be it in a mission or in a file of its own."""
+    properties: dict[str, Any] = _as_written("camera")["properties"]
+    return {name: held for name, held in properties.items() if name not in {"star", "name"}}
 
 
 @cache
@@ -123,6 +156,29 @@ def _validator() -> type[Validator]:
 
     checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole)
     return extend(Draft202012Validator, {"pattern": pattern}, type_checker=checker)  # type: ignore[no-any-return, no-untyped-call]
+
+
+def _put_verbs(definitions: dict[str, Any], offers: Mapping[str, Mapping[str, Offer[Any]]]) -> None:
+    """Close the definition of a step over the verbs of these plugins."""
+    step = definitions["step"]
+    step["additionalProperties"] = False
+    for verb, offer in sorted(offers.get("task", {}).items()):
+        options = _options("task", offer, definitions)
+        shared = {name: {"$ref": f"#/$defs/{name}"} for name in SHARED}
+        step["properties"][verb] = {**options, "properties": options["properties"] | shared}
+
+
+def _referred_to(schema: Any, definitions: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those definitions that a schema refers to, itself or by way of others."""
+    found: dict[str, Any] = {}
+    waiting = [schema]
+    while waiting:
+        for holder in references(waiting.pop()):
+            name = unquote(holder["$ref"].split("/")[2])
+            if name not in found:
+                found[name] = definitions[name]
+                waiting.append(found[name])
+    return found
 
 
 def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -121,7 +121,7 @@ class Corrections:
         position: (K, 3) m.
         attitude: (K, 4) unit quaternion x, y, z, w from the body to the odometry frame.
         position_deviation: (K,) along each axis, m.
-        attitude_deviation: (K,) about each axis, rad.
+        attitude_deviation: (K,) about each axis, rad; infinite where only the position is told.
     """
 
     agent: Rows

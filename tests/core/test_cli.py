@@ -97,6 +97,35 @@ def test_a_mission_that_can_be_flown_is_told_so_in_a_line(said: Said) -> None:
     assert said.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
 
 
+@pytest.mark.parametrize(
+    ("steps", "told"),
+    [
+        ("mission: [land: {}]", "1 step for missions to include"),
+        (
+            "parameters: {a: null, b: 1, c: null}\nmission: [hold: {for: $b}, goto: {to: $a}, $c]",
+            "3 steps for missions to include, with a value for a, c",
+        ),
+    ],
+)
+def test_a_file_of_steps_is_said_to_be_one(said: Said, steps: str, told: str) -> None:
+    Path("steps.yaml").write_text(f"star: 1\n{steps}\n")
+    assert main(["check", "steps.yaml"]) == 0
+    assert said.readouterr() == (f"steps.yaml: {told}\n", "")
+
+
+def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
+    Path("steps.yaml").write_text("star: 1\nparameters: {b: 1}\nmission: [hold: {for: $b}]\n")
+    assert main(["check", "steps.yaml", "--set", "parameters.b=-1"]) == 2
+    fault = "steps.yaml:3:23: hold: for: -1 is less than the minimum of 0\n"
+    assert said.readouterr() == ("", fault)
+
+
+def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
+    Path("m.yaml").write_text("star: 1\nname: m\nworld: w.yaml\nmission: [land: {}]\n")
+    assert main(["check", "m.yaml"]) == 2
+    assert "missing key 'swarm'" in said.readouterr().err
+
+
 def test_checking_flies_nothing() -> None:
     before = sorted(Path().rglob("*"))
     assert main(["check", "hop.yaml"]) == 0

@@ -111,18 +111,26 @@ def test_a_mistake_where_a_file_is_included_is_told(lab: Lab, tour: str, fault: 
     assert fault in said or fault in f"mission.yaml:12:5: {said}"
 
 
+def test_a_step_may_be_a_parameter(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "twice.yaml").write_text(
+        "star: 1\nparameters: {what: null}\nmission: [$what, repeat: {times: 1, steps: [$what]}]\n"
+    )
+    tour = "\n  - climb: {}\n  - include: {file: twice.yaml, with: {what: {wait: {seconds: 1}}}}"
+    assert [step["verb"] for step in lab.fly(tour)["steps"]] == ["climb", "wait", "wait"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ("star: 1", "star: 2", "patrol.yaml:1:7: expected `star: 1`, the version of the format"),
+        ("star: 1", "star: 2", "patrol.yaml:1:7: this version reads `star: 1`, this file is of 2"),
         (
             "parameters:",
             "parametres:",
             "patrol.yaml:3:1: unknown key 'parametres'; did you mean 'p",
         ),
-        ("mission:", "steps:", "patrol.yaml:4:1: unknown key 'steps'"),
+        ("mission:", "steps:", "patrol.yaml:1:1: missing key 'mission'"),
         ("$who", "$whom", "patrol.yaml:5:21: no parameter named 'whom'; did you mean 'who'?"),
-        ("{who: all, seconds: 1, to: null}", "3", "patrol.yaml:3:13: expected a map of names"),
+        ("{who: all, seconds: 1, to: null}", "3", "patrol.yaml:3:13: parameters: 3 is a number"),
         ("star: 1", "star: [", "patrol.yaml:"),
     ],
 )

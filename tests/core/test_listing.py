@@ -17,7 +17,7 @@ from star_core import InputError, Offer, cli, hookimpl
 from star_core.cli import main
 from star_core.listing import as_json, as_text
 from star_core.registry import KINDS, Registry, Source
-from star_core.schema import compose, load
+from star_core.schema import compose, compose_steps, load
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 
@@ -195,6 +195,17 @@ def test_schema_prints_the_schema_that_missions_are_checked_against(said: Said) 
     printed = json.loads(said.readouterr().out)
     assert printed == compose(Registry().offers())
     assert "takeoff" in printed["$defs"]["step"]["properties"]
+
+
+def test_schema_of_steps_is_printed_with_every_verb_and_parameters_in_place_of_values(
+    said: Said,
+) -> None:
+    assert main(["schema", "steps"]) == 0
+    printed = json.loads(said.readouterr().out)
+    assert printed == compose_steps(Registry().offers(), admit=True)
+    verbs = compose(Registry().offers())["$defs"]["step"]["properties"]
+    assert list(printed["$defs"]["step"]["properties"]) == list(verbs)
+    assert printed["$defs"]["timeout"]["type"] == ["number", "string"]
 
 
 def test_schema_of_a_world_is_printed(said: Said) -> None:

@@ -234,6 +234,8 @@ def summary(**changes: Any) -> dict[str, Any]:
         "realtime_factor": None,
         "collisions": {"agent_agent": 0, "agent_obstacle": 2},
         "corrected": {"fence": 0, "speed": 0, "separation": 0},
+        "late_ticks": 0,
+        "latest_tick_s": 0.0,
         "min_separation_m": None,
         "min_clearance_m": None,
         "position_rmse_m": None,
@@ -258,6 +260,10 @@ def test_what_cannot_be_known_is_left_out() -> None:
         (
             {"corrected": {"fence": 3, "speed": 0, "separation": 12}},
             "  corrected   setpoints: 3 for fence, 12 for separation",
+        ),
+        (
+            {"late_ticks": 3, "latest_tick_s": 0.1234},
+            "  late        ticks: 3, by 0.12 s at most",
         ),
         ({"realtime_factor": 41.7}, "  flight      12.3 s with 1 agent, 42 times real time"),
         ({"min_separation_m": 0.456}, "  separation  0.46 m at least"),

@@ -14,7 +14,7 @@ from star_core import schema
 from star_core.contracts import Offer
 from star_core.document import Document
 from star_core.options import sound
-from star_core.schema import compose, load, problems
+from star_core.schema import compose, compose_steps, load, problems
 from star_core.yaml_text import parse
 
 
@@ -50,12 +50,14 @@ def document(text: str) -> Document:
     return Document(parsed.data, Path("m.yaml"), parsed.places)
 
 
-@pytest.mark.parametrize("schema", [SCHEMA, load("mission"), load("world")])
+@pytest.mark.parametrize(
+    "schema", [SCHEMA, compose_steps(OFFERS), load("mission"), load("steps"), load("world")]
+)
 def test_every_schema_is_one(schema: dict[str, Any]) -> None:
     Draft202012Validator.check_schema(schema)
 
 
-@pytest.mark.parametrize("name", ["mission", "world"])
+@pytest.mark.parametrize("name", ["mission", "steps", "world"])
 def test_every_property_says_what_it_is(name: str) -> None:
     schema = load(name)
     waiting: list[Any] = [schema]
@@ -70,7 +72,7 @@ def test_every_property_says_what_it_is(name: str) -> None:
             waiting += value
 
 
-@pytest.mark.parametrize("name", ["mission", "world"])
+@pytest.mark.parametrize("name", ["mission", "steps", "world"])
 def test_every_example_and_default_fits_its_own_schema(name: str) -> None:
     schema = load(name)
     waiting: list[Any] = [schema]
@@ -114,6 +116,40 @@ def test_what_a_plugin_refers_to_is_found_from_the_root_of_the_composed_schema()
     rules = SCHEMA["properties"]["localizer"]["allOf"][0]["then"]
     assert rules["properties"]["noise"]["$ref"] == "#/$defs/localizer.flow/$defs/a~1b"
     assert SCHEMA["$defs"]["localizer.flow"]["$defs"]["a/b"]["type"] == "number"
+
+
+# Files of steps
+
+
+def test_a_file_of_steps_is_held_to_the_steps_of_missions() -> None:
+    steps = compose_steps(OFFERS)
+    assert steps["$defs"]["step"] == SCHEMA["$defs"]["step"]
+    assert set(steps["$defs"]) == {
+        *("step", "steps", "agents", "until", "condition", "timeout", "on_failure"),
+    }
+
+
+def test_what_a_verb_refers_to_is_among_the_definitions_of_a_file_of_steps() -> None:
+    push = offer("push", {"at": {"$ref": "#/$defs/b"}}, **{"$defs": {"b": {"type": "number"}}})
+    for admit, expected in ((False, "number"), (True, ["number", "string"])):
+        made = compose_steps({"task": {"push": push}}, admit=admit)
+        assert made["$defs"]["task.push"]["$defs"]["b"]["type"] == expected
+
+
+@pytest.mark.parametrize(
+    ("step", "faults"),
+    [
+        ("land: $how", []),
+        ("repeat: {times: $often, steps: $what}", []),
+        ("repeat: {times: often, steps: $what}", ["repeat: times: 'often' is a string, expected"]),
+        ("lnd: $how", ["unknown verb 'lnd'; did you mean 'land'?"]),
+    ],
+)
+def test_a_parameter_is_no_mistake_where_they_are_told_apart(step: str, faults: list[str]) -> None:
+    text = f"star: 1\nmission:\n  - {step}\n"
+    found = problems(document(text), compose_steps(OFFERS), parameters=True)
+    assert len(found) == len(faults)
+    assert all(fault in told for fault, told in zip(faults, found, strict=True))
 
 
 # Worlds

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from star_core.registry import Registry
-from star_core.schema import compose, load
+from star_core.schema import compose, compose_steps, load
 
 UNIT = re.compile(
     r"(?<![\w'])(m|m/s|m/s²|m⁴/s|s|1/s|Hz|V|px|degrees|degrees/s|rad|kg)\b(?!['\w])", re.ASCII
@@ -76,7 +76,12 @@ def types(schema: dict[str, Any]) -> set[str]:
 
 
 MISSION = compose(Registry().offers())
-SCHEMAS = {"mission": MISSION, "world": load("world"), "study": load("study")}
+STEPS = compose_steps(Registry().offers(), admit=True)
+SCHEMAS = {
+    "mission": MISSION,
+    "steps": STEPS,
+    **{name: load(name) for name in ("world", "camera", "study")},
+}
 EVERY = [
     (f"{name}{found.path}", found)
     for name, schema in SCHEMAS.items()

@@ -14,7 +14,7 @@ import pytest
 
 from star_core.cli import main
 from star_core.registry import Registry
-from star_core.schema import compose
+from star_core.schema import compose, compose_steps
 from star_core.yaml_text import parse
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -52,6 +52,19 @@ def test_a_mission_is_short_says_in_a_comment_what_it_shows_and_names_its_schema
 def test_the_schema_beside_them_is_what_star_writes() -> None:
     beside = json.loads((MISSIONS / "mission.schema.json").read_text())
     assert beside == compose(Registry().offers())
+
+
+def test_the_schema_of_steps_beside_them_is_what_star_writes() -> None:
+    beside = json.loads((MISSIONS / "steps.schema.json").read_text())
+    assert beside == compose_steps(Registry().offers(), admit=True)
+
+
+@pytest.mark.parametrize("path", sorted(MISSIONS.glob("steps/*.yaml")), ids=lambda path: path.stem)
+def test_a_file_of_steps_names_its_schema_and_is_right(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "# yaml-language-server: $schema=../steps.schema.json"
+    assert re.match(r"# [A-Z]", lines[1])
+    assert main(["check", str(path)]) == 0
 
 
 def test_the_readme_names_every_mission_and_nothing_else() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import statistics
 import subprocess
 import sys
 import time
@@ -16,7 +15,6 @@ import pytest
 
 from star_ablate.reading import read as read_study
 from star_core import cli, schema
-from star_core.mission import load
 from star_core.registry import Registry
 from tests.corpus import cases
 from tests.corpus.cases import Case, Expected
@@ -24,7 +22,7 @@ from tests.corpus.cases import Case, Expected
 LOCATED = re.compile(r"(?P<file>[^:\s]+):(?P<line>\d+):\d+: (?P<words>\S.*)")
 FAULTY = cases.faulty()
 FEWEST = 200
-SECOND = 1.0
+SECOND = 1.0  # s of the processor's time: a busy machine does not change it
 registry = cache(Registry)  # what is installed does not change from one file to the next
 schema_of = schema.compose
 composed = cache(lambda: schema_of(registry().offers()))
@@ -53,7 +51,7 @@ def test_the_files_that_are_spoilt_are_good(topic: str) -> None:
     if good.command[0] == "ablate":
         read_study(Path(good.command[1]), registry())
     else:
-        load(Path(good.command[1]), registry())
+        assert cli.main(good.command) == 0
 
 
 @pytest.mark.parametrize("case", FAULTY, ids=str)
@@ -85,16 +83,22 @@ def test_there_are_many_files_and_none_is_there_twice() -> None:
     assert [files for files, times in written.items() if times > 1] == []
 
 
-def test_a_file_is_checked_in_under_a_second(capsys: pytest.CaptureFixture[str]) -> None:
-    taken = []
-    for i, case in enumerate(FAULTY[::20]):
-        folder = Path(str(i))
+def test_every_file_is_refused_in_under_a_second_of_the_processor(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def seconds(case: Case) -> float:
+        folder = Path(str(case))
         case.write(folder)
         begun = time.process_time()
         cli.main([case.command[0], str(folder / case.command[1])])
-        taken.append(time.process_time() - begun)
+        return time.process_time() - begun
+
+    for case in {case.topic: case for case in FAULTY}.values():
+        seconds(case)  # what is imported once is of the start-up: benchmarks/startup.py
+    taken = {str(case): seconds(case) for case in FAULTY}
     capsys.readouterr()
-    assert statistics.median(taken) < SECOND
+    slowest = max(taken, key=taken.__getitem__)
+    assert taken[slowest] < SECOND, slowest
 
 
 @pytest.mark.parametrize("case", FAULTY[:: len(FAULTY) // 3], ids=str)

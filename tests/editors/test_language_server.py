@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from star_core.registry import Registry
-from star_core.schema import compose
+from star_core.schema import compose, load
 from tests.editors.language_server import LanguageServer
 
 pytestmark = pytest.mark.campaign  # it needs npm and its registry
@@ -38,8 +38,24 @@ mission:
   - hold: {{for: 2, until: {{elapsed: 1}}, timeout: 5}}
   - land: {{}}
 """
+STEPS = """\
+# yaml-language-server: $schema=steps.schema.json
+star: 1
+parameters: {rise: null, what: {land: {}}}
+"""
+PATROL = f"""\
+{STEPS}mission:
+  - takeoff: {{height: $rise}}
+  - goto: {{agents: $who, by: [0, 0, $rise], speed: 0.3, on_failure: $then}}
+  - hold: {{for: $rise, until: {{elapsed: 1}}, timeout: 5}}
+  - repeat: {{times: $often, steps: [$what, parallel: $both, land: $how]}}
+  - include: {{file: $file, with: {{rise: $rise}}}}
+  - $what
+"""
+EVENTS = load("mission")["$defs"]["condition"]["properties"]["event"]["enum"]
 VERBS = list(compose(Registry().offers())["$defs"]["step"]["properties"])
 
+Hovered = Callable[[str, str, str], str]
 Offered = Callable[[str], list[dict[str, Any]]]
 Marked = Callable[[str], list[dict[str, Any]]]
 
@@ -82,6 +98,23 @@ def offered(server: LanguageServer, names: Iterator[Path]) -> Offered:
     return offer
 
 
+@pytest.fixture
+def hovered(server: LanguageServer, names: Iterator[Path]) -> Hovered:
+    """Return what is shown for a key that stands behind something else in a line of a text."""
+
+    def hover(text: str, where: str, key: str) -> str:
+        path = next(names)
+        server.open(path, text)
+        lines = text.splitlines()
+        line = next(i for i, found in enumerate(lines) if where in found)
+        at = lines[line].index(f"{key}:", lines[line].index(where) + len(where))
+        shown = server.hover(path, line, at + 1)
+        server.close(path)
+        return shown
+
+    return hover
+
+
 @pytest.mark.parametrize(
     "steps",
     [
@@ -94,8 +127,11 @@ def offered(server: LanguageServer, names: Iterator[Path]) -> Offered:
     ],
     ids=["first", "last", "between", "in parallel", "in repeat", "in each"],
 )
-def test_a_new_step_is_offered_the_verbs_and_nothing_else(offered: Offered, steps: str) -> None:
-    found = offered(f"{HEAD}{TOP}mission:\n{steps}")
+@pytest.mark.parametrize("head", [HEAD + TOP, STEPS], ids=["mission", "steps"])
+def test_a_new_step_is_offered_the_verbs_and_nothing_else(
+    offered: Offered, head: str, steps: str
+) -> None:
+    found = offered(f"{head}mission:\n{steps}")
     assert sorted(item["label"] for item in found) == sorted(VERBS)
     assert all(item["documentation"] for item in found)
 
@@ -124,12 +160,31 @@ def test_the_options_of_the_plugin_that_is_used_are_offered(offered: Offered) ->
     assert next(i["documentation"] for i in found if i["label"] == "radius").endswith(", m")
 
 
-def test_the_options_of_a_verb_are_offered_once_each(offered: Offered) -> None:
-    found = offered(f"{HEAD}{TOP}mission:\n  - goto:\n      agents: cf1\n      |\n")
+@pytest.mark.parametrize("head", [HEAD + TOP, STEPS], ids=["mission", "steps"])
+def test_the_options_of_a_verb_are_offered_once_each(offered: Offered, head: str) -> None:
+    found = offered(f"{head}mission:\n  - goto:\n      agents: cf1\n      |\n")
     assert [item["label"] for item in found] == [
         *("to", "by", "yaw_deg", "speed", "spacing", "within"),
         *("until", "timeout", "on_failure"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("option", "values"),
+    [
+        ("goto:\n      on_failure: |", ["abort", "land", "continue"]),
+        ("follow:\n      path: |", ["box", "circle", "figure8"]),
+        ("follow:\n      relative: |", ["false", "true"]),
+        ("hold:\n      until: {event: fo|}", EVENTS),
+    ],
+    ids=["set", "set with an example", "truth value", "condition"],
+)
+@pytest.mark.parametrize("head", [HEAD + TOP, STEPS], ids=["mission", "steps"])
+def test_the_values_of_an_option_are_offered(
+    offered: Offered, head: str, option: str, values: list[str]
+) -> None:
+    found = offered(f"{head}mission:\n  - {option}\n")
+    assert sorted(item["label"] for item in found) == sorted(values)
 
 
 @pytest.mark.parametrize(
@@ -150,17 +205,32 @@ def test_the_options_of_a_verb_are_offered_once_each(offered: Offered) -> None:
     ],
 )
 def test_what_stands_under_the_pointer_is_shown_with_its_title_and_unit(
-    server: LanguageServer, names: Iterator[Path], where: str, key: str, title: str, unit: str
+    hovered: Hovered, where: str, key: str, title: str, unit: str
 ) -> None:
-    path = next(names)
-    server.open(path, MISSION)
-    lines = MISSION.splitlines()
-    line = next(i for i, text in enumerate(lines) if where in text)
-    at = lines[line].index(f"{key}:", lines[line].index(where) + len(where))
-    shown = server.hover(path, line, at + 1)
-    server.close(path)
+    shown = hovered(MISSION, where, key)
     assert shown.startswith(f"#### {title}\n")
     assert unit in [word.strip(".,;") for word in shown.partition("Source:")[0].split()]
+
+
+@pytest.mark.parametrize(
+    ("where", "key", "title", "words"),
+    [
+        ("- takeoff:", "height", "Height", ", m"),
+        ("- goto:", "agents", "Agents", "an agent, a group, a list of them"),
+        ("- goto:", "by", "By", ", m. Give this or 'to'"),
+        ("- goto:", "on_failure", "On failure", "abort the mission, land, or continue"),
+        ("- hold:", "for", "For", ", s."),
+        ("- hold:", "until", "Until", "A condition"),
+        ("- hold:", "elapsed", "Elapsed", ", s."),
+        ("- repeat:", "times", "Times", "How often."),
+    ],
+)
+def test_what_is_a_parameter_is_explained_like_any_value(
+    hovered: Hovered, where: str, key: str, title: str, words: str
+) -> None:
+    shown = hovered(PATROL, where, key)
+    assert shown.startswith(f"#### {title}\n")
+    assert words in shown
 
 
 def test_a_verb_and_a_plugin_are_explained_under_the_pointer(
@@ -178,7 +248,11 @@ def test_a_verb_and_a_plugin_are_explained_under_the_pointer(
 
 @pytest.mark.parametrize(
     "path",
-    sorted(path for part in (".", "worlds", "studies") for path in MISSIONS.glob(f"{part}/*.yaml")),
+    sorted(
+        path
+        for part in (".", "steps", "worlds", "studies")
+        for path in MISSIONS.glob(f"{part}/*.yaml")
+    ),
     ids=lambda path: f"{path.parent.name} {path.stem}",
 )
 def test_a_file_that_ships_has_no_mark(marked: Marked, path: Path) -> None:
@@ -209,4 +283,31 @@ def test_a_mistake_has_one_mark_that_covers_it(
     found = [one for one in marked(text) if "Missing property" not in one["message"]]
     assert len(found) == 1
     begin, end = found[0]["range"]["start"], found[0]["range"]["end"]
+    assert text.splitlines()[begin["line"]][begin["character"] : end["character"]] == marks
+
+
+def test_a_file_of_steps_with_parameters_everywhere_has_no_mark(marked: Marked) -> None:
+    assert marked(PATROL) == []
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "marks"),
+    [
+        ("speed: 0.3", "sped: 0.3", "sped"),
+        ("takeoff:", "takeof:", "takeof"),
+        ("parameters:", "paramters:", "paramters"),
+        ("height: $rise", "height: rise", "rise"),
+        ("speed: 0.3", "speed: -1", "-1"),
+        ("on_failure: $then", "on_failure: then", "then"),
+        ("elapsed: 1", "elapst: 1", "elapst"),
+        ("land: $how", "land: how", "how"),
+        ("file: $file", "fle: $file, file: a", "fle"),
+    ],
+)
+def test_a_mistake_in_a_file_of_steps_has_one_mark_that_covers_it(
+    marked: Marked, right: str, wrong: str, marks: str
+) -> None:
+    text = PATROL.replace(right, wrong)
+    (found,) = marked(text)
+    begin, end = found["range"]["start"], found["range"]["end"]
     assert text.splitlines()[begin["line"]][begin["character"] : end["character"]] == marks

@@ -45,6 +45,25 @@ def test_its_verb_and_its_avoider_fly_by_name(run: Run, mission: Path) -> None:
     assert climbed.sum(axis=0).tolist() == [2, 2]
 
 
+def test_its_planner_leads_the_verb_external_by_name(run: Run, mission: Path) -> None:
+    change(mission, "nod: {height: 0.3, times: 2, timeout: 20}", "external: {planner: orbit}")
+    done = run("star", "run", mission.name, "--out", "record")
+    assert done.returncode == 0, done.stderr
+    with np.load(mission.parent / "record" / "trajectory.npz") as record:
+        x, y, _ = np.moveaxis(record["truth_position"], 2, 0)
+    turns = np.diff(np.unwrap(np.arctan2(y, x), axis=0)[[0, -1]], axis=0) / (2 * np.pi)
+    assert turns[0] == pytest.approx([1, 1], abs=0.1)
+
+
+def test_a_misspelt_planner_is_refused_at_its_place(run: Run, mission: Path) -> None:
+    change(mission, "nod: {height: 0.3, times: 2, timeout: 20}", "external: {planner: orbti}")
+    done = run("star", "check", mission.name)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()[-1:]
+    said = "external: planner: 'orbti' is not possible here; did you mean 'orbit'?"
+    assert line == f"nod.yaml:14:25: {said}"
+
+
 def test_the_record_names_its_distribution_version_and_options(run: Run, mission: Path) -> None:
     assert run("star", "run", mission.name, "--out", "record").returncode == 0
     manifest = json.loads((mission.parent / "record" / "manifest.json").read_text())

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final
 
-from star_core import Mission, Registry, StarError, fly
+from star_core import Mission, Registry, StarError
 
 log = logging.getLogger(__name__)
 
@@ -87,6 +87,8 @@ def serve(connection: Connection, output: Path) -> None:
 
 def flown(task: Task, registry: Registry) -> Result:
     """Fly, and return what came of it, whatever that is."""
+    from star_core import fly
+
     begun = time.perf_counter()
     try:
         summary = fly(task.mission, registry, folder=task.folder)

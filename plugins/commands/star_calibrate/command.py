@@ -12,11 +12,12 @@ from typing import Final
 
 from star_calibrate.board import Board
 from star_calibrate.lens import solve
-from star_calibrate.report import as_text, as_yaml
+from star_calibrate.report import as_lines, as_text, as_yaml
 from star_calibrate.views import look
 from star_core import InputError
 
 NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as missions have it
+USUAL: Final = "calibrated"  # where neither the user nor the file has a name for it
 SMALLEST: Final = 3  # inner corners each way: fewer make no pattern that OpenCV finds
 
 
@@ -28,26 +29,22 @@ def main(arguments: Sequence[str]) -> int:
     """
     options = parser().parse_args(arguments)
     board = _board(options.board, options.square)
-    if not NAME.fullmatch(options.name):
-        raise InputError(
-            [
-                f"--name {options.name!r}: expected a letter, then letters, digits, '_' and '-',"
-                " and not 'all'"
-            ]
-        )
+    name = _name(options.name, options.out)
     views = look(options.images, board)
     lens = solve(views, board)
-    text, block = as_text(lens, views), as_yaml(lens, options.name)
+    text, file = as_text(lens, views), as_yaml(lens, name)
     if options.out is None:
         sys.stderr.write(text)
-        sys.stdout.write(block)
+        sys.stdout.write(file)
         return 0
+    out = Path(options.out)
     try:
-        Path(options.out).write_text(block, encoding="utf-8")
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(file, encoding="utf-8")
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = getattr(error, "strerror", None) or error
         raise InputError([f"--out {options.out}: cannot be written: {reason}"]) from error
-    sys.stdout.write(f"{text}camera {options.name!r}: {options.out}\n")
+    sys.stdout.write(f"{text}camera {name!r}: {out}\n{as_lines(name, out)}")
     return 0
 
 
@@ -62,8 +59,8 @@ def parser() -> argparse.ArgumentParser:
     camera = commands.add_parser(
         "camera",
         help="focal lengths, principal point and distortion, by pictures of a chessboard",
-        description="Calibrate a camera by pictures of a printed chessboard, and write it as a"
-        " mission has it.",
+        description="Calibrate a camera by pictures of a printed chessboard, and write it into a"
+        " file that missions name.",
         epilog="Take 15 pictures or more, sharp, with the whole board in each: near and far, in"
         " every corner of the picture, tilted to all sides by up to 45 degrees.",
         allow_abbrev=False,
@@ -79,12 +76,34 @@ def parser() -> argparse.ArgumentParser:
         "--square", type=float, default=0.025, metavar="M", help="edge of a square, m (%(default)s)"
     )
     camera.add_argument(
-        "--name", default="calibrated", help="what missions shall call it (%(default)s)"
+        "--name", help=f"what missions shall call it (FILE without its ending, or {USUAL})"
     )
     camera.add_argument(
-        "-o", "--out", metavar="FILE", help="write the camera to FILE instead of printing it"
+        "-o",
+        "--out",
+        metavar="FILE",
+        help="write the camera to FILE, as cameras/mine.yaml, instead of printing it",
     )
     return star
+
+
+def _name(given: str | None, out: str | None) -> str:
+    """Return what missions shall call the camera: as given, or as its file is called.
+
+    Raises:
+        InputError: Missions have no such names.
+    """
+    if given is None:
+        stem = "" if out is None else Path(out).stem
+        return stem if NAME.fullmatch(stem) else USUAL
+    if not NAME.fullmatch(given):
+        raise InputError(
+            [
+                f"--name {given!r}: expected a letter, then letters, digits, '_' and '-',"
+                " and not 'all'"
+            ]
+        )
+    return given
 
 
 def _board(size: str, square: float) -> Board:

@@ -1,7 +1,8 @@
-"""A lens in words, and as a mission has it."""
+"""A lens in words, and as missions have it."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Final
 
 from star_calibrate.lens import Lens
@@ -32,17 +33,34 @@ def as_text(lens: Lens, views: Views) -> str:
 
 
 def as_yaml(lens: Lens, name: str) -> str:
-    """Return the block ``cameras`` of a mission, with one camera of that name."""
+    """Return the file of a camera, which missions name."""
     matrix = ", ".join(f"{value:.2f}" for value in lens.matrix)
     distortion = ", ".join(f"{value:.5f}" for value in lens.distortion)
     return (
-        f"# Calibrated by {len(lens.used)} pictures, {lens.error:.3f} px RMS. Add this to a"
-        f" mission, and\n# `camera: {name}` to its agents; its position and pitch_deg are an"
-        " AI-deck's unless\n# they are given.\n"
-        "cameras:\n"
-        f"  {name}:\n"
-        f"    width: {lens.width}\n"
-        f"    height: {lens.height}\n"
-        f"    matrix: [{matrix}]\n"
-        f"    distortion: [{distortion}]\n"
+        f"# A camera, calibrated by {len(lens.used)} pictures of a chessboard: {lens.error:.3f} px"
+        " RMS.\n"
+        "# Its position, pitch_deg and rate are an AI-deck's unless they are given, here or in a"
+        " mission.\n"
+        "star: 1\n"
+        f"name: {name}\n"
+        f"width: {lens.width}\n"
+        f"height: {lens.height}\n"
+        f"matrix: [{matrix}]\n"
+        f"distortion: [{distortion}]\n"
+    )
+
+
+def as_lines(name: str, out: Path) -> str:
+    """Return the two lines by which a mission in the folder above has the camera in a file.
+
+    >>> print(as_lines("mine", Path("missions/cameras/mine.yaml")), end="")
+    two lines of a mission in 'missions' that has it:
+      cameras: {mine: {file: cameras/mine.yaml}}
+      swarm: {cf1: {camera: mine, ...}}
+    """
+    folder = out.parent if out.parent.name in {"", ".."} else out.parent.parent
+    return (
+        f"two lines of a mission in {str(folder)!r} that has it:\n"
+        f"  cameras: {{{name}: {{file: {out.relative_to(folder).as_posix()}}}}}\n"
+        f"  swarm: {{cf1: {{camera: {name}, ...}}}}\n"
     )

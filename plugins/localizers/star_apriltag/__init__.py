@@ -27,10 +27,11 @@ OPTIONS: dict[str, Any] = {
             "description": "Of each landmark no more than so many tags are used, for ablations.",
         },
         "feedback": {
-            "enum": ["none", "extpose"],
+            "enum": ["none", "extpos", "extpose"],
             "default": "none",
             "description": "none: drones fly in their own odometry frames, which the core turns "
-            "into the map; extpose: new fixes are sent to their estimators as well.",
+            "into the map; extpose: new fixes are sent to their estimators as well; extpos: of "
+            "these the positions only.",
         },
         "latency": {
             "type": "number",

@@ -28,9 +28,11 @@ class Feedback:
 
     Args:
         frames: Where the odometry frames lie at the start.
+        turns: Whether agents are told of their attitudes too.
     """
 
-    def __init__(self, frames: Transform) -> None:
+    def __init__(self, frames: Transform, *, turns: bool = True) -> None:
+        self._turns = turns
         self._yaw = frames.yaw.copy()
         self._translation = frames.translation.copy()
 
@@ -63,7 +65,8 @@ class Feedback:
             attitudes.append(_attitude(belief.roll, belief.pitch, belief.yaw - self._yaw[row]))
             spread = math.sqrt(float(np.linalg.eigvalsh(belief.covariance[:2, :2])[-1]))
             deviations.append(max(LEAST, TIMES * spread))
-            yaws.append(max(LEAST_YAW, TIMES * math.sqrt(belief.covariance[3, 3])))
+            yaw = max(LEAST_YAW, TIMES * math.sqrt(belief.covariance[3, 3]))
+            yaws.append(yaw if self._turns else math.inf)
         if not rows:
             return Corrections.none()
         return Corrections(

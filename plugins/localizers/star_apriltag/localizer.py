@@ -30,7 +30,8 @@ class AprilTag:
         scene: Agents with their cameras, the map.
         settings: How to follow them.
         processes: In how many processes beside this one; None for what suits the machine.
-        feedback: ``none``, or ``extpose`` to correct the agents' own estimators.
+        feedback: ``none``, or what the agents' own estimators are corrected with: ``extpose``,
+            or ``extpos`` for positions only.
         survey: What the map's places are good for, m: no estimate is surer than that.
         worst: Deviation of a position, along its worst direction, with which an agent is still fit
             to fly, m.
@@ -58,7 +59,9 @@ class AprilTag:
             np.array([agent.yaw for agent in scene.agents]),
             np.array([agent.start for agent in scene.agents]),
         )
-        self._feedback = Feedback(self._frames) if feedback == "extpose" else None
+        self._feedback = (
+            None if feedback == "none" else Feedback(self._frames, turns=feedback == "extpose")
+        )
         self._beside = Beside(scene, settings, suited(scene) if processes is None else processes)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The verb ``external``: goals from another process, through a socket."""
+"""The verb ``external``: goals from another process, or from an installed planner."""
 
 from __future__ import annotations
 

@@ -4,16 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from ipaddress import AddressValueError, IPv4Address
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Problem
+from star_core import PluginError, Problem
+from star_external.choice import chosen
 from star_external.rates import ticks_between
 
 if TYPE_CHECKING:
     from star_core import Scene
 
+OF_ANOTHER: Final = ("port", "listen", "silence", "then", "patience", "lockstep")
+"""Options that say how another process is dealt with."""
 
-def check(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+
+def check(
+    scene: Scene, _rows: tuple[int, ...], *, planner: str | None = None, **options: Any
+) -> Iterator[Problem]:
+    """Yield why these options cannot be flown with."""
+    yield from _other_process(scene, options) if planner is None else _planner(planner, options)
+
+
+def _planner(name: str, options: dict[str, Any]) -> Iterator[Problem]:
+    """Yield that a planner is not installed, and what is said of another process beside it."""
+    try:
+        chosen(name)
+    except PluginError as error:
+        yield Problem(("planner",), str(error))
+    for option in OF_ANOTHER:
+        if option in options:
+            yield Problem(
+                (option,),
+                f"planner {name!r} runs in this process and answers whenever it is asked; "
+                f"{option!r} is for another process: leave out one of the two",
+            )
+
+
+def _other_process(scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
     """Yield an address that is none, and a silence that is over before the next state line."""
     if "listen" in options:
         try:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Offer
 from star_external.checks import check
+from star_external.choice import GROUP, chosen, names
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
@@ -26,17 +27,33 @@ TIME_OUT: Final = 60.0
 
 
 def offer() -> Offer[Task]:
-    """Return the verb; steps of one flight that name the same port share its door."""
+    """Return the verb, with every planner that is installed.
+
+    Steps of one flight that name the same port share its door.
+    """
+    installed = {"enum": list(names())} if names() else {}  # an enum of nothing is no schema
     return Offer(
         name="external",
         before="air",
-        summary="Fly to goals that another process sends through a socket.",
+        summary="Fly to goals that another process sends through a socket, or that an installed "
+        "planner gives.",
         make=partial(make, {}),
         check=check,
         options={
             "type": "object",
-            "outside": {"holds": ["listen", "port"], "timeout": TIME_OUT},
+            "outside": {
+                "holds": ["listen", "port"],
+                "unless": "planner",
+                "timeout": TIME_OUT,
+            },
             "properties": {
+                "planner": {
+                    "type": "string",
+                    **installed,
+                    "description": "Planner that gives the goals, in this process and in place of "
+                    f"another one; entry points of {GROUP}: {', '.join(names()) or 'none'}; if not "
+                    "given another process gives them.",
+                },
                 "port": {
                     "type": "integer",
                     "minimum": 0,
@@ -54,8 +71,8 @@ def offer() -> Offer[Task]:
                 "rate": {
                     "type": "number",
                     "exclusiveMinimum": 0,
-                    "description": "State lines a second, 1/s, to whole ticks; one a tick at most "
-                    "and if not given.",
+                    "description": "State lines a second, or questions to the planner, 1/s, to "
+                    "whole ticks; one a tick at most and if not given.",
                     "examples": [10],
                 },
                 "silence": {
@@ -95,31 +112,40 @@ def make(
     scene: Scene,
     rows: tuple[int, ...],
     *,
+    planner: str | None = None,
     port: int = PORT,
     listen: str = LOOPBACK,
     **options: Any,
 ) -> Task:
-    """Return the task, its port open: that it is taken shows before anybody takes off.
+    """Return the task, its planner made or its port open: what is wrong shows before a take-off.
 
     Args:
         doors: Those that are open, by address.
         scene: The mission's scene.
         rows: Rows of the agents.
+        planner: Gives the goals; None for another process.
         port: To listen on.
         listen: To listen on.
-        options: What `External` takes.
+        options: What `Manner` takes; beside a planner its `rate` only.
 
     Raises:
-        PluginError: The port cannot be opened.
+        PluginError: The planner cannot be made, or the port cannot be opened.
     """
+    from star_external.external import External
+
+    if planner is not None:
+        from star_external.consultation import Consultation
+
+        return External(scene, rows, Consultation(scene, rows, chosen(planner), **options))
+
+    from star_external.conversation import Conversation, Manner
     from star_external.door import Door
-    from star_external.external import External, Manner
 
     door = doors.get((listen, port))
     if door is None or door.closed:
         door = doors[listen, port] = Door(listen, port)
         _tell(door, asked=port)
-    return External(scene, rows, door, Manner(**options))
+    return External(scene, rows, Conversation(scene, door, Manner(**options)))
 
 
 def _tell(door: Door, asked: int) -> None:

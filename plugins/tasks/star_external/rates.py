@@ -1,13 +1,13 @@
-"""How often state lines are sent. Nothing here imports numpy."""
+"""How often state lines are sent, or a planner is asked. Nothing here imports numpy."""
 
 from __future__ import annotations
 
 
 def ticks_between(rate: float | None, period: float) -> int:
-    """Return how many ticks there are from one state line to the next.
+    """Return how many ticks there are from one state line, or question, to the next.
 
     Args:
-        rate: State lines a second that are asked for, 1/s; None for one a tick.
+        rate: How many a second are wanted, 1/s; None for one a tick.
         period: From one tick to the next, s.
 
     Example:

@@ -33,6 +33,7 @@ def make(  # noqa: PLR0913 -- one argument for each option
     mocap: Mapping[str, Any] | None = None,
     broadcast: int | None = None,
     udp: str = "sockets",
+    setpoints: str = "velocity",
 ) -> Transport:
     """Return the links to a scene's agents, not open yet.
 
@@ -42,6 +43,7 @@ def make(  # noqa: PLR0913 -- one argument for each option
     from pathlib import Path
 
     from star_radio.datagrams import Datagrams
+    from star_radio.steering import Velocities, WholeStates
     from star_radio.tables import Tables, user_cache
     from star_radio.transport import Radio, Rules
     from star_radio.vehicle import Manner
@@ -63,8 +65,8 @@ def make(  # noqa: PLR0913 -- one argument for each option
     uris = [agent.uri or "" for agent in scene.agents]
     return Radio(
         scene,
-        Tables(Path(cache) if cache else user_cache()),
         Manner(
+            Tables(Path(cache) if cache else user_cache()),
             period=report or budget.report_period(uris, mode),
             patience=patience,
             deadline=deadline,
@@ -72,6 +74,7 @@ def make(  # noqa: PLR0913 -- one argument for each option
             parameters=parameters or {},
         ),
         Rules(without=absent == "fly-without", latch=stop == "lock", watchdog=watchdog),
+        WholeStates(len(uris)) if setpoints == "full-state" else Velocities(),
         decks=decks,
         mocap=capture,
         shouts=shouts,

@@ -17,7 +17,7 @@ FORMS = (
 )
 _RADIO = re.compile(
     r"radio://(?P<dongle>[0-9A-Fa-f]+)/(?P<channel>\d{1,3})/(?P<rate>250K|1M|2M)"
-    r"(/(?P<address>[0-9A-Fa-f]{1,10}))?(\?rate_limit=[1-9]\d*)?"
+    r"(/(?P<address>[0-9A-Fa-f]{1,10}))?(\?rate_limit=(?P<most>[1-9]\d*))?"
 )
 _LAST_CHANNEL = 125
 _FIRST_ADDRESS = "E7E7E7E7E7"
@@ -33,19 +33,21 @@ class RadioAddress:
         channel: 0 to 125, 1 MHz each from 2400 MHz.
         rate: 250K, 1M or 2M.
         address: Ten hexadecimal digits.
+        most: Packets up that its link may be sent, 1/s; None if that is not limited.
     """
 
     dongle: str
     channel: int
     rate: str
     address: str
+    most: int | None = None
 
     @classmethod
     def of(cls, uri: str) -> RadioAddress | None:
         """Return the parts of a radio's URI, None if it is none.
 
         >>> RadioAddress.of("radio://0/80/2M/E701")
-        RadioAddress(dongle='0', channel=80, rate='2M', address='000000E701')
+        RadioAddress(dongle='0', channel=80, rate='2M', address='000000E701', most=None)
         """
         found = _RADIO.fullmatch(uri)
         if not found or int(found["channel"]) > _LAST_CHANNEL:
@@ -54,7 +56,8 @@ class RadioAddress:
         dongle = found["dongle"].upper()
         if dongle.isdigit() and len(dongle) < _SERIAL:
             dongle = str(int(dongle))
-        return cls(dongle, int(found["channel"]), found["rate"], address)
+        most = int(found["most"]) if found["most"] else None
+        return cls(dongle, int(found["channel"]), found["rate"], address, most)
 
 
 def faults(agents: Iterable[Agent]) -> Iterator[str]:

@@ -8,7 +8,6 @@ which the dongle is told things.
 from __future__ import annotations
 
 import logging
-import struct
 import threading
 import time
 from collections import deque
@@ -20,8 +19,7 @@ from typing import Any, Final
 
 from star_core import PluginError
 from star_radio.address import RadioAddress
-from star_radio.orders import LOCALISATION, packed_quaternion
-from star_radio.packets import packet
+from star_radio.packed import PLACES, POSES, Kind
 
 log = logging.getLogger(__name__)
 
@@ -29,25 +27,11 @@ EVERYBODY: Final = bytes.fromhex("FFE7E7E7E7")  # the address that every Crazyfl
 TIMES: Final = 15  # that an order is sent, as Crazyswarm2 repeats it
 PAUSE: Final = 0.001  # s between two of them
 SOON: Final = 0.1  # s that an order may wait; links give it again after 0.2 s
-POSES: Final = 2  # in one packet
-_PACKED: Final = b"\x09"  # what such a packet begins with
 _VENDOR, _PRODUCT = 0x1915, 0x7777  # of a Crazyradio
 _CHANNEL, _ADDRESS, _RATE, _RETRIES, _ACKNOWLEDGE = 0x01, 0x02, 0x03, 0x06, 0x10  # USB requests
 _RATES: Final = {"250K": 0, "1M": 1, "2M": 2}
 _OUT: Final = 1  # endpoint
 _TIMEOUT: Final = 1000  # ms
-
-
-def pose(last: int, position: Sequence[float], attitude: Sequence[float]) -> bytes:
-    """Return what tells one estimator its drone's pose; two of them go into a packet.
-
-    Args:
-        last: Last byte of the drone's address.
-        position: m; sent in mm.
-        attitude: Unit quaternion x, y, z, w.
-    """
-    x, y, z = (round(1000 * value) for value in position)
-    return struct.pack("<BhhhI", last, x, y, z, packed_quaternion(attitude))
 
 
 @dataclass(eq=False, slots=True)
@@ -85,7 +69,8 @@ class Broadcaster:
             raise PluginError(f"Crazyradio {dongle} cannot broadcast: {error}") from error
         self.broken = False
         self._orders: deque[_Call] = deque()  # the first of them may be on the air
-        self._poses: dict[int, bytes] = {}  # the newest of each drone, by the last byte
+        # the newest of each drone, by the last byte of its address
+        self._shown: dict[Kind, dict[int, bytes]] = {PLACES: {}, POSES: {}}
         self._changed = threading.Condition()
         self._tuned: tuple[int, str] | None = None
         self._ended = False
@@ -122,10 +107,16 @@ class Broadcaster:
         with self._changed:
             self._changed.wait_for(lambda: self.broken or not self._orders)
 
-    def show(self, last: int, pose: bytes) -> None:
-        """Send a `pose` once, without waiting; it takes the place of one that still waits."""
+    def show(self, kind: Kind, last: int, part: bytes) -> None:
+        """Tell a drone where it is, once, without waiting; in place of what still waits.
+
+        Args:
+            kind: What it is told.
+            last: Last byte of its address.
+            part: What `star_radio.packed` made of it.
+        """
         with self._changed:
-            self._poses[last] = pose
+            self._shown[kind][last] = part
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -152,11 +143,17 @@ class Broadcaster:
     def _next(self) -> _Call | None:
         """Wait for something to send, orders first; None at the end."""
         with self._changed:
-            self._changed.wait_for(lambda: self._orders or self._poses or self._ended)
+            self._changed.wait_for(lambda: self._orders or self._waiting() or self._ended)
             if self._orders:
                 return self._orders[0]
-            drones = [self._poses.pop(last) for last in list(self._poses)[:POSES]]
-        return _Call(packet(LOCALISATION, 1, _PACKED + b"".join(drones))) if drones else None
+            if (kind := self._waiting()) is None:
+                return None
+            parts = self._shown[kind]
+            return _Call(kind.packet([parts.pop(last) for last in list(parts)[: kind.most]]))
+
+    def _waiting(self) -> Kind | None:
+        """Return what drones are to be told of where they are, if any."""
+        return next((kind for kind, parts in self._shown.items() if parts), None)
 
     def _end(self, call: _Call) -> None:
         with self._changed:

@@ -48,7 +48,7 @@ def report_period(uris: Iterable[str], mode: str) -> float:
 
 
 def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None) -> Iterator[str]:
-    """Say which dongles cannot serve their agents, with the arithmetic.
+    """Say which dongles and which links cannot serve their agents, with the arithmetic.
 
     Args:
         uris: Of every agent.
@@ -58,11 +58,19 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
     """
     uris = list(uris)
     rounds = _rounds(uris, mode)
+    between = report or min(SLOWEST, report_period(uris, mode))
+    each = max(1 / tick, 1 / between)
+    for uri in uris:
+        radio = RadioAddress.of(uri)
+        if radio is not None and radio.most is not None and radio.most < each * (1 - 1e-9):
+            yield (
+                f"{uri!r} may carry {radio.most} exchanges/s, and is to carry {_shown(each)} "
+                f"({_shown(1 / tick)} setpoints/s up, {_shown(1 / between)} reports/s down): "
+                "raise its rate_limit, or leave it away"
+            )
     for dongle, agents in sorted(shared(uris).items()):
         capacity = agents / rounds[dongle]
         room = SHARE * capacity
-        between = report or min(SLOWEST, report_period(uris, mode))
-        each = max(1 / tick, 1 / between)
         if agents * each <= room * (1 + 1e-9):
             continue
         can = math.floor(room / each + 1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -26,13 +27,14 @@ class Deviations:
         Args:
             table: The drone's parameters.
             position: Of positions, m.
-            attitude: Of attitudes, rad.
+            attitude: Of attitudes, rad; infinite if none are told.
 
         Raises:
             PluginError: The firmware has no such parameter.
         """
         for name, deviation in zip(NAMES, (position, attitude), strict=True):
-            if abs(deviation - self._told[name]) > FORGIVEN * self._told[name]:
+            off = abs(deviation - self._told[name])
+            if math.isfinite(deviation) and off > FORGIVEN * self._told[name]:
                 question = setting(table, name, deviation)
                 question.topic = name
                 self._told[name] = deviation

@@ -26,6 +26,14 @@ OPTIONS: dict[str, Any] = {
             "default": 30.0,
             "description": "After which time an agent that answers, but slowly, is absent, s.",
         },
+        "setpoints": {
+            "enum": ["velocity", "full-state"],
+            "default": "velocity",
+            "description": "What agents are steered with: 'velocity' is a velocity and a yaw rate; "
+            "'full-state' adds a position that moves along, at most 0.15 m from where the agent "
+            "is, and a heading, for on-board controllers that track them (Mellinger: parameters: "
+            "{stabilizer.controller: 2}); the firmware's PID flies to the position only, slowly.",
+        },
         "report": {
             "type": ["number", "null"],
             "minimum": 0.01,

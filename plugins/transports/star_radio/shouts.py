@@ -11,10 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
+import numpy as np
+
 from star_core import Corrections, PluginError, Scene
 from star_radio import orders
 from star_radio.address import RadioAddress
-from star_radio.broadcast import Broadcaster, pose
+from star_radio.broadcast import Broadcaster
+from star_radio.packed import FARTHEST, PLACES, POSES, place, pose
 
 GROUPS: Final = 8  # bits that the firmware has for them
 
@@ -93,14 +96,26 @@ class Shouts:
         self._radio.void(frozenset(rows))
 
     def correct(self, corrections: Corrections) -> Sequence[int]:
-        """Broadcast the poses of the drones that are on the air; return their rows."""
+        """Broadcast where drones on the air are; return the rows of those who are told that way.
+
+        A packet holds two poses, or four positions; of one too far for its millimetres, none.
+        """
         if self._radio.broken:
             return ()
-        for i, row in enumerate(corrections.agent.tolist()):
-            if (last := self._last.get(row)) is not None:
-                position, attitude = corrections.position[i], corrections.attitude[i]
-                self._radio.show(last, pose(last, position.tolist(), attitude.tolist()))
-        return tuple(self._last)
+        near = (abs(corrections.position) <= FARTHEST).all(axis=1)
+        told = []
+        for i in np.flatnonzero(near).tolist():
+            row = int(corrections.agent[i])
+            if (last := self._last.get(row)) is None:
+                continue
+            position = corrections.position[i].tolist()
+            if np.isfinite(corrections.attitude_deviation[i]):
+                part = pose(last, position, corrections.attitude[i].tolist())
+                self._radio.show(POSES, last, part)
+            else:
+                self._radio.show(PLACES, last, place(last, position))
+            told.append(row)
+        return told
 
     def close(self) -> None:
         """Release the dongle."""

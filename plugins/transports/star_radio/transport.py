@@ -28,10 +28,9 @@ from star_core import (
 from star_radio import commands, orders, report
 from star_radio.carried import Carried, misfit
 from star_radio.datagrams import Datagrams
-from star_radio.heading import yaw_rate
 from star_radio.link import Link
 from star_radio.quiet import hush
-from star_radio.tables import Tables
+from star_radio.steering import Steering
 from star_radio.telemetry import Gatherer
 from star_radio.together import faults
 from star_radio.vehicle import Manner, Vehicle
@@ -69,9 +68,9 @@ class Radio:
 
     Args:
         scene: Agents, each with the address of its link.
-        tables: Of contents, kept from one flight to the next.
         manner: How drones are to be connected.
         rules: What to do when something is wrong.
+        steering: How setpoints are put to them.
         decks: Cameras.
         mocap: Ground truth.
         shouts: Broadcasts.
@@ -84,9 +83,9 @@ class Radio:
     def __init__(
         self,
         scene: Scene,
-        tables: Tables,
         manner: Manner,
         rules: Rules,
+        steering: Steering,
         *,
         decks: Decks | None = None,
         mocap: MotionCapture | None = None,
@@ -95,8 +94,7 @@ class Radio:
     ) -> None:
         hush()
         self._scene = scene
-        self._tables, self._manner = tables, manner
-        self._rules = rules
+        self._manner, self._rules, self._steering = manner, rules, steering
         self._decks, self._mocap, self._shouts = decks, mocap, shouts
         self._datagrams = datagrams
         self.vehicles = tuple(
@@ -216,22 +214,20 @@ class Radio:
                 vehicle.lock()
 
     def correct(self, corrections: Corrections) -> None:
-        """Send poses to estimators, each after the deviations that it is to be weighed with."""
+        """Tell estimators where they are, each after the deviations that it is to weigh it with."""
         rows = [(i, row) for i, row in enumerate(corrections.agent.tolist()) if self._there[row]]
         deviations = corrections.position_deviation, corrections.attitude_deviation
         for i, row in rows:
             self.vehicles[row].weigh(*(float(deviation[i]) for deviation in deviations))
         shouted = self._shouts.correct(corrections) if self._shouts else ()
+        turned = np.isfinite(corrections.attitude_deviation)
         for i, row in rows:
             if row not in shouted:
-                self.vehicles[row].correct(
-                    corrections.position[i].tolist(), corrections.attitude[i].tolist()
-                )
+                attitude = corrections.attitude[i].tolist() if turned[i] else None
+                self.vehicles[row].correct(corrections.position[i].tolist(), attitude)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
         """Fly the active rows that are there; the answer has no others active.
-
-        A velocity setpoint has no heading but a yaw rate: see `star_radio.heading`.
 
         Raises:
             ContractError: A velocity or a yaw that should be flown is not finite.
@@ -241,21 +237,16 @@ class Radio:
             rows = np.flatnonzero(setpoint.active & ~finite)
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
         active = setpoint.active & self._there
-        rates = yaw_rate(setpoint.yaw, self._gatherer.last[:, report.YAW]).tolist()
-        velocities = setpoint.velocity.tolist()
-        packed = [
-            (vehicle, orders.velocity(velocities[row], rates[row], vehicle.version))
-            for row, vehicle in enumerate(self.vehicles)
-            if active[row]
-        ]
+        sent = setpoint
+        if active.sum() != setpoint.active.sum():
+            sent = Setpoint(setpoint.velocity, setpoint.yaw, active)
+        versions = [vehicle.version for vehicle in self.vehicles]
+        packets = self._steering.packets(sent, self._gatherer.last, versions)
         if self._shouts is not None:
-            steered = [vehicle.steered for vehicle in self.vehicles]
-            self._shouts.void(np.flatnonzero(active & ~np.array(steered)).tolist())
-        for vehicle, packet in packed:  # all at once, as nearly as can be
-            vehicle.steer(packet)
-        if active.sum() == setpoint.active.sum():
-            return setpoint
-        return Setpoint(setpoint.velocity, setpoint.yaw, active)
+            self._shouts.void(row for row in packets if not self.vehicles[row].steered)
+        for row, packet in packets.items():  # all at once, as nearly as can be
+            self.vehicles[row].steer(packet)
+        return sent
 
     def truth(self) -> Truth | None:
         if self._mocap is None or self._began is None:
@@ -290,7 +281,7 @@ class Radio:
         """Connect one drone, or leave no link to it open."""
         groups = None if self._shouts is None else self._shouts.masks.get(row)
         try:
-            vehicle.connect(self._tables, self._manner, groups)
+            vehicle.connect(self._manner, groups)
         except Exception:
             vehicle.link.close()
             raise

@@ -50,6 +50,7 @@ class Manner:
     """How drones are to be connected.
 
     Attributes:
+        tables: Of contents, kept from one flight to the next.
         period: Time between two reports, s.
         patience: After which a drone that does not answer is absent, s.
         deadline: After which one that answers slowly is given up, s.
@@ -57,6 +58,7 @@ class Manner:
         parameters: What to set, by ``group.name``.
     """
 
+    tables: Tables
     period: float
     patience: float = 2.0
     deadline: float = 30.0
@@ -95,7 +97,7 @@ class Vehicle:
         self._until = self._patience = 0.0
         self._samples: deque[tuple[float, bytes]] = deque(maxlen=KEPT)
 
-    def connect(self, tables: Tables, manner: Manner, groups: int | None = None) -> None:
+    def connect(self, manner: Manner, groups: int | None = None) -> None:
         """Open the link, have it report, and put it into groups, a bit each, unless that is None.
 
         Raises:
@@ -111,9 +113,9 @@ class Vehicle:
                 f"{self.link.uri} speaks protocol version {self.version}, expected {OLDEST} or "
                 "later: update its firmware"
             )
-        variables = tables.of(packets.LOG, self._ask)
+        variables = manner.tables.of(packets.LOG, self._ask)
         layout = Layout.of(variables)
-        self.parameters = tables.of(packets.PARAMETER, self._ask)
+        self.parameters = manner.tables.of(packets.PARAMETER, self._ask)
         for name, value in manner.parameters.items():
             set_now(self.parameters, name, value, self._ask)
         if manner.reset:
@@ -190,7 +192,9 @@ class Vehicle:
             self.link.post(orders.emergency_stop(self.version))
 
     def weigh(self, position_deviation: float, attitude_deviation: float) -> None:
-        """Tell the estimator how sure the poses are that follow, m and rad.
+        """Tell the estimator how sure positions and attitudes are that follow, m and rad.
+
+        What has an infinite deviation does not follow.
 
         Raises:
             PluginError: The firmware cannot be told that.
@@ -202,14 +206,15 @@ class Vehicle:
         except PluginError as error:
             raise PluginError(f"{self.name}: {error}") from error
 
-    def correct(self, position: Sequence[float], attitude: Sequence[float]) -> None:
+    def correct(self, position: Sequence[float], attitude: Sequence[float] | None) -> None:
         """Tell the estimator where the drone is, in the odometry frame.
 
         Args:
             position: m.
-            attitude: Unit quaternion x, y, z, w.
+            attitude: Unit quaternion x, y, z, w, if that is told too.
         """
-        self.link.post(orders.seen_as(position, attitude))
+        at = orders.seen_at(position) if attitude is None else orders.seen_as(position, attitude)
+        self.link.post(at)
 
     def upload(self, number: int, pieces: Sequence[Piece], *, at: int = 0) -> None:
         """Upload a trajectory to byte `at` of the memory; not for use in a tick.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -30,13 +31,19 @@ class Cameras:
     Args:
         scene: Agents with their cameras, tags, obstacles, seed.
         options: How they err.
+        wanted: Whether anybody wants the images of the agent in a row; others are not made.
 
     Attributes:
         next_step: The simulator's step at which the next image is due.
     """
 
-    def __init__(self, scene: Scene, options: CameraOptions) -> None:
-        self._options = options
+    def __init__(
+        self,
+        scene: Scene,
+        options: CameraOptions,
+        wanted: Callable[[int], bool] = lambda _row: True,
+    ) -> None:
+        self._options, self._wanted = options, wanted
         seen = [
             tag
             for tag in (*scene.world.landmarks, *scene.world.targets)
@@ -73,6 +80,11 @@ class Cameras:
     def next_step(self) -> int:
         return self._queue[0][0] if self._queue else NEVER
 
+    def compile(self, drones: Drones) -> None:
+        """Take an image for nobody, so that the first one for somebody is not late."""
+        for row in list(self._eyes)[:1]:  # what one is compiled for does for the others
+            self._see(drones, row, np.random.default_rng(0))
+
     def take(self, drones: Drones, step: int) -> None:
         """Take the images that are due at `step`, from where the drones really are."""
         while self._queue and self._queue[0][0] <= step:
@@ -80,19 +92,23 @@ class Cameras:
             stream = self._streams[row]
             self._periods[row] += 1.0
             heapq.heappush(self._queue, (max(step + 1, self._due(row)), row))
+            if not self._wanted(row):
+                continue
             late = self._options.latency + self._options.jitter * stream.standard_normal()
             lost = stream.random() < self._options.drops
-            drone = drones[row]
-            shot = Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])
-            eye = self._eyes[row]
-            what: Any
-            if isinstance(eye, Renderer):
-                what = eye.render(shot, stream, self._misprinted(stream))
-            else:
-                tags, points = eye.spot(shot, stream)
-                what = (self._mistaken(tags, stream), points)
+            what = self._see(drones, row, stream)
             if not lost:
                 self._flying.append((step * STEP + max(0.0, late), row, step * STEP, what))
+
+    def _see(self, drones: Drones, row: int, stream: np.random.Generator) -> Any:
+        """Return an agent's image, or the tags in it and their corners."""
+        drone = drones[row]
+        shot = Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])
+        eye = self._eyes[row]
+        if isinstance(eye, Renderer):
+            return eye.render(shot, stream, self._misprinted(stream))
+        tags, points = eye.spot(shot, stream)
+        return self._mistaken(tags, stream), points
 
     def _due(self, row: int) -> int:
         """The step nearest to when an agent's next image is due: rates hold on average."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -53,6 +53,7 @@ class Simulator:
         swap_time: How long a drone stands before it has a new battery, s; None changes none.
         speed: Mission seconds per second of real time; None is as fast as possible.
         camera: How cameras err; None switches them off.
+        wanted: Whether anybody wants the images of the agent in a row; others are not made.
     """
 
     def __init__(
@@ -65,13 +66,14 @@ class Simulator:
         swap_time: float | None = None,
         speed: float | None = None,
         camera: CameraOptions | None = None,
+        wanted: Callable[[int], bool] = lambda _row: True,
     ) -> None:
         n = len(scene.agents)
         self._cameras = None
         if camera is not None and any(agent.camera for agent in scene.agents):
             from star_sim.cameras import Cameras
 
-            self._cameras = Cameras(scene, camera)
+            self._cameras = Cameras(scene, camera, wanted)
         self._scene = scene
         self._noise = noise
         self._speed = speed
@@ -115,6 +117,8 @@ class Simulator:
     def connect(self) -> None:
         """Compile the inner loop, so that the first tick is not late."""
         self._advance(0)
+        if self._cameras is not None:
+            self._cameras.compile(self.drones)
         self.receive()
 
     def upload(self, trajectories: Sequence[Trajectory]) -> None:

@@ -60,10 +60,11 @@ def flown(feedback: str, seed: int) -> tuple[dict[str, Any], float]:
     return summary, float(np.mean(watcher.squares))
 
 
-def test_a_drone_that_is_told_where_it_is_drifts_less_itself() -> None:
+@pytest.mark.parametrize(("feedback", "share"), [("extpos", 0.5), ("extpose", 0.25)])
+def test_a_drone_that_is_told_where_it_is_drifts_less_itself(feedback: str, share: float) -> None:
     alone = np.mean([flown("none", seed)[1] for seed in SEEDS])
-    told = np.mean([flown("extpose", seed)[1] for seed in SEEDS])
-    assert told < 0.25 * alone
+    told = np.mean([flown(feedback, seed)[1] for seed in SEEDS])
+    assert told < share * alone
 
 
 def test_what_a_drone_is_told_is_not_counted_twice() -> None:
@@ -97,6 +98,17 @@ def test_an_attitude_has_the_drones_own_tilt_and_the_heading_that_was_found() ->
     assert math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) == pytest.approx(0.1)
     assert math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) == pytest.approx(0.05)
     assert math.asin(2 * (w * y - z * x)) == pytest.approx(-0.02)
+
+
+def test_a_drone_may_be_told_its_place_and_not_its_heading() -> None:
+    found = belief([1.0, 2.5, 0.8], yaw=math.pi / 2 + 0.1)
+    positions = Feedback(AT_HOME, turns=False)
+    answer = positions.corrections([0], [found], AT_HOME, telemetry([0.4, 0.0, 0.8]))
+    assert answer.position == pytest.approx(np.array([[0.5, 0.0, 0.8]]))
+    drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
+    Fusion(1).take(drones, answer, 4.0)
+    assert drones["believed_position"][0, 0] > 0.1
+    assert drones["believed_yaw"][0] == 0
 
 
 def test_a_fix_is_told_to_be_less_sure_than_it_is() -> None:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from star_sim.fleet.server import Fleet
 
 LAST_PORT = 65535
+CAMERAS = 5000
+"""Port of the first camera if nobody says; an AI-deck's own is the same."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -30,24 +32,25 @@ def run(arguments: Sequence[str]) -> int:
     assignments = [] if options.seed is None else [f"seed={options.seed}"]
     mission = load(Path(options.mission), Registry(), assignments)
     agents = mission.scene.agents
-    _check_ports(options, len(agents))
-    _check_cameras(options, any(agent.camera is not None for agent in agents))
+    carried = sum(agent.camera is not None for agent in agents)
+    cameras = _first_camera(options, carried)
+    _check_ports("--port", options.port, len(agents))
+    _check_ports("--tcp", options.tcp, len(agents))
+    _check_ports("--cameras", cameras, carried)
     from star_sim.fleet.server import Fleet
 
     with ExitStack() as opened:
-        try:
+        with _told_of("--port", options.port):
             fleet = Fleet(
                 mission.scene,
                 host=options.host,
                 port=options.port,
                 speed=options.speed,
                 arms_itself=not options.brushless,
-                **_of_simulator(mission, seen=options.cameras is not None),
+                **_of_simulator(mission, seen=cameras is not None),
             )
-            opened.callback(fleet.close)
-            more = _over_tcp(fleet, mission, options, opened)
-        except PluginError as error:
-            raise InputError([str(error)]) from error
+        opened.callback(fleet.close)
+        more = _over_tcp(fleet, mission, options, cameras, opened)
         with _until_told(fleet):
             for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
                 sys.stdout.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
@@ -81,12 +84,15 @@ def parser() -> argparse.ArgumentParser:
         metavar="N",
         help="serve the links as CPX over TCP too, from port N on, 0 takes free ones",
     )
-    star.add_argument(
+    decks = star.add_mutually_exclusive_group()
+    decks.add_argument(
         "--cameras",
         type=_port,
         metavar="N",
-        help="stream the cameras as AI-decks do, from port N on, 0 takes free ones",
+        help="stream the agents' cameras as AI-decks do from port N on, 0 takes free ones: "
+        f"{CAMERAS}",
     )
+    decks.add_argument("--no-cameras", action="store_true", help="stream no cameras")
     star.add_argument(
         "--jpeg", action="store_true", help="compress the cameras' images, as the deck can"
     )
@@ -106,58 +112,76 @@ def parser() -> argparse.ArgumentParser:
     return star
 
 
-def _check_ports(options: argparse.Namespace, agents: int) -> None:
+def _first_camera(options: argparse.Namespace, carried: int) -> int | None:
+    """Return the port of the first camera, 0 for a free one; None if none is to be streamed.
+
+    Raises:
+        InputError: Something is asked of cameras of which there is none.
+    """
+    none = "" if carried else f"no agent of {options.mission} carries a 'camera'"
+    if options.cameras is not None and none:
+        raise InputError([f"--cameras {options.cameras}: {none}"])
+    if options.jpeg and (none or options.no_cameras):
+        raise InputError([f"--jpeg: there are no images to compress: {none or '--no-cameras'}"])
+    if none or options.no_cameras:
+        return None
+    return CAMERAS if options.cameras is None else int(options.cameras)
+
+
+def _check_ports(flag: str, first: int | None, count: int) -> None:
     """Refuse ports that there are not enough of.
 
     Raises:
         InputError: There are not.
     """
-    for flag in ("port", "tcp", "cameras"):
-        first = getattr(options, flag)
-        if first and first + agents - 1 > LAST_PORT:
-            raise InputError(
-                [f"--{flag} {first}: no {agents} ports from there, {LAST_PORT} is the last"]
-            )
+    if first and first + count - 1 > LAST_PORT:
+        raise InputError([f"{flag} {first}: no {count} ports from there, {LAST_PORT} is the last"])
 
 
-def _check_cameras(options: argparse.Namespace, carried: bool) -> None:  # noqa: FBT001
-    """Refuse to stream what nobody sees.
+@contextmanager
+def _told_of(flag: str, port: int, instead: str = "") -> Iterator[None]:
+    """Say by which flag the port was asked for that cannot be had.
 
     Raises:
-        InputError: There is no camera, or it is not to be streamed.
+        InputError: It cannot.
     """
-    if options.cameras is not None and not carried:
+    try:
+        yield
+    except PluginError as error:
         raise InputError(
-            [f"--cameras {options.cameras}: no agent of {options.mission} carries a 'camera'"]
-        )
-    if options.jpeg and options.cameras is None:
-        raise InputError(["--jpeg: there are no images to compress without --cameras"])
+            [f"{flag} {port}: {error}; name another port by {flag} N{instead}"]
+        ) from error
 
 
 def _over_tcp(
-    fleet: Fleet, mission: Mission, options: argparse.Namespace, opened: ExitStack
+    fleet: Fleet,
+    mission: Mission,
+    options: argparse.Namespace,
+    cameras: int | None,
+    opened: ExitStack,
 ) -> dict[int, list[str]]:
     """Serve links and cameras over TCP if that is wanted, and return where, by row.
 
     Raises:
-        PluginError: A port cannot be had.
+        InputError: A port cannot be had.
     """
-    if options.tcp is None and options.cameras is None:
+    if options.tcp is None and cameras is None:
         return {}
     from star_sim.fleet.wifi import Wifi  # image compression is slow to import
 
-    wifi = Wifi(
-        fleet,
-        mission.scene,
-        options.host,
-        links=options.tcp,
-        cameras=options.cameras,
-        jpeg=options.jpeg,
-    )
-    opened.callback(wifi.close)
-    found: dict[int, list[str]] = {row: [uri] for row, uri in wifi.links.items()}
-    for row, address in wifi.cameras.items():
-        found.setdefault(row, []).append(f"camera {address}")
+    found: dict[int, list[str]] = {}
+    scene, host = mission.scene, options.host
+    if options.tcp is not None:
+        with _told_of("--tcp", options.tcp):
+            wifi = Wifi(fleet, scene, host, links=options.tcp, cameras=None)
+        opened.callback(wifi.close)
+        found = {row: [uri] for row, uri in wifi.links.items()}
+    if cameras is not None:
+        with _told_of("--cameras", cameras, ", or --no-cameras"):
+            wifi = Wifi(fleet, scene, host, links=None, cameras=cameras, jpeg=options.jpeg)
+        opened.callback(wifi.close)
+        for row, address in wifi.cameras.items():
+            found.setdefault(row, []).append(f"camera {address}")
     return found
 
 

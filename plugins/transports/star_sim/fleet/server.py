@@ -9,11 +9,11 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Self, TypeAlias
 
 import numpy as np
 
-from star_core import Agent, Frames, PluginError, Scene
+from star_core import Agent, Frames, Image, PluginError, Scene
 from star_sim.airframe import CYCLE
 from star_sim.battery import HOVER_TIME
 from star_sim.camera_options import CameraOptions
@@ -35,6 +35,10 @@ DRAIN: Final = 0.5  # s, after which what nobody reads is thrown away
 
 _SUPERVISE: Final = round(PERIOD / CYCLE)
 _DRAIN: Final = round(DRAIN / CYCLE)
+
+
+Watcher: TypeAlias = tuple[Callable[[Image, float], object], Callable[[], bool]]
+"""What is shown an image and when it was taken, s; and whether it wants to be."""
 
 
 class Fleet:
@@ -60,7 +64,6 @@ class Fleet:
 
     Attributes:
         simulator: What flies; the truth is there.
-        frame_listeners: Called with every `Frames` that is not empty.
         vehicles: The firmware of each row.
 
     Raises:
@@ -83,9 +86,13 @@ class Fleet:
         delay: float = 0.0,
     ) -> None:
         self.simulator = Simulator(
-            scene, noise=noise, battery=battery, endurance=endurance, camera=camera
+            scene,
+            noise=noise,
+            battery=battery,
+            endurance=endurance,
+            camera=camera,
+            wanted=self.watched,
         )
-        self.frame_listeners: list[Callable[[Frames], None]] = []
         self.vehicles = tuple(
             Vehicle(
                 Craft(self.simulator, row),
@@ -101,7 +108,8 @@ class Fleet:
         self.busy = 0.0
         """Seconds that were spent in other things than waiting for packets or for time."""
         self._speed, self._delay = speed, round(delay / CYCLE)
-        self._sees = camera is not None and any(agent.camera for agent in scene.agents)
+        self._watchers: dict[int, list[Watcher]] = {}
+        self._saw = False
         self._cycle = 0
         self._info = np.zeros(len(scene.agents), np.int64)
         self._lock = threading.RLock()
@@ -139,6 +147,20 @@ class Fleet:
         """Have `send` called with every packet that a vehicle streams, beside its UDP client."""
         self._streams[row].append(send)
 
+    def watch(
+        self, row: int, show: Callable[[Image, float], object], wanted: Callable[[], bool]
+    ) -> None:
+        """Have `show` called with every image of a vehicle's camera, and when it was taken, s.
+
+        Where nobody wants images, as `wanted` says, none are made.
+        """
+        with self._lock:
+            self._watchers.setdefault(row, []).append((show, wanted))
+
+    def watched(self, row: int) -> bool:
+        """Whether anybody wants the images of a vehicle's camera."""
+        return any(wanted() for _, wanted in self._watchers.get(row, ()))
+
     def advance(self) -> None:
         """Go on by one cycle of 10 ms."""
         with self._lock:
@@ -158,15 +180,19 @@ class Fleet:
                 VARIABLES,
             )
             streamed = [vehicle.advance(readings, now) for vehicle in self.vehicles]
+            saw, self._saw = self._saw, any(map(self.watched, self._watchers))
             frames = Frames.none()
-            if self._sees or self._cycle % _DRAIN == 0:
-                frames = self.simulator.receive().frames  # in time: who gets them knows no other
+            if self._saw or self._cycle % _DRAIN == 0:
+                heard = self.simulator.receive().frames
+                frames = heard if saw else frames  # in time: who gets them knows no other
         for row, packets in enumerate(streamed):
             self._stream(row, packets)
         self._send_late()
-        if len(frames.agent):
-            for listener in self.frame_listeners:
-                listener(frames)
+        for row, taken, image in zip(
+            frames.agent.tolist(), frames.taken.tolist(), frames.image, strict=True
+        ):
+            for show, _ in self._watchers.get(row, ()):
+                show(image, taken)
 
     def serve(self, until: float | None = None) -> None:
         """Answer packets and let time pass, until `until`, s of simulated time, or `stop`."""

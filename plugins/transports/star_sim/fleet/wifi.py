@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
-from star_core import Frames, Scene
+from star_core import Scene
 from star_sim.fleet.aideck.crtp import CrtpOverTcp
 from star_sim.fleet.aideck.server import AideckServer
 from star_sim.fleet.aideck.switchboard import Switchboard
@@ -42,7 +42,7 @@ class Wifi:
     ) -> None:
         self.links: dict[int, str] = {}
         self.cameras: dict[int, str] = {}
-        self._decks: dict[int, AideckServer] = {}
+        decks: dict[int, AideckServer] = {}
         with ExitStack() as opened:
             board = Switchboard()
             opened.callback(board.close)
@@ -50,25 +50,19 @@ class Wifi:
                 if links is not None:
                     self.links[row] = _link(fleet, row, host, links and links + row, board, opened)
                 if cameras is not None and agent.camera is not None:
-                    port = cameras and cameras + len(self._decks)
+                    port = cameras and cameras + len(decks)
                     shape = agent.camera.height, agent.camera.width
                     deck = AideckServer(host, port, shape=shape, jpeg=jpeg, switchboard=board)
                     opened.callback(deck.close)
-                    self._decks[row] = deck
+                    decks[row] = deck
                     self.cameras[row] = _shown(deck.address)
-            fleet.frame_listeners.append(self._publish)
             self._opened = opened.pop_all()
+        for row, deck in decks.items():
+            _stream(fleet, row, deck)
 
     def close(self) -> None:
         """Hang up and give the ports back."""
         self._opened.close()
-
-    def _publish(self, frames: Frames) -> None:
-        for row, taken, image in zip(
-            frames.agent.tolist(), frames.taken.tolist(), frames.image, strict=True
-        ):
-            if row in self._decks:
-                self._decks[row].publish(image, taken)
 
 
 def _link(
@@ -79,6 +73,11 @@ def _link(
     opened.callback(link.close)
     fleet.listen(row, lambda packet: link.push(packet) if link.connected else None)
     return f"tcp://{_shown(link.address)}"
+
+
+def _stream(fleet: Fleet, row: int, deck: AideckServer) -> None:
+    """Stream what a camera sees; while nobody is there, it sees nothing."""
+    fleet.watch(row, deck.publish, lambda: deck.connected)
 
 
 def _shown(address: tuple[str, int]) -> str:

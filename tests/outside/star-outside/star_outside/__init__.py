@@ -1,4 +1,7 @@
-"""A third party's plugin: the avoider `gentle`, the verb `nod` and the command `star greet`."""
+"""A third party's plugin: the avoider `gentle`, the verb `nod` and the command `star greet`.
+
+Beside it stands `orbit`, a planner for the verb `external`, which has an entry point of its own.
+"""
 
 from __future__ import annotations
 

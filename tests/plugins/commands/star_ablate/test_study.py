@@ -150,6 +150,24 @@ def test_a_change_of_the_mission_or_its_world_changes_the_key(
     assert before.key != after.key
 
 
+def test_a_level_may_be_another_camera_s_file_and_a_change_of_it_changes_the_key(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    path = study(
+        HOP + "seeds: 1\n"
+        "factors: {lens: {a: {cameras.own.file: a.yaml}, b: {cameras.own.file: b.yaml}}}\n"
+    )
+    folder = path.parents[1]
+    for name, width in (("a", 320), ("b", 322)):
+        (folder / f"{name}.yaml").write_text(f"star: 1\nname: {name}\nwidth: {width}\n")
+    one, two = read(path, registry).conditions
+    assert [c.mission.document.data["cameras"]["own"]["width"] for c in (one, two)] == [320, 322]
+    before = [run.key for run in read(path, registry).runs()]
+    (folder / "b.yaml").write_text("star: 1\nname: b\nwidth: 324\n")
+    after = [run.key for run in read(path, registry).runs()]
+    assert (before[0] == after[0], before[1] == after[1]) == (True, False)
+
+
 def test_another_version_of_a_plugin_changes_the_key(
     study: Callable[[str], Path], wrecker: Path
 ) -> None:

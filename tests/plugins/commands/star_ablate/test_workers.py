@@ -84,7 +84,7 @@ def test_an_error_of_our_own_fails_its_run_and_is_logged(
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("star_ablate.flight.fly", broken)
+    monkeypatch.setattr("star_core.fly", broken)
     result = flown(Task(hop("")), Registry())
     assert (result.outcome, result.summary) == ("failed", None)
     assert result.reason == "ZeroDivisionError: division by zero"

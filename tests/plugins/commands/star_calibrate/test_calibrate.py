@@ -17,9 +17,9 @@ from star_calibrate.board import Board
 from star_calibrate.command import main
 from star_calibrate.deviation import deviations
 from star_calibrate.lens import Lens, solve
-from star_calibrate.report import as_text
+from star_calibrate.report import as_lines, as_text
 from star_calibrate.views import View, Views, look
-from star_core import Camera, InputError, Registry, cli, load
+from star_core import Camera, InputError, Registry, cli, fly, load
 
 pytestmark = pytest.mark.xdist_group("calibrate")  # its pictures are drawn once
 
@@ -137,23 +137,83 @@ def test_one_picture_from_straight_ahead_leaves_the_deviations_infinite(studio: 
 # The command
 
 
-def test_the_file_is_a_camera_that_a_mission_can_have(
-    shots: list[str], lens: Lens, missions: Path, tmp_path: Path
+def test_a_mission_that_names_the_file_is_flown_with_the_lens_that_was_found(
+    shots: list[str],
+    lens: Lens,
+    missions: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    out = tmp_path / "camera.yaml"
-    assert main(["camera", *shots, "-o", str(out), "--name", "deck"]) == 0
+    monkeypatch.chdir(tmp_path)
+    assert main(["camera", *shots, "-o", "cameras/deck.yaml"]) == 0
+    first, second = capsys.readouterr().out.splitlines()[-2:]
+    assert second == "  swarm: {cf1: {camera: deck, ...}}"
     mission = (missions / "three_eyes.yaml").read_text(encoding="utf-8")
-    shutil.copytree(missions / "worlds", tmp_path / "worlds")
-    path = tmp_path / "eyes.yaml"
-    path.write_text(
-        mission.replace("camera: aideck", "camera: deck") + out.read_text(encoding="utf-8"),
-        encoding="utf-8",
-    )
-    camera = load(path, Registry()).scene.agents[0].camera
-    assert camera is not None
-    assert (camera.width, camera.height) == (324, 244)
-    assert camera.matrix == pytest.approx(lens.matrix, abs=0.006)
-    assert camera.distortion == pytest.approx(lens.distortion, abs=6e-6)
+    shutil.copytree(missions / "worlds", "worlds")
+    whole = f"{first.strip()}\n{mission.replace('camera: aideck', 'camera: deck')}"
+    Path("eyes.yaml").write_text(whole.partition("  - follow")[0] + "  - land: {}\n", "utf-8")
+    assert cli.main(["check", "eyes.yaml"]) == 0
+    flown = load("eyes.yaml", Registry())
+    for agent in flown.scene.agents:
+        camera = agent.camera
+        assert camera is not None
+        assert (camera.width, camera.height) == (324, 244)
+        assert camera.matrix == pytest.approx(lens.matrix, abs=0.006)
+        assert camera.distortion == pytest.approx(lens.distortion, abs=6e-6)
+    assert fly(flown, Registry())["outcome"] == "completed"
+
+
+def test_the_file_says_what_it_is_and_how_good(
+    shots: list[str], lens: Lens, tmp_path: Path
+) -> None:
+    out = tmp_path / "deck.yaml"
+    main(["camera", *shots, "-o", str(out)])
+    text = out.read_text(encoding="utf-8")
+    used = len(lens.used)
+    assert text.startswith(f"# A camera, calibrated by {used} pictures of a chessboard: ")
+    assert f" {lens.error:.3f} px RMS.\n" in text
+    assert list(YAML(typ="safe").load(text)) == [
+        *("star", "name", "width", "height", "matrix", "distortion")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [
+        (["-o", "deck.yaml"], "deck"),
+        (["-o", "deck.yaml", "--name", "mine"], "mine"),
+        (["-o", "2.yaml"], "calibrated"),
+    ],
+)
+def test_a_camera_is_called_as_its_file_unless_a_name_is_given(
+    flags: list[str],
+    name: str,
+    shots: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    main(["camera", *shots, *flags])
+    assert YAML(typ="safe").load(Path(flags[1]))["name"] == name
+
+
+@pytest.mark.parametrize(
+    ("out", "folder", "file"),
+    [
+        ("mine.yaml", ".", "mine.yaml"),
+        ("cameras/mine.yaml", ".", "cameras/mine.yaml"),
+        ("missions/cameras/mine.yaml", "missions", "cameras/mine.yaml"),
+        ("../mine.yaml", "..", "mine.yaml"),
+        ("/lab/cameras/mine.yaml", "/lab", "cameras/mine.yaml"),
+    ],
+)
+def test_the_lines_for_a_mission_name_the_file_from_its_folder(
+    out: str, folder: str, file: str
+) -> None:
+    said = as_lines("mine", Path(out)).splitlines()
+    assert said[0] == f"two lines of a mission in {folder!r} that has it:"
+    assert said[1] == f"  cameras: {{mine: {{file: {file}}}}}"
 
 
 def test_the_report_names_every_picture_and_its_error(
@@ -173,7 +233,7 @@ def test_without_a_file_the_camera_alone_is_printed(
 ) -> None:
     assert main(["camera", *shots]) == 0
     printed = capsys.readouterr()
-    assert list(YAML(typ="safe").load(printed.out)["cameras"]) == ["calibrated"]
+    assert YAML(typ="safe").load(printed.out)["name"] == "calibrated"
     assert "RMS" in printed.err
 
 
@@ -270,6 +330,5 @@ def test_what_is_no_name_is_refused(name: str) -> None:
 
 
 def test_a_file_that_cannot_be_written_is_named(shots: list[str], tmp_path: Path) -> None:
-    out = tmp_path / "nowhere" / "camera.yaml"
-    said = refused([*shots, "-o", str(out)])
-    assert said == f"--out {out}: cannot be written: No such file or directory"
+    said = refused([*shots, "-o", str(tmp_path)])
+    assert said == f"--out {tmp_path}: cannot be written: Is a directory"

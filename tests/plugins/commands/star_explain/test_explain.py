@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import InputError, Offer, Registry, Step, fly, hookimpl, load, schema
+from star_core import InputError, Offer, Registry, Status, Step, fly, hookimpl, load, schema
 from star_core.cli import main as star
 from star_core.conditions import KINDS, longest
 from star_core.rules import DEFAULTS
@@ -185,6 +185,35 @@ def test_a_program_from_outside_is_not_waited_for_and_its_port_stays_shut(
     assert (first.takes, first.limit, second.limit) == (None, 60.0, 7.0)
     assert isinstance(first, Told)
     assert first.fault == ""
+
+
+class Alone:
+    """Offers a verb that waits for somebody outside, or is alone and done at once."""
+
+    @hookimpl
+    def star_tasks(self) -> Iterator[Offer[Any]]:
+        yield Offer(
+            name="ring",
+            summary="Ring.",
+            make=lambda _scene, _rows, **_options: self,
+            options={
+                "type": "object",
+                "outside": {"holds": [], "unless": "alone", "timeout": 9},
+                "properties": {"alone": {"type": "boolean"}},
+            },
+        )
+
+    def begin(self, _estimate: object, _health: object) -> float:
+        return 5.0
+
+    def step(self, _estimate: object, _health: object) -> Step:
+        return Step(status=Status.SUCCESS)
+
+
+def test_a_step_that_takes_hold_of_nothing_outside_is_rehearsed(write: Write) -> None:
+    waiting, alone = told(write("  - ring: {}\n  - ring: {alone: true}\n"), Alone()).parts
+    assert (waiting.takes, waiting.limit) == (None, 9.0)
+    assert (alone.takes, alone.limit) == (0.0, 5.0)
 
 
 def test_a_step_that_would_fail_is_told(explain: Explain) -> None:

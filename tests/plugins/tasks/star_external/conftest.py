@@ -1,18 +1,21 @@
-"""A client of the verb ``external``, and steps of it with a door of their own."""
+"""A client and a planner of the verb ``external``, and steps of it with a door of their own."""
 
 from __future__ import annotations
 
 import json
 import socket
 from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import pytest
 
 from star_core import Scene
 from star_core.testing import scene
+from star_external import choice
+from star_external.conversation import Conversation, Manner
 from star_external.door import Door
-from star_external.external import External, Manner
+from star_external.external import External
 
 SOON = 5.0  # s, by which what was sent over the loopback has arrived
 
@@ -71,6 +74,30 @@ def external(door: Door, room: Scene) -> Callable[..., External]:
     """Make the task of the first two of three agents, with these options."""
 
     def made(**options: Any) -> External:
-        return External(room, (0, 1), door, Manner(**options))
+        return External(room, (0, 1), Conversation(room, door, Manner(**options)))
 
     return made
+
+
+class Installed(EntryPoint):
+    """An entry point of what is at hand: ``theirs = their_package:Planner``."""
+
+    def __init__(self, make: Callable[..., object], name: str = "theirs") -> None:
+        super().__init__(name, "their_package:Planner", choice.GROUP)
+        vars(self)["make"] = make
+
+    def load(self) -> Any:
+        return vars(self)["make"]
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Have these entry points installed, and no others; or a planner, as what makes it."""
+
+    def installed(*given: EntryPoint | Callable[..., object]) -> None:
+        points = [one if isinstance(one, EntryPoint) else Installed(one) for one in given]
+        monkeypatch.setattr(choice, "entry_points", lambda **_group: points)
+        choice._installed.cache_clear()
+
+    yield installed
+    choice._installed.cache_clear()

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from star_core import Estimate, Goals, Scene, Status, Step
 from star_core.testing import estimate, health
+from star_external.conversation import LINES, Conversation, Manner
 from star_external.door import Door
-from star_external.external import LINES, External, Manner
+from star_external.external import External
 
 AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
 SOMEWHERE = {"goals": {"cf1": {"position": [0.5, 0.5, 1.0]}}}
@@ -30,6 +31,11 @@ def at(time: float) -> Estimate:
     return estimate(AIR, time=time)
 
 
+def door_of(task: External) -> Door:
+    assert isinstance(task._source, Conversation)
+    return task._source.door
+
+
 def begun(task: External) -> External:
     assert task.begin(at(0.0), health(3)) == 60.0
     return task
@@ -42,7 +48,7 @@ def step(task: External, time: float = 0.0) -> Step:
 def flying(task: External, client: Any, *said: Any, time: float = 0.0) -> Step:
     """Send what is to be said, and step until it is heard."""
     client.send(*said)
-    door, until = task._door, monotonic() + SOON
+    door, until = door_of(task), monotonic() + SOON
     while door._client is None or b"\n" not in door._unheard:
         door.hear(0, 0.01)
         assert monotonic() < until
@@ -164,14 +170,14 @@ def test_whatever_is_said_the_step_goes_on_and_every_wrong_line_is_answered(
     lines = [line.replace(b"\n", b"?") for line in noise]
     wrong = [i for i, line in enumerate(lines, start=1) if line.strip()]
     task, client = begun(external(lockstep=False)), connect()
-    task._door.hang_up()
-    task._door.holder = None
-    assert task._door.meet(SOON)
+    door_of(task).hang_up()
+    door_of(task).holder = None
+    assert door_of(task).meet(SOON)
     client.send(*(line + b"\n" for line in lines), SOMEWHERE)
     until = monotonic() + SOON
     while step(task).goals is None:
         assert monotonic() < until
-    task._door.hang_up()
+    door_of(task).hang_up()
     told = iter(client.hear, None)
     assert [line["line"] for line in told if "error" in line] == wrong
 
@@ -183,7 +189,7 @@ def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -
     client.hear()
     client.send(70000 * b"x" + b"\n")
     for tick in range(1, 10):
-        task._door.hear(0, 0.05)
+        door_of(task).hear(0, 0.05)
         step(task, tick * 0.05)
     said = [client.hear() for _ in range(9)]
     assert {"error": "the line is longer than 65536 bytes", "line": 1} in said
@@ -193,8 +199,8 @@ def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> 
     client, task = connect(), begun(external(lockstep=False))
     lines = [{"goals": {"cf1": {"position": [i / 100, 0, 1]}}} for i in range(2 * LINES)]
     client.send(*lines)
-    task._door.meet(SOON)
-    task._door.hear(0, 0.2)
+    door_of(task).meet(SOON)
+    door_of(task).hear(0, 0.2)
     assert goals(step(task)).position[0, 0] == (LINES - 1) / 100
     assert goals(step(task)).position[0, 0] == (2 * LINES - 1) / 100
 
@@ -237,7 +243,7 @@ def test_a_client_that_comes_back_is_greeted_and_flies_on(external: Make, connec
     client, task = connect(), begun(external(lockstep=False, silence=1.0))
     flying(task, client, ALIVE)
     client.close()
-    while task._door.connected:
+    while door_of(task).connected:
         step(task, 0.05)
     client = connect()
     given = flying(task, client, SOMEWHERE, time=0.5)
@@ -247,9 +253,10 @@ def test_a_client_that_comes_back_is_greeted_and_flies_on(external: Make, connec
 
 def test_nobody_who_connects_fails_the_step(external: Make) -> None:
     task = begun(external(lockstep=False, patience=3.0))
+    step(task)
     assert step(task, 2.95).status is Status.RUNNING
     ended = step(task, 3.0)
-    host, port = task.address
+    host, port = door_of(task).address
     assert ended.reason == f"nobody connected to {host}:{port} within 3 s"
 
 
@@ -299,7 +306,8 @@ def test_in_lock_step_an_answer_that_is_late_is_not_waited_for_twice(
 def test_on_hardware_nothing_waits(door: Door, room: Scene, connect: Connect) -> None:
     connect()
     door.meet(SOON)
-    task = begun(External(replace(room, realtime=True), (0,), door, Manner(patience=1000.0)))
+    hardware = replace(room, realtime=True)
+    task = begun(External(hardware, (0,), Conversation(hardware, door, Manner(patience=1000.0))))
     assert step(task) == Step()
 
 
@@ -352,7 +360,7 @@ def test_two_steps_at_once_cannot_have_one_port(external: Make, connect: Connect
     step(other)
     step(one, 0.05)
     ended = step(other, 0.05)
-    host, port = one.address
+    host, port = door_of(one).address
     assert ended.status is Status.FAILURE
     assert ended.reason == (
         f"another step that runs now listens on {host}:{port}; give each its own 'port'"

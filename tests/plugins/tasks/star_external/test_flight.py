@@ -9,13 +9,16 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 import pytest
 
+from star_core import Estimate, Scene
 from star_core.cli import run
+from star_external.planner import Answer, Done, Goal
 
 FLIGHT = """\
 star: 1
@@ -32,6 +35,19 @@ mission:
   - external: {port: PORT}
   - external: {port: PORT, until: {elapsed: 0.5}}
   - repeat: {times: 2, steps: [external: {port: PORT, agents: cf1, until: {elapsed: 0.5}}]}
+"""
+PLANNED = """\
+star: 1
+name: planned
+world: room.yaml
+swarm: {cf1: {start: [0, 0, 0]}, cf2: {start: [1, 0, 0]}}
+transport: sim
+localizer: flow
+planner: straight
+avoider: none
+mission:
+  - takeoff: {height: 0.5}
+  - external: {planner: theirs}
 """
 ROOM = "star: 1\nname: room\nfence: {low: [-9, -9, 0], high: [9, 9, 3]}\n"
 STEPS = 4
@@ -135,3 +151,62 @@ def test_a_port_that_is_taken_is_told_before_anybody_takes_off(
         arguments = [f"--set=mission.1.external.port={port}", "--no-record"]
         assert run([str(missions / "external.yaml"), *arguments]) == 2
     assert f"cannot listen on 127.0.0.1:{port}: " in capsys.readouterr().err
+
+
+class Rising:
+    """A planner that leads the agents to 1 m, and is done when they are there."""
+
+    def __init__(self, scene: Scene, rows: tuple[int, ...]) -> None:
+        self._names = scene.names
+
+    def plan(self, estimate: Estimate, _health: object, rows: tuple[int, ...]) -> Answer:
+        if (estimate.position[list(rows), 2] > 0.95).all():
+            return self.arrive()
+        places = estimate.position.tolist()
+        return {self._names[row]: Goal((*places[row][:2], 1.0)) for row in rows}
+
+    def arrive(self) -> Answer:
+        return Done()
+
+
+class Breaking(Rising):
+    """One that breaks when they are there."""
+
+    def arrive(self) -> Answer:
+        raise KeyError("altitude")
+
+
+def planned(folder: Path) -> tuple[int, dict[str, Any]]:
+    (folder / "room.yaml").write_text(ROOM)
+    (folder / "planned.yaml").write_text(PLANNED)
+    status = run([str(folder / "planned.yaml"), "--json", "--out", str(folder / "out")])
+    summary: dict[str, Any] = json.loads((folder / "out" / "summary.json").read_text())
+    return status, summary
+
+
+def test_a_planner_in_this_process_leads_the_agents(
+    install: Callable[..., None], tmp_path: Path
+) -> None:
+    install(Rising)
+    status, summary = planned(tmp_path)
+    assert status == 0
+    assert [step["outcome"] for step in summary["steps"]] == ["success", "success"]
+    with np.load(tmp_path / "out" / "trajectory.npz") as record:
+        assert record["truth_position"][:, :, 2].max() > 0.9
+
+
+def test_everybody_lands_when_a_planner_breaks_and_it_is_named(
+    install: Callable[..., None], tmp_path: Path
+) -> None:
+    install(Breaking)
+    status, summary = planned(tmp_path)
+    assert status == 1
+    assert summary["reason"].startswith("task 'external' (star-swarm ")
+    assert (
+        "external planner 'theirs' (their_package:Planner): KeyError: 'altitude' ("
+        in summary["reason"]
+    )
+    with np.load(tmp_path / "out" / "trajectory.npz") as record:
+        height = record["truth_position"][:, :, 2]
+    assert height.max() > 0.9
+    assert height[-1].max() < 0.05

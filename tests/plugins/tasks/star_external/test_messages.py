@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from star_core import InputError, Obstacle
 from star_core.testing import scene
-from star_external.messages import Done, Failed, Goal, read
+from star_external.messages import read
+from star_external.planner import Done, Failed, Goal
 
 ROOM = scene(2)
 PILLAR = Obstacle("pillar", (((4.0, 4.0), (5.0, 4.0), (5.0, 5.0), (4.0, 5.0)),), (0.0, 3.0))

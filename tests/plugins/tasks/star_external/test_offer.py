@@ -6,6 +6,8 @@ import inspect
 import logging
 import subprocess
 import sys
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import pytest
@@ -13,11 +15,14 @@ from jsonschema import Draft202012Validator
 
 import star_external
 from star_core import Offer, Task
+from star_core.options import held
 from star_core.testing import scene
 from star_external.checks import check
-from star_external.external import Manner
+from star_external.choice import GROUP
+from star_external.conversation import Manner
 
 ROOM = scene(2)
+ORBIT = EntryPoint("orbit", "their_package:Orbit", GROUP)
 
 
 @pytest.fixture
@@ -49,7 +54,7 @@ def test_defaults_are_those_of_the_schema(offer: Offer[Task]) -> None:
 
 def test_what_is_made_is_a_task_and_listens_on_the_loopback_only(offer: Offer[Task]) -> None:
     task: Any = offer.make(ROOM, (0,), port=0)
-    address, fits = task.address, isinstance(task, Task)
+    address, fits = task._source.door.address, isinstance(task, Task)
     task.close()
     assert fits
     assert address[0] == "127.0.0.1"
@@ -58,7 +63,7 @@ def test_what_is_made_is_a_task_and_listens_on_the_loopback_only(offer: Offer[Ta
 def test_steps_of_one_flight_share_a_port(offer: Offer[Task]) -> None:
     one: Any = offer.make(ROOM, (0,), port=0)
     other: Any = offer.make(ROOM, (1,), port=0)
-    assert one.address == other.address
+    assert one._source.door.address == other._source.door.address
     one.close()
     other.close()
 
@@ -67,7 +72,7 @@ def test_a_port_can_be_opened_again_for_the_next_flight(offer: Offer[Task]) -> N
     one: Any = offer.make(ROOM, (0,), port=0)
     one.close()
     other: Any = offer.make(ROOM, (0,), port=0)
-    assert other.address
+    assert other._source.door.address
     other.close()
 
 
@@ -77,7 +82,7 @@ def test_a_port_that_was_chosen_is_told(
     with caplog.at_level(logging.WARNING):
         task: Any = offer.make(ROOM, (0,), port=0)
     task.close()
-    assert caplog.messages == [f"external: listens on 127.0.0.1:{task.address[1]}"]
+    assert caplog.messages == [f"external: listens on 127.0.0.1:{task._source.door.address[1]}"]
 
 
 def test_that_others_can_steer_is_told(
@@ -107,6 +112,74 @@ def test_options_that_are_well_have_no_problem() -> None:
     assert told(listen="0.0.0.0", silence=1, rate=2, port=0) == []  # noqa: S104 -- an option
 
 
+def test_planners_that_are_installed_are_offered(install: Callable[..., None]) -> None:
+    install(EntryPoint("spiral", "another:Spiral", GROUP), ORBIT)
+    (made,) = star_external.star_tasks()
+    assert made.options["properties"]["planner"]["enum"] == ["orbit", "spiral"]
+
+
+def test_without_planners_the_schema_is_one_and_the_check_says_so(
+    install: Callable[..., None],
+) -> None:
+    install()
+    (made,) = star_external.star_tasks()
+    Draft202012Validator.check_schema(made.options)
+    assert told(planner="orbit") == [
+        (
+            ("planner",),
+            "no external planner named 'orbit'; installed: none, which would be an entry point "
+            "of 'star.external_planners'",
+        )
+    ]
+
+
+def test_two_planners_of_one_name_are_told(install: Callable[..., None]) -> None:
+    install(ORBIT, EntryPoint("orbit", "another:Orbit", GROUP))
+    assert told(planner="orbit") == [
+        (
+            ("planner",),
+            "two external planners are named 'orbit': another:Orbit and their_package:Orbit; "
+            "uninstall one",
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("port", 5800),
+        ("listen", "127.0.0.1"),
+        ("silence", 1),
+        ("then", "fail"),
+        ("patience", 5),
+        ("lockstep", False),
+    ],
+)
+def test_what_is_for_another_process_is_refused_beside_a_planner(
+    install: Callable[..., None], option: str, value: object
+) -> None:
+    install(ORBIT)
+    assert told(planner="orbit", **{option: value}) == [
+        (
+            (option,),
+            "planner 'orbit' runs in this process and answers whenever it is asked; "
+            f"{option!r} is for another process: leave out one of the two",
+        )
+    ]
+
+
+def test_a_planner_may_be_asked_as_seldom_as_one_likes(install: Callable[..., None]) -> None:
+    install(ORBIT)
+    assert told(planner="orbit", rate=0.1) == []
+
+
+def test_a_step_with_a_planner_holds_no_port(install: Callable[..., None]) -> None:
+    install(ORBIT)
+    (made,) = star_external.star_tasks()
+    assert held(made, {}) == (("listen", "127.0.0.1"), ("port", 5799))
+    assert held(made, {"planner": "orbit"}) == ()
+
+
 def test_announcing_and_checking_it_imports_no_numpy() -> None:
     code = (
         "import sys, star_external\n"
@@ -114,6 +187,6 @@ def test_announcing_and_checking_it_imports_no_numpy() -> None:
         "(offer,) = star_external.star_tasks()\n"
         "scene = Scene((Agent('a', (0, 0, 0)),), 0.05, World('r', Fence((-5, -5, 0), (5, 5, 3))))\n"
         "assert not list(offer.check(scene, (0,), rate=10, listen='127.0.0.1'))\n"
-        "assert not {'numpy', 'socket'} & set(sys.modules)\n"
+        "assert not {'numpy', 'star_external.door'} & set(sys.modules)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from star_core import Agent, Camera, Fence, Frames, Scene, World
+from star_core import Agent, Camera, Fence, Image, Scene, World
 from star_radio.camera.client import CameraClient
 from star_sim.camera_options import CameraOptions
 from star_sim.fleet.aideck.crtp import CrtpOverTcp
@@ -33,27 +33,25 @@ def fleet() -> Iterator[Fleet]:
 
 
 def test_what_a_simulated_camera_sees_arrives(fleet: Fleet, until: Until) -> None:
-    seen: list[Frames] = []
-    fleet.frame_listeners.append(seen.append)
+    published: list[Image] = []
+    fleet.watch(0, lambda image, _taken: published.append(image), lambda: True)
     wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0)
     host, port = wifi.cameras[0].split(":")
     with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
         assert until(lambda: client.counts.images >= 2, within=30.0)
         shots = client.arrived()
-    published = [image for frames in list(seen) for image in frames.image]
-    assert any((shots[0].image == image).all() for image in published)
+    assert any((shots[0].image == image).all() for image in list(published))
 
 
 def test_what_a_simulated_camera_sees_arrives_compressed(fleet: Fleet, until: Until) -> None:
-    seen: list[Frames] = []
-    fleet.frame_listeners.append(seen.append)
+    published: list[Image] = []
+    fleet.watch(0, lambda image, _taken: published.append(image), lambda: True)
     wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0, jpeg=True)
     host, port = wifi.cameras[0].split(":")
     with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
         assert until(lambda: client.counts.images >= 2, within=30.0)
         shots = client.arrived()
-    published = [image for frames in list(seen) for image in frames.image]
-    off = [np.abs(shots[0].image.astype(int) - image).mean() for image in published]
+    off = [np.abs(shots[0].image.astype(int) - image).mean() for image in list(published)]
     assert 0 < min(off) < 5  # grey values: JPEG keeps them nearly
 
 

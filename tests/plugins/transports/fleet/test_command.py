@@ -8,13 +8,14 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
 
 from star_core import InputError, Supervisor
-from star_sim.fleet.command import run
+from star_sim.fleet.aideck.server import PORT
+from star_sim.fleet.command import CAMERAS, run
 from star_sim.fleet.packet import Port, join
 
 MISSIONS = Path(__file__).parents[4] / "missions"
@@ -22,11 +23,15 @@ FIRST = str(MISSIONS / "first_flight.yaml")
 EYES = str(MISSIONS / "three_eyes.yaml")
 
 
-def free() -> int:
-    """A port that nobody has, to be served at."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port: int = taken.getsockname()[1]
-    return port
+def free(count: int = 1) -> int:
+    """A port that nobody has, to be served at, nor those after it of so many."""
+    while True:
+        with ExitStack() as taken, suppress(OSError, OverflowError):
+            first = taken.enter_context(socket.create_server(("127.0.0.1", 0)))
+            port: int = first.getsockname()[1]
+            for more in range(1, count):
+                taken.enter_context(socket.create_server(("127.0.0.1", port + more)))
+            return port
 
 
 def called(port: int) -> socket.socket:
@@ -60,15 +65,65 @@ def test_a_port_that_is_taken_is_named() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        with pytest.raises(
-            InputError, match=rf"agent 'cf1': port {port} of '127.0.0.1' cannot be had"
-        ):
+        wanted = rf"^--port {port}: agent 'cf1': port {port} of '127.0.0.1' cannot be had: "
+        with pytest.raises(InputError, match=wanted):
             run([FIRST, "--port", str(port), "--duration", "0.1"])
+
+
+@pytest.mark.parametrize(("flag", "instead"), [("--tcp", ""), ("--cameras", ", or --no-cameras")])
+def test_a_port_of_tcp_that_is_taken_is_named_with_its_flag(flag: str, instead: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError) as caught:
+            run([EYES, "--port", "0", "--cameras", "0", flag, str(port), "--duration", "0.1"])
+    assert caught.value.problems == (
+        f"{flag} {port}: cannot listen on 127.0.0.1:{port}: Address already in use"
+        f"; name another port by {flag} N{instead}",
+    )
 
 
 def test_ports_end() -> None:
     with pytest.raises(InputError, match="--port 65534: no 3 ports from there, 65535 is the last"):
         run([FIRST, "--port", "65534"])
+
+
+def test_as_many_ports_are_needed_as_there_are_cameras(hop: Path) -> None:
+    seeing = (hop / "hop.yaml").read_text().replace("0, 0]}", "0, 0], camera: aideck}", 1)
+    (hop / "seeing.yaml").write_text(seeing)
+    flags = ["--port", "0", "--cameras", "65535"]
+    assert run([str(hop / "seeing.yaml"), *flags, "--duration", "0.01"]) == 0
+    with pytest.raises(InputError, match=r"^--cameras 65535: no 3 ports from there, 65535 is the"):
+        run([EYES, *flags])
+
+
+def test_cameras_are_streamed_from_the_port_of_an_ai_deck_unless_told_otherwise(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert CAMERAS == PORT == 5000
+    first = free(3)
+    monkeypatch.setattr("star_sim.fleet.command.CAMERAS", first)
+    assert run([EYES, "--port", "0", "--duration", "0.01"]) == 0
+    told = [line.split(":")[-1] for line in capsys.readouterr().out.splitlines()]
+    assert told == [str(first + row) for row in range(3)]
+
+
+@pytest.mark.parametrize("arguments", [[FIRST], [EYES, "--no-cameras"]])
+def test_no_camera_is_streamed_where_there_is_none_or_none_is_wanted(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*arguments, "--port", "0", "--duration", "0.01"]) == 0
+    assert "camera" not in capsys.readouterr().out
+
+
+def test_the_mission_may_stand_behind_the_flags(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--port", "0", "--cameras", "0", EYES, "--duration", "0.01"]) == 0
+    assert capsys.readouterr().out.count("camera ") == 3
+
+
+def test_cameras_are_not_both_wanted_and_not(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        run([EYES, "--cameras", "0", "--no-cameras"])
+    assert "not allowed with argument --cameras" in capsys.readouterr().err
 
 
 def test_links_and_cameras_are_served_over_tcp_if_wanted(
@@ -89,10 +144,17 @@ def test_cameras_of_a_mission_that_has_none_are_refused() -> None:
     assert caught.value.problems == (f"--cameras 0: no agent of {FIRST} carries a 'camera'",)
 
 
-def test_compression_without_cameras_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        ([EYES, "--no-cameras"], "--no-cameras"),
+        ([FIRST], f"no agent of {FIRST} carries a 'camera'"),
+    ],
+)
+def test_compression_without_cameras_is_refused(arguments: list[str], why: str) -> None:
     with pytest.raises(InputError) as caught:
-        run([EYES, "--port", "0", "--jpeg"])
-    assert caught.value.problems == ("--jpeg: there are no images to compress without --cameras",)
+        run([*arguments, "--port", "0", "--jpeg"])
+    assert caught.value.problems == (f"--jpeg: there are no images to compress: {why}",)
 
 
 @pytest.mark.parametrize(("flags", "form"), [([], 0), (["--jpeg"], 1)])

@@ -8,10 +8,9 @@ import threading
 import time
 from collections.abc import Iterator
 
-import numpy as np
 import pytest
 
-from star_core import Camera, Fence, Frames, PluginError, Scene, Tag, World
+from star_core import Camera, Fence, Image, PluginError, Scene, Tag, World
 from star_core.testing import scene
 from star_sim.camera_options import CameraOptions
 from star_sim.fleet.packet import NULL, Port, join
@@ -123,14 +122,14 @@ def test_images_are_handed_on() -> None:
     world = World("room", Fence((-5, -5, 0), (5, 5, 3)), landmarks=(tag,))
     agents = tuple(type(agent)(agent.name, agent.start, camera=camera) for agent in scene(1).agents)
     fleet = Fleet(Scene(agents, 0.05, world), port=0, camera=CameraOptions())
-    seen: list[Frames] = []
-    fleet.frame_listeners.append(seen.append)
+    seen: list[tuple[Image, float, float]] = []
+    fleet.watch(0, lambda image, taken: seen.append((image, taken, fleet.time)), lambda: True)
     for _ in range(100):
         fleet.advance()
     fleet.close()
     assert len(seen) >= 3
-    assert seen[0].image[0].shape == (camera.height, camera.width)
-    assert np.all(seen[0].arrived > seen[0].taken)
+    assert seen[0][0].shape == (camera.height, camera.width)
+    assert all(now > taken for _, taken, now in seen)
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,16 @@ from __future__ import annotations
 import socket
 import struct
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
-from star_core import Camera, PluginError, Scene
+from star_core import Camera, Image, PluginError, Scene
 from star_core.testing import scene
 from star_sim.camera_options import CameraOptions
+from star_sim.eye.renderer import Renderer
 from star_sim.fleet.packet import Port, join
 from star_sim.fleet.server import Fleet
 from star_sim.fleet.wifi import Wifi
@@ -78,19 +81,74 @@ def test_a_port_that_is_taken_leaves_nothing_open() -> None:
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(PluginError):
-            Wifi(fleet, scene(2), "127.0.0.1", links=port, cameras=None)
-        time.sleep(0.05)
-        assert not fleet.frame_listeners
+            Wifi(fleet, eyes(), "127.0.0.1", links=0, cameras=port)
+        with pytest.raises(PluginError):
+            Wifi(fleet, eyes(), "127.0.0.1", links=port, cameras=0)
+        assert not fleet._watchers
 
 
 def test_an_image_is_sent_in_the_cycle_in_which_it_arrives() -> None:
     fleet = Fleet(eyes(), port=0, camera=CameraOptions(latency=0.1, jitter=0.0))
     late: list[float] = []
-    fleet.frame_listeners.append(
-        lambda frames: late.extend(fleet.time - taken for taken in frames.taken.tolist())
-    )
+    fleet.watch(1, lambda _image, taken: late.append(fleet.time - taken), lambda: True)
     for _ in range(100):
         fleet.advance()
     fleet.close()
     assert len(late) > 4
     assert 0.1 - 1e-9 <= min(late) <= max(late) < 0.11
+
+
+def test_no_image_is_made_while_nobody_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    fleet = Fleet(eyes(), port=0, camera=CameraOptions())
+    made: list[float] = []
+    render = Renderer.render
+
+    def noted(*given: Any) -> Image:
+        made.append(fleet.time)
+        return render(*given)
+
+    monkeypatch.setattr(Renderer, "render", noted)
+    wifi = Wifi(fleet, eyes(), "127.0.0.1", links=None, cameras=0)
+    there = []
+
+    def fly(cycles: int) -> int:
+        before = len(made)
+        for _ in range(cycles):
+            fleet.advance()
+        there.append(fleet.watched(1))
+        return len(made) - before
+
+    assert fly(100) == 0
+    with socket.create_connection(place(wifi.cameras[1]), timeout=10):
+        until(lambda: fleet.watched(1))
+        assert fly(100) >= 9
+    until(lambda: not fleet.watched(1))
+    assert fly(100) == 0
+    assert there == [False, True, False]
+    wifi.close()
+    fleet.close()
+
+
+def test_who_comes_later_gets_no_image_of_before() -> None:
+    fleet = Fleet(eyes(), port=0, camera=CameraOptions(latency=0.1, jitter=0.0))
+    watching = True
+    late: list[float] = []
+    fleet.watch(1, lambda _image, taken: late.append(fleet.time - taken), lambda: watching)
+    while not late:
+        fleet.advance()
+    watching = False  # with an image on its way
+    for _ in range(20):
+        fleet.advance()
+    watching = True
+    for _ in range(60):
+        fleet.advance()
+    fleet.close()
+    assert len(late) > 3
+    assert max(late) < 0.11
+
+
+def until(holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + 10
+    while not holds():
+        assert time.monotonic() < end, "nothing changes"
+        time.sleep(0.005)

@@ -17,7 +17,8 @@ import star_radio
 from star_core import Command, Corrections, Order, PluginError, Setpoint
 from star_radio import orders
 from star_radio.address import RadioAddress
-from star_radio.broadcast import TIMES, Broadcaster, pose
+from star_radio.broadcast import TIMES, Broadcaster
+from star_radio.packed import POSES, pose
 from star_radio.shouts import Shouts
 from star_radio.tables import Entry
 from star_radio.transport import Radio
@@ -156,6 +157,12 @@ def corrections(n: int) -> Corrections:
     return Corrections(np.arange(n), np.ones((n, 3)), turn, np.full(n, 0.05), np.full(n, 0.05))
 
 
+def placed(n: int, away: float = 1.0) -> Corrections:
+    """Corrections of positions only."""
+    at, turn = np.full((n, 3), away), np.zeros((n, 4))
+    return Corrections(np.arange(n), at, turn, np.full(n, 0.05), np.full(n, np.inf))
+
+
 def test_corrections_of_radios_are_broadcast_once(dongles: list[Dongle]) -> None:
     shouts = Shouts(reached(AIR), 1)
     assert tuple(shouts.correct(corrections(3))) == (0, 2)
@@ -168,7 +175,7 @@ def test_two_poses_go_into_one_packet(dongles: list[Dongle]) -> None:
     dongles[1].go.clear()
     radio.order(orders.stop())  # holds up what comes after it
     for last in (1, 2, 3):
-        radio.show(last, pose(last, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]))
+        radio.show(POSES, last, pose(last, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]))
     dongles[1].go.set()
     radio.close()
     first, second = dongles[1].sent[TIMES:]
@@ -178,12 +185,33 @@ def test_two_poses_go_into_one_packet(dongles: list[Dongle]) -> None:
     assert second[1:] == b"\x09\3" + one[1:]
 
 
+def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
+    shouts = Shouts(reached([f"radio://0/80/2M/E7E7E7E7{i:02}" for i in range(1, 7)]), 1)
+    dongles[1].go.clear()
+    shouts.order(dict.fromkeys(range(6), orders.stop()))  # holds up what comes after it
+    assert tuple(shouts.correct(placed(6))) == tuple(range(6))
+    dongles[1].go.set()
+    shouts.close()
+    first, second = dongles[1].sent[TIMES:]
+    assert first[0] & 0xF3 == 6 << 4 | 2
+    each = [struct.pack("<Bhhh", last, 1000, 1000, 1000) for last in range(1, 7)]
+    assert first[1:] == b"".join(each[:4])
+    assert second[1:] == b"".join(each[4:])
+
+
+def test_who_is_too_far_for_millimetres_is_told_over_its_link(dongles: list[Dongle]) -> None:
+    shouts = Shouts(reached(AIR), 1)
+    assert tuple(shouts.correct(placed(3, away=33.0))) == ()
+    shouts.close()
+    assert dongles[1].sent == []
+
+
 def test_a_dongle_that_is_late_sends_the_newest_pose_of_each_drone(dongles: list[Dongle]) -> None:
     radio = Broadcaster(1, AIRED)
     dongles[1].go.clear()
     radio.order(orders.stop())
     for i in range(1000):
-        radio.show(1, pose(1, [i / 1000, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
+        radio.show(POSES, 1, pose(1, [i / 1000, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
     dongles[1].go.set()
     radio.close()
     [sent] = dongles[1].sent[TIMES:]
@@ -313,6 +341,14 @@ def test_deviations_are_told_before_poses_are_broadcast(said: Said) -> None:
     assert log == [
         *[("cf1", "deviation")] * 2, *[("cf2", "deviation")] * 2, *[("all", "pose")] * 2,
     ]  # fmt: skip
+    radio.close()
+
+
+@pytest.mark.usefixtures("dongles")
+def test_of_positions_only_no_deviation_of_attitudes_is_told(said: Said) -> None:
+    radio, log = said()
+    radio.correct(placed(2))
+    assert log == [("cf1", "deviation"), ("cf2", "deviation"), *[("all", "pose")] * 2]
     radio.close()
 
 

@@ -387,6 +387,17 @@ def test_corrections_come_after_the_deviations_they_are_weighed_with(
     assert drone.sent_to(6, 1) == [orders.seen_as((1, 2, 3), (0, 0, 0, 1))[1:]]
 
 
+def test_a_position_alone_is_told_without_an_attitude(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    before = len(drone.got)
+    radio.correct(seen(0.05, math.inf))
+    assert drone.until(lambda: bool(drone.sent_to(6, 0)))
+    assert [packet[0] for packet in drone.got[before:]] == [0x22, 0x60]
+    assert drone.stored["locSrv.extQuatStdDev"] == struct.pack("<f", 4.5e-3)
+    assert drone.sent_to(6, 0) == [orders.seen_at((1, 2, 3))[1:]]
+
+
 def test_deviations_are_told_when_they_change(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])

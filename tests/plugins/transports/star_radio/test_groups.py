@@ -19,6 +19,7 @@ from star_core.testing import scene
 from star_radio import orders
 from star_radio.datagrams import Datagrams
 from star_radio.shouts import Shouts
+from star_radio.steering import Velocities
 from star_radio.tables import Tables
 from star_radio.transport import Radio, Rules
 from star_radio.vehicle import Manner
@@ -180,9 +181,9 @@ def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
         room = reached(uris)
         radio = Radio(
             room,
-            Tables(tmp_path),
-            Manner(period=0.01, patience=0.6),
+            Manner(Tables(tmp_path), period=0.01, patience=0.6),
             Rules(**rules),
+            Velocities(),
             shouts=shouts(aired(len(uris), groups), air),
             datagrams=Datagrams(),
         )

@@ -122,6 +122,27 @@ def test_nothing_arrives_before_its_time() -> None:
     assert len(cameras.arrived(0.601)[1].tag)
 
 
+def test_images_that_nobody_wants_are_not_made_and_those_of_others_come_as_before() -> None:
+    both = room(Camera(), Camera())
+    cameras = Cameras(both, CameraOptions(**EXACT), lambda row: row == 1)
+    while (step := cameras.next_step) <= round(2.0 / STEP):
+        cameras.take(hovering(2), step)
+    some, every = cameras.arrived(2.0)[1], watched(both, 2.0)
+    assert set(some.agent.tolist()) == {1}
+    assert (some.taken == every.taken[every.agent == 1]).all()
+
+
+def test_an_image_that_only_compiles_arrives_nowhere_and_changes_nothing() -> None:
+    one, other = (Cameras(room(Camera()), CameraOptions(jitter=0.0)) for _ in range(2))
+    other.compile(hovering(1))
+    images = []
+    for cameras in (one, other):
+        cameras.take(hovering(1), cameras.next_step)
+        (image,) = cameras.arrived(1.0)[0].image
+        images.append(image)
+    assert (images[0] == images[1]).all()
+
+
 def test_what_arrived_is_handed_out_once() -> None:
     cameras = Cameras(room(Camera()), CameraOptions(**EXACT))
     cameras.take(hovering(1), cameras.next_step)

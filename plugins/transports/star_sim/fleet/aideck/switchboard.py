@@ -74,7 +74,7 @@ class Switchboard:
         try:
             listener = socket.create_server((host, port), backlog=WAITING)
         except OSError as error:
-            reason = error.strerror or error
+            reason = str(error.strerror or error).partition(" (while")[0]  # it is said here
             raise PluginError(f"cannot listen on {host}:{port}: {reason}") from error
         opened = Port(listener, self._selector, heard, self.soon)
         self.soon(partial(self._add, opened))

@@ -1,0 +1,144 @@
+"""Whole states move along with what is to be flown, and stay near the drones."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from cflib.utils.encoding import decompress_quaternion
+
+from star_core import Array, Setpoint
+from star_radio import orders, report
+from star_radio.heading import FASTEST, GAIN
+from star_radio.steering import LEASH, Velocities, WholeStates
+from tests.plugins.transports.star_radio.conftest import Open, Peers
+
+TICK = 0.05  # s
+KIND, VELOCITY = 6, 8  # first bytes of such packets
+
+
+class Clock:
+    """A time that a test sets."""
+
+    def __init__(self) -> None:
+        self.time = 100.0
+
+    def __call__(self) -> float:
+        return self.time
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def setpoint(velocity: Sequence[float], yaw: float = 0.0, *, active: bool = True) -> Setpoint:
+    return Setpoint(np.array([velocity]), np.array([yaw]), np.array([active]))
+
+
+def at(position: Sequence[float], yaw: float = 0.0) -> Array:
+    """What one drone reports."""
+    reported = np.zeros((1, len(report.SOURCES)))
+    reported[0, [report.X, report.Y, report.Z]] = position
+    reported[0, report.YAW] = yaw
+    return reported
+
+
+def told(packet: bytes) -> tuple[list[float], list[float], float, float]:
+    """Position, velocity, heading and yaw rate of a whole state, in m and rad."""
+    kind, *values = struct.unpack("<BhhhhhhhhhIhhh", packet[1:])
+    assert kind == KIND
+    metres = [value / 1000 for value in values[:9]]
+    assert metres[6:] == [0, 0, 0]
+    assert values[10:12] == [0, 0]
+    x, y, z, w = decompress_quaternion(values[9])
+    assert math.hypot(x, y) == 0
+    return metres[:3], metres[3:6], 2 * math.atan2(z, w), values[12] / 1000
+
+
+def test_it_begins_where_the_drone_is_and_looks(clock: Clock) -> None:
+    packets = WholeStates(1, clock).packets(setpoint([0.3, 0, 0], 1.0), at([1, 2, 0.8], 1.0), [12])
+    position, velocity, yaw, rate = told(packets[0])
+    assert position == [1, 2, 0.8]
+    assert velocity == [0.3, 0, 0]
+    assert yaw == pytest.approx(1.0, abs=0.01)
+    assert rate == 0
+
+
+def test_it_moves_at_what_was_to_be_flown(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    for velocity in ([0.3, 0, 0], [0, 0.2, 0.1]):
+        states.packets(setpoint(velocity), at([1, 2, 0.8]), [12])
+        clock.time += TICK
+    position, velocity, *_ = told(states.packets(setpoint([0, 0, 0]), at([1, 2, 0.8]), [12])[0])
+    assert position == pytest.approx([1 + 0.3 * TICK, 2 + 0.2 * TICK, 0.8 + 0.1 * TICK])
+    assert velocity == [0, 0, 0]
+
+
+def test_it_does_not_run_away_from_a_drone_that_cannot_follow(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    for _tick in range(40):
+        packets = states.packets(setpoint([0.6, 0.8, 0]), at([1, 2, 0.8]), [12])
+        clock.time += TICK
+    position, *_ = told(packets[0])
+    assert position == pytest.approx([1 + 0.6 * LEASH, 2 + 0.8 * LEASH, 0.8], abs=1e-3)
+
+
+def test_it_holds_a_place_against_drift(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    for drift in (0.0, 0.05, 0.1):
+        packets = states.packets(setpoint([0, 0, 0]), at([1 + drift, 2, 0.8]), [12])
+        clock.time += TICK
+    assert told(packets[0])[0] == [1, 2, 0.8]
+
+
+def test_it_turns_as_a_velocity_would_have_it(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    states.packets(setpoint([0, 0, 0], 0.2), at([0, 0, 1]), [12])
+    clock.time += TICK
+    _, _, yaw, rate = told(states.packets(setpoint([0, 0, 0], 0.2), at([0, 0, 1]), [12])[0])
+    turned = GAIN * 0.2 * TICK
+    assert yaw == pytest.approx(turned, abs=0.003)  # a packed quaternion's parts are of 1/723
+    assert rate == pytest.approx(GAIN * (0.2 - turned), abs=1e-3)
+    _, _, _, rate = told(states.packets(setpoint([0, 0, 0], 3.0), at([0, 0, 1]), [12])[0])
+    assert rate == FASTEST
+
+
+def test_who_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    states.packets(setpoint([0.3, 0, 0]), at([1, 2, 0.8]), [12])
+    clock.time += TICK
+    assert states.packets(setpoint([0, 0, 0], active=False), at([1, 2, 0.8]), [12]) == {}
+    clock.time += TICK
+    packets = states.packets(setpoint([0.3, 0, 0]), at([1.1, 2, 0.8]), [12])
+    assert told(packets[0])[0] == [1.1, 2, 0.8]
+
+
+@pytest.mark.parametrize("lost", [[math.nan] * 3, [33.0, 0, 0], [1e6, 0, 0]])
+def test_who_is_at_no_place_that_can_be_sent_is_flown_by_velocity(
+    clock: Clock, lost: list[float]
+) -> None:
+    states, wanted = WholeStates(1, clock), setpoint([0.3, 0, 0])
+    states.packets(wanted, at([1, 2, 0.8]), [12])
+    clock.time += TICK
+    packets = states.packets(wanted, at(lost), [12])
+    assert packets == Velocities().packets(wanted, at(lost), [12])
+    assert packets == {0: orders.velocity([0.3, 0, 0], 0.0, 12)}
+    clock.time += TICK
+    assert told(states.packets(wanted, at([1, 2, 0.8]), [12])[0])[0] == [1, 2, 0.8]
+
+
+def test_a_mission_has_drones_flown_so(peers: Peers, make: Open) -> None:
+    [drone] = peers()
+    drone.values |= {"stateEstimateZ.x": 500, "stateEstimateZ.z": 800}
+    radio = make([drone.uri], setpoints="full-state")
+    radio.connect()
+    radio.wait(0.0)
+    radio.receive()
+    radio.send(setpoint([0.1, 0.2, 0.3]))
+    assert drone.until(lambda: bool(drone.sent_to(7, 0)))
+    position, velocity, _, rate = told(b"\x70" + drone.sent_to(7, 0)[0])
+    assert (position, velocity, rate) == ([0.5, 0, 0.8], [0.1, 0.2, 0.3], 0)
