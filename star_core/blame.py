@@ -54,7 +54,7 @@ class Blame:
         if isinstance(error, StarError):
             raise PluginError(f"{self.whom}: {error}") from error
         innermost = traceback.extract_tb(trace)[-1]
+        said = " ".join(f"{type(error).__name__}: {error}".split())  # on one line
         raise PluginError(
-            f"{self.whom}: {type(error).__name__}: {error} "
-            f"({innermost.filename}:{innermost.lineno})"
+            f"{self.whom}: {said} ({innermost.filename}:{innermost.lineno})"
         ) from error

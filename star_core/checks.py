@@ -99,7 +99,7 @@ def _joined_in_each(
 
 
 def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:
-    known = [*data.get("cameras", {}), "aideck"]
+    known = dict.fromkeys([*data.get("cameras", {}), "aideck"])
     for name, given in data["swarm"].items():
         if "camera" in given and given["camera"] not in known:
             yield ("swarm", name, "camera"), _unknown("camera", given["camera"], known)

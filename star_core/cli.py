@@ -87,7 +87,7 @@ def parser() -> argparse.ArgumentParser:
     fly = commands.add_parser("run", help="fly a mission (= star-run)", allow_abbrev=False)
     check = commands.add_parser("check", help="check a mission, and stop", allow_abbrev=False)
     fly.add_argument("mission", help="mission file (YAML)")
-    check.add_argument("mission", help="mission file (YAML), or a file of steps to include")
+    check.add_argument("mission", help="mission file (YAML); or steps, a world, a camera")
     for command in (fly, check):
         command.add_argument(
             "--set",
@@ -139,14 +139,14 @@ def _run(options: argparse.Namespace, answer: TextIO) -> int:
 def _check(options: argparse.Namespace, answer: TextIO) -> int:
     from pathlib import Path
 
-    from star_core.document import override, read
-    from star_core.include import only_steps
+    from star_core.document import kind_of, override, read
     from star_core.mission import load
 
     registry, path, assignments = _registry(), Path(options.mission), _assignments(options)
     document = override(read(path), assignments)
-    if only_steps(document):
-        print(f"{path}: {_check_steps(document, registry)}", file=answer)
+    others = {"steps": _check_steps, "world": _check_world, "camera": _check_camera}
+    if check := others.get(kind_of(document)):
+        print(f"{path}: {check(document, registry)}", file=answer)
         return 0
     mission = load(path, registry, assignments)
     agents = len(mission.scene.agents)
@@ -161,14 +161,46 @@ def _check_steps(document: Document, registry: Registry) -> str:
     Raises:
         InputError: Something is wrong with it, whatever mission includes it.
     """
-    from star_core.include import check_alone
+    from star_core.include import check_alone, lacking
     from star_core.schema import compose_steps
 
     check_alone(document, compose_steps(registry.offers()))
     steps, parameters = len(document.data["mission"]), document.data.get("parameters", {})
     needed = ", ".join(name for name, value in parameters.items() if value is None)
     many = "steps" if steps > 1 else "step"
-    return f"{steps} {many} for missions to include" + f", with a value for {needed}" * bool(needed)
+    values = f", with a value for {needed}" * bool(needed)
+    return f"{steps} {many} for missions to include{values}{lacking(document)}"
+
+
+def _check_world(document: Document, _registry: Registry) -> str:
+    """Return what a world is for.
+
+    Raises:
+        InputError: Something is wrong with it, whatever mission is flown in it.
+    """
+    from star_core import schema
+    from star_core.errors import InputError
+    from star_core.world_file import world
+
+    if found := schema.problems(document, schema.load("world")):
+        raise InputError(found)
+    return f"{world(document).name!r}, a world that can be flown in"
+
+
+def _check_camera(document: Document, _registry: Registry) -> str:
+    """Return what a camera's file is for.
+
+    Raises:
+        InputError: Something is wrong with it, whatever mission has it.
+    """
+    from star_core import schema
+    from star_core.camera import camera_faults
+    from star_core.errors import InputError
+
+    found = schema.problems(document, schema.load("camera"))
+    if found := found or document.told(camera_faults(document.data)):
+        raise InputError(found)
+    return f"{document.data['name']!r}, a camera for missions"
 
 
 def _plugins(options: argparse.Namespace, answer: TextIO) -> int:

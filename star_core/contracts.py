@@ -82,7 +82,8 @@ class Transport(Protocol):
     def close(self) -> None:
         """Release the links. Safe to call twice.
 
-        The core has landed everybody it could; who is still in the air is left to its own time-out.
+        The core has landed everybody it could; who is still in the air is to be told to land, or is
+        left to its own time-outs.
         """
         ...
 

@@ -9,13 +9,20 @@ import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
-from star_core.errors import InputError
+from star_core.errors import InputError, instead
 from star_core.yaml_text import DEEPEST, START, Location, Mark, Place, mark_at, parse
 
 LARGEST = 2**20  # bytes: far more than a mission, and read in seconds
 PARTS = ("transport", "localizer", "planner", "avoider")  # a bare name stands for {use: name}
+Kind: TypeAlias = Literal["mission", "steps", "world", "camera"]
+_OWN: dict[Kind, set[str]] = {  # what only they have
+    "mission": {"world", "swarm", *PARTS},
+    "world": {"fence", "obstacles", "landmarks", "targets"},
+    "camera": {"width", "height", "matrix", "distortion", "position", "exposure", "readout"}
+    | {"roll_deg", "pitch_deg", "yaw_deg"},
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +47,10 @@ class Document:
         Where nothing stands at `path`, the place is that of the nearest parent that is there. The
         place of what was set on the command line is the assignment: ``--set avoider.radius=-1``.
         """
-        mark = self.mark(path, key=key)
+        return self.at_mark(self.mark(path, key=key))
+
+    def at_mark(self, mark: Mark) -> str:
+        """Return a point of the file, or what stands for it, as it is told."""
         return mark.origin or f"{self.path}:{mark.line}:{mark.column}"
 
     def problem(self, path: Location, message: str, *, key: bool = False) -> str:
@@ -61,6 +71,24 @@ class Document:
                 below = place.key.line < place.value.line
                 return place.key if below or (key and length == len(path)) else place.value
         return START
+
+
+def kind_of(document: Document) -> Kind:
+    """Return what a file is meant to be, by its keys; what could be anything is a mission.
+
+    Steps for missions to include have ``parameters``, however misspelt, or no key of a mission but
+    ``mission`` itself.
+    """
+    keys = set(document.data)
+    if keys & _OWN["mission"]:
+        return "mission"
+    more = keys - {"star", "name", "mission"}
+    if any(instead(key, ["parameters"]) for key in more) or ("mission" in keys and not more):
+        return "steps"
+    if "mission" in keys:
+        return "mission"
+    others: tuple[Kind, ...] = ("world", "camera")
+    return next((kind for kind in others if keys & _OWN[kind]), "mission")
 
 
 def read(path: Path) -> Document:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import schema
-from star_core.document import PARTS, Document
+from star_core.document import Document
 from star_core.errors import InputError, instead
-from star_core.parameters import SIGN, is_parameter
+from star_core.parameters import SIGN, Value, filled, named
 from star_core.scene import inside
 from star_core.yaml_text import DEEPEST, MOST_VALUES, Location, Mark, Place
 
@@ -22,8 +22,9 @@ def expanded(document: Document) -> Document:
     """Return a mission with every ``include`` replaced by the steps of the file that it names.
 
     The steps stand there as a ``repeat`` of one time; their places are those in their own file. A
-    string that is ``$`` and the name of one of the file's parameters is replaced by its value.
-    What is no ``include`` as the schema has it stays, for the schema to complain of.
+    string that is ``$`` and the name of one of the file's parameters is replaced by its value,
+    whose place is told first. What is no ``include`` as the schema has it stays, for the schema to
+    complain of.
 
     Raises:
         InputError: A file cannot be read, is none of steps, includes itself, or is given values
@@ -32,14 +33,16 @@ def expanded(document: Document) -> Document:
     way = _Way(document.path.parent, (document.path.resolve(),))
     data, places, problems = _node(document.data, (), document, way)
     if problems:
-        raise InputError(problems)
+        raise InputError(list(dict.fromkeys(problems)))
     return replace(document, data=data, places=places)
 
 
-def only_steps(document: Document) -> bool:
-    """Whether this is a file of steps: it says neither where to fly nor with what."""
-    given = set(document.data)
-    return bool(given & {"mission", "parameters"}) and not given & {"world", "swarm", *PARTS}
+def lacking(document: Document) -> str:
+    """Say what a file of steps without parameters lacks if it is meant to be a mission."""
+    if "parameters" in document.data:
+        return ""
+    needed = [key for key in schema.load("mission")["required"] if key not in document.data]
+    return f"; as a mission it lacks {', '.join(needed)}"
 
 
 def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
@@ -55,15 +58,16 @@ def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
     Raises:
         InputError: Something is wrong with it; every reason found is listed.
     """
-    if found := schema.problems(document, schema.load("steps")):
+    if found := schema.problems(document, schema.load("steps")) or _default_faults(document):
         raise InputError(found)
-    values = {
+    given = {
         name: f"{SIGN}{name}" if value is None else value
         for name, value in document.data.get("parameters", {}).items()
     }
-    filled = _filled(document, values, found)
-    _node(filled.data, (), filled, _Way(document.path.parent, (), opens=False))
-    if found := [*found, *schema.problems(filled, composed, parameters=True)]:
+    values = _values(document, ("parameters",), given)
+    furnished = filled(document, values, found)
+    _node(furnished.data, (), furnished, _Way(document.path.parent, (), opens=False))
+    if found := [*found, *schema.problems(furnished, composed, parameters=True)]:
         raise InputError(found)
 
 
@@ -84,7 +88,10 @@ class _Tally:
             InputError: It cannot be read or is none.
         """
         if path not in self.files:
-            self.files[path] = schema.read_as(name, "steps")
+            document = schema.read_as(name, "steps")
+            if found := _default_faults(document):
+                raise InputError(found)
+            self.files[path] = document
         return self.files[path]
 
 
@@ -128,7 +135,8 @@ def _node(value: Any, at: Location, document: Document, way: _Way) -> Answer:
     """
     if why := way.count(at):
         raise InputError([document.problem(at, why)])
-    places = {at: document.places[at]} if at in document.places else {}
+    place = document.places.get(at)
+    places = {} if place is None else {at: place}
     problems: list[str] = []
     if way.opens and _is_include(value):
         return _included(value["include"], at, document, way)
@@ -168,7 +176,8 @@ def _included(given: Mapping[str, Any], at: Location, document: Document, way: _
     except InputError as error:
         return None, {}, list(error.problems)
     parameters = source.data.get("parameters", {})
-    values = {**parameters, **given.get("with", {})}
+    defaults = _values(source, ("parameters",), parameters)
+    values = defaults | _values(document, (*at, "include", "with"), given.get("with", {}))
     problems = [
         document.problem((*at, "include", "with", name), message, key=True)
         for name, message in _misfits(given.get("with", {}), parameters)
@@ -176,16 +185,33 @@ def _included(given: Mapping[str, Any], at: Location, document: Document, way: _
     problems += [
         document.problem((*at, "include"), f"needs a value for {name!r}: with: {{{name}: ...}}")
         for name, value in values.items()
-        if value is None
+        if value.data is None
     ]
-    filled = _filled(source, values, problems)
+    if len(way.files) == 1:  # the mission
+        problems += [
+            document.problem(place, "parameters are for files that missions include")
+            for place in named(given.get("with"), (*at, "include", "with"))
+        ]
+    steps = filled(source, values, problems)
     on = way.through(path.resolve(), len(at) + 1)  # (..., "repeat", "steps") for ("mission",)
-    data, places, faults = _node(filled.data["mission"], ("mission",), filled, on)
+    data, places, faults = _node(steps.data["mission"], ("mission",), steps, on)
     where = (*at, "repeat", "steps")
     step = document.places[at] if at in document.places else Place(Mark(1, 1), Mark(1, 1))
     moved = {at: step, (*at, "repeat"): step, (*at, "repeat", "times"): step}
-    moved |= {(*where, *path[1:]): _of_file(place, filled.path) for path, place in places.items()}
+    moved |= {(*where, *path[1:]): _of_file(place, steps.path) for path, place in places.items()}
     return {"repeat": {"times": 1, "steps": data}}, moved, problems + faults
+
+
+def _values(document: Document, at: Location, given: Mapping[str, Any]) -> dict[str, Value]:
+    return {name: Value(value, document, (*at, name)) for name, value in given.items()}
+
+
+def _default_faults(document: Document) -> list[str]:
+    """Say where the defaults in a file of steps refer to parameters themselves."""
+    return [
+        document.problem(place, "a default cannot refer to a parameter")
+        for place in named(document.data.get("parameters"), ("parameters",))
+    ]
 
 
 def _circle(path: Path, way: _Way) -> str:
@@ -202,26 +228,6 @@ def _misfits(given: Mapping[str, Any], known: Mapping[str, Any]) -> Iterator[tup
     for name in given:
         if name not in known:
             yield name, f"the file has no parameter {name!r}{instead(name, known)}"
-
-
-def _filled(source: Document, values: Mapping[str, Any], problems: list[str]) -> Document:
-    """Return a file with values for its parameters; what is wrong is added to `problems`."""
-
-    def fill(value: Any, at: Location) -> Any:
-        if isinstance(value, dict):
-            return {key: fill(inner, (*at, key)) for key, inner in value.items()}
-        if isinstance(value, list):
-            return [fill(inner, (*at, i)) for i, inner in enumerate(value)]
-        if is_parameter(value):
-            name = value.removeprefix(SIGN)
-            if name in values:
-                return values[name]
-            message = f"no parameter named {name!r}{instead(name, values)}"
-            problems.append(source.problem(at, message))
-        return value
-
-    steps = fill(source.data["mission"], ("mission",))
-    return replace(source, data={**source.data, "mission": steps})
 
 
 def _of_file(place: Place, path: Path) -> Place:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+NAMED: Final = 2
+"""Parts that are named: those that took the most."""
+
 AGAIN: Final = 10.0
 """After one late tick is told of, the next is no sooner than so, s."""
 
@@ -40,13 +43,12 @@ class Lateness:
             self._untold += 1
             return ""
         others, self._untold, self._told = self._untold, 0, now
-        slowest = max(spent, key=lambda kind: spent[kind])
-        if spent[slowest] > self._period:
-            why = f"the {slowest} took {spent[slowest]:.3f} s"
-        else:
-            why = f"no part took {self._period:g} s: this computer is busy with something else"
-        since = f", {others} others since the last that was told" if others else ""
-        return f"a tick came {late:.3f} s late: {why}{since}"
+        largest = sorted(spent.items(), key=lambda one: -one[1])[:NAMED]
+        parts = " and ".join(f"the {kind} took {seconds:.3f} s" for kind, seconds in largest)
+        if sum(spent.values()) < late:
+            parts += ", and the rest went to tasks, observers, the transport or other programs"
+        since = f"; late since the last that was told: {others}" if others else ""
+        return f"a tick came {late:.3f} s late: {parts}{since}"
 
     def summary(self) -> dict[str, float]:
         """Return what ``summary.json`` holds of it: how many, and the latest by how much, s."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import platform
 import re
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from typing import Any
 
 from star_core.mission import Mission
+from star_core.registry import ENTRY_POINT_GROUP
 from star_core.steps import actions
 
 DISTRIBUTION = "star-swarm"
+OURS = "star."  # begins the names of groups of entry points
 
 
 def manifest(mission: Mission) -> dict[str, Any]:
@@ -38,9 +40,24 @@ def manifest(mission: Mission) -> dict[str, Any]:
             action.verb: {"plugin": action.source.plugin, "version": action.source.version}
             for action in actions(mission.steps)
         },
+        "entry_points": entry_points_of_others(),
         "packages": packages(),
         "python": platform.python_version(),
         "platform": platform.platform(),
+    }
+
+
+def entry_points_of_others() -> dict[str, dict[str, str]]:
+    """Who offers what plugins look for by themselves, as patterns of a search, by its group."""
+    points = entry_points()
+    return {
+        group: {
+            point.name: f"{point.dist.name} {point.dist.version}"
+            for point in points.select(group=group)
+            if point.dist is not None
+        }
+        for group in sorted(points.groups)
+        if group.startswith(OURS) and group != ENTRY_POINT_GROUP
     }
 
 

@@ -11,9 +11,9 @@ from typing import Any
 from star_core import aloft, checks, room, schema, world_file
 from star_core.camera import Camera
 from star_core.camera_file import furnished
-from star_core.document import PARTS, Document, override, read
+from star_core.document import PARTS, Document, kind_of, override, read
 from star_core.errors import InputError, PluginError
-from star_core.include import expanded
+from star_core.include import expanded, lacking
 from star_core.options import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
@@ -71,6 +71,8 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
     written, composed = override(read(Path(path)), assignments), schema.compose(registry.offers())
+    if why := _other(written):
+        raise InputError(f"{path}: {why}")
     document = _with_files(written, composed)
     found = schema.problems(document, composed)
     if found and not isinstance(document.data.get("world"), str):
@@ -114,6 +116,20 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
         document=document,
         world=world,
     )
+
+
+def _other(document: Document) -> str:
+    """Say what a file is that is no mission, and which mission to name; empty for a mission."""
+    match kind_of(document):
+        case "steps":
+            lacks = lacking(document)
+            return f"holds steps for missions to include: name a mission that includes it{lacks}"
+        case "world":
+            return "is a world: name a mission that is flown in it"
+        case "camera":
+            return "is a camera: name a mission that has it"
+        case _:
+            return ""
 
 
 def _with_files(written: Document, composed: Mapping[str, Any]) -> Document:

@@ -261,7 +261,11 @@ class Pilot:
         except PluginError as error:
             for row in np.flatnonzero(self._helm.phases.among(*AIRBORNE)).tolist():
                 name = self._scene.agents[row].name
-                self.event("failure", f"{name} is left to its own time-out", name)
+                self.event(
+                    "failure",
+                    f"{name} is left to the transport's close, and its own time-outs",
+                    name,
+                )
             self.event("failure", f"nobody could be landed: {error}")
             return f"nobody could be landed: {error}"
 

@@ -81,3 +81,8 @@ def test_the_traceback_is_logged_for_who_wants_it(caplog: pytest.LogCaptureFixtu
 def test_one_problem_may_be_given_as_text() -> None:
     assert InputError("no such file").problems == ("no such file",)
     assert str(InputError(["a", "b"])) == "a\nb"
+
+
+def test_an_error_of_many_lines_is_told_on_one() -> None:
+    with pytest.raises(PluginError, match="whoever: ValueError: a b "), Blame("whoever"):
+        raise ValueError("a\nb")

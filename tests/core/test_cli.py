@@ -100,7 +100,11 @@ def test_a_mission_that_can_be_flown_is_told_so_in_a_line(said: Said) -> None:
 @pytest.mark.parametrize(
     ("steps", "told"),
     [
-        ("mission: [land: {}]", "1 step for missions to include"),
+        (
+            "name: s\nmission: [land: {}]",
+            "1 step for missions to include; as a mission it lacks "
+            "world, swarm, transport, localizer, planner, avoider",
+        ),
         (
             "parameters: {a: null, b: 1, c: null}\nmission: [hold: {for: $b}, goto: {to: $a}, $c]",
             "3 steps for missions to include, with a value for a, c",
@@ -116,7 +120,7 @@ def test_a_file_of_steps_is_said_to_be_one(said: Said, steps: str, told: str) ->
 def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
     Path("steps.yaml").write_text("star: 1\nparameters: {b: 1}\nmission: [hold: {for: $b}]\n")
     assert main(["check", "steps.yaml", "--set", "parameters.b=-1"]) == 2
-    fault = "steps.yaml:3:23: hold: for: -1 is less than the minimum of 0\n"
+    fault = "--set parameters.b=-1: steps.yaml:3:23: hold: for: -1 is less than the minimum of 0\n"
     assert said.readouterr() == ("", fault)
 
 
@@ -124,6 +128,65 @@ def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
     Path("m.yaml").write_text("star: 1\nname: m\nworld: w.yaml\nmission: [land: {}]\n")
     assert main(["check", "m.yaml"]) == 2
     assert "missing key 'swarm'" in said.readouterr().err
+
+
+WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [(WORLD, "'hall', a world that can be flown in"), (CAMERA, "'mine', a camera for missions")],
+)
+def test_a_file_that_missions_name_is_said_to_be_one(said: Said, text: str, told: str) -> None:
+    Path("file.yaml").write_text(text)
+    assert main(["check", "file.yaml"]) == 0
+    assert said.readouterr() == (f"file.yaml: {told}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (WORLD.replace("low:", "lo:"), "3:9: fence: unknown key 'lo'; did you mean 'low'?"),
+        (WORLD.replace("high: [2", "high: [-3"), "3:8: the fence's low [-2, -2, 0] is not below"),
+        (WORLD + "obstacle: {}\n", "4:1: unknown key 'obstacle'; did you mean 'obstacles'?"),
+        (CAMERA.replace("480", "480.5"), "4:9: height: 480.5 is not a whole number"),
+        (CAMERA.replace("640", "160"), "3:8: the principal point [169.27, 160.6] is outside"),
+    ],
+)
+def test_what_is_wrong_with_a_file_that_missions_name_is_told(
+    said: Said, text: str, fault: str
+) -> None:
+    Path("file.yaml").write_text(text)
+    assert main(["check", "file.yaml"]) == 2
+    out, err = said.readouterr()
+    assert out == ""
+    assert f"file.yaml:{fault}" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (
+            "star: 1\nparameters: {}\nmission: [land: {}]\n",
+            "holds steps for missions to include: name a mission that includes it",
+        ),
+        (
+            "star: 1\nname: m\nmission: [land: {}]\n",
+            "holds steps for missions to include: name a mission that includes it; as a mission "
+            "it lacks world, swarm, transport, localizer, planner, avoider",
+        ),
+        (WORLD, "is a world: name a mission that is flown in it"),
+        (CAMERA, "is a camera: name a mission that has it"),
+    ],
+)
+@pytest.mark.parametrize("command", ["run", "explain"])
+def test_a_file_that_is_no_mission_is_not_flown(
+    said: Said, command: str, text: str, fault: str
+) -> None:
+    Path("file.yaml").write_text(text)
+    assert main([command, "file.yaml"]) == 2
+    assert said.readouterr() == ("", f"file.yaml: {fault}\n")
 
 
 def test_checking_flies_nothing() -> None:

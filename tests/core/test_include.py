@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from star_core import schema
+from star_core.document import Document, kind_of
 from star_core.errors import InputError
 from tests.core.conftest import Lab
 
@@ -76,9 +78,84 @@ def test_a_mistake_in_the_other_file_is_placed_there(lab: Lab, tmp_path: Path) -
     assert faults(lab, TOUR) == ["patrol.yaml:6:5: unknown verb 'wit'; did you mean 'wait'?"]
 
 
-def test_a_value_that_does_not_fit_is_told_where_it_is_used(lab: Lab) -> None:
-    assert faults(lab, TOUR.replace("who: cf1", "who: cf9")) == [
+def places(lab: Lab, tour: str) -> list[str]:
+    """Where a mission's mistakes are, without its folder."""
+    with pytest.raises(InputError) as caught:
+        lab.load(tour)
+    told = [problem.split(": ") for problem in caught.value.problems]
+    return [
+        " < ".join(part.rpartition("/")[2] for part in parts if ".yaml:" in part) for parts in told
+    ]
+
+
+def test_a_value_that_does_not_fit_is_told_where_it_is_given_and_used(lab: Lab) -> None:
+    wrong = TOUR.replace("who: cf1", "who: cf9")
+    assert places(lab, wrong) == ["mission.yaml:12:46 < patrol.yaml:5:21"]
+    assert faults(lab, wrong) == [
         "patrol.yaml:5:21: no agent or group named 'cf9'; did you mean 'cf2'?"
+    ]
+
+
+def test_of_two_includes_the_one_with_the_wrong_value_is_told(lab: Lab) -> None:
+    tour = (
+        "\n  - climb: {}"
+        "\n  - include: {file: patrol.yaml, with: {to: 1, who: cf1}}"
+        "\n  - include: {file: patrol.yaml, with: {to: 1, who: cf8}}"
+        "\n  - include: {file: patrol.yaml, with: {to: 1, who: [cf1, cf9]}}"
+    )
+    assert sorted(places(lab, tour)) == [
+        "mission.yaml:13:53 < patrol.yaml:5:21",
+        "mission.yaml:14:59 < patrol.yaml:5:21",
+    ]
+
+
+def test_a_default_that_does_not_fit_is_told_where_it_stands(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "patrol.yaml").write_text(PATROL.replace("who: all", "who: al"))
+    tour = TOUR.replace("who: cf1, ", "")
+    assert places(lab, tour) == ["patrol.yaml:3:19 < patrol.yaml:5:21"]
+
+
+def test_a_value_that_is_handed_on_is_told_on_its_whole_way(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "outer.yaml").write_text(
+        "star: 1\nparameters: {who: null}\n"
+        "mission: [include: {file: patrol.yaml, with: {to: 1, who: [cf1, $who]}}]\n"
+    )
+    tour = "\n  - climb: {}\n  - include: {file: outer.yaml, with: {who: cf9}}"
+    assert places(lab, tour) == ["mission.yaml:12:45 < outer.yaml:3:65 < patrol.yaml:5:21"]
+
+
+def test_a_list_is_told_with_the_places_of_the_values_in_it(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "low.yaml").write_text(
+        "star: 1\nparameters: {x: 1, z: null}\n"
+        "mission: [wait: {until: {near: {point: [$x, $x, $z, 0], within: 1}}}]\n"
+    )
+    tour = "\n  - include: {file: low.yaml, with: {z: 1}}"
+    assert places(lab, tour) == ["low.yaml:2:17 < mission.yaml:11:41 < low.yaml:3:40"]
+
+
+def test_what_a_map_that_is_given_has_too_much_is_told_in_it(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "any.yaml").write_text("star: 1\nparameters: {o: null}\nmission: [visit: $o]\n")
+    tour = "\n  - include: {file: any.yaml, with: {o: {too: [0, 0, 1]}}}"
+    assert "mission.yaml:11:42 < any.yaml:3:18" in places(lab, tour)
+
+
+def test_a_name_in_the_file_is_at_fault_by_itself(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "patrol.yaml").write_text(PATROL.replace("seconds: $", "second: $"))
+    assert places(lab, TOUR) == ["patrol.yaml:6:12"]
+
+
+def test_a_file_with_a_mistake_that_is_included_twice_is_told_once(
+    lab: Lab, tmp_path: Path
+) -> None:
+    (tmp_path / "patrol.yaml").write_text(PATROL.replace("to: null", "to: [0, 0, $who]"))
+    assert faults(lab, TOUR + "  - include: {file: patrol.yaml}\n") == [
+        "patrol.yaml:3:47: a default cannot refer to a parameter"
+    ]
+
+
+def test_a_mission_has_no_parameters_to_give(lab: Lab) -> None:
+    assert faults(lab, TOUR.replace("[2, 0, 1]", "[2, 0, $z]")) == [
+        "mission.yaml:12:62: parameters are for files that missions include"
     ]
 
 
@@ -145,3 +222,32 @@ def test_a_file_that_includes_itself_is_refused(lab: Lab, tmp_path: Path) -> Non
     (tmp_path / "patrol.yaml").write_text("star: 1\nmission: [include: {file: patrol.yaml}]\n")
     (fault,) = faults(lab, "\n  - include: {file: patrol.yaml}")
     assert fault == ("patrol.yaml:2:27: 'patrol.yaml' includes itself")
+
+
+@pytest.mark.parametrize("key", sorted(schema.load("mission")["properties"]))
+def test_a_key_of_missions_makes_no_file_of_steps(key: str) -> None:
+    data = {"star": 1, "name": "m", "mission": [], key: None}
+    is_plain = key in {"star", "name", "mission"}
+    assert kind_of(Document(data, Path("m.yaml"), {})) == ("steps" if is_plain else "mission")
+
+
+@pytest.mark.parametrize(
+    ("keys", "kind"),
+    [
+        ("star", "mission"),
+        ("star name rate", "mission"),
+        ("star mission parameters", "steps"),
+        ("star parameters", "steps"),
+        ("star mission limits parameters", "steps"),
+        ("star mission world parameters", "mission"),
+        ("star mission paramters", "steps"),
+        ("star mission wrold", "mission"),
+        ("star fence", "world"),
+        ("star fence swarm", "mission"),
+        ("star fence mission", "mission"),
+        ("star name matrix", "camera"),
+        ("star name width mission", "mission"),
+    ],
+)
+def test_what_a_file_is_meant_to_be_is_said_by_its_keys(keys: str, kind: str) -> None:
+    assert kind_of(Document(dict.fromkeys(keys.split()), Path("m.yaml"), {})) == kind

@@ -83,7 +83,7 @@ def test_a_schema_that_admits_parameters_is_one_and_offers_no_alternatives() -> 
 @pytest.mark.parametrize(
     ("schema", "right", "wrong"),
     [
-        ({"type": "number"}, [1, "$x"], ["x", [], None]),
+        ({"type": "number"}, [1, "$x"], ["x", "$", [], None]),
         ({"type": ["integer", "boolean"], "enum": [1, True]}, [1, "$x"], [2, "x"]),
         ({"enum": ["a", 1]}, ["a", 1, "$x"], ["b", 2]),
         ({"const": "a"}, ["a", "$x"], ["b"]),

@@ -109,7 +109,10 @@ def test_a_dead_transport_is_closed_though_nobody_could_be_landed(lab: Lab) -> N
     assert "; nobody could be landed: transport 'robots'" in summary["reason"]
     assert lab.said("failure")[-1].startswith("nobody could be landed: transport 'robots'")
     left = {event.agent: event.text for event in lab.events if event.agent}
-    assert left == {name: f"{name} is left to its own time-out" for name in ("cf1", "cf2")}
+    assert left == {
+        name: f"{name} is left to the transport's close, and its own time-outs"
+        for name in ("cf1", "cf2")
+    }
     assert lab.closed["transport"] == 1
 
 

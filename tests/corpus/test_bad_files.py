@@ -19,7 +19,8 @@ from star_core.registry import Registry
 from tests.corpus import cases
 from tests.corpus.cases import Case, Expected
 
-LOCATED = re.compile(r"(?P<file>[^:\s]+):(?P<line>\d+):\d+: (?P<words>\S.*)")
+PLACE = re.compile(r"([^:\s]+):(\d+):\d+: ")
+LOCATED = re.compile(rf"(?P<places>(?:{PLACE.pattern})+)(?P<words>\S.*)")
 FAULTY = cases.faulty()
 FEWEST = 200
 SECOND = 1.0  # s of the processor's time: a busy machine does not change it
@@ -36,12 +37,16 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(schema, "compose", lambda _offers: composed())
 
 
-def told(lines: list[str]) -> Iterator[Expected]:
-    """Every error as the file and the line that it is on, and what is said."""
+def told(lines: list[str]) -> Iterator[list[Expected]]:
+    """Every error as the files and the lines that it is on, and what is said.
+
+    There are several where steps are at fault for a value that is given to them elsewhere.
+    """
     for line in lines:
         found = LOCATED.fullmatch(line)
         assert found, f"no place: {line}"
-        yield Expected(found["file"], int(found["line"]), found["words"])
+        places = PLACE.findall(found["places"])
+        yield [Expected(file, int(number), found["words"]) for file, number in places]
 
 
 @pytest.mark.parametrize("topic", cases.topics())
@@ -68,11 +73,12 @@ def test_a_fault_is_told_on_its_line_and_nowhere_else(
         assert any(
             (error.file, error.line) == (expected.file, expected.line)
             and expected.words in error.words
-            for error in found
+            for errors in found
+            for error in errors
         ), f"{expected} is not in:\n{err}"
-    assert {(error.file, error.line) for error in found} == {
-        (expected.file, expected.line) for expected in case.expected
-    }, err
+    faulty = {(expected.file, expected.line) for expected in case.expected}
+    for errors in found:
+        assert faulty & {(error.file, error.line) for error in errors}, err
     assert " raised " not in err
     assert sorted(Path().rglob("*")) == before
 

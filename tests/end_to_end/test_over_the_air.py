@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
@@ -59,9 +60,23 @@ def star(*arguments: object) -> subprocess.Popen[str]:
 
 
 def over_the_air(
-    mission: Path, folder: Path, *, noise: bool, cameras: bool, more: str = ""
+    mission: Path,
+    folder: Path,
+    *,
+    noise: bool,
+    cameras: bool,
+    more: str = "",
+    changes: Sequence[str] = (),
 ) -> tuple[Flown, Flown, float]:
-    """Fly a mission in real time; `more` are options of the transport, each with a comma.
+    """Fly a mission in real time.
+
+    Args:
+        mission: To fly.
+        folder: Where to record.
+        noise: Whether the estimators of the drones err.
+        cameras: Whether their cameras are streamed.
+        more: Options of the transport, each with a comma.
+        changes: Further changes to the mission.
 
     Returns:
         What was recorded; where the drones were; and by how much the fleet was behind real time,
@@ -77,7 +92,7 @@ def over_the_air(
                 for a, u in zip(scene.agents, fleet.addresses, strict=True)
             ]
             radio = f"use: radio, udp: cflib, {decks(scene, wifi)}{more}cache: '{folder.parent}'"
-            settings.append(f"transport={{{radio}}}")
+            settings += [f"transport={{{radio}}}", *changes]
             flight = star("run", mission, "--out", folder, *(f"--set={one}" for one in settings))
             times, places, behind, end = [], [], [], time.monotonic() + PATIENCE
             while flight.poll() is None and time.monotonic() < end:
@@ -167,4 +182,14 @@ def test_without_noise_three_drones_fly_by_what_their_decks_stream_as_in_the_sim
 def test_three_drones_find_their_places_by_what_their_decks_stream(tmp_path: Path) -> None:
     mission = MISSIONS / "three_eyes.yaml"
     flown, truth, late = over_the_air(mission, tmp_path / "air", noise=True, cameras=True)
+    assert error(flown, truth) < NEAR + SPEED * late
+
+
+@pytest.mark.campaign
+def test_drones_that_are_told_where_they_are_find_their_places_too(tmp_path: Path) -> None:
+    told = ["localizer={use: apriltag, feedback: extpose}"]
+    mission = MISSIONS / "three_eyes.yaml"
+    flown, truth, late = over_the_air(
+        mission, tmp_path / "air", noise=True, cameras=True, changes=told
+    )
     assert error(flown, truth) < NEAR + SPEED * late

@@ -51,6 +51,8 @@ def test_its_planner_leads_the_verb_external_by_name(run: Run, mission: Path) ->
     assert done.returncode == 0, done.stderr
     with np.load(mission.parent / "record" / "trajectory.npz") as record:
         x, y, _ = np.moveaxis(record["truth_position"], 2, 0)
+    manifest = json.loads((mission.parent / "record" / "manifest.json").read_text())
+    assert manifest["entry_points"] == {"star.external_planners": {"orbit": "star-outside 1.2.3"}}
     turns = np.diff(np.unwrap(np.arctan2(y, x), axis=0)[[0, -1]], axis=0) / (2 * np.pi)
     assert turns[0] == pytest.approx([1, 1], abs=0.1)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import re
 import sys
 from collections.abc import Sequence
@@ -14,10 +13,11 @@ from star_calibrate.board import Board
 from star_calibrate.lens import solve
 from star_calibrate.report import as_lines, as_text, as_yaml
 from star_calibrate.views import look
-from star_core import InputError
+from star_core import InputError, read_as
 
 NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as missions have it
 USUAL: Final = "calibrated"  # where neither the user nor the file has a name for it
+LARGEST: Final = 1.0  # m, of a square: more is meant in mm
 SMALLEST: Final = 3  # inner corners each way: fewer make no pattern that OpenCV finds
 
 
@@ -30,6 +30,8 @@ def main(arguments: Sequence[str]) -> int:
     options = parser().parse_args(arguments)
     board = _board(options.board, options.square)
     name = _name(options.name, options.out)
+    if options.out is not None:
+        _replaceable(Path(options.out))
     views = look(options.images, board)
     lens = solve(views, board)
     text, file = as_text(lens, views), as_yaml(lens, name)
@@ -106,6 +108,22 @@ def _name(given: str | None, out: str | None) -> str:
     return given
 
 
+def _replaceable(out: Path) -> None:
+    """Refuse to write over a file that holds no camera.
+
+    Raises:
+        InputError: There is such a file.
+    """
+    if not out.is_file():
+        return
+    try:
+        read_as(out, "camera")
+    except InputError as error:
+        raise InputError(
+            [f"--out {out}: it is there already, and holds no camera: name another file"]
+        ) from error
+
+
 def _board(size: str, square: float) -> Board:
     """Return the board that the flags describe.
 
@@ -117,6 +135,7 @@ def _board(size: str, square: float) -> Board:
         raise InputError(
             [f"--board {size!r}: expected inner corners as 9x6, at least {SMALLEST} each way"]
         )
-    if not (math.isfinite(square) and square > 0):
-        raise InputError([f"--square {square:g}: expected the edge of a square in m, as 0.025"])
+    if not 0 < square <= LARGEST:
+        wanted = f"the edge of a square in m, as 0.025, at most {LARGEST:g}"
+        raise InputError([f"--square {square:g}: expected {wanted}"])
     return Board(int(found[1]), int(found[2]), square)

@@ -91,7 +91,8 @@ def _step(told: Told, number: str, indent: str, registry: Registry) -> Iterator[
     yield f"{indent}{number}  {told.action.verb} {who}{f'  {given}' if given else ''}"
     inside = indent + " " * (len(number) + 2)
     schema = registry.find("task", told.action.verb).offer.options
-    if rest := options(left_out(told.action.options, schema)):
+    alone = schema.get("outside", {}).get("unless") in told.action.options  # the rest is for others
+    if not alone and (rest := options(left_out(told.action.options, schema))):
         yield f"{inside}by default {rest}"
     yield f"{inside}{'; '.join([times(told), *ending(told)])}"
     if told.fault:

@@ -76,6 +76,8 @@ class Recorder:
         """Write images; with the first that cannot be written, keep no more of them."""
         times = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived)
         for row, time, image in zip(frames.agent, times, frames.image, strict=True):
+            if time < 0:  # taken before the flight began
+                continue
             path = self._folder / "frames" / self._agents[row] / f"{round(1000 * time):07d}.png"
             try:
                 _write_image(path, image)

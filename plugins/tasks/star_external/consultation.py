@@ -32,7 +32,7 @@ class Consultation:
         self, scene: Scene, rows: tuple[int, ...], point: EntryPoint, rate: float | None = None
     ) -> None:
         self._scene = scene
-        self._whom = f"external planner {point.name!r} ({point.value})"
+        self._whom = f"external planner {point.name!r} ({_source(point)})"
         self._every = ticks_between(rate, scene.period)
         self._ticks = 0
         with self._blamed():
@@ -79,9 +79,14 @@ class Consultation:
             raise PluginError(f"{self._whom}: {error}") from error
         except (Exception, SystemExit) as error:
             at = traceback.extract_tb(error.__traceback__)[-1]
-            raise PluginError(
-                f"{self._whom}: {type(error).__name__}: {error} ({at.filename}:{at.lineno})"
-            ) from error
+            said = reason(f"{type(error).__name__}: {error}")
+            raise PluginError(f"{self._whom}: {said} ({at.filename}:{at.lineno})") from error
+
+
+def _source(point: EntryPoint) -> str:
+    """Return where a planner comes from: its distribution, if that is known, and what is called."""
+    found = point.dist
+    return f"{found.name} {found.version}: {point.value}" if found else point.value
 
 
 def _fields(name: str, goal: object) -> dict[str, object]:

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from star_core import Scene, Transport
 
 
+LEGACY = (0, 1, 34)
+"""The last cflib that is known to drive Crazyradios in the legacy way only."""
+
+
 def make(  # noqa: PLR0913 -- one argument for each option
     scene: Scene,
     *,
@@ -43,10 +47,10 @@ def make(  # noqa: PLR0913 -- one argument for each option
     from pathlib import Path
 
     from star_radio.datagrams import Datagrams
+    from star_radio.manner import Manner
     from star_radio.steering import Velocities, WholeStates
     from star_radio.tables import Tables, user_cache
     from star_radio.transport import Radio, Rules
-    from star_radio.vehicle import Manner
 
     decks = capture = shouts = None
     if mocap:
@@ -106,6 +110,9 @@ def check(
         yield Problem(("watchdog",), f"it needs a tick of 0.5 s or less, got {scene.period:g} s")
     yield from (Problem((), wrong) for wrong in faults(scene.agents))
     uris = [agent.uri for agent in scene.agents if agent.uri]
+    if mode == "inline" and budget.shared(uris) and find_spec("cflib") and _cflib() <= LEGACY:
+        said = f"cflib {'.'.join(map(str, _cflib()))} drives no dongle so; leave it away"
+        yield Problem(("mode",), said)
     yield from (Problem((), over) for over in budget.overloads(uris, mode, scene.period, report))
     links = [agent for agent in scene.agents if _dongle(agent.uri) == str(broadcast)]
     if links:
@@ -113,6 +120,13 @@ def check(
         yield Problem(("broadcast",), said)
     for name, wrong in camera.faults(scene, cameras or {}):
         yield Problem(("cameras", name), wrong)
+
+
+def _cflib() -> tuple[int, ...]:
+    """Return the version of cflib that is installed."""
+    from importlib.metadata import version
+
+    return tuple(int(part) for part in version("cflib").split(".")[:3] if part.isdigit())
 
 
 def _dongle(uri: str | None) -> str | None:

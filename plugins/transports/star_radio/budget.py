@@ -79,7 +79,7 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
             f"({_shown(1 / tick)} setpoints/s up, {_shown(1 / between)} reports/s down): "
             f"{_shown(agents * each)}/s, where {_shown(room)}/s may be planned, {SHARE:.0%} of the "
             f"{_shown(capacity)}/s of mode {mode!r}; it can serve {can}; "
-            f"{_advice(mode, tick, between)}"
+            f"{_advice(tick, between)}"
         )
 
 
@@ -91,7 +91,7 @@ def _rounds(uris: Iterable[str], mode: str) -> Mapping[str, float]:
     return found
 
 
-def _advice(mode: str, tick: float, between: float) -> str:
+def _advice(tick: float, between: float) -> str:
     """Say what takes most of a dongle's time, and what can be done about that."""
     ways = []
     if tick < between:
@@ -99,14 +99,13 @@ def _advice(mode: str, tick: float, between: float) -> str:
         ways.append("lower the mission's rate")
     elif between < tick:
         most = "reports take"
-        ways.append("report less often")
+        if between < SLOWEST:
+            ways.append("report less often")
     else:
         most = "setpoints and reports alike take"
         if tick < SLOWEST:
             ways.append("lower the mission's rate and report less often")
     ways.append("share the agents among more dongles")
-    if mode != "inline":
-        ways.append("say mode: inline where the dongles' firmware has it")
     return f"{most} the most: {', or '.join(ways)}"
 
 

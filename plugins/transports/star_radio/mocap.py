@@ -17,6 +17,7 @@ from star_core import Array, PluginError, Scene, Truth
 log = logging.getLogger(__name__)
 
 SPAN: Final = 0.05  # s, over which velocity is a difference of positions
+OLD: Final = 0.1  # s: of a frame that is older nobody knows where its bodies are now
 KEPT: Final = 64  # frames: 0.13 s at 500 Hz, the fastest systems
 
 
@@ -49,11 +50,14 @@ class MotionCapture:
         self._bodies = [(names or {}).get(name, name) for name in scene.names]
         self._frames: deque[tuple[float, Array]] = deque(maxlen=KEPT)
         self._ended = False
+        self._old = False
         self._thread = threading.Thread(target=self._listen, name="star-radio-mocap", daemon=True)
         self._thread.start()
 
     def truth(self, began: float) -> Truth | None:
         """Return the newest frame; None before the first. A body that is not seen is NaN.
+
+        So is every body where the newest is older than `OLD`, of which a warning tells once.
 
         Args:
             began: When mission time was 0, s of the computer's clock.
@@ -62,6 +66,12 @@ class MotionCapture:
         if not frames:
             return None
         newest, poses = frames[-1]
+        silent = time.monotonic() - newest
+        if silent > OLD:
+            poses = np.full_like(poses, np.nan)
+            if not self._old:
+                log.warning("radio: mocap says nothing: truth is unknown until it does")
+        self._old = silent > OLD
         velocity = np.full((len(poses), 3), np.nan)
         before = [frame for frame in frames if frame[0] <= newest - SPAN] or frames[:1]
         then, earlier = before[-1]

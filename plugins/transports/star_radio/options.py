@@ -46,7 +46,7 @@ OPTIONS: dict[str, Any] = {
             "enum": ["legacy", "inline"],
             "default": "legacy",
             "description": "How Crazyradios are driven, for the budget of packets: 'legacy' as by "
-            "cflib 0.1.34 itself, 'inline' where its driver and the dongles' firmware (5.1) can.",
+            "cflib up to 0.1.34, 'inline' where a later one and the dongles' firmware (5.1) can.",
         },
         "udp": {
             "enum": ["sockets", "cflib"],
@@ -136,7 +136,8 @@ OPTIONS: dict[str, Any] = {
             "description": "Number of a Crazyradio, beside those of the links, with which orders "
             "that are the same for all or for one of the mission's groups (take off, land, stop, "
             "go to a place, follow a trajectory), and corrections, are sent to them at once; null "
-            "sends to each, as velocities always are. Not tried on hardware.",
+            "sends to each, as velocities always are. Nobody else may have Crazyflies on these "
+            "channels. Not tried on hardware.",
         },
     },
 }

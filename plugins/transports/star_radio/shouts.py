@@ -1,9 +1,10 @@
 """Which orders and corrections go to many drones with one packet, and which do not.
 
 An order of the high-level commander (take off, land, stop, go to, start a trajectory) is for
-everybody or for groups: eight bits, of which each drone has its own. So an order that is the same
-for all drones of one of the mission's groups goes to all of them with one packet. A setpoint names
-no groups in the firmware's protocol: velocities go to each drone over its own link.
+everybody who hears it or for groups: eight bits, of which each drone has its own. One bit is for
+all drones of the mission, so that no other hears them, and so an order that is the same for all,
+or for all of one of the mission's groups, goes to all of them with one packet. A setpoint names no
+groups in the firmware's protocol: velocities go to each drone over its own link.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from star_radio.address import RadioAddress
 from star_radio.broadcast import Broadcaster
 from star_radio.packed import FARTHEST, PLACES, POSES, place, pose
 
-GROUPS: Final = 8  # bits that the firmware has for them
+GROUPS: Final = 8  # bits that the firmware has for them; the first is for all
 
 
 class Shouts:
     """Broadcasts on the channels of a swarm's radios.
 
     Args:
-        scene: The agents and their groups. Of the groups, the first eight count that have at
+        scene: The agents and their groups. Of the groups, the first seven count that have at
             least two radios, not all of them, and not the same as another.
         dongle: Number of the Crazyradio to broadcast with.
 
@@ -59,14 +60,14 @@ class Shouts:
         A drone that hears broadcasts and cannot be connected to may be in a group from before, and
         would obey an order that is not for it.
         """
-        if self._groups and self._radio.order(orders.set_groups(0)):
+        if self._radio.order(orders.set_groups(0)):
             self._radio.wait()
 
     def order(self, packets: Mapping[int, bytes]) -> dict[int, bytes]:
-        """Broadcast an order to everybody, or to groups, for whom it is the same.
+        """Broadcast an order to the groups for whom it is the same; all are one.
 
-        Nobody hears an order of another's: what goes to everybody or to a group is for every radio
-        of it, also for one that is absent. Nothing is broadcast once the dongle has failed.
+        Nobody hears an order of another's: what goes to a group is for every radio of it, also for
+        one that is absent. Nothing is broadcast once the dongle has failed.
 
         Args:
             packets: For everybody, by the row of the drone that each is for.
@@ -80,13 +81,11 @@ class Shouts:
         said: dict[int, bytes] = {}
         for packet, rows in alike.items():
             bits = [bit for bit, group in self._groups.items() if group <= rows]
-            if rows == self._last.keys():
-                reached, shout = rows, packet
-            elif bits:  # named together: who is in two of them hears it once
-                reached = set().union(*(self._groups[bit] for bit in bits))
-                shout = orders.only_for(sum(bits), packet)
-            else:
+            if not bits:
                 continue
+            # named together: who is in two of them hears it once
+            reached = frozenset[int]().union(*(self._groups[bit] for bit in bits))
+            shout = orders.only_for(sum(bits), packet)
             if self._radio.order(shout, reached):
                 said |= dict.fromkeys(reached, shout)
         return said
@@ -125,7 +124,7 @@ class Shouts:
 def _groups(
     groups: Iterable[Sequence[int]], radios: frozenset[int]
 ) -> Mapping[int, frozenset[int]]:
-    """Return the radios of each group that a bit is worth while for, by the bit."""
+    """Return the radios that each bit is for: all, and the groups that one is worth while for."""
     distinct = dict.fromkeys(radios.intersection(rows) for rows in groups)
     worth = [rows for rows in distinct if 1 < len(rows) < len(radios)]
-    return {1 << i: rows for i, rows in enumerate(worth[:GROUPS])}
+    return {1 << i: rows for i, rows in enumerate([radios, *worth][:GROUPS])}

@@ -14,6 +14,8 @@ from star_radio import orders, report
 from star_radio.heading import yaw_rate
 
 LEASH: Final = 0.15  # m: how far a state may be from where its drone reports to be
+TWIST: Final = 0.5  # rad: how far its heading may be from the drone's
+PAUSE: Final = 0.5  # s without a setpoint, after which the firmware levels out
 FARTHEST: Final = 32.0  # m, along each axis: beyond, a position does not fit into its 16 bits
 _STILL: Final = (0.0, 0.0, 0.0)
 
@@ -52,9 +54,10 @@ class WholeStates:
     """Each drone is sent a position that moves at its velocity, and that; a heading and its rate.
 
     The position begins where the drone is and stays within `LEASH` of it, so that one who cannot
-    keep up is not called to where it should have been. The heading turns as `yaw_rate` has it. The
-    acceleration is 0: until the next tick a velocity is constant. A state that cannot be sent, for
-    a drone reports no place or one too far, goes as a velocity.
+    keep up is not called to where it should have been; the heading, which turns as `yaw_rate` has
+    it, within `TWIST`. The acceleration is 0: until the next tick a velocity is constant. Who was
+    flown by nothing for `PAUSE` begins anew. A state that cannot be sent, for a drone reports no
+    place or one too far, goes as a velocity.
 
     Args:
         n: Agents.
@@ -95,9 +98,10 @@ class WholeStates:
         lead = self._position + passed * self._velocity - here
         away = np.linalg.norm(lead, axis=1, keepdims=True)
         lead *= LEASH / np.maximum(away, LEASH)
-        yaw = self._yaw + passed * yaw_rate(setpoint.yaw, self._yaw)
-        goes_on = self._flown & np.isfinite(lead).all(axis=1)
+        ahead = self._yaw + passed * yaw_rate(setpoint.yaw, self._yaw) - heading
+        twist = np.clip(np.remainder(ahead + math.pi, math.tau) - math.pi, -TWIST, TWIST)
+        goes_on = self._flown & np.isfinite(lead).all(axis=1) & (passed < PAUSE)
         self._position = np.where(goes_on[:, None], here + lead, here)
-        self._yaw = np.where(goes_on, yaw, heading)
+        self._yaw = np.where(goes_on, heading + twist, heading)
         self._velocity = setpoint.velocity
         return yaw_rate(setpoint.yaw, self._yaw)

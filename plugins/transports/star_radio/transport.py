@@ -29,11 +29,12 @@ from star_radio import commands, orders, report
 from star_radio.carried import Carried, misfit
 from star_radio.datagrams import Datagrams
 from star_radio.link import Link
+from star_radio.manner import Manner
 from star_radio.quiet import hush
 from star_radio.steering import Steering
 from star_radio.telemetry import Gatherer
 from star_radio.together import faults
-from star_radio.vehicle import Manner, Vehicle
+from star_radio.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from star_radio.decks import Decks

@@ -5,27 +5,28 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, NamedTuple
 
-from star_core import PluginError
+from star_core import PluginError, Supervisor
 from star_radio import orders, packets
 from star_radio.answers import Question
 from star_radio.clock import Clock
 from star_radio.deviations import Deviations
 from star_radio.estimator import Settling, start_anew
 from star_radio.link import Link
+from star_radio.manner import Manner
 from star_radio.parameters import set_now
-from star_radio.report import BLOCK, Layout, stamp
-from star_radio.tables import Table, Tables
+from star_radio.report import BLOCK, STATE, Layout, Z, stamp
+from star_radio.tables import Table
 from star_radio.trajectory import Piece, upload
 
 OLDEST: Final = 4  # protocol version with tables of more than 255 entries
 LOOK: Final = 0.005  # s between two looks for the first report
 GOODBYE: Final = 0.3  # s, for which a drone may confirm that it reports no more
+LOW: Final = 0.1  # m: who is no higher and has finished its plan stands
 DESCENT: Final = 3.0  # s, of a landing that nobody waits for
 KEPT: Final = 1000  # reports that are kept for a reader that is late: 10 s of them
 _ALREADY: Final = 1  # what an order to do what is being done is answered: a plan is in the way
@@ -43,27 +44,6 @@ class Trouble(NamedTuple):
 
     words: str
     refused: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Manner:
-    """How drones are to be connected.
-
-    Attributes:
-        tables: Of contents, kept from one flight to the next.
-        period: Time between two reports, s.
-        patience: After which a drone that does not answer is absent, s.
-        deadline: After which one that answers slowly is given up, s.
-        reset: Whether its estimator starts anew where it stands.
-        parameters: What to set, by ``group.name``.
-    """
-
-    tables: Tables
-    period: float
-    patience: float = 2.0
-    deadline: float = 30.0
-    reset: bool = True
-    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 class Vehicle:
@@ -96,6 +76,7 @@ class Vehicle:
         self._settling = Settling()
         self._until = self._patience = 0.0
         self._samples: deque[tuple[float, bytes]] = deque(maxlen=KEPT)
+        self._newest = b""  # report
 
     def connect(self, manner: Manner, groups: int | None = None) -> None:
         """Open the link, have it report, and put it into groups, a bit each, unless that is None.
@@ -256,12 +237,13 @@ class Vehicle:
     def close(self) -> None:
         """Let the drone go, and never lock it.
 
-        The high-level commander may be used again by whoever connects next; a drone that setpoints
-        fly is told to land, for its own time-out would stop its motors in the air and lock it.
+        The high-level commander may be used again by whoever connects next. A drone that flies is
+        told to land: if setpoints fly it its own time-out would stop its motors in the air and lock
+        it, and if its commander does, it would stay up there.
         """
         if self.layout is not None:
             self.link.post(orders.no_more_setpoints())
-            if self.steered:
+            if self.steered or self._flies(self.layout):
                 land = orders.land(0.0, DESCENT)
                 with suppress(PluginError):  # it may be gone
                     self.link.ask(land, land[1:4], "the order to land", patience=GOODBYE)
@@ -270,11 +252,20 @@ class Vehicle:
                 self.link.ask(reset, packets.RESET, "the end of reports", patience=GOODBYE)
         self.link.close()
 
+    def _flies(self, layout: Layout) -> bool:
+        """Whether its newest report says so; one that has just landed does not."""
+        if not self._newest:
+            return False
+        (values,) = layout.read([self._newest])
+        bits = 0 if math.isnan(values[STATE]) else int(values[STATE])
+        under_way = not bits & Supervisor.COMMANDER_FINISHED
+        return bool(bits & Supervisor.FLYING) and (under_way or bool(values[Z] > LOW))
+
     def _take(self, size: int, payload: bytes, arrived: float) -> None:
         """Keep a report; here, where no tick waits for it, it is also told when it was made."""
         if len(payload) == size and payload[0] == BLOCK:
             self._samples.append((self.clock.time(stamp(payload), arrived), payload))
-            self.heard = arrived
+            self._newest, self.heard = payload, arrived
         else:
             self._settling.hear(payload)
 

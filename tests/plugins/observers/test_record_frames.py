@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from star_core import Flight, Frames, Image, Registry, load
 from star_core.cli import main
+from star_record.recorder import Recorder
 
 WORLD = """\
 star: 1
@@ -49,6 +51,15 @@ def test_every_image_is_a_file_named_by_the_time_it_was_taken() -> None:
     image = cv2.imread(str(files[0]), cv2.IMREAD_UNCHANGED)
     assert image is not None
     assert image.shape == (244, 324)
+
+
+def test_an_image_of_before_the_flight_is_not_kept(tmp_path: Path) -> None:
+    scene = load("m.yaml", Registry()).scene
+    recorder = Recorder(Flight("look", scene, {}, tmp_path, save_frames=True), tmp_path)
+    image: Image = np.zeros((4, 4), np.uint8)
+    times = np.array([-0.978, 0.0])
+    recorder._keep(Frames(np.zeros(2, np.int64), times, times, (image, image)))
+    assert [file.name for file in Path("frames/cf1").iterdir()] == ["0000000.png"]
 
 
 def test_no_image_is_kept_unless_asked_for() -> None:

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from errno import EADDRNOTAVAIL
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,7 @@ def run(arguments: Sequence[str]) -> int:
     _check_ports("--port", options.port, len(agents))
     _check_ports("--tcp", options.tcp, len(agents))
     _check_ports("--cameras", cameras, carried)
+    _check_apart(options.tcp, len(agents), cameras, carried)
     from star_sim.fleet.server import Fleet
 
     with ExitStack() as opened:
@@ -138,6 +140,21 @@ def _check_ports(flag: str, first: int | None, count: int) -> None:
         raise InputError([f"{flag} {first}: no {count} ports from there, {LAST_PORT} is the last"])
 
 
+def _check_apart(links: int | None, agents: int, cameras: int | None, carried: int) -> None:
+    """Refuse ports that links and cameras both want over TCP.
+
+    Raises:
+        InputError: There are some.
+    """
+    if links and cameras and links < cameras + carried and cameras < links + agents:
+        raise InputError(
+            [
+                f"--tcp {links}: the links of {agents} agents would take ports of the cameras, "
+                f"which begin at {cameras}; name others by --tcp N or --cameras N"
+            ]
+        )
+
+
 @contextmanager
 def _told_of(flag: str, port: int, instead: str = "") -> Iterator[None]:
     """Say by which flag the port was asked for that cannot be had.
@@ -148,9 +165,10 @@ def _told_of(flag: str, port: int, instead: str = "") -> Iterator[None]:
     try:
         yield
     except PluginError as error:
-        raise InputError(
-            [f"{flag} {port}: {error}; name another port by {flag} N{instead}"]
-        ) from error
+        other = f"name another port by {flag} N{instead}"
+        if isinstance(error.__cause__, OSError) and error.__cause__.errno == EADDRNOTAVAIL:
+            other = "--host is to be an address of this computer"
+        raise InputError([f"{flag} {port}: {error}; {other}"]) from error
 
 
 def _over_tcp(

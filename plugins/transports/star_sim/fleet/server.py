@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import selectors
-import socket
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -18,7 +17,7 @@ from star_sim.airframe import CYCLE
 from star_sim.battery import HOVER_TIME
 from star_sim.camera_options import CameraOptions
 from star_sim.fleet.craft import Craft
-from star_sim.fleet.packet import is_null
+from star_sim.fleet.ports import Ports
 from star_sim.fleet.readings import Readings, Source
 from star_sim.fleet.supervisor import PERIOD
 from star_sim.fleet.variables import VARIABLES
@@ -27,9 +26,7 @@ from star_sim.transport import Simulator
 
 PORT: Final = 19850  # where clients look first
 ADDRESS: Final = 0xE7E7E7E700  # of the radio of the vehicle in row -1
-DATAGRAM: Final = 64  # bytes: more than a packet has, so that one that is too long shows
 MOST_LATE: Final = 0.25  # s, that are caught up with; of more the clock lets go
-SILENT: Final = 5.0  # s of the clock on the wall, after which a client counts as gone
 BOOT: Final = range(3)  # updates of a supervisor until a vehicle that stands well is ready to fly
 DRAIN: Final = 0.5  # s, after which what nobody reads is thrown away
 
@@ -107,7 +104,7 @@ class Fleet:
         """Seconds that the clock has let go of, because the machine was too slow."""
         self.busy = 0.0
         """Seconds that were spent in other things than waiting for packets or for time."""
-        self._speed, self._delay = speed, round(delay / CYCLE)
+        self._speed = speed
         self._watchers: dict[int, list[Watcher]] = {}
         self._saw = False
         self._cycle = 0
@@ -115,14 +112,12 @@ class Fleet:
         self._lock = threading.RLock()
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
-        self._clients: list[tuple[tuple[str, int], float] | None] = [None] * len(scene.agents)
         self._streams: list[list[Callable[[bytes], object]]] = [[] for _ in scene.agents]
-        self._late: list[tuple[int, int, bytes, tuple[str, int]]] = []
-        self._sockets: list[socket.socket] = []
         try:
-            self._open(scene, host, port, ports)
+            numbers = _numbers(scene, port, ports)
+            self._ports = Ports(scene, host, numbers, round(delay / CYCLE))
         except BaseException:
-            self.close()
+            self.simulator.close()
             raise
         self.simulator.connect()
         for _ in BOOT:
@@ -131,7 +126,7 @@ class Fleet:
     @property
     def addresses(self) -> list[str]:
         """Where each agent is to be reached, as a mission's ``uri``."""
-        return [f"udp://{host}:{port}" for host, port in (s.getsockname() for s in self._sockets)]
+        return self._ports.addresses
 
     @property
     def time(self) -> float:
@@ -186,8 +181,9 @@ class Fleet:
                 heard = self.simulator.receive().frames
                 frames = heard if saw else frames  # in time: who gets them knows no other
         for row, packets in enumerate(streamed):
-            self._stream(row, packets)
-        self._send_late()
+            if packets:
+                self._stream(row, packets)
+        self._ports.send_late(self._cycle)
         for row, taken, image in zip(
             frames.agent.tolist(), frames.taken.tolist(), frames.image, strict=True
         ):
@@ -197,7 +193,7 @@ class Fleet:
     def serve(self, until: float | None = None) -> None:
         """Answer packets and let time pass, until `until`, s of simulated time, or `stop`."""
         with selectors.DefaultSelector() as selector:
-            for row, each in enumerate(self._sockets):
+            for row, each in enumerate(self._ports.sockets):
                 selector.register(each, selectors.EVENT_READ, row)
             began = time.monotonic() - self.simulator.time / self._speed
             woke = time.monotonic()
@@ -226,8 +222,7 @@ class Fleet:
         if self._thread is not None:
             self._thread.join()
             self._thread = None
-        for each in self._sockets:
-            each.close()
+        self._ports.close()
         self.simulator.close()
 
     def __enter__(self) -> Self:
@@ -243,21 +238,6 @@ class Fleet:
     ) -> None:
         self.close()
 
-    def _open(self, scene: Scene, host: str, port: int, ports: Sequence[int] | None) -> None:
-        if ports is not None and len(ports) != len(scene.agents):
-            raise PluginError(f"{len(ports)} ports for {len(scene.agents)} agents")
-        for row, agent in enumerate(scene.agents):
-            wanted = (port + row if port else 0) if ports is None else ports[row]
-            each = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self._sockets.append(each)
-            each.setblocking(False)  # noqa: FBT003 -- it has no name
-            try:
-                each.bind((host, wanted))
-            except (OSError, OverflowError) as error:
-                raise PluginError(
-                    f"agent {agent.name!r}: port {wanted} of {host!r} cannot be had: {error}"
-                ) from error
-
     def _supervise(self, now: float) -> None:
         drones = self.simulator.drones
         columns = (
@@ -271,39 +251,29 @@ class Fleet:
             self._info[row] = vehicle.info
 
     def _receive(self, row: int) -> None:
-        """Answer one packet; if there are more, the selector says so again."""
-        try:
-            packet, client = self._sockets[row].recvfrom(DATAGRAM)
-        except OSError:  # none after all, or a client has closed its port
-            return
-        if not is_null(packet):  # which asks who is there
-            self._clients[row] = client, time.monotonic()
-        for answer in self.handle(row, packet):
-            self._send(row, answer, client)
+        """Answer one packet."""
+        for packet, client in self._ports.receive(row):
+            for answer in self.handle(row, packet):
+                self._ports.send(row, answer, client, self._cycle)
 
     def _stream(self, row: int, packets: list[bytes]) -> None:
-        if not packets:
-            return
         for send in self._streams[row]:
             for packet in packets:
                 send(packet)
-        known = self._clients[row]
-        if known is not None and time.monotonic() - known[1] < SILENT:
-            for packet in packets:
-                self._send(row, packet, known[0])
+        self._ports.stream(row, packets, self._cycle)
 
-    def _send(self, row: int, packet: bytes, client: tuple[str, int]) -> None:
-        if self._delay:
-            self._late.append((self._cycle + self._delay, row, packet, client))
-            return
-        with contextlib.suppress(OSError):  # its buffer is full, or it has gone
-            self._sockets[row].sendto(packet, client)
 
-    def _send_late(self) -> None:
-        while self._late and self._late[0][0] <= self._cycle:
-            _, row, packet, client = self._late.pop(0)
-            with contextlib.suppress(OSError):
-                self._sockets[row].sendto(packet, client)
+def _numbers(scene: Scene, port: int, ports: Sequence[int] | None) -> Sequence[int]:
+    """Return the number of each agent's port, 0 for a free one.
+
+    Raises:
+        PluginError: There are more or fewer `ports` than agents.
+    """
+    if ports is None:
+        return [port + row if port else 0 for row in range(len(scene.agents))]
+    if len(ports) != len(scene.agents):
+        raise PluginError(f"{len(ports)} ports for {len(scene.agents)} agents")
+    return ports
 
 
 def address(agent: Agent, row: int) -> int:

@@ -319,7 +319,7 @@ def test_what_is_no_board_is_refused(board: str) -> None:
     )
 
 
-@pytest.mark.parametrize("square", ["0", "-1", "nan", "inf"])
+@pytest.mark.parametrize("square", ["0", "-1", "nan", "inf", "25"])
 def test_what_is_no_square_is_refused(square: str) -> None:
     assert refused(["a.png", f"--square={square}"]).startswith("--square ")
 
@@ -332,3 +332,18 @@ def test_what_is_no_name_is_refused(name: str) -> None:
 def test_a_file_that_cannot_be_written_is_named(shots: list[str], tmp_path: Path) -> None:
     said = refused([*shots, "-o", str(tmp_path)])
     assert said == f"--out {tmp_path}: cannot be written: Is a directory"
+
+
+def test_a_file_that_holds_no_camera_is_not_written_over(shots: list[str], tmp_path: Path) -> None:
+    mission = tmp_path / "mission.yaml"
+    mission.write_text("star: 1\nname: precious\nworld: hall.yaml\n")
+    assert refused([*shots, "-o", str(mission)]) == (
+        f"--out {mission}: it is there already, and holds no camera: name another file"
+    )
+    assert mission.read_text() == "star: 1\nname: precious\nworld: hall.yaml\n"
+
+
+def test_a_camera_may_be_calibrated_again(shots: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "deck.yaml"
+    for _time in range(2):
+        assert main(["camera", *shots, "-o", str(out)]) == 0

@@ -20,6 +20,7 @@ from star_core.turn import PATIENCE
 from star_explain import rehearsal
 from star_explain.command import main
 from star_explain.facts import RESERVE, RULES
+from star_explain.plan import plan
 from star_explain.rehearsal import Group, Told, holds_from, rehearse, waits
 from star_explain.words import condition
 
@@ -199,7 +200,10 @@ class Alone:
             options={
                 "type": "object",
                 "outside": {"holds": [], "unless": "alone", "timeout": 9},
-                "properties": {"alone": {"type": "boolean"}},
+                "properties": {
+                    "alone": {"type": "boolean"},
+                    "port": {"type": "integer", "default": 7},
+                },
             },
         )
 
@@ -214,6 +218,13 @@ def test_a_step_that_takes_hold_of_nothing_outside_is_rehearsed(write: Write) ->
     waiting, alone = told(write("  - ring: {}\n  - ring: {alone: true}\n"), Alone()).parts
     assert (waiting.takes, waiting.limit) == (None, 9.0)
     assert (alone.takes, alone.limit) == (0.0, 5.0)
+
+
+def test_what_is_for_somebody_outside_is_not_told_of_a_step_without(write: Write) -> None:
+    path = write("  - ring: {}\n  - ring: {alone: true}\n")
+    lines = list(plan(told(path, Alone()), Registry(Alone())))
+    assert [line.strip() for line in lines if "default" in line] == ["by default port: 7"]
+    assert "alone: true" in lines[-2]
 
 
 def test_a_step_that_would_fail_is_told(explain: Explain) -> None:

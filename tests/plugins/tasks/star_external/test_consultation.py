@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from importlib.metadata import EntryPoint
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import star_external
 from star_core import Estimate, Goals, PluginError, Scene, Status, Step, Task
 from star_core.testing import estimate, health, scene
 from star_external.choice import GROUP
+from star_external.consultation import Consultation
 from star_external.planner import Done, ExternalPlanner, Failed, Goal
 
 AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
@@ -255,3 +257,16 @@ def test_a_planner_that_raises_when_it_is_closed_is_named(made: Any) -> None:
     with pytest.raises(PluginError) as raised:
         task.close()
     assert str(raised.value).startswith(f"{WHO}OSError: stuck (")
+
+
+def test_who_installed_a_planner_is_named_with_it() -> None:
+    theirs = SimpleNamespace(name="their-dist", version="1.0")
+    point = EntryPoint("theirs", "their_package:Planner", GROUP)._for(theirs)  # type: ignore[attr-defined]
+    with pytest.raises(PluginError, match=r"planner 'theirs' \(their-dist 1\.0: their_package:Pl"):
+        Consultation(scene(1), (0,), point)
+
+
+def test_an_error_of_many_lines_is_told_on_one(made: Any) -> None:
+    task = made(Says(ValueError("singular\nmatrix")))
+    with pytest.raises(PluginError, match="ValueError: singular matrix "):
+        step(task)

@@ -202,6 +202,20 @@ def test_drones_with_brushless_motors_wait_to_be_armed(flags: list[str], state: 
     assert answers == [join(Port.SUPERVISOR, 0, b"\x8c" + int(state).to_bytes(2, "little"))]
 
 
+def test_links_and_cameras_that_want_the_same_ports_are_refused() -> None:
+    with pytest.raises(InputError) as told:
+        run([EYES, "--port", "0", "--tcp", "4998"])
+    assert str(told.value) == (
+        "--tcp 4998: the links of 3 agents would take ports of the cameras, which begin at 5000; "
+        "name others by --tcp N or --cameras N"
+    )
+
+
+def test_a_host_that_is_not_here_is_told_as_that() -> None:
+    with pytest.raises(InputError, match=r"; --host is to be an address of this computer$"):
+        run([FIRST, "--port", "0", "--host", "192.0.2.1"])
+
+
 @pytest.mark.parametrize(
     "flags", [["--port", "70000"], ["--speed", "0"], ["--duration", "inf"], ["--port", "x"]]
 )

@@ -42,7 +42,7 @@ def test_reports_that_are_too_many_are_refused_with_the_arithmetic() -> None:
         "dongle '0' is to serve 3 agents with 100 exchanges/s each (20 setpoints/s up, "
         "100 reports/s down): 300/s, where 150/s may be planned, 50% of the 300/s of mode "
         "'legacy'; it can serve 1; reports take the most: report less often, or share the agents "
-        "among more dongles, or say mode: inline where the dongles' firmware has it"
+        "among more dongles"
     ]
 
 
@@ -62,9 +62,12 @@ def test_where_both_are_the_same_both_are_to_be_fewer() -> None:
     ) in told
 
 
-def test_what_cannot_be_fewer_is_not_advised() -> None:
-    [told] = overloads(on_dongle(69), "inline", 0.1, None)
-    assert told.endswith("alike take the most: share the agents among more dongles")
+@pytest.mark.parametrize(("n", "mode", "tick", "most"), [
+    (69, "inline", 0.1, "setpoints and reports alike"), (20, "legacy", 0.2, "reports")
+])  # fmt: skip
+def test_what_cannot_be_fewer_is_not_advised(n: int, mode: str, tick: float, most: str) -> None:
+    [told] = overloads(on_dongle(n), mode, tick, None)
+    assert told.endswith(f"; {most} take the most: share the agents among more dongles")
 
 
 @pytest.mark.parametrize(("n", "fits"), [(68, True), (69, False)])

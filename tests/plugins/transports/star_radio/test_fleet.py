@@ -183,13 +183,17 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
     second.radio.close()
 
 
-def test_a_drone_that_setpoints_fly_is_told_to_land_and_not_locked(
-    fleet: Fleet, tmp_path: Path
+@pytest.mark.parametrize("steered", [True, False])
+def test_a_drone_that_flies_at_the_end_is_told_to_land_and_not_locked(
+    fleet: Fleet,
+    tmp_path: Path,
+    steered: bool,  # noqa: FBT001
 ) -> None:
     flight = Flight(fleet, scene(1), tmp_path)
     flight.order(Order.TAKEOFF, 0.5)
     assert flight.until(high)
-    flight.tick([0.0, 0.0, 0.0])
+    if steered:
+        flight.tick([0.0, 0.0, 0.0])
     flight.radio.close()
     end = time.monotonic() + 8
     while fleet.simulator.drones["position"][0, 2] > 0.1 and time.monotonic() < end:

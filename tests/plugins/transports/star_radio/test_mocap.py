@@ -72,6 +72,23 @@ def test_bodies_are_the_truth(system: System) -> None:
     assert np.allclose(truth.attitude, [[0, 0, 0.6, 0.8]] * 2)
 
 
+def test_what_is_old_is_not_the_truth_any_more(
+    system: System, caplog: pytest.LogCaptureFixture
+) -> None:
+    capture = MotionCapture(reached(URIS), kind="optitrack", hostname="host")
+    time.sleep(0.05)
+    system.ended.set()
+    time.sleep(0.2)
+    for _ask in range(2):
+        truth = capture.truth(0.0)
+        assert truth is not None
+        assert np.isnan(truth.position).all()
+        assert np.isnan(truth.velocity).all()
+    capture.close()
+    said = "radio: mocap says nothing: truth is unknown until it does"
+    assert caplog.messages == ["radio: mocap ended: gone", said]
+
+
 @pytest.mark.usefixtures("system")
 def test_a_body_that_is_not_seen_is_not_a_number() -> None:
     capture = MotionCapture(reached(URIS), kind="optitrack", hostname="host")

@@ -112,6 +112,23 @@ def test_an_overload_is_told() -> None:
     assert told.startswith("dongle '0' is to serve 9 agents")
 
 
+@pytest.mark.parametrize(
+    ("version", "uri", "told"),
+    [
+        ("0.1.34", "radio://0/80/2M", ["cflib 0.1.34 drives no dongle so; leave it away"]),
+        ("0.1.35", "radio://0/80/2M", []),
+        ("0.2", "radio://0/80/2M", []),
+        ("0.1.34", "udp://127.0.0.1:1", []),
+    ],
+)
+def test_a_mode_that_cflib_does_not_have_is_refused(
+    version: str, uri: str, told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.metadata.version", lambda _package: version)
+    problems = star_radio.check(reached([uri]), mode="inline")
+    assert [(p.path, p.message) for p in problems] == [(("mode",), one) for one in told]
+
+
 CAMERAS = {
     "cf9": ("host", "no agent is named 'cf9'"),
     "cf2": ("host", "agent 'cf2' carries no camera: say which by its 'camera'"),

@@ -13,7 +13,7 @@ from cflib.utils.encoding import decompress_quaternion
 from star_core import Array, Setpoint
 from star_radio import orders, report
 from star_radio.heading import FASTEST, GAIN
-from star_radio.steering import LEASH, Velocities, WholeStates
+from star_radio.steering import LEASH, PAUSE, TWIST, Velocities, WholeStates
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 TICK = 0.05  # s
@@ -105,6 +105,31 @@ def test_it_turns_as_a_velocity_would_have_it(clock: Clock) -> None:
     assert rate == pytest.approx(GAIN * (0.2 - turned), abs=1e-3)
     _, _, _, rate = told(states.packets(setpoint([0, 0, 0], 3.0), at([0, 0, 1]), [12])[0])
     assert rate == FASTEST
+
+
+def test_its_heading_does_not_run_away_from_a_drone_that_cannot_turn(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    for _tick in range(40):
+        packets = states.packets(setpoint([0, 0, 0], 2.5), at([0, 0, 1], 0.2), [12])
+        clock.time += TICK
+    assert told(packets[0])[2] == pytest.approx(0.2 + TWIST, abs=0.003)
+
+
+def test_it_turns_on_across_the_back(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    for _tick in range(2):
+        packets = states.packets(setpoint([0, 0, 0], -3.0), at([0, 0, 1], 3.1), [12])
+        clock.time += TICK
+    turned = 3.1 + GAIN * (math.tau - 6.1) * TICK
+    assert math.remainder(told(packets[0])[2] - turned, math.tau) == pytest.approx(0, abs=0.003)
+
+
+def test_what_was_flown_long_ago_leads_nowhere(clock: Clock) -> None:
+    states = WholeStates(1, clock)
+    states.packets(setpoint([0.3, 0, 0]), at([0, 0, 0.8]), [12])
+    clock.time += PAUSE
+    position, *_ = told(states.packets(setpoint([0, 0.3, 0]), at([0.4, 0, 0.8]), [12])[0])
+    assert position == [0.4, 0, 0.8]
 
 
 def test_who_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> None:
