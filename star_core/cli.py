@@ -107,11 +107,13 @@ def parser() -> argparse.ArgumentParser:
     fly.add_argument("--verbose", action="store_true", help="show the tracebacks of plugins")
     plugins = commands.add_parser("plugins", help="list what is installed", allow_abbrev=False)
     plugins.add_argument("--json", action="store_true", help="as JSON, with option schemas")
-    schema = commands.add_parser(
-        "schema", help="write the schema of missions for an editor", allow_abbrev=False
-    )
+    schema = commands.add_parser("schema", help="write a schema for an editor", allow_abbrev=False)
     schema.add_argument(
-        "of", nargs="?", default="mission", choices=["mission", "steps", "world", "camera", "study"]
+        "of",
+        nargs="?",
+        default="mission",
+        choices=["mission", "steps", "world", "camera", "study"],
+        help="kind of file: %(default)s",
     )
     schema.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
     for command in (fly, check, plugins, schema):
@@ -143,10 +145,10 @@ def _check(options: argparse.Namespace, answer: TextIO) -> int:
     from star_core.mission import load
 
     registry, path, assignments = _registry(), Path(options.mission), _assignments(options)
-    document = override(read(path), assignments)
+    document = read(path)
     others = {"steps": _check_steps, "world": _check_world, "camera": _check_camera}
     if check := others.get(kind_of(document)):
-        print(f"{path}: {check(document, registry)}", file=answer)
+        print(f"{path}: {check(override(document, assignments), registry)}", file=answer)
         return 0
     mission = load(path, registry, assignments)
     agents = len(mission.scene.agents)

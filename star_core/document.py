@@ -88,7 +88,10 @@ def kind_of(document: Document) -> Kind:
     if "mission" in keys:
         return "mission"
     others: tuple[Kind, ...] = ("world", "camera")
-    return next((kind for kind in others if keys & _OWN[kind]), "mission")
+    for kind in others:
+        if any(instead(key, _OWN[kind]) for key in more):
+            return kind
+    return "mission"
 
 
 def read(path: Path) -> Document:

@@ -182,11 +182,12 @@ def _included(given: Mapping[str, Any], at: Location, document: Document, way: _
         document.problem((*at, "include", "with", name), message, key=True)
         for name, message in _misfits(given.get("with", {}), parameters)
     ]
-    problems += [
-        document.problem((*at, "include"), f"needs a value for {name!r}: with: {{{name}: ...}}")
-        for name, value in values.items()
-        if value.data is None
-    ]
+    for name, value in values.items():
+        if value.data is None:
+            place = (*at, "include", *(("with", name) if name in given.get("with", {}) else ()))
+            why = f"needs a value for {name!r}: with: {{{name}: ...}}"
+            problems.append(document.problem(place, why))
+            values[name] = replace(value, data=f"{SIGN}{name}")  # it is told once
     if len(way.files) == 1:  # the mission
         problems += [
             document.problem(place, "parameters are for files that missions include")

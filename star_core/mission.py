@@ -70,10 +70,11 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
-    written, composed = override(read(Path(path)), assignments), schema.compose(registry.offers())
-    if why := _other(written):
+    found_there = read(Path(path))
+    if why := _other(found_there):
         raise InputError(f"{path}: {why}")
-    document = _with_files(written, composed)
+    composed = schema.compose(registry.offers())
+    document = _with_files(override(found_there, assignments), composed)
     found = schema.problems(document, composed)
     if found and not isinstance(document.data.get("world"), str):
         raise InputError(found)

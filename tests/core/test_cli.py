@@ -124,6 +124,14 @@ def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
     assert said.readouterr() == ("", fault)
 
 
+def test_what_is_set_makes_no_file_a_mission(said: Said) -> None:
+    Path("steps.yaml").write_text("star: 1\nmission: [land: {}]\n")
+    assert main(["run", "steps.yaml", "--speed", "1"]) == 2
+    assert said.readouterr().err.startswith("steps.yaml: holds steps for missions to include")
+    assert main(["check", "steps.yaml", "--speed", "1"]) == 2
+    assert said.readouterr().err.startswith("--set transport.speed=1: unknown key 'transport'")
+
+
 def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
     Path("m.yaml").write_text("star: 1\nname: m\nworld: w.yaml\nmission: [land: {}]\n")
     assert main(["check", "m.yaml"]) == 2

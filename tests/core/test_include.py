@@ -159,6 +159,16 @@ def test_a_mission_has_no_parameters_to_give(lab: Lab) -> None:
     ]
 
 
+def test_a_value_that_has_to_be_given_is_missed_once(lab: Lab, tmp_path: Path) -> None:
+    (tmp_path / "outer.yaml").write_text(
+        "star: 1\nparameters: {there: null}\n"
+        "mission:\n  - include: {file: patrol.yaml, with: {to: $there}}\n"
+    )
+    wrong = "\n  - climb: {}\n  - include: {file: outer.yaml, with: {there: null}}\n"
+    (told,) = faults(lab, wrong)
+    assert told.endswith(": needs a value for 'there': with: {there: ...}")
+
+
 def test_files_may_include_files(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "outer.yaml").write_text(
         "star: 1\nparameters: {place: null}\n"
@@ -246,6 +256,8 @@ def test_a_key_of_missions_makes_no_file_of_steps(key: str) -> None:
         ("star fence swarm", "mission"),
         ("star fence mission", "mission"),
         ("star name matrix", "camera"),
+        ("star name widht", "camera"),
+        ("star name obstacls", "world"),
         ("star name width mission", "mission"),
     ],
 )

@@ -114,7 +114,9 @@ def _replaceable(out: Path) -> None:
     Raises:
         InputError: There is such a file.
     """
-    if not out.is_file():
+    if out.is_dir():
+        raise InputError([f"--out {out}: cannot be written: Is a directory"])
+    if not out.exists():
         return
     try:
         read_as(out, "camera")

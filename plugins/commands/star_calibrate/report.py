@@ -42,7 +42,7 @@ def as_yaml(lens: Lens, name: str) -> str:
         "# Its position, pitch_deg and rate are an AI-deck's unless they are given, here or in a"
         " mission.\n"
         "star: 1\n"
-        f"name: {name}\n"
+        f'name: "{name}"\n'
         f"width: {lens.width}\n"
         f"height: {lens.height}\n"
         f"matrix: [{matrix}]\n"
@@ -51,14 +51,16 @@ def as_yaml(lens: Lens, name: str) -> str:
 
 
 def as_lines(name: str, out: Path) -> str:
-    """Return the two lines by which a mission in the folder above has the camera in a file.
+    """Return the two lines by which a mission has the camera in a file.
+
+    The mission is beside it, or beside the folder ``cameras`` that it is in.
 
     >>> print(as_lines("mine", Path("missions/cameras/mine.yaml")), end="")
     two lines of a mission in 'missions' that has it:
       cameras: {mine: {file: cameras/mine.yaml}}
       swarm: {cf1: {camera: mine, ...}}
     """
-    folder = out.parent if out.parent.name in {"", ".."} else out.parent.parent
+    folder = out.parent.parent if out.parent.name == "cameras" else out.parent
     return (
         f"two lines of a mission in {str(folder)!r} that has it:\n"
         f"  cameras: {{{name}: {{file: {out.relative_to(folder).as_posix()}}}}}\n"

@@ -110,9 +110,8 @@ def check(
         yield Problem(("watchdog",), f"it needs a tick of 0.5 s or less, got {scene.period:g} s")
     yield from (Problem((), wrong) for wrong in faults(scene.agents))
     uris = [agent.uri for agent in scene.agents if agent.uri]
-    if mode == "inline" and budget.shared(uris) and find_spec("cflib") and _cflib() <= LEGACY:
-        said = f"cflib {'.'.join(map(str, _cflib()))} drives no dongle so; leave it away"
-        yield Problem(("mode",), said)
+    if mode == "inline" and budget.shared(uris) and (old := _old_cflib()):
+        yield Problem(("mode",), f"cflib {old} drives no dongle so; leave it out")
     yield from (Problem((), over) for over in budget.overloads(uris, mode, scene.period, report))
     links = [agent for agent in scene.agents if _dongle(agent.uri) == str(broadcast)]
     if links:
@@ -122,11 +121,18 @@ def check(
         yield Problem(("cameras", name), wrong)
 
 
-def _cflib() -> tuple[int, ...]:
-    """Return the version of cflib that is installed."""
-    from importlib.metadata import version
+def _old_cflib() -> str:
+    """Return the version of cflib if it is one that drives dongles in the legacy way only."""
+    import re
+    from importlib.metadata import PackageNotFoundError, version
 
-    return tuple(int(part) for part in version("cflib").split(".")[:3] if part.isdigit())
+    try:
+        has = version("cflib")
+    except PackageNotFoundError:
+        return ""
+    numbers = re.match(r"(\d+)\.(\d+)(?:\.(\d+))?", has)
+    known = numbers is not None and tuple(int(part or 0) for part in numbers.groups()) <= LEGACY
+    return has if known else ""
 
 
 def _dongle(uri: str | None) -> str | None:

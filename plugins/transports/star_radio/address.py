@@ -33,7 +33,7 @@ class RadioAddress:
         channel: 0 to 125, 1 MHz each from 2400 MHz.
         rate: 250K, 1M or 2M.
         address: Ten hexadecimal digits.
-        most: Packets up that its link may be sent, 1/s; None if that is not limited.
+        most: Its ``rate_limit``, 1/s, whose inverse it waits after each exchange; None: no limit.
     """
 
     dongle: str

@@ -43,7 +43,10 @@ def report_period(uris: Iterable[str], mode: str) -> float:
     >>> report_period([f"radio://0/80/2M/E7E7E7E70{i}" for i in range(4)], "legacy")
     0.03
     """
-    tens = max(_rounds(uris, mode).values(), default=0.0) / SHARE / FASTEST
+    uris = list(uris)
+    shared_out = max(_rounds(uris, mode).values(), default=0.0) / SHARE
+    alone = max((pause for _uri, pause in _limited(uris, mode)), default=0.0)
+    tens = max(shared_out, alone) / FASTEST
     return round(max(1, math.ceil(tens - 1e-9)) * FASTEST, 2)
 
 
@@ -60,13 +63,12 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
     rounds = _rounds(uris, mode)
     between = report or min(SLOWEST, report_period(uris, mode))
     each = max(1 / tick, 1 / between)
-    for uri in uris:
-        radio = RadioAddress.of(uri)
-        if radio is not None and radio.most is not None and radio.most < each * (1 - 1e-9):
+    for uri, pause in _limited(uris, mode):
+        if 1 / pause < each * (1 - 1e-9):
             yield (
-                f"{uri!r} may carry {radio.most} exchanges/s, and is to carry {_shown(each)} "
-                f"({_shown(1 / tick)} setpoints/s up, {_shown(1 / between)} reports/s down): "
-                "raise its rate_limit, or leave it away"
+                f"{uri!r} can carry {_shown(1 / pause)} exchanges/s, and is to carry "
+                f"{_shown(each)} ({_shown(1 / tick)} setpoints/s up, {_shown(1 / between)} "
+                "reports/s down): raise its rate_limit, or leave it out"
             )
     for dongle, agents in sorted(shared(uris).items()):
         capacity = agents / rounds[dongle]
@@ -81,6 +83,17 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
             f"{_shown(capacity)}/s of mode {mode!r}; it can serve {can}; "
             f"{_advice(tick, between)}"
         )
+
+
+def _limited(uris: Iterable[str], mode: str) -> Iterator[tuple[str, float]]:
+    """Yield each link with a ``rate_limit``, and the time from one of its exchanges to the next, s.
+
+    cflib 0.1.34 waits for so long after each exchange (``radiodriver.py``).
+    """
+    for uri in uris:
+        radio = RadioAddress.of(uri)
+        if radio is not None and radio.most is not None:
+            yield uri, 1 / radio.most + 1 / CAPACITY[mode] + SLOWER[radio.rate]
 
 
 def _rounds(uris: Iterable[str], mode: str) -> Mapping[str, float]:

@@ -78,7 +78,7 @@ class Radio:
         datagrams: Where links over UDP are heard; cflib hears them if not given.
 
     Attributes:
-        vehicles: The drone of each row, for what no contract has: whole states.
+        vehicles: The drone of each row.
     """
 
     def __init__(

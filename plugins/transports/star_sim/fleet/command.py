@@ -7,8 +7,9 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from errno import EADDRNOTAVAIL
+from errno import EADDRNOTAVAIL as NOWHERE
 from pathlib import Path
+from socket import gaierror
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -166,7 +167,8 @@ def _told_of(flag: str, port: int, instead: str = "") -> Iterator[None]:
         yield
     except PluginError as error:
         other = f"name another port by {flag} N{instead}"
-        if isinstance(error.__cause__, OSError) and error.__cause__.errno == EADDRNOTAVAIL:
+        cause = error.__cause__
+        if isinstance(cause, OSError) and (isinstance(cause, gaierror) or cause.errno == NOWHERE):
             other = "--host is to be an address of this computer"
         raise InputError([f"{flag} {port}: {error}; {other}"]) from error
 

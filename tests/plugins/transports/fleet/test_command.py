@@ -211,9 +211,10 @@ def test_links_and_cameras_that_want_the_same_ports_are_refused() -> None:
     )
 
 
-def test_a_host_that_is_not_here_is_told_as_that() -> None:
+@pytest.mark.parametrize("host", ["192.0.2.1", "nobody.invalid"])
+def test_a_host_that_is_not_here_is_told_as_that(host: str) -> None:
     with pytest.raises(InputError, match=r"; --host is to be an address of this computer$"):
-        run([FIRST, "--port", "0", "--host", "192.0.2.1"])
+        run([FIRST, "--port", "0", "--host", host])
 
 
 @pytest.mark.parametrize(

@@ -75,10 +75,16 @@ def test_the_published_table_is_met(n: int, fits: bool) -> None:  # noqa: FBT001
     assert (not list(overloads(on_dongle(n), "inline", 0.1, 0.1))) is fits
 
 
+def test_a_link_that_is_limited_reports_as_often_as_it_can() -> None:
+    limited = "radio://0/80/2M/E7E7E7E701?rate_limit=30"
+    assert report_period([limited], "legacy") == 0.04  # 1/30 + 1/300 s
+    assert list(overloads([limited], "legacy", 0.05, None)) == []
+
+
 def test_a_link_that_is_limited_is_refused_what_goes_beyond() -> None:
     limited = "radio://0/80/2M/E7E7E7E701?rate_limit=50"
-    assert list(overloads([limited], "legacy", 0.05, 0.02)) == []
-    assert list(overloads([limited], "legacy", 0.05, None)) == [
-        f"{limited!r} may carry 50 exchanges/s, and is to carry 100 (20 setpoints/s up, 100 "
-        "reports/s down): raise its rate_limit, or leave it away"
+    assert list(overloads([limited], "legacy", 0.05, 0.03)) == []
+    assert list(overloads([limited], "legacy", 0.05, 0.02)) == [
+        f"{limited!r} can carry 42.9 exchanges/s, and is to carry 50 (20 setpoints/s up, 50 "
+        "reports/s down): raise its rate_limit, or leave it out"
     ]

@@ -115,8 +115,9 @@ def test_an_overload_is_told() -> None:
 @pytest.mark.parametrize(
     ("version", "uri", "told"),
     [
-        ("0.1.34", "radio://0/80/2M", ["cflib 0.1.34 drives no dongle so; leave it away"]),
+        ("0.1.34", "radio://0/80/2M", ["cflib 0.1.34 drives no dongle so; leave it out"]),
         ("0.1.35", "radio://0/80/2M", []),
+        ("0.1.35b1", "radio://0/80/2M", []),
         ("0.2", "radio://0/80/2M", []),
         ("0.1.34", "udp://127.0.0.1:1", []),
     ],
