@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote, unquote
 
+from star_core.admitting import admitting, depends
 from star_core.contracts import Offer
 from star_core.document import PARTS, Document, read
 from star_core.errors import InputError
 from star_core.options import SHARED, references
-from star_core.parameters import admitting, depends
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from star_core import Scene, Transport
 
 
-LEGACY = (0, 1, 34)
+LEGACY = "0.1.34"
 """The last cflib that is known to drive Crazyradios in the legacy way only."""
 
 
@@ -123,16 +123,15 @@ def check(
 
 def _old_cflib() -> str:
     """Return the version of cflib if it is one that drives dongles in the legacy way only."""
-    import re
     from importlib.metadata import PackageNotFoundError, version
 
     try:
         has = version("cflib")
     except PackageNotFoundError:
         return ""
-    numbers = re.match(r"(\d+)\.(\d+)(?:\.(\d+))?", has)
-    known = numbers is not None and tuple(int(part or 0) for part in numbers.groups()) <= LEGACY
-    return has if known else ""
+    from packaging.version import Version  # cflib needs it, so it is there
+
+    return has if Version(has) <= Version(LEGACY) else ""
 
 
 def _dongle(uri: str | None) -> str | None:

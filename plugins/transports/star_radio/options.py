@@ -136,8 +136,8 @@ OPTIONS: dict[str, Any] = {
             "description": "Number of a Crazyradio, beside those of the links, with which orders "
             "that are the same for all or for one of the mission's groups (take off, land, stop, "
             "go to a place, follow a trajectory), and corrections, are sent to them at once; null "
-            "sends to each, as velocities always are. Nobody else may have Crazyflies on these "
-            "channels. Not tried on hardware.",
+            "sends to each, as velocities always are. Nobody else may broadcast on these channels: "
+            "it takes their drones out of their groups. Not tried on hardware.",
         },
     },
 }

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from star_radio.packets import packet
+from star_radio.packets import FARTHEST, packet
 
 PLATFORM, LOCALISATION, SETPOINT, HIGH_LEVEL, SUPERVISOR = 13, 6, 7, 8, 9
 GOTO_LINEAR_FROM = 8  # protocol version that knows GO_TO_2
@@ -55,14 +55,15 @@ def full_state(
         rates: About the body's axes, rad/s; the firmware reads milliradians per second.
 
     Raises:
-        ValueError: A number is beyond what 16 bits of thousandths hold, ±32.767.
+        ValueError: A number is beyond ±`FARTHEST`.
     """
     thousandths = [
         round(1000 * value)
         for value in (*position, *velocity, *acceleration, 0, *rates)  # 0 stands for the attitude
     ]
-    if not all(-0x8000 <= value < 0x8000 for value in thousandths):  # noqa: PLR2004
-        raise ValueError(f"a state is sent in ±32.767, got {[v / 1000 for v in thousandths]!r}")
+    if any(abs(value) > 1000 * FARTHEST for value in thousandths):
+        got = [value / 1000 for value in thousandths]
+        raise ValueError(f"a state is sent in ±{FARTHEST}, got {got!r}")
     thousandths[9] = packed_quaternion(attitude)
     return packet(SETPOINT, 0, struct.pack("<BhhhhhhhhhIhhh", 6, *thousandths))
 

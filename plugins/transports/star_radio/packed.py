@@ -9,8 +9,6 @@ from typing import Final, NamedTuple
 from star_radio.orders import LOCALISATION, packed_quaternion
 from star_radio.packets import packet
 
-FARTHEST: Final = 32.767  # m, along each axis: what 16 bits of mm hold
-
 
 class Kind(NamedTuple):
     """What such a packet tells of each drone.

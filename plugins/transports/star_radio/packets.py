@@ -13,6 +13,7 @@ from typing import Final
 from star_core import PluginError
 
 MOST: Final = 30  # bytes that a packet carries
+FARTHEST: Final = 32.767  # what 16 bits of thousandths hold: m along each axis, and the like
 
 CONSOLE, PARAMETER, MEMORY, LOG, PLATFORM, LINK = 0, 2, 4, 5, 13, 15
 TABLE, SETTINGS, DATA = 0, 1, 2  # channels of LOG; of PARAMETER: TABLE, read, WRITE

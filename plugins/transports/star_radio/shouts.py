@@ -18,7 +18,8 @@ from star_core import Corrections, PluginError, Scene
 from star_radio import orders
 from star_radio.address import RadioAddress
 from star_radio.broadcast import Broadcaster
-from star_radio.packed import FARTHEST, PLACES, POSES, place, pose
+from star_radio.packed import PLACES, POSES, place, pose
+from star_radio.packets import FARTHEST
 
 GROUPS: Final = 8  # bits that the firmware has for them; the first is for all
 

@@ -12,16 +12,16 @@ import numpy as np
 from star_core import Array, Mask, Setpoint
 from star_radio import orders, report
 from star_radio.heading import yaw_rate
+from star_radio.packets import FARTHEST
 
 LEASH: Final = 0.15  # m: how far a state may be from where its drone reports to be
 TWIST: Final = 0.5  # rad: how far its heading may be from the drone's
 PAUSE: Final = 0.5  # s without a setpoint, after which the firmware levels out
-FARTHEST: Final = 32.0  # m, along each axis: beyond, a position does not fit into its 16 bits
 _STILL: Final = (0.0, 0.0, 0.0)
 
 
 class Steering(Protocol):
-    """Packs the setpoints of a swarm; one that is not flown for a tick begins anew."""
+    """Packs the setpoints of a swarm."""
 
     def packets(
         self, setpoint: Setpoint, reported: Array, versions: Sequence[int]
@@ -55,9 +55,9 @@ class WholeStates:
 
     The position begins where the drone is and stays within `LEASH` of it, so that one who cannot
     keep up is not called to where it should have been; the heading, which turns as `yaw_rate` has
-    it, within `TWIST`. The acceleration is 0: until the next tick a velocity is constant. Who was
-    flown by nothing for `PAUSE` begins anew. A state that cannot be sent, for a drone reports no
-    place or one too far, goes as a velocity.
+    it, within `TWIST`. The acceleration is 0: until the next tick a velocity is constant. Who is
+    left out of a setpoint begins anew, and everybody after a `PAUSE` without one. A state that
+    cannot be sent, for a drone reports no place or one too far, goes as a velocity.
 
     Args:
         n: Agents.
@@ -77,7 +77,7 @@ class WholeStates:
     ) -> dict[int, bytes]:
         rates = self._advance(setpoint, reported)
         packed = self._velocities.packets(setpoint, reported, versions)
-        fits = np.isfinite(self._yaw) & (abs(self._position) < FARTHEST).all(axis=1)
+        fits = np.isfinite(self._yaw) & (abs(self._position) <= FARTHEST).all(axis=1)
         self._flown = setpoint.active & fits
         for row in np.flatnonzero(self._flown).tolist():
             half = float(self._yaw[row]) / 2

@@ -65,9 +65,8 @@ class Ports:
         """Send a packet of an agent's to a client, now in `cycle` or so many cycles later."""
         if self._delay:
             self._late.append((cycle + self._delay, row, packet, client))
-            return
-        with contextlib.suppress(OSError):  # its buffer is full, or it has gone
-            self.sockets[row].sendto(packet, client)
+        else:
+            self._put(row, packet, client)
 
     def stream(self, row: int, packets: Sequence[bytes], cycle: int) -> None:
         """Send packets to whom the agent heard last, until 5 s after that."""
@@ -80,13 +79,16 @@ class Ports:
         """Send what is due by now."""
         while self._late and self._late[0][0] <= cycle:
             _, row, packet, client = self._late.pop(0)
-            with contextlib.suppress(OSError):
-                self.sockets[row].sendto(packet, client)
+            self._put(row, packet, client)
 
     def close(self) -> None:
         """Give the ports back. Safe to call twice."""
         for each in self.sockets:
             each.close()
+
+    def _put(self, row: int, packet: bytes, client: Client) -> None:
+        with contextlib.suppress(OSError):  # its buffer is full, or it has gone
+            self.sockets[row].sendto(packet, client)
 
 
 def _opened(name: str, host: str, number: int) -> socket.socket:

@@ -12,7 +12,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from star_core import Array, Command, ContractError, Corrections, Order, PluginError, Setpoint
+from star_core import (
+    Array,
+    Command,
+    ContractError,
+    Corrections,
+    Order,
+    PluginError,
+    Setpoint,
+    Supervisor,
+)
 from star_radio import orders
 from star_radio.trajectory import Piece
 from star_radio.transport import Radio
@@ -521,3 +530,26 @@ def test_a_late_reader_keeps_the_newest_reports(peers: Peers, connect: Open) -> 
     time.sleep(0.3)
     telemetry = radio.receive()
     assert telemetry.position[0, 0] == pytest.approx(1.499)
+
+
+@pytest.mark.parametrize(
+    ("state", "z", "told"),
+    [
+        (Supervisor.FLYING | Supervisor.COMMANDER_ACTIVE, 0.02, True),  # it takes off
+        (Supervisor.FLYING | Supervisor.COMMANDER_FINISHED, 0.8, True),  # it hovers
+        (Supervisor.FLYING | Supervisor.COMMANDER_FINISHED, 0.02, False),  # it has just landed
+        (Supervisor.CAN_FLY, 0.8, False),  # it stands on a table
+    ],
+)
+def test_who_flies_by_itself_at_the_end_is_told_to_land(
+    state: Supervisor,
+    z: float,
+    told: bool,  # noqa: FBT001
+    peers: Peers,
+    connect: Open,
+) -> None:
+    [drone] = peers()
+    drone.values |= {"supervisor.info": int(state), "stateEstimateZ.z": 1000 * z}
+    connect([drone]).close()
+    landings = [payload for payload in drone.sent_to(8, 0) if payload[0] == orders.land(0, 3)[1]]
+    assert bool(landings) is told

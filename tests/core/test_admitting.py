@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from star_core.parameters import admitting, depends
+from star_core.admitting import admitting, depends
 from star_core.registry import Registry
 from star_core.schema import compose_steps
 from star_core.yaml_text import Location, parse
