@@ -78,7 +78,7 @@ def growth() -> dict[str, float]:
     before = 0
     for tick in range(int(MINUTES * 60 / TICK)):
         times = tick * TICK + np.arange(1, 6) * TICK / 5
-        follower.hear(odometry(times, rng), np.arange(5))
+        follower.hear(odometry(times, rng), np.arange(5), motors=True)
         if tick % 2 == 0:
             taken = float(times[0])
             tags, corners = spotter.spot(shot(taken), rng)

@@ -124,3 +124,10 @@ class Telemetry:
         for agent, _reason in self.refusals:
             if not 0 <= agent < n:
                 raise ContractError(f"Telemetry.refusals has agent {agent!r} of {n}")
+
+    @property
+    def heading(self) -> Array:
+        """(N,) yaw of each agent in its odometry frame, rad, from -pi to pi."""
+        x, y, z, w = self.attitude.T
+        yaw: Array = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return yaw

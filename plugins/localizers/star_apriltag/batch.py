@@ -62,9 +62,9 @@ class Batched:
         self._values.insert(X(0), start)
         self.known = Known(Node(0.0, start, np.eye(6) * DEVIATION**2))  # odometry as it is
 
-    def hear(self, odometry: Odometry, rows: Rows) -> None:
+    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         """Take in those samples of the odometry that are this agent's."""
-        self._track.add(odometry, rows)
+        self._track.add(odometry, rows, motors=motors)
 
     def go_on(self, now: float) -> None:
         """Without tags there are no nodes."""

@@ -71,10 +71,9 @@ class Calibration:
     def _learn_bias(self, old: Place | None, new: Place, track: Track) -> Place:
         if old is None or new.time - old.time > LONGEST:
             return new
-        took = new.time - old.time
+        _, turned, _, took, _, _ = track.between(old.time, new.time)
         if took < LEAST_YAW_TIME:
             return old
-        turned = track.between(old.time, new.time).turn
         excess = _wrapped(turned - (new.yaw - old.yaw)) / took
         noise = (old.yaw_deviation**2 + new.yaw_deviation**2 + YAW_WALK * took) / took**2
         gain, shrink = _gain(self._bias_variance, noise, abs(excess - self.yaw_bias))

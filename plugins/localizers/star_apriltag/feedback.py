@@ -7,9 +7,10 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from star_apriltag.reckoning import Belief
-from star_core import Array, Corrections, Telemetry, Transform
+from star_core import Corrections, Telemetry, Transform
 
 # An estimator takes the errors of one correction after the other for independent ones, which they
 # are not: it is told of more deviation than there is.
@@ -62,7 +63,8 @@ class Feedback:
                 continue
             rows.append(row)
             positions.append(position)
-            attitudes.append(_attitude(belief.roll, belief.pitch, belief.yaw - self._yaw[row]))
+            turns = [belief.yaw - self._yaw[row], belief.pitch, belief.roll]
+            attitudes.append(Rotation.from_euler("ZYX", turns).as_quat())
             spread = math.sqrt(float(np.linalg.eigvalsh(belief.covariance[:2, :2])[-1]))
             deviations.append(max(LEAST, TIMES * spread))
             yaw = max(LEAST_YAW, TIMES * math.sqrt(belief.covariance[3, 3]))
@@ -76,18 +78,3 @@ class Feedback:
             position_deviation=np.array(deviations),
             attitude_deviation=np.array(yaws),
         )
-
-
-def _attitude(roll: float, pitch: float, yaw: float) -> Array:
-    """Return the unit quaternion x, y, z, w of turns by roll, then pitch, then yaw, rad."""
-    sr, cr = math.sin(roll / 2), math.cos(roll / 2)
-    sp, cp = math.sin(pitch / 2), math.cos(pitch / 2)
-    sy, cy = math.sin(yaw / 2), math.cos(yaw / 2)
-    return np.array(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ]
-    )

@@ -46,7 +46,7 @@ class Sight(NamedTuple):
 class Follower(Protocol):
     """What the localizer asks of a way to follow one agent."""
 
-    def hear(self, odometry: Odometry, rows: Rows) -> None:
+    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         """Take in those samples of the odometry that are this agent's."""
 
     def look(self, sight: Sight) -> tuple[Look, Belief] | None:
@@ -106,9 +106,9 @@ class Smoothed:
         self.tracker = Tracker(agent, smoother)
         self._relocation = Relocation()
 
-    def hear(self, odometry: Odometry, rows: Rows) -> None:
+    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         """Take in those samples of the odometry that are this agent's."""
-        self.tracker.track.add(odometry, rows)
+        self.tracker.track.add(odometry, rows, motors=motors)
 
     def go_on(self, now: float) -> None:
         """It is `now`, s, and there is nothing else to be seen."""

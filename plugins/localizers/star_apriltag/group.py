@@ -14,7 +14,7 @@ from star_apriltag.batch import Batched
 from star_apriltag.follower import Follower, Sight, Smoothed
 from star_apriltag.reckoning import Belief, Known
 from star_apriltag.vision.look import Look
-from star_core import Odometry, Scene, Sightings, Tag
+from star_core import Mask, Odometry, Scene, Sightings, Tag
 
 log = logging.getLogger(__name__)
 
@@ -48,11 +48,13 @@ class Heard(NamedTuple):
         time: Of the tick, s.
         odometry: Since the last tick.
         sights: In the order in which they were taken.
+        motors: (N,) which agents' motors may run.
     """
 
     time: float
     odometry: Odometry
     sights: tuple[Sight, ...]
+    motors: Mask
 
     def of(self, rows: Sequence[int]) -> Heard:
         """Return what the agents in `rows` report."""
@@ -62,6 +64,7 @@ class Heard(NamedTuple):
             self.time,
             Odometry(**{name: getattr(self.odometry, name)[mine] for name in names}),
             tuple(sight for sight in self.sights if sight.row in rows),
+            self.motors,
         )
 
 
@@ -126,7 +129,8 @@ class Group:
         """Return what a tick says that was not known before it."""
         before = {row: follower.known.node for row, follower in self._followers.items()}
         for row, follower in self._followers.items():
-            follower.hear(heard.odometry, np.flatnonzero(heard.odometry.agent == row))
+            rows = np.flatnonzero(heard.odometry.agent == row)
+            follower.hear(heard.odometry, rows, motors=bool(heard.motors[row]))
         fixed: set[int] = set()
         sightings: list[Sightings] = []
         for sight in heard.sights:

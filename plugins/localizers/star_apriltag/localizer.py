@@ -14,8 +14,8 @@ from star_apriltag.feedback import Feedback
 from star_apriltag.follower import Sight
 from star_apriltag.group import Heard, Settings
 from star_apriltag.reckoning import Belief, Reckoner
-from star_apriltag.reports import Reports, heading
-from star_core import Estimate, Scene, Sightings, Telemetry, Transform
+from star_apriltag.reports import Reports
+from star_core import Estimate, Scene, Sightings, Supervisor, Telemetry, Transform
 
 AHEAD: Final = 0.02  # s, by which an image may be newer than the newest report
 
@@ -70,12 +70,14 @@ class AprilTag:
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         odometry = self._reports.complete(telemetry)
-        heard = Heard(telemetry.time, odometry, tuple(sights(telemetry, self._latency)))
+        motors = telemetry.state & int(Supervisor.FLYING) != 0
+        heard = Heard(telemetry.time, odometry, tuple(sights(telemetry, self._latency)), motors)
         learnt = self._beside.tick(heard)
         for row, known in learnt.known.items():
             self._reckoners[row].known = known
         for row, reckoner in enumerate(self._reckoners):
-            reckoner.hear(odometry, np.flatnonzero(odometry.agent == row))
+            rows = np.flatnonzero(odometry.agent == row)
+            reckoner.hear(odometry, rows, motors=bool(motors[row]))
         beliefs = [reckoner.at(telemetry.time) for reckoner in self._reckoners]
         estimate = self._estimate(telemetry, beliefs, learnt.sightings)
         if self._feedback is None or not learnt.fixed:
@@ -92,7 +94,7 @@ class AprilTag:
         covariance = np.array([belief.covariance[:3, :3] for belief in beliefs])
         covariance += np.eye(3) * self._survey**2
         reported = np.isfinite(telemetry.position.sum(axis=1) + telemetry.attitude.sum(axis=1))
-        lies = yaw - heading(telemetry.attitude)
+        lies = yaw - telemetry.heading
         turned = Transform(lies, np.zeros_like(position)).turn(telemetry.position)
         self._frames = Transform(
             np.where(reported, lies, self._frames.yaw),

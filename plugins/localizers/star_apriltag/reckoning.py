@@ -27,6 +27,7 @@ SEEN_SWAY: Final = 0.002  # m/√s
 LEAST: Final = 0.0005  # m
 RISE: Final = 0.01  # m/√s
 YAW: Final = math.radians(0.175)  # rad/√s
+LEAST_YAW: Final = math.radians(0.01)  # rad
 TILT: Final = math.radians(0.3)  # rad/√s
 LEAST_TILT: Final = math.radians(0.06)  # rad
 
@@ -84,9 +85,9 @@ class Reckoner:
         self._ground = float(agent.start[2])
         self.known = Known(standing(agent))
 
-    def hear(self, odometry: Odometry, rows: Rows) -> None:
+    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         """Take in those samples of the odometry that are this agent's."""
-        self._track.add(odometry, rows)
+        self._track.add(odometry, rows, motors=motors)
 
     def at(self, time: float) -> Belief:
         """Return where it is at `time`, s, or at that of the newest pose if that is later."""
@@ -171,4 +172,4 @@ def _deviations(motion: Motion) -> Array:
     variance += SEEN_WAY**2 * (motion.length - motion.blind_length)
     variance += SEEN_SWAY**2 * (motion.duration - motion.blind_duration)
     aside = math.sqrt(max(variance, 0.0)) + LEAST
-    return np.array([tilt, tilt, YAW * passed, aside, aside, RISE * passed + LEAST])
+    return np.array([tilt, tilt, max(YAW * passed, LEAST_YAW), aside, aside, RISE * passed + LEAST])

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Odometry, Telemetry, Transform
+from star_core import Odometry, Telemetry, Transform
 
 SILENT: Final = 0.5  # s without a sample, after which reports stand in for the stream
 LEAST: Final = 1e-6  # s between two reports: less is one report, told twice
@@ -40,7 +40,7 @@ class Reports:
         now = telemetry.time
         self._streamed[streamed.agent] = now
         said = now - telemetry.age
-        facing = heading(telemetry.attitude)
+        facing = telemetry.heading
         passed = said - self._time
         newer = np.isfinite(facing) & ~(passed <= LEAST)  # the first report is newer than none
         turned = (facing - self._heading + math.pi) % math.tau - math.pi
@@ -66,10 +66,3 @@ class Reports:
             pitch=np.concatenate([streamed.pitch, pitch]),
             height=np.concatenate([streamed.height, telemetry.position[silent, 2]]),
         )
-
-
-def heading(attitude: Array) -> Array:
-    """Return the yaw of (N, 4) unit quaternions, rad."""
-    x, y, z, w = attitude.T
-    yaw: Array = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return yaw

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -9,7 +10,10 @@ import numpy as np
 from star_core import Array, Odometry, Rows
 
 ROOM: Final = 1 << 13  # samples kept: 82 s at 100 Hz, well beyond the longest gap between fixes
-COLUMNS: Final = 9  # time, velocity, yaw rate, roll, pitch, height, and whether it is blind
+COLUMNS: Final = 10  # time, velocity, yaw rate, roll, pitch, height, whether blind, whether still
+
+STILL: Final = 0.05  # m/s: slower, an agent with its motors off stands
+STILL_TURN: Final = math.radians(3.0)  # rad/s, likewise
 
 
 class Motion(NamedTuple):
@@ -19,7 +23,7 @@ class Motion(NamedTuple):
         shift: Displacement in x and y of the start's level body frame, m, as x + iy.
         turn: Change of yaw, rad.
         length: Way flown, m.
-        duration: s.
+        duration: Time for which the agent did not stand, s.
         blind_length: Part of the way that nothing but the flow sensor measured, m.
         blind_duration: Likewise, s.
     """
@@ -54,15 +58,25 @@ class Track:
     """Keeps the samples of one agent in order of time, and integrates them.
 
     A sample holds from the one before it to its own time. Samples that are not newer than the last
-    one, or not finite, are passed over.
+    one, or not finite, are passed over. Who stands stays where it is: what its sensors say then is
+    their bias, which need not be that of the flight.
     """
 
     def __init__(self) -> None:
         self._rows = np.zeros((2 * ROOM, COLUMNS))
         self._end = 0
 
-    def add(self, odometry: Odometry, rows: Rows) -> None:
-        """Take in those samples of `odometry` that stand in `rows`."""
+    def add(self, odometry: Odometry, rows: Rows, *, motors: bool = True) -> None:
+        """Take in those samples of `odometry` that stand in `rows`.
+
+        Args:
+            odometry: With the agent's samples.
+            rows: Which they are.
+            motors: Whether its motors may run; off, it stands unless it is carried about.
+        """
+        still = np.full(len(rows), not motors)
+        still &= np.abs(odometry.velocity[rows]).max(axis=1, initial=0.0) < STILL
+        still &= np.abs(odometry.yaw_rate[rows]) < STILL_TURN
         table = np.column_stack(
             [
                 odometry.time[rows],
@@ -72,6 +86,7 @@ class Track:
                 odometry.pitch[rows],
                 odometry.height[rows],
                 np.ones(len(rows)),
+                still,
             ]
         )
         table = table[np.isfinite(table).all(axis=1)]
@@ -107,7 +122,7 @@ class Track:
         rows = self._rows[first : last + 1]
         until = np.clip(rows[:, 0], begin, end)
         until[-1] = end
-        took = np.diff(until, prepend=begin)
+        took = np.diff(until, prepend=begin) * (1 - rows[:, 9])
         turns = (rows[:, 4] - yaw_bias) * took
         after = np.cumsum(turns)
         steps = scale * (rows[:, 1] + 1j * rows[:, 2]) * took
@@ -116,7 +131,7 @@ class Track:
             shift=complex(np.exp(1j * (after - turns / 2)) @ steps),
             turn=float(after[-1]),
             length=float(lengths.sum()),
-            duration=end - begin,
+            duration=float(took.sum()),
             blind_length=float(lengths @ blind),
             blind_duration=float(took @ blind),
         )
@@ -143,7 +158,7 @@ class Track:
         more = complex((shift - turned @ (rows[:, 1] + 1j * rows[:, 2])) / turned.sum())
         rows[:, 1] += more.real
         rows[:, 2] += more.imag
-        rows[:, 8] = 0.0
+        rows[:, 8:] = 0.0
 
     def _cut(self, time: float) -> int:
         """Let a sample end at `time`, s, no later than the newest; return the row after it."""

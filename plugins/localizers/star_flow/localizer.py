@@ -49,7 +49,7 @@ class Flow:
     def locate(self, telemetry: Telemetry) -> Estimate:
         reckoned = self._map_from_odom.apply(telemetry.position)
         velocity = self._map_from_odom.turn(telemetry.velocity)
-        yaw = wrapped(heading(telemetry.attitude) + self._map_from_odom.yaw)
+        yaw = wrapped(telemetry.heading + self._map_from_odom.yaw)
         known = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
         self._reckoned = np.where(known[:, None], reckoned, self._reckoned)
         if self._error is None:
@@ -69,17 +69,6 @@ class Flow:
             map_from_odom=self._map_from_odom,
             sightings=self._lookout.see(telemetry, self._map_from_odom, self._position, covariance),
         )
-
-
-def heading(attitude: Array) -> Array:
-    """Return the yaw of (N, 4) unit quaternions x, y, z, w, rad.
-
-    >>> heading(np.array([[0.0, 0.0, np.sin(0.25), np.cos(0.25)]]))
-    array([0.5])
-    """
-    x, y, z, w = attitude.T
-    yaw: Array = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return yaw
 
 
 def wrapped(angle: Array) -> Array:

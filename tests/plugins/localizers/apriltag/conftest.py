@@ -25,6 +25,7 @@ from star_core import (
     Image,
     Odometry,
     Scene,
+    Supervisor,
     Tag,
     Telemetry,
     World,
@@ -231,7 +232,7 @@ def telemetry(
         velocity=np.array([body.rotation[:, 0] * SPEED for body in within]),
         attitude=np.array([attitude(body) for body in within]),
         battery=np.full(n, 4.0),
-        state=np.zeros(n, np.int64),
+        state=np.full(n, int(Supervisor.FLYING)),
         age=np.zeros(n),
         odometry=Odometry(
             **{name: np.concatenate([getattr(s, name) for s in streams]) for name in names}

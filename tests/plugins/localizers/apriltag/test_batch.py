@@ -37,7 +37,7 @@ def test_every_pose_since_the_start_stays_in_the_graph() -> None:
     circle = Circle(10)
     follower = Batched(circle.agent(), tuple(TAGS))
     for heard in ticks([circle], 5.0, TAGS):
-        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)))
+        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)), motors=True)
         for sight in sights(heard, 0.15):
             follower.look(sight)
     assert 20 <= follower._count <= 31  # at 6 Hz at most
@@ -48,7 +48,7 @@ def test_an_image_counts_for_when_it_arrived() -> None:
     follower = Batched(circle.agent(), tuple(TAGS))
     arrivals = set()
     for heard in ticks([circle], 5.0, TAGS):
-        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)))
+        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)), motors=True)
         for sight in sights(heard, 0.15):
             follower.look(sight)
             arrivals.add(sight.arrived)

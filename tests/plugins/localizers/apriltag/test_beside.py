@@ -36,6 +36,7 @@ from tests.plugins.localizers.apriltag.conftest import (
 TAGS = [*sheets(4), *sheets(4, centre=(6.0, 0.0), first=20)]
 CIRCLES = [Circle(10, seed=1), Circle(10, centre=(6.0, 0.0), seed=2)]
 SETTINGS = Settings("smoother", 2, 0.15, 0.02, 2.5)
+ALL = np.ones(1, np.bool_)
 
 
 @contextmanager
@@ -107,7 +108,7 @@ def test_what_goes_wrong_in_a_process_is_raised_here() -> None:
     try:
         heard = telemetry([Circle(1)], TICK)
         with pytest.raises(RuntimeError, match=r"(?s)following cf0 failed:\nTraceback"):
-            made.tick(Heard(heard.time, heard.odometry, ()))
+            made.tick(Heard(heard.time, heard.odometry, (), ALL))
     finally:
         made.close()
 
@@ -142,7 +143,7 @@ def test_a_late_process_is_spared_old_images_and_told_all_odometry() -> None:
     worker = There(replace(room([circle], TAGS), realtime=True), [0], SETTINGS)
     try:
         for heard in ticks([circle], 3.0, TAGS):
-            worker.give(Heard(heard.time, heard.odometry, tuple(sights(heard, 0.15))))
+            worker.give(Heard(heard.time, heard.odometry, tuple(sights(heard, 0.15)), ALL))
         told = worker._late
     finally:
         worker.close()

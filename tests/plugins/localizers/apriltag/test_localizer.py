@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from star_core import Detections, Estimate, Frames, Image, Odometry, Telemetry
+from star_core import Detections, Estimate, Frames, Image, Odometry, Supervisor, Telemetry
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
     RADIUS,
@@ -90,6 +90,27 @@ def test_with_one_tag_of_each_landmark_the_others_do_not_matter() -> None:
     one = flown(localizer(room([circle], TAGS), tags_per_landmark=1), [circle], 10.0, TAGS)
     fewer = flown(localizer(room([circle], TAGS)), [circle], 10.0, TAGS[::2])
     assert same(one, fewer)
+
+
+@pytest.mark.parametrize(("state", "turned"), [(0, 0.0), (int(Supervisor.FLYING), 60.0)])
+def test_what_was_learnt_of_the_gyro_in_flight_is_not_held_against_who_stands(
+    state: int, turned: float
+) -> None:
+    circle = Circle(20, yaw_bias=math.radians(0.4))
+    made = localizer(room([circle], TAGS))
+    (*_, before) = flown(made, [circle], 20.0, TAGS)
+    assert off([before], circle) < 0.02
+    yaw, now, zero = before.yaw[0], 20.0, np.zeros(100)
+    for _ in range(60):
+        time = now + np.linspace(0.01, 1.0, 100)
+        still = Odometry(np.zeros(100, int), time, np.zeros((100, 3)), zero, zero, zero, zero)
+        now += 1.0
+        heard = replace(telemetry([circle], 20.0), time=now, velocity=np.zeros((1, 3)))
+        estimate = made.locate(replace(heard, odometry=still, state=np.array([state])))
+    learnt = -made._reckoners[0].known.yaw_bias
+    assert abs(learnt) > math.radians(0.2)
+    assert estimate.yaw[0] - yaw == pytest.approx(turned * learnt, abs=math.radians(1.0))
+    assert estimate.position == pytest.approx(before.position, abs=1e-3)
 
 
 def test_where_its_odometry_frame_lies_makes_up_for_drift() -> None:

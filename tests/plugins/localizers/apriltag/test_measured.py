@@ -23,7 +23,7 @@ def followed(*, floor: bool = True, stains: float = 1.0) -> Smoothed:
         agent, (NOWHERE,), (), camera_deviation=0.02, lag=2.5, latency=0.15, floor=floor
     )
     for k in range(1, round(10 * SECONDS) + 1):
-        follower.hear(odometry(0.1 * k + np.arange(-9, 1) / 100), np.arange(10))
+        follower.hear(odometry(0.1 * k + np.arange(-9, 1) / 100), np.arange(10), motors=True)
         image = picture(SPEED * 0.1 * k + 0j, stains=stains, key=k)
         follower.look(Sight(0, 0.1 * k, image, np.zeros(0, np.int64), NO_CORNERS))
         follower.go_on(0.1 * k)

@@ -96,6 +96,42 @@ def test_wholly_beyond_the_newest_sample_too() -> None:
     assert motion.turn == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize(
+    ("motors", "speed", "rate", "stands"),
+    [
+        (False, 0.0, 0.008, True),
+        (False, 0.03, 0.0, True),
+        (False, 0.1, 0.0, False),  # it is carried about
+        (False, 0.0, -0.1, False),  # it is turned by hand
+        (True, 0.0, 0.008, False),  # it hovers
+    ],
+)
+def test_who_stands_neither_moves_nor_turns(
+    motors: bool,  # noqa: FBT001
+    speed: float,
+    rate: float,
+    stands: bool,  # noqa: FBT001
+) -> None:
+    made, time = Track(), np.arange(1, 101) / 100
+    velocity = np.full((100, 3), [speed, 0.0, 0.0])
+    made.add(stream(time, velocity, np.full(100, rate)), np.arange(100), motors=motors)
+    motion = made.between(0.0, 1.0, yaw_bias=0.004)
+    if stands:
+        assert motion == (0j, 0.0, 0.0, 0.0, 0.0, 0.0)
+    else:
+        assert motion.turn == pytest.approx(rate - 0.004)
+        assert (motion.length, motion.duration) == pytest.approx((speed, 1.0))
+
+
+def test_a_stand_between_two_ways_takes_no_time() -> None:
+    made = even(1.0, (0.5, 0.0), 0.2)
+    made.add(stream([61.0], np.zeros((1, 3)), np.zeros(1)), np.arange(1), motors=False)
+    made.add(stream([62.0], np.array([[0.5, 0, 0]]), np.full(1, 0.2)), np.arange(1))
+    motion = made.between(0.0, 62.0, yaw_bias=0.1)
+    assert motion.turn == pytest.approx(0.2)
+    assert (motion.length, motion.duration, motion.blind_duration) == pytest.approx((1.0, 2.0, 2.0))
+
+
 def test_without_a_sample_nothing_moves() -> None:
     assert Track().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0, 0.0, 2.0)
 

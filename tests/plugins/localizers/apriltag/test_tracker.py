@@ -13,7 +13,7 @@ from star_apriltag.reckoning import Belief
 from star_apriltag.smoother import Smoother
 from star_apriltag.tracker import NODE_EVERY, Tracker
 from star_apriltag.vision.pose import AT_REST
-from star_core import Tag
+from star_core import Odometry, Tag
 from star_sim.eye.errors import real_tags
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
@@ -72,6 +72,17 @@ class Flight:
             beliefs.append(self.tracker.at(self.now))
         return beliefs
 
+    def stand(self, seconds: float, yaw_rate: float) -> None:
+        """Stop dead, and have the motors off for a while."""
+        for _ in range(round(seconds)):
+            time = self.now + np.linspace(0.01, 1.0, 100)
+            n, zero = len(time), np.zeros(100)
+            turns = np.full(n, yaw_rate)
+            still = Odometry(np.zeros(n, int), time, np.zeros((n, 3)), turns, zero, zero, zero)
+            self.tracker.track.add(still, np.arange(n), motors=False)
+            self.now += 1.0
+            self.tracker.go_on(self.now - 0.5)
+
     def nees(self, belief: Belief) -> float:
         """Squared error in x and y over covariance, a degree of freedom; a map is good for 5 mm."""
         error = (belief.position - self.circle.body(belief.time).position)[:2]
@@ -126,6 +137,22 @@ def test_one_leg_over_ten_seconds_is_survived_too() -> None:
     assert flight.tracker.at(13.0).position == pytest.approx(
         flight.circle.body(13.0).position, abs=0.01
     )
+
+
+@pytest.mark.parametrize("bias_on_the_ground", [0.0, 1.0])
+def test_a_stand_changes_nothing_whatever_bias_was_learnt_in_flight(
+    bias_on_the_ground: float,
+) -> None:
+    bias = math.radians(0.4)
+    flight = Flight(Circle(20, yaw_bias=bias))
+    (*_, landed) = flight.fly(20.0)
+    assert flight.tracker.calibration.yaw_bias == pytest.approx(bias, rel=0.3)
+    flight.stand(120.0, bias_on_the_ground * bias)
+    belief = flight.tracker.at(flight.now)
+    assert belief.position == pytest.approx(landed.position, abs=1e-3)
+    assert belief.yaw == pytest.approx(landed.yaw, abs=math.radians(0.1))
+    assert math.sqrt(belief.covariance[3, 3]) < math.radians(1.0)
+    assert flight.tracker._smoother.restarts == 0
 
 
 @pytest.mark.parametrize("late", [0.0, 0.3, 5.0])
