@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import TextIO
 
-    from star_core.document import Document
     from star_core.registry import Registry
 
 FAILED = 1
@@ -141,68 +140,10 @@ def _run(options: argparse.Namespace, answer: TextIO) -> int:
 def _check(options: argparse.Namespace, answer: TextIO) -> int:
     from pathlib import Path
 
-    from star_core.document import kind_of, override, read
-    from star_core.mission import load
+    from star_core.check_file import check_file
 
-    registry, path, assignments = _registry(), Path(options.mission), _assignments(options)
-    document = read(path)
-    others = {"steps": _check_steps, "world": _check_world, "camera": _check_camera}
-    if check := others.get(kind_of(document)):
-        print(f"{path}: {check(override(document, assignments), registry)}", file=answer)
-        return 0
-    mission = load(path, registry, assignments)
-    agents = len(mission.scene.agents)
-    many = "agents" if agents > 1 else "agent"
-    print(f"{options.mission}: {mission.name!r} can be flown, with {agents} {many}", file=answer)
+    print(check_file(Path(options.mission), _assignments(options), _registry()), file=answer)
     return 0
-
-
-def _check_steps(document: Document, registry: Registry) -> str:
-    """Return what a file of steps is for.
-
-    Raises:
-        InputError: Something is wrong with it, whatever mission includes it.
-    """
-    from star_core.include import check_alone, lacking
-    from star_core.schema import compose_steps
-
-    check_alone(document, compose_steps(registry.offers()))
-    steps, parameters = len(document.data["mission"]), document.data.get("parameters", {})
-    needed = ", ".join(name for name, value in parameters.items() if value is None)
-    many = "steps" if steps > 1 else "step"
-    values = f", with a value for {needed}" * bool(needed)
-    return f"{steps} {many} for missions to include{values}{lacking(document)}"
-
-
-def _check_world(document: Document, _registry: Registry) -> str:
-    """Return what a world is for.
-
-    Raises:
-        InputError: Something is wrong with it, whatever mission is flown in it.
-    """
-    from star_core import schema
-    from star_core.errors import InputError
-    from star_core.world_file import world
-
-    if found := schema.problems(document, schema.load("world")):
-        raise InputError(found)
-    return f"{world(document).name!r}, a world that can be flown in"
-
-
-def _check_camera(document: Document, _registry: Registry) -> str:
-    """Return what a camera's file is for.
-
-    Raises:
-        InputError: Something is wrong with it, whatever mission has it.
-    """
-    from star_core import schema
-    from star_core.camera import camera_faults
-    from star_core.errors import InputError
-
-    found = schema.problems(document, schema.load("camera"))
-    if found := found or document.told(camera_faults(document.data)):
-        raise InputError(found)
-    return f"{document.data['name']!r}, a camera for missions"
 
 
 def _plugins(options: argparse.Namespace, answer: TextIO) -> int:
