@@ -40,7 +40,7 @@ bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers
 campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that take long
 	$(BIN)/python -m pytest -q -m campaign
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
-	for topic in search relief; do $(BIN)/python benchmarks/$$topic.py; done
+	for topic in covariance search relief; do $(BIN)/python benchmarks/$$topic.py; done
 
 scenarios: $(VENV)/.ready  ## the table of scenarios in docs/benchmarks.md; long
 	$(BIN)/star bench --seeds 30 --out runs/scenarios

@@ -23,7 +23,8 @@ def main() -> None:
     figure, axes = plt.subplots(1, len(runs), figsize=(5 * len(runs), 5.2), squeeze=False)
     for axis, run in zip(axes[0], runs, strict=True):
         draw(axis, Path(run))
-    figure.tight_layout()
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="lower center", ncols=2)
+    figure.tight_layout(rect=(0.0, 0.06, 1.0, 1.0))
     figure.savefig(out, dpi=80)
 
 
@@ -45,7 +46,6 @@ def draw(axis: Axes, run: Path) -> None:
     axis.set_aspect("equal")
     axis.set_xlabel("x, m")
     axis.set_ylabel("y, m")
-    axis.legend(loc="upper right")
 
 
 if __name__ == "__main__":
