@@ -32,6 +32,7 @@ REACH = (0.25, 0.55)  # m, from a polygon's middle to its corners
 LANDMARKS = (-2.1, 0.0, 2.1)  # m, about which they lie, in x and in y
 APART = 0.7  # m between polygons, so that drones pass between them
 CLEAR = 0.2  # m from a tag's middle to polygons and the fence
+CLEARANCE = 0.3  # m that scouts keep to polygons: between landmarks they are up to 0.3 m off
 HEIGHT, SPEED = 0.8, 0.3
 STARTS = ((-0.8, -2.6), (0.0, -2.6), (0.8, -2.6))
 SHARE_GOAL = 0.95
@@ -136,8 +137,8 @@ def mission(seed: int, pattern: str) -> dict[str, Any]:
         },
         "transport": {"use": "sim", "camera": {"mode": "geometric"}},
         "localizer": {"use": "apriltag", "processes": 0},
-        "planner": "visibility",
-        "avoider": {"use": "orca", "radius": 0.2},
+        "planner": {"use": "visibility", "clearance": CLEARANCE},
+        "avoider": {"use": "orca", "radius": 0.2, "deviations": 2, "clearance": CLEARANCE},
         "mission": [
             {"takeoff": {"height": HEIGHT}},
             {"search": {"pattern": pattern, "height": HEIGHT, "speed": SPEED, "targets": 0}},

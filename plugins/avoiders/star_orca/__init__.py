@@ -70,6 +70,13 @@ _OPTIONS: dict[str, Any] = {
             "description": "Time constant with which agents follow a velocity: where they will be "
             "so much later is what counts, s",
         },
+        "deviations": {
+            "type": "number",
+            "minimum": 0,
+            "default": 0.0,
+            "description": "By how many standard deviations of its place an agent's radius is "
+            "larger, but no more than doubled; 0 takes every place for exact",
+        },
     },
 }
 
@@ -97,7 +104,8 @@ def _check(_scene: Scene, **options: Any) -> Iterable[Problem]:
 
     defaults = {name: schema["default"] for name, schema in _OPTIONS["properties"].items()}
     chosen = defaults | options
-    distance, apart = chosen["communication_radius"], 2 * chosen["radius"]
+    widest = (2 if chosen["deviations"] else 1) * chosen["radius"]
+    distance, apart = chosen["communication_radius"], 2 * widest
     if distance <= apart:
         yield Problem(
             ("communication_radius",),

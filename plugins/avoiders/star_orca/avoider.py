@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from star_core import Array, Estimate, Scene, Setpoint, Transform
+from star_orca.doubt import doubt
 from star_orca.kernel import orca
 from star_orca.outlines import outlines
 from star_orca.reach import within_reach
@@ -41,6 +42,8 @@ class Orca:
         response: Time constant with which agents follow a velocity, s. Everything is worked out for
             where they will be that much later, two that overlap take no less to come apart, and
             nobody is asked for more than the scene's greatest acceleration in the plane.
+        deviations: By how many standard deviations of its place an agent's radius is larger, but
+            no more than doubled.
     """
 
     def __init__(  # noqa: PLR0913 -- one for every option
@@ -56,9 +59,11 @@ class Orca:
         obstacle_horizon: float = 1.0,
         clearance: float | None = None,
         response: float = 0.3,
+        deviations: float = 0.0,
     ) -> None:
         n = len(scene.agents)
         self._radius = np.full(n, float(radius))
+        self._deviations = float(deviations)
         self._speed = np.full(n, float(scene.limits.speed))
         self._horizon = float(horizon)
         self._communication_radius = float(communication_radius)
@@ -85,7 +90,7 @@ class Orca:
             position,
             velocity,
             np.array(wanted.velocity, order="C"),  # writable and in C order: one set of types
-            self._radius,
+            self._radius + doubt(estimate.covariance, self._deviations, self._radius),
             self._speed,
             avoids,
             *self._outlines,

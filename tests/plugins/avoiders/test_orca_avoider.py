@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import star_orca
 from star_core import Array, Limits, Offer, Setpoint
 from star_core.testing import check_avoider, estimate, scene
 from star_orca.avoider import Orca
+from star_orca.doubt import doubt
 
 SPEED = 0.5
 HEAD_ON = np.array([[-0.4, 0.0, 0.8], [0.4, 0.0, 0.8]])
@@ -65,6 +67,43 @@ def test_an_agent_whose_way_leads_through_a_parked_one_gets_round_it() -> None:
 def test_a_wider_radius_keeps_agents_further_apart() -> None:
     start = circle(2, 1.5)
     assert fly(start, start * [-1, -1, 1], radius=0.35) >= 0.7 - 1e-3
+
+
+def unsure(spread: Array, turn: float = 0.0) -> Array:
+    """(1, 3, 3) covariance with those deviations along x, y and z, turned about z."""
+    turned = Rotation.from_euler("z", turn).as_matrix()
+    covariance: Array = (turned @ np.diag(np.square(spread)) @ turned.T)[None]
+    return covariance
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2, 2.0])
+def test_an_agent_is_wider_by_what_its_place_is_unsure_along_its_worst_direction(
+    turn: float,
+) -> None:
+    covariance = unsure(np.array([0.05, 0.02, 0.9]), turn)
+    assert doubt(covariance, 2.0, np.full(1, 0.2)) == pytest.approx([0.1])
+
+
+@pytest.mark.parametrize("value", [1.0, np.inf, np.nan])
+def test_no_agent_is_more_than_twice_as_wide_for_it(value: float) -> None:
+    assert doubt(np.full((1, 3, 3), value), 2.0, np.full(1, 0.2)) == pytest.approx([0.2])
+
+
+@pytest.mark.parametrize("value", [1.0, np.nan])
+def test_without_deviations_no_agent_is_wider(value: float) -> None:
+    assert doubt(np.full((1, 3, 3), value), 0.0, np.full(1, 0.2)).tolist() == [0.0]
+
+
+def test_unsure_agents_are_avoided_as_wider_ones() -> None:
+    spread = unsure(np.array([0.06, 0.06, 0.0]))
+    now = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER)
+    doubted = replace(now, covariance=np.concatenate([spread, 0 * spread]))
+    wish = wanted(TOWARDS_EACH_OTHER)
+    by_doubt = Orca(scene(2), radius=0.2, deviations=2.0).avoid(doubted, wish)
+    wider = Orca(scene(2), radius=0.2 + 0.06).avoid(now, wish)  # each by half of what one is off
+    assert by_doubt.velocity == pytest.approx(wider.velocity)
+    exact = Orca(scene(2), radius=0.2).avoid(doubted, wish)
+    assert not np.allclose(exact.velocity, by_doubt.velocity)
 
 
 def test_an_agent_gets_round_one_that_is_in_the_way_but_does_not_avoid() -> None:
@@ -193,7 +232,15 @@ def test_every_option_says_what_it_is() -> None:
     for name, schema in offer().options["properties"].items():
         assert schema["description"], name
         unit = schema["description"].endswith((", m", ", s", "m; null is the radius"))
-        assert unit or name in {"max_neighbours", "obstacles"}, name
+        assert unit or name in {"max_neighbours", "obstacles", "deviations"}, name
+
+
+def test_neighbours_must_be_seen_though_everybody_is_unsure() -> None:
+    check = offer().check
+    assert check is not None
+    assert not list(check(scene(2), radius=0.2, communication_radius=0.7))
+    (problem,) = check(scene(2), radius=0.2, communication_radius=0.7, deviations=1.0)
+    assert "0.8 m" in problem.message
 
 
 def test_a_communication_radius_within_the_radii_is_refused() -> None:
