@@ -109,6 +109,6 @@ def _check(_scene: Scene, **options: Any) -> Iterable[Problem]:
     if distance <= apart:
         yield Problem(
             ("communication_radius",),
-            f"{distance!r} m is not more than twice the radius, {apart!r} m: "
+            f"{distance!r} m is not more than {apart:g} m, which two agents may keep apart: "
             "neighbours would be seen too late",
         )

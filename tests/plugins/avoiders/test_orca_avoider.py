@@ -249,6 +249,7 @@ def test_a_communication_radius_within_the_radii_is_refused() -> None:
     (problem,) = check(scene(2), radius=0.5, communication_radius=0.9)
     assert problem.path == ("communication_radius",)
     assert problem.message == (
-        "0.9 m is not more than twice the radius, 1.0 m: neighbours would be seen too late"
+        "0.9 m is not more than 1 m, which two agents may keep apart: "
+        "neighbours would be seen too late"
     )
     assert not list(check(scene(2)))
