@@ -33,6 +33,7 @@ LANDMARKS = (-2.1, 0.0, 2.1)  # m, about which they lie, in x and in y
 APART = 0.7  # m between polygons, so that drones pass between them
 CLEAR = 0.2  # m from a tag's middle to polygons and the fence
 CLEARANCE = 0.3  # m that scouts keep to polygons: between landmarks they are up to 0.3 m off
+DEVIATIONS = 2.0  # of their places, by which they are wider for each other
 HEIGHT, SPEED = 0.8, 0.3
 STARTS = ((-0.8, -2.6), (0.0, -2.6), (0.8, -2.6))
 SHARE_GOAL = 0.95
@@ -66,13 +67,15 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     parser.add_argument("--worlds", type=int, default=WORLDS, help="how many; default %(default)s")
     parser.add_argument("--pattern", choices=PATTERNS, action="append", help="default: each")
+    parser.add_argument("--clearance", type=float, default=CLEARANCE, help="m; %(default)s")
+    parser.add_argument("--deviations", type=float, default=DEVIATIONS, help="%(default)s")
     arguments = parser.parse_args()
-    registry = Registry()
+    registry, room = Registry(), (arguments.clearance, arguments.deviations)
     found: dict[str, float] = {}
     for pattern in arguments.pattern or PATTERNS:
         flights = []
         for seed in range(arguments.worlds):
-            flights.append(searched(seed, pattern, registry))
+            flights.append(searched(seed, pattern, room, registry))
             if not arguments.json:
                 print(pattern, *flights[-1]._asdict().items(), flush=True)
         found |= {f"{pattern}_{name}": value for name, value in figures(flights).items()}
@@ -100,13 +103,13 @@ def figures(flights: list[Flight]) -> dict[str, float]:
     }
 
 
-def searched(seed: int, pattern: str, registry: Registry) -> Flight:
-    """Search one world."""
+def searched(seed: int, pattern: str, room: tuple[float, float], registry: Registry) -> Flight:
+    """Search one world; `room` is the clearance, m, and the deviations."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         drawn = world(seed)
         (place / "world.yaml").write_text(json.dumps(drawn))
-        (place / "mission.yaml").write_text(json.dumps(mission(seed, pattern)))
+        (place / "mission.yaml").write_text(json.dumps(mission(seed, pattern, *room)))
         loaded = load(place / "mission.yaml", registry)
         summary = fly(loaded, registry)
     step = next(step for step in summary["steps"] if step["verb"] == "search")
@@ -124,7 +127,7 @@ def searched(seed: int, pattern: str, registry: Registry) -> Flight:
     )
 
 
-def mission(seed: int, pattern: str) -> dict[str, Any]:
+def mission(seed: int, pattern: str, clearance: float, deviations: float) -> dict[str, Any]:
     """Return a search as a mission has it."""
     return {
         "star": 1,
@@ -137,8 +140,13 @@ def mission(seed: int, pattern: str) -> dict[str, Any]:
         },
         "transport": {"use": "sim", "camera": {"mode": "geometric"}},
         "localizer": {"use": "apriltag", "processes": 0},
-        "planner": {"use": "visibility", "clearance": CLEARANCE},
-        "avoider": {"use": "orca", "radius": 0.2, "deviations": 2, "clearance": CLEARANCE},
+        "planner": {"use": "visibility", "clearance": clearance},
+        "avoider": {
+            "use": "orca",
+            "radius": 0.2,
+            "deviations": deviations,
+            "clearance": clearance,
+        },
         "mission": [
             {"takeoff": {"height": HEIGHT}},
             {"search": {"pattern": pattern, "height": HEIGHT, "speed": SPEED, "targets": 0}},

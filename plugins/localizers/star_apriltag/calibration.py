@@ -10,7 +10,7 @@ from star_apriltag.track import Track
 
 WELL_KNOWN: Final = 0.04  # m, deviation in x and in y up to which a place serves
 LEAST_TIME, LEAST_WAY = 1.0, 0.25  # s and m between the two places of a pair
-LEAST_YAW_TIME: Final = 4.0  # s between two headings
+LEAST_YAW_TIME: Final = 4.0  # s between two headings, without what it stood
 LONGEST: Final = 40.0  # s between the two places of a pair
 GATE: Final = 3.0  # deviations that a measurement may be off
 
@@ -71,10 +71,11 @@ class Calibration:
     def _learn_bias(self, old: Place | None, new: Place, track: Track) -> Place:
         if old is None or new.time - old.time > LONGEST:
             return new
-        _, turned, _, took, _, _ = track.between(old.time, new.time)
+        motion = track.between(old.time, new.time)
+        took = motion.duration
         if took < LEAST_YAW_TIME:
             return old
-        excess = _wrapped(turned - (new.yaw - old.yaw)) / took
+        excess = _wrapped(motion.turn - (new.yaw - old.yaw)) / took
         noise = (old.yaw_deviation**2 + new.yaw_deviation**2 + YAW_WALK * took) / took**2
         gain, shrink = _gain(self._bias_variance, noise, abs(excess - self.yaw_bias))
         self.yaw_bias += gain * (excess - self.yaw_bias)
