@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
+unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
 .PHONY: help fly test check air bench campaign scenarios lowest clean
 
 help:  ## list the targets
@@ -38,6 +39,7 @@ bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers
 	for topic in startup demo sim tick orca planner camera detector landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
 
 campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that take long
+	$(BIN)/python -m pytest -q -n auto -m "hypothesis and not campaign" --hypothesis-profile=campaign
 	$(BIN)/python -m pytest -q -m campaign
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
 	for topic in covariance search relief; do $(BIN)/python benchmarks/$$topic.py; done

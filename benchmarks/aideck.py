@@ -1,6 +1,6 @@
 """Streaming of AI-decks over loopback: what is lost, what it costs, and how soon a deck is back.
 
-``python benchmarks/aideck.py`` prints a table, with ``--json`` one JSON object. Decks and clients
+``python benchmarks/aideck.py`` prints a table, with ``--json`` one JSON object. AiDecks and clients
 share this process. The peer is cflib's own reader of the same stream, ``cflib.cpx.CPX``, with the
 image put together from its packets; both read the same images as fast as they can, in turns.
 """

@@ -49,7 +49,7 @@ class Naive:
         fx, fy, cx, cy = camera.matrix
         self._matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
         # Straight images are wider than bent ones; theirs is the field of all directions.
-        x, y = rays(self._lens)
+        x, y = rays(camera)
         self._corner = FINE * (fx * x.min() + cx), FINE * (fy * y.min() + cy)
         self._size = (
             math.ceil(FINE * fx * (x.max() - x.min())),
@@ -61,7 +61,7 @@ class Naive:
             height=FINE * camera.height,
             matrix=(FINE * fx, FINE * fy, FINE * cx + MIDDLE, FINE * cy + MIDDLE),
         )
-        fine_x, fine_y = rays(optics(finer))
+        fine_x, fine_y = rays(finer)
         self._bend = (
             (FINE * (fx * fine_x + cx) - self._corner[0]).astype(np.float32),
             (FINE * (fy * fine_y + cy) - self._corner[1]).astype(np.float32),

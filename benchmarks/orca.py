@@ -183,7 +183,7 @@ def since(start: int) -> float:
 
 
 def for_ours(state: State) -> tuple[Any, ...]:
-    """The kernel's arguments: ORCA as published, everybody avoiding."""
+    """The kernel's arguments: ORCA as published, all agents avoiding."""
     n = len(state.position)
     each = (np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_))
     limits = (

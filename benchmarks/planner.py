@@ -32,7 +32,7 @@ from star_visibility.routes import Routes
 POLYGONS, CORNERS = 50, 10
 SPACING = 2.2  # m from one polygon to the next, so that none touch when they are offset
 CLEARANCE, MARGIN = 0.2, 0.05
-HEIGHT = 1.0  # m, at which everybody flies; the polygons are as high as the room
+HEIGHT = 1.0  # m, at which all agents fly; the polygons are as high as the room
 HALF = 9.0  # m, half the room
 ENTERS = 1e-8  # m, deeper than this a stretch enters an obstacle
 ROUNDS, BUILDS, QUERIES = 3, 5, 300  # in a round one naive build, then so many of ours
@@ -155,8 +155,8 @@ def mixed() -> dict[str, Any]:
     while len(times) < QUERIES:
         ends = random.uniform([-HALF, -HALF, 0.3], [HALF, HALF, 1.7], (2, 3))
         way, took = in_portions(finder, *ends)
-        if isinstance(way, str) and not way.startswith("no way leads from"):
-            continue  # an end is where nobody can be
+        if isinstance(way, str) and not way.startswith("no path leads from"):
+            continue  # an end is where no agent can be
         without += isinstance(way, str)
         times.append(sum(took))
         portions += took

@@ -5,7 +5,7 @@ process of its own. The peer is cflib's own ``Swarm.open_links`` to the same dro
 with ours; ours also starts the estimators anew, waits half a second until they have settled, and
 then for the first report. A setpoint is late from when its tick is due until the datagrams of all
 drones are sent, while every drone reports every 10 ms; its peer is a loop that only sleeps, in a
-process of its own at the same time, so that whoever else computes holds up both. What of that time
+process of its own at the same time, so that other programs slow both down. What of that time
 the processor spent on it (``processor``) does not depend on that, nor does the share of a processor
 that the whole transport takes.
 """
@@ -37,11 +37,11 @@ MANY, FEW = 30, 10  # drones to connect, drones to steer
 ROUNDS = 3
 TICKS = 600  # half a minute at 20 Hz
 HANGS = 20.0  # s
-DEAD = "udp://127.0.0.1:9"  # nobody is there
+DEAD = "udp://127.0.0.1:9"  # no drone answers there
 
 
 def serve(n: int, told: Connection) -> None:
-    """Serve `n` drones until somebody says so; runs in a process of its own."""
+    """Serve `n` drones until told to stop; runs in a process of its own."""
     from star_sim.fleet.server import Fleet
 
     with Fleet(scene(n), port=0, noise=False) as fleet:
@@ -60,7 +60,7 @@ class Drones:
         self.uris: list[str] = self._told.recv()
 
     def scene(self, *, dead: int = 0) -> Scene:
-        """Their scene; the last `dead` of them have an address where nobody is."""
+        """Their scene; the last `dead` of them have an address without a drone."""
         uris = self.uris[: len(self.uris) - dead] + [DEAD] * dead
         room = scene(len(uris))
         agents = (
@@ -191,7 +191,7 @@ def sleeping(period: float, told: Connection) -> None:
 def main() -> None:
     """Measure, and print."""
     cflib.crtp.init_drivers()
-    logging.getLogger("star_radio").setLevel(logging.ERROR)  # who is absent is so on purpose
+    logging.getLogger("star_radio").setLevel(logging.ERROR)  # absent on purpose
     figures: dict[str, float] = {}
     for n, measure in ((MANY, connecting), (FEW, steering)):
         drones = Drones(n)

@@ -59,7 +59,7 @@ class Watched(NamedTuple):
 
 
 class Watch:
-    """Counts who searches.
+    """Counts the agents that search.
 
     Attributes:
         times: Of the ticks from the beginning of the first search to the end of the last, s.
@@ -79,8 +79,8 @@ class Watch:
     def star_ticked(self, tick: Tick) -> None:
         verb, _, names = tick.doing.partition(" ")
         if verb == "search":  # the mission's steps follow one another
-            who = set(names.split(", "))
-            rows = [row for row, name in enumerate(self._names) if name in who]
+            searching = set(names.split(", "))
+            rows = [row for row, name in enumerate(self._names) if name in searching]
             flies = tick.health.phase[rows] == AgentPhase.FLYING
             self.times.append(tick.time)
             self.counts.append(int((flies & tick.estimate.valid[rows]).sum()))

@@ -33,7 +33,7 @@ LANDMARKS = (-2.1, 0.0, 2.1)  # m, about which they lie, in x and in y
 APART = 0.7  # m between polygons, so that drones pass between them
 CLEAR = 0.2  # m from a tag's middle to polygons and the fence
 CLEARANCE = 0.3  # m that scouts keep to polygons: between landmarks they are up to 0.3 m off
-DEVIATIONS = 2.0  # of their places, by which they are wider for each other
+UNCERTAINTY_MARGIN = 2.0  # standard deviations of their positions by which agents are larger
 HEIGHT, SPEED = 0.8, 0.3
 STARTS = ((-0.8, -2.6), (0.0, -2.6), (0.8, -2.6))
 SHARE_GOAL = 0.95
@@ -68,9 +68,11 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=WORLDS, help="how many; default %(default)s")
     parser.add_argument("--pattern", choices=PATTERNS, action="append", help="default: each")
     parser.add_argument("--clearance", type=float, default=CLEARANCE, help="m; %(default)s")
-    parser.add_argument("--deviations", type=float, default=DEVIATIONS, help="%(default)s")
+    parser.add_argument(
+        "--uncertainty-margin", type=float, default=UNCERTAINTY_MARGIN, help="%(default)s"
+    )
     arguments = parser.parse_args()
-    registry, room = Registry(), (arguments.clearance, arguments.deviations)
+    registry, room = Registry(), (arguments.clearance, arguments.uncertainty_margin)
     found: dict[str, float] = {}
     for pattern in arguments.pattern or PATTERNS:
         flights = []
@@ -104,7 +106,7 @@ def figures(flights: list[Flight]) -> dict[str, float]:
 
 
 def searched(seed: int, pattern: str, room: tuple[float, float], registry: Registry) -> Flight:
-    """Search one world; `room` is the clearance, m, and the deviations."""
+    """Search one world; `room` is the clearance, m, and the uncertainty margin."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         drawn = world(seed)
@@ -127,7 +129,7 @@ def searched(seed: int, pattern: str, room: tuple[float, float], registry: Regis
     )
 
 
-def mission(seed: int, pattern: str, clearance: float, deviations: float) -> dict[str, Any]:
+def mission(seed: int, pattern: str, clearance: float, uncertainty_margin: float) -> dict[str, Any]:
     """Return a search as a mission has it."""
     return {
         "star": 1,
@@ -144,7 +146,7 @@ def mission(seed: int, pattern: str, clearance: float, deviations: float) -> dic
         "avoider": {
             "use": "orca",
             "radius": 0.2,
-            "deviations": deviations,
+            "uncertainty_margin": uncertainty_margin,
             "clearance": clearance,
         },
         "mission": [

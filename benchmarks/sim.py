@@ -198,10 +198,10 @@ def drift(agents: int = 20, laps: int = 3, side: float = 2.37, cruise: float = 0
     """
     simulator = Simulator(grid(agents, 6.0))
     simulator.connect()
-    everybody = np.arange(agents)
+    rows = np.arange(agents)
     height = np.tile([0.0, 0.0, 0.8], (agents, 1))
     zero = np.zeros(agents)
-    simulator.command(Command(Order.TAKEOFF, everybody, height, zero, zero + 3))
+    simulator.command(Command(Order.TAKEOFF, rows, height, zero, zero + 3))
     simulator.wait(4.0)
     leg, corner = side / cruise, 90 / 48
     start = np.array([agent.start for agent in simulator._scene.agents])  # noqa: SLF001

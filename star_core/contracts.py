@@ -1,9 +1,8 @@
-"""What a plugin can be, and the record that announces one.
+"""What a plugin can be, and the records that announce one.
 
 A contract is a `Protocol`: a plugin satisfies it by its shape and inherits nothing. Every method
-takes and returns whole tables of `star_core.swarm` and `star_core.telemetry`, so one call serves
-the whole swarm. Any part may also have ``close()``, which is called once, however the mission
-ended.
+takes and returns whole tables of `star_core.messages`, so one call serves the whole swarm. Any
+plugin may also have ``close()``, which is called once, however the mission ended.
 
 This module imports no numpy, so that plugins can be listed and missions checked quickly.
 """
@@ -16,19 +15,17 @@ from enum import Enum
 from typing import (
     TYPE_CHECKING,
     Any,
-    Generic,
     Literal,
     NamedTuple,
     Protocol,
-    TypeVar,
     runtime_checkable,
 )
 
 if TYPE_CHECKING:
-    from star_core.orders import Command
-    from star_core.sight import Corrections
-    from star_core.swarm import Estimate, Goals, Health, Plan, Setpoint, Truth
-    from star_core.telemetry import Telemetry
+    from star_core.messages.commands import Command
+    from star_core.messages.state import Estimate, Goals, Health, Plan, Setpoint, Truth
+    from star_core.messages.telemetry import Telemetry
+    from star_core.messages.vision import Corrections
 
 
 @runtime_checkable
@@ -65,7 +62,7 @@ class Transport(Protocol):
         ...
 
     def correct(self, corrections: Corrections) -> None:
-        """Tell on-board estimators where their agents are; called only if somebody is meant."""
+        """Send pose corrections to the on-board estimators; never called with an empty table."""
         ...
 
     def send(self, setpoint: Setpoint) -> Setpoint:
@@ -128,7 +125,7 @@ class Status(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class TaskOutput:
     """A task's answer for one tick, for its own rows only; the core merges what runs at once.
 
     Attributes:
@@ -148,14 +145,15 @@ class Step:
 class Task(Protocol):
     """One running step of a mission: a verb, its agents and its options.
 
-    Agents can leave a mission, and others can take their places. A task may have ``stay(rows)``: go
-    on with these of its agents; ``swap(old, new)``: another agent takes one's part; and
-    ``join(rows)``: go on with these, some of which are new. One without `stay` or `swap` is made
-    and begun anew instead; without `join`, who is new waits for the next step.
+    Agents can leave a mission, and reserves can replace them. A task may have
+    ``on_agents_removed(rows)``: continue with these agents; ``on_agent_replaced(old, new)``:
+    another agent replaces one; and ``on_agents_added(rows)``: continue with these, some of which
+    are new. Without the first two the core recreates the task; without the last, new agents wait
+    for the next step.
 
     A task that orders its agents to fly trajectories on board has ``trajectories``: a tuple of
-    those, known when it is made. The core steers nobody who flies one, until it is over or the
-    agent is in its step no more.
+    those, known when it is made. The core sends no setpoints to an agent that flies one, until it
+    is over or the agent is no longer in the step.
     """
 
     def begin(self, estimate: Estimate, health: Health) -> float:
@@ -165,7 +163,7 @@ class Task(Protocol):
         """
         ...
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         """Say what its agents should do now, and whether the step is over."""
         ...
 
@@ -182,36 +180,155 @@ class Problem(NamedTuple):
     message: str
 
 
-Part_co = TypeVar("Part_co", covariant=True)
+class StepGoal(NamedTuple):
+    """A position that a step sends an agent to, as far as it is known before the flight.
+
+    Attributes:
+        path: Keys and indices from the task's options to the value that it follows from.
+        position: In the map, m.
+        label: What it is, for messages, as ``"place 2 of 3"``; empty if there is only one.
+    """
+
+    path: tuple[str | int, ...]
+    position: tuple[float, float, float]
+    label: str = ""
+
 
 NO_OPTIONS: Mapping[str, Any] = {"type": "object", "properties": {}}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Offer(Generic[Part_co]):
-    """One plugin, as a hook announces it.
+class Spec:
+    """What every plugin is announced with.
 
     Attributes:
-        name: What a mission writes. Lower case, unique within its kind.
-        summary: One line, for ``star plugins`` and for editors.
-        make: ``make(scene, **options)`` returns the part; for a task, ``make(scene, rows,
-            **options)`` with the rows (a tuple) of the agents it is for. Import what is heavy in
-            here.
-        options: JSON Schema of those options: an object with ``properties``. Options that are not
-            listed are refused.
-        check: ``check(scene, **options)`` (for a task ``check(scene, rows, **options)``) yields
-            what is wrong that a schema cannot see. It runs in ``star check``: import nothing heavy.
-        realtime: Of a transport: whether mission time goes on by itself, as on hardware. Every part
-            reads it in `Scene.realtime`.
-        before: Of a task: where its agents have to be when it begins; None if that does not matter.
-        after: Of a task: where they are when it has succeeded; None if that is not known.
+        name: What a mission writes, or the command line. Lower case, unique within its kind.
+        summary: One line, for ``star plugins``, ``star --help`` and editors.
+        make: Makes the plugin. Import what is heavy in here.
     """
 
     name: str
     summary: str
-    make: Callable[..., Part_co]
+    make: Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionSpec(Spec):
+    """What a plugin is announced with that a mission names, and gives options.
+
+    Attributes:
+        make: ``make(scene, **options)`` returns the plugin.
+        options: JSON Schema of those options: an object with ``properties``. Options that are not
+            listed are refused.
+        check: ``check(scene, **options)`` yields what is wrong that a schema cannot see. It runs in
+            ``star check``: import nothing heavy.
+    """
+
     options: Mapping[str, Any] = field(default_factory=lambda: NO_OPTIONS)
     check: Callable[..., Iterable[Problem]] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TransportSpec(MissionSpec):
+    """Announces a transport.
+
+    Attributes:
+        realtime: Whether mission time goes on by itself, as on hardware. Every plugin reads it in
+            `Scene.realtime`.
+    """
+
+    make: Callable[..., Transport]
     realtime: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalizerSpec(MissionSpec):
+    """Announces a localizer."""
+
+    make: Callable[..., Localizer]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerSpec(MissionSpec):
+    """Announces a planner.
+
+    Attributes:
+        check_goals: ``check_goals(scene, goals, **options)`` yields a `Problem` for every goal that
+            the planner would not fly to, out of a list of (x, y, z) in the map, m. The problem's
+            path is the goal's index, ``(i,)``; its message is why, and is read after
+            "goal [x, y, z]". It runs in ``star check``: import nothing heavy. In flight the planner
+            should decide by the same function.
+    """
+
+    make: Callable[..., Planner]
+    check_goals: Callable[..., Iterable[Problem]] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AvoiderSpec(MissionSpec):
+    """Announces an avoider."""
+
+    make: Callable[..., Avoider]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exclusive:
+    """A resource outside of STAR that a task holds while it exists, such as a port.
+
+    Two steps at once cannot hold the same. ``star explain`` rehearses no step that holds one.
+
+    Attributes:
+        options: Names of the options that identify the resource.
+        unless: Name of the option with which a step holds nothing; None if every step does.
+        timeout: Duration after which a step that waits for the resource fails, s.
+    """
+
+    options: tuple[str, ...]
+    unless: str | None = None
+    timeout: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskSpec(MissionSpec):
+    """Announces a task: a verb of the mission language.
+
+    Attributes:
+        make: ``make(scene, rows, **options)`` with the rows (a tuple) of the agents it is for.
+        check: ``check(scene, rows, **options)``.
+        goals: ``goals(scene, rows, **options)`` yields a `StepGoal` for each position that it sends
+            agents to by way of the planner; of a line, positions no more than 0.05 m apart. It is
+            called if `check` found no problem. Import nothing heavy.
+        before: Where its agents have to be when it begins; None if that does not matter.
+        after: Where they are when it has succeeded; None if that is not known.
+        exclusive: What it holds outside of STAR, if anything.
+    """
+
+    make: Callable[..., Task]
+    goals: Callable[..., Iterable[StepGoal]] | None = None
     before: Literal["ground", "air"] | None = None
     after: Literal["ground", "air", "same"] | None = None
+    exclusive: Exclusive | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandSpec(Spec):
+    """Announces a command.
+
+    Attributes:
+        make: ``make(arguments)`` runs it with the rest of the command line and returns its exit
+            status.
+        group: The heading that ``star --help`` lists it under.
+    """
+
+    make: Callable[[list[str]], int]
+    group: str = "Other"
+
+
+SPECS: Mapping[str, type[Spec]] = {
+    "transport": TransportSpec,
+    "localizer": LocalizerSpec,
+    "planner": PlannerSpec,
+    "avoider": AvoiderSpec,
+    "task": TaskSpec,
+    "command": CommandSpec,
+}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 
 class StarError(Exception):
@@ -37,10 +37,52 @@ class ContractError(StarError):
     """A table or an answer that breaks its contract."""
 
 
-def instead(word: object, known: Iterable[str], listing: str = "") -> str:
+class RowCountError(ContractError):
+    """Fields of one table differ in their number of rows.
+
+    Args:
+        table: Name of its class.
+        count: Number of rows of each field.
+        per: What there should be one row per.
+    """
+
+    def __init__(self, table: str, count: Mapping[str, int], per: str) -> None:
+        self._table, self._count, self._per = table, count, per
+        *odd, most = sorted(_by_count(count), key=lambda group: len(group[0]))
+        said = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in odd)
+        text = f"{said}, but {_have(most[0])} {most[1]}; expected one row per {per}"
+        super().__init__(f"{table}.{text}")
+
+    def among(self, agents: int) -> str:
+        """Return the message for a swarm of `agents`, which tells which fields are wrong."""
+        if self._per != "agent":
+            return str(self)
+        wrong = [group for group in _by_count(self._count) if group[1] != agents]
+        said = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in wrong)
+        return f"{self._table}.{said}, expected {agents}, one per agent"
+
+
+def _by_count(count: Mapping[str, int]) -> list[tuple[list[str], int]]:
+    """Return the fields of each number of rows, in the order of the fields."""
+    groups: dict[int, list[str]] = {}
+    for name, n in count.items():
+        groups.setdefault(n, []).append(name)
+    return [(names, n) for n, names in groups.items()]
+
+
+def _have(names: Sequence[str]) -> str:
+    *others, last = names
+    return f"{', '.join(others)} and {last} have" if others else f"{last} has"
+
+
+def _rows(n: int) -> str:
+    return "1 row" if n == 1 else f"{n} rows"
+
+
+def suggestion(word: object, known: Iterable[str], listing: str = "") -> str:
     """Name what was perhaps meant or, after `listing`, all there is.
 
-    >>> instead("orcaa", ["none", "orca"]), instead("x", ["none", "orca"], "installed")
+    >>> suggestion("orcaa", ["none", "orca"]), suggestion("x", ["none", "orca"], "installed")
     ("; did you mean 'orca'?", '; installed: none, orca')
     """
     from difflib import get_close_matches

@@ -1,8 +1,8 @@
 """Every hook there is: the first six offer parts, the last five watch a mission fly.
 
 Offering hooks are called once, before the mission is read, so they must be cheap: import what is
-heavy inside `Offer.make`. Watching hooks are called in the tick: return in well under a period. An
-observer that raises is named in the log and dropped for the rest of the flight.
+heavy inside ``make``. Watching hooks are called in the tick: return in well under a
+period. An observer that raises is named in the log and dropped for the rest of the flight.
 """
 
 from __future__ import annotations
@@ -13,8 +13,15 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 if TYPE_CHECKING:
-    from star_core.contracts import Avoider, Localizer, Offer, Planner, Task, Transport
-    from star_core.flight import Event, Flight, Tick
+    from star_core.contracts import (
+        AvoiderSpec,
+        CommandSpec,
+        LocalizerSpec,
+        PlannerSpec,
+        TaskSpec,
+        TransportSpec,
+    )
+    from star_core.messages.events import Event, Flight, Tick
 
 PROJECT = "star"
 
@@ -23,39 +30,39 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 
 
 @hookspec
-def star_transports() -> Iterable[Offer[Transport]]:  # type: ignore[empty-body]
+def star_transports() -> Iterable[TransportSpec]:  # type: ignore[empty-body]
     """Offer transports: links to a swarm, real or simulated.
 
     Example:
-        >>> from star_core import Offer, hookimpl
+        >>> from star_core import TransportSpec, hookimpl
         >>> @hookimpl
         ... def star_transports():
-        ...     yield Offer(name="mine", summary="My own link.", make=object)
+        ...     yield TransportSpec(name="mine", summary="My own link.", make=object)
     """
 
 
 @hookspec
-def star_localizers() -> Iterable[Offer[Localizer]]:  # type: ignore[empty-body]
+def star_localizers() -> Iterable[LocalizerSpec]:  # type: ignore[empty-body]
     """Offer localizers: where the agents are, from what they report."""
 
 
 @hookspec
-def star_planners() -> Iterable[Offer[Planner]]:  # type: ignore[empty-body]
+def star_planners() -> Iterable[PlannerSpec]:  # type: ignore[empty-body]
     """Offer planners: what to fly towards the goals, each agent as if alone."""
 
 
 @hookspec
-def star_avoiders() -> Iterable[Offer[Avoider]]:  # type: ignore[empty-body]
+def star_avoiders() -> Iterable[AvoiderSpec]:  # type: ignore[empty-body]
     """Offer avoiders: what is safe to fly instead."""
 
 
 @hookspec
-def star_tasks() -> Iterable[Offer[Task]]:  # type: ignore[empty-body]
+def star_tasks() -> Iterable[TaskSpec]:  # type: ignore[empty-body]
     """Offer tasks: verbs of the mission language, each under its own name."""
 
 
 @hookspec
-def star_commands() -> Iterable[Offer[int]]:  # type: ignore[empty-body]
+def star_commands() -> Iterable[CommandSpec]:  # type: ignore[empty-body]
     """Offer further ``star`` commands.
 
     ``make(arguments)`` runs one with the rest of the command line and returns its exit status.
@@ -84,4 +91,4 @@ def star_event(event: Event) -> None:
 
 @hookspec
 def star_mission_ended(summary: Mapping[str, Any]) -> None:
-    """The flight is over and the links are closed; its ``reason`` says who did not come down."""
+    """The flight is over, the links are closed; ``reason`` names agents that did not land."""

@@ -3,22 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from star_core import aloft, checks, room, schema, world_file
 from star_core.camera import Camera
-from star_core.camera_file import furnished
-from star_core.document import PARTS, Document, kind_of, override, read
 from star_core.errors import InputError, PluginError
-from star_core.include import expanded, lacking
-from star_core.options import SHARED
+from star_core.mission_file import schema
+from star_core.mission_file import world_loader as world_file
+from star_core.mission_file.camera_files import furnished
+from star_core.mission_file.checks import airborne_state, feasibility
+from star_core.mission_file.checks import references as checks
+from star_core.mission_file.includes import expanded, lacking
+from star_core.mission_file.located_document import PARTS, Document, kind_of, override, read
+from star_core.mission_file.sound_parts import Incomplete, sound_parts
+from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat, actions
+from star_core.plugin_schema import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
-from star_core.steps import Action, Node, Parallel, Repeat, actions
-from star_core.world import World
+from star_core.world import Fence, World
+
+# What stands for the parts of a mission that are not known while the others are checked.
+NO_WORLD: Final = World("", Fence((-math.inf,) * 3, (math.inf,) * 3))
+UNKNOWN_START: Final = (math.nan,) * 3
+UNLIMITED: Final[Mapping[str, Any]] = {
+    "speed": math.inf,
+    "acceleration": math.inf,
+    "height": (-math.inf, math.inf),
+    "separation": 0.0,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +59,8 @@ class Mission:
         parts: The transport, localizer, planner and avoider, by kind.
         steps: What to do, one after the other.
         safety: What becomes of agents in trouble, by the trouble.
-        reserve: Who relieves others, and when; empty if nobody does.
+        reserve: Agents that replace others, and when; empty if there are none.
+        collisions: ``fail`` if a collision fails the mission, ``record`` if it is only recorded.
         document: The mission as read, with what was set on the command line.
         world: The world as read.
     """
@@ -55,6 +71,7 @@ class Mission:
     steps: tuple[Node, ...]
     safety: Mapping[str, Mapping[str, Any]]
     reserve: Mapping[str, Any]
+    collisions: str
     document: Document
     world: Document
 
@@ -70,53 +87,81 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
-    found_there = read(Path(path))
-    if why := _other(found_there):
-        raise InputError(f"{path}: {why}")
+    return checked(read(Path(path)), registry, assignments)
+
+
+def checked(written: Document, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
+    """Return the mission that a document, changed by `assignments`, describes.
+
+    Raises:
+        InputError: The mission or its world cannot be flown; every reason found is listed.
+    """
+    if why := _other(written):
+        raise InputError(f"{written.path}: {why}")
     composed = schema.compose(registry.offers())
-    document = _with_files(override(found_there, assignments), composed)
-    found = schema.problems(document, composed)
-    if found and not isinstance(document.data.get("world"), str):
-        raise InputError(found)
-    try:
-        world = _world_document(document)
-        place = world_file.world(world)
-    except InputError as error:
-        raise InputError([*found, *error.problems]) from None
-    if found:
-        raise InputError(found)
-    scene = _scene(document, place, realtime=_realtime(document, registry))
-    if found := checks.of_mission(document, scene, registry):
-        raise InputError(found)
+    document, problems = _with_files(override(written, assignments))
+    refused = schema.faults(document, composed)
+    problems += schema.located(document, refused)
+    world, room = _world(document, problems)
+    sound = sound_parts(document.data, refused)
+    if sound is None:
+        raise InputError(_in_file_order(problems, document.path))
+    known = replace(document, data=sound)
+    scene = _scene(known, room or NO_WORLD, realtime=_realtime(known, registry))
+    problems += checks.of_mission(known, scene, registry, world_known=room is not None)
     groups = checks.agents_by_name(scene)
     steps = tuple(
-        _node(step, ("mission", i), document, groups, registry)
-        for i, step in enumerate(document.data["mission"])
+        _node(step, ("mission", i), known, groups, registry)
+        for i, step in enumerate(sound["mission"])
     )
-    reserve = document.data.get("reserve", {})
-    reserved = [scene.names.index(name) for name in reserve.get("agents", ())]
-    deeds = [(step.place, step.verb, step.options, step.rows) for step in actions(steps)]
-    if found := [
-        *aloft.faults(
-            steps,
-            scene.names,
-            [agent.start[2] for agent in scene.agents],
-            reserved,
-            lambda verb: registry.find("task", verb).offer,
-        ),
-        *room.climb_faults(deeds, reserved, scene, registry),
-    ]:
-        raise InputError(found)
+    problems += _step_problems(steps, known, scene, registry)
+    if problems or world is None:
+        raise InputError(_in_file_order(problems, document.path))
     return Mission(
-        name=document.data["name"],
+        name=sound["name"],
         scene=scene,
-        parts={kind: _part(kind, document.data[kind], registry) for kind in PARTS},
+        parts={kind: _part(kind, sound[kind], registry) for kind in PARTS},
         steps=steps,
-        safety=document.data.get("safety", {}),
-        reserve=reserve,
+        safety=sound.get("safety", {}),
+        reserve=sound.get("reserve", {}),
+        collisions=sound.get("collisions", "fail"),
         document=document,
         world=world,
     )
+
+
+def _step_problems(
+    steps: Sequence[Node], document: Document, scene: Scene, registry: Registry
+) -> list[str]:
+    """Return which steps find their agents in the wrong place, or obstacles above them."""
+    reserve = document.data.get("reserve", {})
+    names = reserve.get("agents", [])
+    if not {*names} <= {*scene.names} or (isinstance(reserve, Incomplete) and not names):
+        return []  # the agents that are in the mission at first are not known
+    reserved = [scene.names.index(name) for name in names]
+    deeds = [(step.place, step.verb, step.options, step.rows) for step in actions(steps)]
+    heights = [agent.start[2] for agent in scene.agents]
+    return [
+        *airborne_state.faults(
+            steps,
+            scene.names,
+            heights,
+            reserved,
+            lambda verb: registry.find("task", verb).offer,
+        ),
+        *feasibility.climb_faults(deeds, reserved, scene, registry),
+    ]
+
+
+def _in_file_order(problems: Iterable[str], path: Path) -> list[str]:
+    """Return each problem once: those of the file at `path` by line and column, then the others."""
+    located = re.compile(rf"{re.escape(str(path))}:(\d+):(\d+): ")
+
+    def order(problem: str) -> tuple[bool, int, int]:
+        found = located.match(problem)
+        return (False, int(found[1]), int(found[2])) if found else (True, 0, 0)
+
+    return sorted(dict.fromkeys(problems), key=order)
 
 
 def _other(document: Document) -> str:
@@ -133,21 +178,30 @@ def _other(document: Document) -> str:
             return ""
 
 
-def _with_files(written: Document, composed: Mapping[str, Any]) -> Document:
+def _with_files(document: Document) -> tuple[Document, list[str]]:
     """Return a mission with the cameras and the steps that it names files of put in.
 
-    Raises:
-        InputError: A file will not do; what else is wrong with the mission is told after that.
+    Where a file cannot be used, the reasons are returned beside the mission, which keeps its name.
     """
-    document, problems = written, list[str]()
+    problems = list[str]()
     for read_in in (furnished, expanded):
         try:
             document = read_in(document)
         except InputError as error:
             problems += error.problems
-    if problems:
-        raise InputError([*problems, *schema.problems(written, composed)])
-    return document
+    return document, problems
+
+
+def _world(document: Document, problems: list[str]) -> tuple[Document | None, World | None]:
+    """Return the world that a mission names, read and made; its mistakes join `problems`."""
+    if not isinstance(document.data.get("world"), str) or not document.data["world"]:
+        return None, None
+    try:
+        world = _world_document(document)
+        return world, world_file.world(world)
+    except InputError as error:
+        problems += error.problems
+        return None, None
 
 
 def _world_document(document: Document) -> Document:
@@ -165,18 +219,25 @@ def _world_document(document: Document) -> Document:
 
 def _scene(document: Document, world: World, *, realtime: bool) -> Scene:
     data = document.data
-    cameras = {name: _camera(given) for name, given in data.get("cameras", {}).items()}
-    limits = dict(data.get("limits", {}))
+    cameras = {
+        name: Camera() if isinstance(given, Incomplete) else _camera(given)
+        for name, given in data.get("cameras", {}).items()
+    }
+    given_limits = data.get("limits", {})
+    limits = {**(UNLIMITED if isinstance(given_limits, Incomplete) else {}), **given_limits}
     if "height" in limits:
         limits["height"] = tuple(limits["height"])
     return Scene(
         agents=tuple(
             Agent(
                 name=name,
-                start=world_file.point(given["start"]),
+                start=world_file.point(given.get("start", UNKNOWN_START)),
                 yaw=math.radians(given.get("yaw_deg", 0.0)),
                 uri=given.get("uri"),
-                camera=cameras.get(given.get("camera"), Camera() if "camera" in given else None),
+                camera=cameras.get(
+                    given.get("camera"),
+                    Camera() if "camera" in given or isinstance(given, Incomplete) else None,
+                ),
             )
             for name, given in data["swarm"].items()
         ),
@@ -191,7 +252,7 @@ def _scene(document: Document, world: World, *, realtime: bool) -> Scene:
 
 
 def _groups(data: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
-    """Rows of each group's agents; `checks` says who is no agent, and where."""
+    """Rows of each group's agents; unknown names are reported by `checks`."""
     row = {name: i for i, name in enumerate(data["swarm"])}
     return {
         name: tuple(row[member] for member in members if member in row)
@@ -204,8 +265,8 @@ def _realtime(document: Document, registry: Registry) -> bool:
     transport = document.data["transport"]
     use = transport if isinstance(transport, str) else transport["use"]
     try:
-        return registry.find("transport", use).offer.realtime
-    except PluginError:  # `checks` says so, and where
+        return bool(registry.find("transport", use).offer.realtime)
+    except PluginError:  # reported as a reference
         return False
 
 
@@ -239,7 +300,7 @@ def _node(
                 _node(s, (*path, verb, i), document, groups, registry) for i, s in enumerate(given)
             )
         )
-    if verb == "each":
+    if verb == "each" and not isinstance(given, Incomplete):
         return Parallel(
             tuple(
                 Repeat(
@@ -260,11 +321,16 @@ def _node(
                 for i, s in enumerate(given["steps"])
             ),
         )
+    options = {key: value for key, value in given.items() if key not in SHARED}
+    try:
+        source = registry.find("task", verb).source
+    except PluginError:  # reported as a reference
+        source, given = Source(""), Incomplete(given)
     return Action(
         verb=verb,
-        source=registry.find("task", verb).source,
+        source=source,
         rows=checks.rows_of(given.get("agents", "all"), groups),
-        options={key: value for key, value in given.items() if key not in SHARED},
+        options=Incomplete(options) if isinstance(given, Incomplete) else options,
         until=given.get("until"),
         timeout=given.get("timeout"),
         on_failure=given.get("on_failure", "abort"),

@@ -1,13 +1,17 @@
-"""Tells observers what happens, and drops the one that raises."""
+"""Calls the observers of a flight, and drops one that raises."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import pluggy
 
-from star_core.flight import Event
+from star_core.hook_calls import PluginCall, plugin_calls
+from star_core.messages.events import Event
+from star_core.metrics.compute_time import ComputeTime, Stopwatch
 
 log = logging.getLogger(__name__)
 
@@ -21,41 +25,90 @@ WATCHING = (
 
 
 class Observers:
-    """Calls the watching hooks one implementation at a time, so that none can ground a flight.
+    """Calls the watching hooks one plugin at a time, so that none can ground a flight.
 
     Args:
         manager: Holds the plugins.
+        compute_time: Measures how long each takes.
 
     Attributes:
-        events: Everything told by `event`.
-        time: Mission time, s, as the pilot sets it.
+        events: Everything reported by `event`.
+        time: Mission time of the tick, s.
     """
 
-    def __init__(self, manager: pluggy.PluginManager) -> None:
-        self._watching = {
-            hook: list(reversed(getattr(manager.hook, hook).get_hookimpls())) for hook in WATCHING
-        }
+    def __init__(self, manager: pluggy.PluginManager, compute_time: ComputeTime) -> None:
+        self._calls = {hook: plugin_calls(manager, hook) for hook in WATCHING}
+        self._dropped: set[str] = set()
+        self._compute_time = compute_time
         self.events: list[Event] = []
         self.time = 0.0
 
-    def tell(self, hook: str, /, **news: Any) -> None:
-        """Call every implementation of a hook; one that raises is named and never called again."""
-        for impl in list(self._watching[hook]):
-            if impl not in self._watching[hook]:
-                continue  # dropped for what it did with news of another's drop
-            try:
-                impl.function(*(news[name] for name in impl.argnames))
-            except (Exception, SystemExit) as error:
-                log.debug("observer %s raised", impl.plugin_name, exc_info=True)
-                self._drop(impl.plugin_name, f"{hook} raised {type(error).__name__}: {error}")
+    def begin_tick(self, time: float) -> None:
+        """Date the events that follow with a mission time, s."""
+        self.time = time
 
-    def event(self, kind: str, text: str, agent: str | None = None) -> None:
-        """Keep an `Event` of now and tell of it."""
-        self.events.append(Event(self.time, kind, text, agent))
-        self.tell("star_event", event=self.events[-1])
+    def notify(self, hook: str, /, **news: Any) -> None:
+        """Call every implementation of a hook; drop the plugin of one that raises."""
+        self._notify(hook, news, self._calls[hook])
+
+    def _notify(self, hook: str, news: Mapping[str, Any], calls: Sequence[PluginCall]) -> None:
+        for i, call in enumerate(calls):
+            if call.plugin in self._dropped:
+                continue  # perhaps while this hook is being called
+            if call.wraps:
+                self._wrap(hook, news, call, calls[i + 1 :])
+                return
+            with self._guard(hook, call):
+                call.caller(**news)
+
+    def _wrap(
+        self, hook: str, news: Mapping[str, Any], call: PluginCall, inner: Sequence[PluginCall]
+    ) -> None:
+        """Call a plugin's wrapper around the calls of the plugins after it.
+
+        Their time is not counted as the wrapper's; they are called also where it raises first.
+        """
+        called = False
+        watch = self._watch(call)
+
+        def call_inner() -> None:
+            nonlocal called
+            called = True
+            watch.__exit__()
+            try:
+                self._notify(hook, news, inner)
+            finally:
+                watch.__enter__()
+
+        with self._guard(hook, call):
+            call.caller.call_extra([call_inner], news)
+        if not called:
+            self._notify(hook, news, inner)
+
+    @contextmanager
+    def _guard(self, hook: str, call: PluginCall) -> Iterator[None]:
+        try:
+            with self._watch(call):
+                yield
+        except (Exception, SystemExit) as error:
+            log.debug("observer %s raised", call.plugin, exc_info=True)
+            self._drop(call.plugin, f"{hook} raised {type(error).__name__}: {error}")
+
+    def _watch(self, call: PluginCall) -> Stopwatch:
+        return self._compute_time.of(f"observer {call.plugin}")
+
+    def event(
+        self,
+        kind: str,
+        text: str,
+        agent: str | None = None,
+        details: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Record an `Event` at the current mission time and report it to the observers."""
+        self.events.append(Event(self.time, kind, text, agent, details))
+        self.notify("star_event", event=self.events[-1])
 
     def _drop(self, plugin: str, why: str) -> None:
         log.warning("observer %s is dropped for this flight: %s", plugin, why)
-        for hook, impls in self._watching.items():
-            self._watching[hook] = [impl for impl in impls if impl.plugin_name != plugin]
+        self._dropped.add(plugin)
         self.event("observer", f"{plugin} is dropped: {why}")

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from transitions import Machine
 
-from star_core.swarm import AgentPhase, among
-from star_core.table import Mask, Rows
-from star_core.telemetry import Supervisor
+from star_core.messages.arrays import Mask, Rows
+from star_core.messages.state import AgentPhase, among
+from star_core.messages.telemetry import Supervisor
 
 _P = AgentPhase
 AGENT_TABLE: Final = (
@@ -45,7 +45,6 @@ MISSION_TABLE: Final = (
     {"trigger": "abort", "source": "*", "dest": _M.ABORTED},
 )
 
-AIRBORNE: Final = (_P.TAKING_OFF, _P.FLYING, _P.LANDING, _P.LOST)
 FALLEN: Final = int(Supervisor.TUMBLED | Supervisor.LOCKED | Supervisor.CRASHED)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points
@@ -12,16 +12,17 @@ from typing import Any, Final
 import pluggy
 
 from star_core import hookspecs
-from star_core.contracts import Offer
-from star_core.errors import PluginError, instead
-from star_core.options import sound
+from star_core.contracts import SPECS, MissionSpec
+from star_core.errors import PluginError, suggestion
+from star_core.hook_calls import plugin_calls
+from star_core.plugin_schema import sound
 
 ENTRY_POINT_GROUP: Final = "star.plugins"
 OWN: Final = "star-swarm:"
 """How the names of STAR's own plugins begin; a test holds what they offer, so that it need not be
 looked at again each time that one is loaded."""
 
-KINDS: Final = ("transport", "localizer", "planner", "avoider", "task", "command")
+KINDS: Final = tuple(SPECS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,11 @@ class Source:
     plugin: str
     version: str = ""
 
+    @property
+    def own(self) -> bool:
+        """Whether it is one of STAR's own plugins."""
+        return self.plugin.startswith(OWN)
+
     def __str__(self) -> str:
         distribution, _, entry = self.plugin.partition(":")
         return f"{distribution} {self.version}:{entry}" if self.version else self.plugin
@@ -43,9 +49,9 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """An offer and where it comes from."""
+    """A record of a plugin, of the class that `SPECS` has for its kind, and where it comes from."""
 
-    offer: Offer[Any]
+    offer: Any
     source: Source
 
 
@@ -60,6 +66,10 @@ class Registry:
         plugins: Further plugins to register, beside the installed ones.
         installed: Whether to load the installed ones.
 
+    Each plugin's hooks are called separately, so that an error can be attributed. A wrapper of a
+    hook that offers plugins receives the records of all the others, as pluggy documents; records
+    that it adds or replaces are attributed to its own plugin.
+
     Attributes:
         manager: Holds the plugins, for the hooks that watch.
         broken: Why each plugin that was left out could not be used.
@@ -69,6 +79,8 @@ class Registry:
         self.manager = pluggy.PluginManager(hookspecs.PROJECT)
         self.manager.add_hookspecs(hookspecs)
         self.broken: dict[Source, str] = {}
+        self._sources: dict[str, Source] = {}
+        self._results: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
         self._found: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
         for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)) if installed else ():
             source = Source(*_home(entry))
@@ -84,32 +96,97 @@ class Registry:
 
         Raises:
             PluginError: It is there already, implements a hook that does not exist or asks it for
-                what is not told, or offers what is no `Offer` or not `sound`.
+                what is not told, or yields a record of another class or one that is not
+                `sound`.
         """
         if self.manager.has_plugin(source.plugin) or self.manager.is_registered(plugin):
             raise PluginError(f"plugin {source} is registered already")
+        name = source.plugin
+        self._sources[name] = source
         try:
-            self.manager.register(plugin, name=source.plugin)
-            _hooks_exist(self.manager.get_hookcallers(plugin) or ())
-            fresh = [
-                (kind, Found(offer, source))
-                for kind in KINDS
-                for offer in _offers(plugin, kind, trusted=source.plugin.startswith(OWN))
-            ]
+            self.manager.register(_hashable(plugin), name=name)
+            _hooks_exist(self.manager, name)
+            self._found |= self._collected([kind for kind in KINDS if self._call(kind, name)], name)
         except (Exception, SystemExit) as error:
-            if self.manager.has_plugin(source.plugin):
-                self.manager.unregister(name=source.plugin)
+            self._remove(name)
             if isinstance(error, pluggy.PluginValidationError):
                 raise PluginError(" ".join(str(error).split())) from error
             raise
-        for kind, found in fresh:
-            self._found[kind].setdefault(found.offer.name, []).append(found)
+
+    def _remove(self, name: str) -> None:
+        for results in self._results.values():
+            results.pop(name, None)
+        if self.manager.has_plugin(name):
+            self.manager.unregister(name=name)
+
+    def _call(self, kind: str, name: str) -> bool:
+        """Keep the records that a plugin yields, and return whether it implements the hook.
+
+        One that wraps the hook is called by `_collect`, with the records of the others.
+        """
+        for call in plugin_calls(self.manager, f"star_{kind}s"):
+            if call.plugin == name:
+                if not call.wraps:
+                    self._results[kind][name] = list(self._checked(kind, name, call.caller(), {}))
+                return True
+        return False
+
+    def _collected(self, kinds: Sequence[str], added: str) -> dict[str, dict[str, list[Found]]]:
+        """Return the records by kind and name, after the wrappers of their hooks.
+
+        A plugin whose wrapper raises is left out, unless it is the plugin being `added`: then its
+        error is raised.
+        """
+        while True:
+            try:
+                return {kind: self._collect(kind) for kind in kinds}
+            except _WrapperError as failed:
+                plugin, error = failed.plugin, failed.error
+                if plugin == added:
+                    raise error from None
+                self.broken[self._sources[plugin]] = f"{type(error).__name__}: {error}"
+                self._remove(plugin)
+                kinds = KINDS  # it may have wrapped others too
+
+    def _collect(self, kind: str) -> dict[str, list[Found]]:
+        calls = plugin_calls(self.manager, f"star_{kind}s")
+        found = [self._results[kind][call.plugin] for call in calls if not call.wraps]
+        for call in reversed([call for call in calls if call.wraps]):
+            known = {id(one.offer): one for own in found for one in own}
+            # pluggy calls the last one first
+            offers = [[one.offer for one in own] for own in reversed(found)]
+            try:
+                results = call.caller.call_extra([lambda own=own: own for own in offers], {})
+                found = [list(self._checked(kind, call.plugin, results, known))]
+            except (Exception, SystemExit) as error:
+                raise _WrapperError(call.plugin, error) from error
+        by_name: dict[str, list[Found]] = {}
+        for one in sorted((one for own in found for one in own), key=lambda one: str(one.source)):
+            by_name.setdefault(one.offer.name, []).append(one)
+        return by_name
+
+    def _checked(
+        self, kind: str, plugin: str, results: Any, known: Mapping[int, Found]
+    ) -> Iterator[Found]:
+        """Check what a hook call returned; what is not `known` comes from this plugin."""
+        for result in results:
+            for offer in result:
+                if id(offer) in known:
+                    yield known[id(offer)]
+                elif isinstance(offer, SPECS[kind]):
+                    source = self._sources[plugin]
+                    yield Found(sound(kind, offer, trusted=source.own), source)
+                else:
+                    raise PluginError(
+                        f"star_{kind}s() yields {type(offer).__name__}, "
+                        f"expected {SPECS[kind].__name__}"
+                    )
 
     def names(self, kind: str) -> tuple[str, ...]:
         """Every name of a kind, in alphabetical order."""
         return tuple(sorted(self._found[kind]))
 
-    def offers(self) -> dict[str, dict[str, Offer[Any]]]:
+    def offers(self) -> dict[str, dict[str, Any]]:
         """The offers by kind and name; two of one name are one that takes the options of both.
 
         What each asks of its options is left out of it: `find` refuses the name, and says why.
@@ -130,11 +207,11 @@ class Registry:
             left_out = "".join(
                 f"; plugin {source} was left out: {why}" for source, why in self.broken.items()
             )
-            hint = instead(name, self.names(kind), "there are")
+            hint = suggestion(name, self.names(kind), "there are")
             raise PluginError(f"no {kind} named {name!r}{hint}{left_out}")
         if len(found) > 1:
-            who = " and ".join(str(one.source) for one in found)
-            raise PluginError(f"two plugins offer {kind} {name!r}: {who}; uninstall one")
+            sources = " and ".join(str(one.source) for one in found)
+            raise PluginError(f"two plugins offer {kind} {name!r}: {sources}; uninstall one")
         return found[0]
 
     def __iter__(self) -> Iterator[tuple[str, Found]]:
@@ -145,17 +222,17 @@ class Registry:
                     yield kind, found
 
 
-def _offers(plugin: object, kind: str, *, trusted: bool) -> Iterable[Offer[Any]]:
-    hook = getattr(plugin, f"star_{kind}s", None)
-    for offer in hook() or () if hook is not None else ():
-        if not isinstance(offer, Offer):
-            raise PluginError(f"star_{kind}s() yields {type(offer).__name__}, expected Offer")
-        yield sound(kind, offer, trusted=trusted)
+class _WrapperError(Exception):
+    """A plugin's wrapper of a hook that offers plugins raised."""
+
+    def __init__(self, plugin: str, error: BaseException) -> None:
+        super().__init__(plugin)
+        self.plugin, self.error = plugin, error
 
 
-def _one(found: list[Found]) -> Offer[Any]:
+def _one(found: list[Found]) -> Any:
     first = found[0].offer
-    if len(found) == 1:
+    if len(found) == 1 or not isinstance(first, MissionSpec):
         return first
     names = [name for one in found for name in one.offer.options.get("properties", {})]
     options = {"type": "object", "properties": {name: {} for name in names}}
@@ -169,11 +246,23 @@ def _called(plugin: object) -> str:
     return f"{type(plugin).__module__}:{type(plugin).__name__}"
 
 
-def _hooks_exist(callers: Iterable[pluggy.HookCaller]) -> None:
-    for caller in callers:
-        if not caller.has_spec():
+def _hashable(plugin: object) -> object:
+    """Return what pluggy can keep in a set: the plugin or, if it has no hash, its functions."""
+    try:
+        hash(plugin)
+    except TypeError:
+        functions = ModuleType(_called(plugin))
+        vars(functions).update((name, getattr(plugin, name)) for name in dir(plugin))
+        return functions
+    return plugin
+
+
+def _hooks_exist(manager: pluggy.PluginManager, plugin: str) -> None:
+    for caller in manager.get_hookcallers(manager.get_plugin(plugin)) or ():
+        own = (one for one in caller.get_hookimpls() if one.plugin_name == plugin)
+        if not caller.has_spec() and not all(one.optionalhook for one in own):
             known = [name for name in vars(hookspecs) if name.startswith("star_")]
-            raise PluginError(f"no hook named {caller.name!r}{instead(caller.name, known)}")
+            raise PluginError(f"no hook named {caller.name!r}{suggestion(caller.name, known)}")
 
 
 def _home(entry: EntryPoint) -> tuple[str, str]:

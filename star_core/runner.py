@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-from star_core.crew import Crew
-from star_core.flight import Flight
-from star_core.interrupts import Interrupts
-from star_core.manifest import manifest
+from star_core.contracts import Status
+from star_core.errors import PluginError
+from star_core.messages.events import Flight
+from star_core.metrics.manifest import manifest
 from star_core.mission import Mission
+from star_core.observers import Observers
+from star_core.operator_stop import OperatorStop
 from star_core.phases import MissionPhase
-from star_core.pilot import Pilot
+from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
+from star_core.shutdown import Shutdown
+from star_core.tick import ControlLoop
 
 
 def fly(
@@ -23,7 +28,7 @@ def fly(
     *,
     folder: Path | str | None = None,
     save_frames: bool = False,
-    interrupts: Interrupts | None = None,
+    interrupts: OperatorStop | None = None,
 ) -> dict[str, Any]:
     """Fly `mission` and return its summary, as ``summary.json`` keeps it.
 
@@ -38,26 +43,123 @@ def fly(
         PluginError: A plugin cannot be made, or the links cannot be opened; nothing has moved.
     """
     folder = None if folder is None else Path(folder)
-    crew = Crew(mission, registry)
-    pilot: Pilot | None = None
+    pipeline = PluginPipeline(mission, registry)
+    run: _Run | None = None
     try:
-        pilot = Pilot(mission, registry, crew, interrupts or Interrupts())
-        crew.connect()
-        pilot.observers.tell(
+        run = _Run(mission, registry, pipeline, interrupts or OperatorStop())
+        pipeline.connect(run.loop.executor.trajectories)
+        run.observers.notify(
             "star_mission_started",
             flight=Flight(mission.name, mission.scene, manifest(mission), folder, save_frames),
         )
-        pilot.fly()
+        run.fly()
     finally:
-        wrong = [*(pilot.close() if pilot is not None else ()), *crew.close()]
-        if pilot is not None and pilot.reason is not None:  # it began to fly
-            for text in wrong:
-                pilot.event("failure", text)
-            summary = pilot.summary(mission.name)
-            pilot.observers.tell("star_mission_ended", summary=deepcopy(summary))
+        failures = [*(run.loop.executor.close() if run is not None else ()), *pipeline.close()]
+        if run is not None and run.reason is not None:  # it began to fly
+            for text in failures:
+                run.observers.event("failure", text)
+            summary = run.summary()
+            run.observers.notify("star_mission_ended", summary=deepcopy(summary))
     return summary
 
 
 def outcome_of(summary: Mapping[str, Any]) -> int:
     """The exit status of a flight: 0 when it completed, else 1."""
     return 0 if summary["outcome"] == MissionPhase.COMPLETED else 1
+
+
+class _Run:
+    """One flight, from its first tick until all agents are on the ground.
+
+    Attributes:
+        observers: Receive ticks and events.
+        loop: The control loop.
+        reason: Why the mission did not complete; empty if it did, None before it flies.
+    """
+
+    def __init__(
+        self, mission: Mission, registry: Registry, pipeline: PluginPipeline, stop: OperatorStop
+    ) -> None:
+        self._mission = mission
+        self._pipeline = pipeline
+        self._stop = stop
+        self._wall_time = 0.0
+        self.observers = Observers(registry.manager, pipeline.compute_time)
+        self.loop = ControlLoop(mission, registry, pipeline, self.observers)
+        self._phases = self.loop.vehicles.phases
+        self._shutdown = Shutdown(mission.scene, self.loop, self.observers, stop)
+        self.reason: str | None = None
+
+    def fly(self) -> None:
+        """Fly the steps, and land all agents."""
+        begun = time.perf_counter()
+        self.reason = ""
+        self._phases.fire_mission("start")
+        try:
+            self.reason = self._fly()
+        finally:
+            self._wall_time = time.perf_counter() - begun
+
+    def summary(self) -> dict[str, Any]:
+        """Return what ``summary.json`` holds."""
+        vehicles = self.loop.vehicles
+        return (
+            self.loop.metrics.summary(
+                mission=self._mission.name,
+                outcome=str(self._phases.mission),
+                reason=self.reason or "",
+                wall_time=self._wall_time,
+                took=self._pipeline.took,
+                steps=self.loop.executor.steps,
+                targets=vehicles.targets,
+                events=self.observers.events,
+            )
+            | vehicles.timing.summary()
+            | self._pipeline.compute_time.summary()
+        )
+
+    def _fly(self) -> str:
+        """Fly the steps and land all agents; return why the mission did not complete, if so."""
+        try:
+            end, reason = self._fly_steps()
+            reasons = [reason, self._shutdown.land_all(end)]
+        except PluginError as error:
+            self.observers.event("failure", str(error))
+            end, reasons = "fail", [str(error), self._shutdown.land_all_without_plugins()]
+        except BaseException as error:
+            self.reason = f"Python was interrupted: {type(error).__name__}"
+            try:
+                self._shutdown.land_all_without_plugins()
+            finally:  # it may be interrupted again
+                self._phases.fire_mission("abort")
+                self.loop.vehicles.report_phases()
+            raise
+        self.loop.finish()
+        reason = "; ".join(filter(None, (*reasons, self._collisions())))
+        self._phases.fire_mission(end)
+        if self._phases.mission is MissionPhase.COMPLETED and reason:
+            self._phases.fire_mission("fail")
+        self.loop.vehicles.report_phases()
+        return reason
+
+    def _fly_steps(self) -> tuple[str, str]:
+        """Fly the mission's steps; return how they ended (a trigger of the mission) and why."""
+        while True:
+            now = self.loop.tick()
+            if self._stop.count:
+                self.observers.event("interrupt", "the operator ends the flight: all agents land")
+                return "abort", "interrupted by the operator"
+            if now.status is Status.FAILURE:
+                self.observers.event("failure", now.reason)
+                return "fail", now.reason
+            if now.status is Status.SUCCESS:
+                return "complete", ""
+
+    def _collisions(self) -> str:
+        """Return the number of collisions that fail the mission; empty if there are none."""
+        contacts = self.loop.contacts
+        count = contacts.agent_agent + contacts.agent_obstacle
+        if not count or self._mission.collisions == "record":
+            return ""
+        by = " (estimated positions)" if contacts.source == "estimate" else ""
+        return f"{count} collision{'s' if count > 1 else ''}{by}"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from star_core.camera import Camera
-from star_core.errors import InputError, instead
-from star_core.quaternion import Point
+from star_core.errors import InputError, suggestion
+from star_core.rotations import Point
 from star_core.world import World
 
 
@@ -82,7 +82,7 @@ class Scene:
         return tuple(agent.name for agent in self.agents)
 
     def height_fault(self, height: float) -> str | None:
-        """Say why nobody can fly at a height (z in the map, m), or return None if one can."""
+        """Return why no agent can fly at a height (z in the map, m); None if agents can."""
         low, high = self.limits.height
         if not low <= height <= high:
             return f"{height:g} m is outside the heights to fly at, from {low:g} to {high:g} m"
@@ -128,4 +128,4 @@ def inside(folder: Path, name: str) -> Path:
     if there:
         raise InputError([f"{name!r} is no file; name a file in the mission's folder"])
     beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
-    raise InputError([f"no file {name!r} in the mission's folder{instead(name, beside)}"])
+    raise InputError([f"no file {name!r} in the mission's folder{suggestion(name, beside)}"])

@@ -14,14 +14,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core.conformance import checked_estimate, checked_plan, checked_setpoint, keeps
 from star_core.contracts import Avoider, Localizer, Planner
 from star_core.errors import ContractError
-from star_core.frames import Transform
+from star_core.messages.arrays import Array, Mask
+from star_core.messages.state import AgentPhase, Estimate, Goals, Health, Setpoint
+from star_core.messages.telemetry import Supervisor, Telemetry
+from star_core.messages.transforms import Transform
+from star_core.messages.validation import (
+    checked_estimate,
+    checked_plan,
+    checked_setpoint,
+    require_methods,
+)
 from star_core.scene import Agent, Limits, Scene
-from star_core.swarm import AgentPhase, Estimate, Goals, Health, Setpoint
-from star_core.table import Array, Mask
-from star_core.telemetry import Supervisor, Telemetry
 from star_core.world import Fence, World
 
 
@@ -69,7 +74,7 @@ def check_avoider(avoider: Avoider, n: int = 3) -> None:
     Raises:
         ContractError: It does not; the message says which rule it broke.
     """
-    keeps(avoider, Avoider)
+    require_methods(avoider, Avoider)
     now, active = _astray(n)
     wanted = Setpoint(velocity=np.full((n, 3), 0.3), yaw=np.zeros(n), active=active)
     safe = checked_setpoint(avoider.avoid(now, wanted), n)
@@ -85,7 +90,7 @@ def check_planner(planner: Planner, n: int = 3) -> None:
     Raises:
         ContractError: It does not; the message says which rule it broke.
     """
-    keeps(planner, Planner)
+    require_methods(planner, Planner)
     now, active = _astray(n)
     place = np.where(active[:, None], now.position + np.array([0.5, 0.0, 0.0]), 0.0)
     zero = np.zeros(n)
@@ -104,7 +109,7 @@ def check_localizer(localizer: Localizer, n: int = 3) -> None:
     Raises:
         ContractError: It does not; the message says which rule it broke.
     """
-    keeps(localizer, Localizer)
+    require_methods(localizer, Localizer)
     for time in (0.0, 0.05, 0.1):
         silent = (np.arange(n) == n - 1) & (time > 0)
         place = np.where(silent[:, None], np.nan, np.zeros((n, 3)))
@@ -123,7 +128,7 @@ def check_localizer(localizer: Localizer, n: int = 3) -> None:
 
 
 def _astray(n: int) -> tuple[Estimate, Mask]:
-    """An estimate whose first row is not known, and (N,) who is active: the others."""
+    """An estimate without the first agent's position, and (N,) active rows: all others."""
     rng = np.random.default_rng(0)
     known = np.arange(n) > 0
     place = np.where(known[:, None], rng.uniform(0.5, 2, (n, 3)), np.nan)

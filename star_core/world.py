@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, TypeAlias
 
-from star_core.quaternion import Point, Quaternion
+from star_core.rotations import Point, Quaternion
 
 CONTACT_RADIUS: Final = 0.06
 """Half a Crazyflie's span with propellers, m: two drones nearer than twice this collide, and one
@@ -65,11 +65,35 @@ class Obstacle:
         name: As the world file calls it.
         polygons: Corners of each piece in the map's x-y plane, m; a piece may be concave.
         height: z of its foot and of its top, m.
+        boxes: Least x and y, and greatest x and y, of each piece, m.
     """
 
     name: str
     polygons: tuple[tuple[Corner, ...], ...]
     height: tuple[float, float]
+    boxes: tuple[tuple[Corner, Corner], ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        axes = [tuple(zip(*polygon, strict=True)) for polygon in self.polygons]
+        boxes = tuple(((min(x), min(y)), (max(x), max(y))) for x, y in axes)
+        object.__setattr__(self, "boxes", boxes)
+
+    def is_near(self, point: Point, beside: float, above: float) -> bool:
+        """Return whether `point` (map frame, m) is near a box around one of its pieces.
+
+        It is a quick test before a longer one.
+
+        Args:
+            point: m.
+            beside: Distance beside the box that is near, m.
+            above: Distance above and below the box that is near, m.
+        """
+        x, y, z = point
+        foot, top = self.height
+        return foot - above <= z <= top + above and any(
+            left - beside <= x <= right + beside and bottom - beside <= y <= back + beside
+            for (left, bottom), (right, back) in self.boxes
+        )
 
     def contains(self, point: Point) -> bool:
         """Whether `point` (map frame, m) is inside.
@@ -97,13 +121,27 @@ class Obstacle:
         beside = min(_away(x, y, polygon) for polygon in self.polygons)
         return math.hypot(beside, max(foot - max(high, z), z - top, 0.0))
 
+    def gaps(self, point: Point) -> tuple[float, float]:
+        """Return how far `point` (map frame, m) is beside it, and above or below it, m.
+
+        >>> pillar = Obstacle("pillar", (((0, 0), (1, 0), (1, 1), (0, 1)),), (0, 2))
+        >>> pillar.gaps((1.5, 0.5, 1.0)), pillar.gaps((0.5, 0.5, 2.25))
+        ((0.5, 0.0), (0.0, 0.25))
+        """
+        x, y, z = point
+        foot, top = self.height
+        beside = min(_away(x, y, polygon) for polygon in self.polygons)
+        return beside, max(foot - z, z - top, 0.0)
+
     def touched(self, low: Point, high: float) -> bool:
         """Whether a drone touches it that is on the upright line from `low` to z `high`.
 
         It does where its middle is nearer than `CONTACT_RADIUS`.
         """
-        beside = any(_beside(low[0], low[1], polygon) for polygon in self.polygons)
-        return beside and self.distance(low, high) < CONTACT_RADIUS
+        x, y, z = low
+        nearest = x, y, min(max(z, self.height[0]), max(high, z))  # of the line in height
+        near = self.is_near(nearest, CONTACT_RADIUS, CONTACT_RADIUS)
+        return near and self.distance(low, high) < CONTACT_RADIUS
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,14 +183,17 @@ class World:
     targets: tuple[Tag, ...] = field(default=())
 
     def fault(self, point: Point) -> str | None:
-        """Say why no agent can be at `point` (map frame, m), or return None if one can."""
+        """Return why no agent can be at `point` (map frame, m), or None if one can.
+
+        It must be inside the fence, and farther than an agent's radius from every obstacle.
+        """
         if not self.fence.contains(point):
             low, high = self.fence.low, self.fence.high
             return f"{_show(point)} is outside the fence, from {_show(low)} to {_show(high)}"
         for obstacle in self.obstacles:
-            if obstacle.contains(point):
+            if obstacle.is_near(point, 0.0, 0.0) and obstacle.contains(point):
                 return f"{_show(point)} is inside obstacle {obstacle.name!r}"
-        return None
+        return self.contact_fault(point)
 
     def contact_fault(self, point: Point) -> str | None:
         """Say which obstacle a drone at `point` (map frame, m) touches, or return None if none."""
@@ -208,14 +249,6 @@ def _inside(x: float, y: float, polygon: tuple[Corner, ...]) -> bool:
         if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
             odd = not odd
     return odd
-
-
-def _beside(x: float, y: float, polygon: tuple[Corner, ...]) -> bool:
-    """Whether a point may be nearer than `CONTACT_RADIUS` to a polygon: to the box around it."""
-    return all(
-        min(axis) - CONTACT_RADIUS < value < max(axis) + CONTACT_RADIUS
-        for value, axis in zip((x, y), zip(*polygon, strict=True), strict=True)
-    )
 
 
 def _away(x: float, y: float, polygon: tuple[Corner, ...]) -> float:

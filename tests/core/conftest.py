@@ -16,9 +16,21 @@ import numpy as np
 import pytest
 
 import star_core as star
-from star_core import AgentPhase, Offer, Order, Status, Step, hookimpl
-from star_core.interrupts import Interrupts
+from star_core import (
+    AgentPhase,
+    AvoiderSpec,
+    LocalizerSpec,
+    Order,
+    PlannerSpec,
+    Status,
+    TaskOutput,
+    TaskSpec,
+    TransportSpec,
+    hookimpl,
+)
+from star_core.contracts import SPECS
 from star_core.mission import Mission, load
+from star_core.operator_stop import OperatorStop
 from star_core.registry import Registry, Source
 from star_core.runner import fly
 from tests.core.robots import SOON, Robots
@@ -81,19 +93,19 @@ class Script:
     """
 
     def __init__(
-        self, first: Step, over: Callable[..., Any], limit: float = 20.0, fails: str = ""
+        self, first: TaskOutput, over: Callable[..., Any], limit: float = 20.0, fails: str = ""
     ) -> None:
         self._say = first
         self._over = over
         self._limit = limit
-        self._end = Step(status=Status.FAILURE if fails else Status.SUCCESS, reason=fails)
+        self._end = TaskOutput(status=Status.FAILURE if fails else Status.SUCCESS, reason=fails)
 
     def begin(self, estimate: star.Estimate, health: star.Health) -> float:
         self._begun = estimate.time
         return self._limit
 
-    def step(self, estimate: star.Estimate, health: star.Health) -> Step:
-        say, self._say = self._say, Step(self._say.goals)
+    def step(self, estimate: star.Estimate, health: star.Health) -> TaskOutput:
+        say, self._say = self._say, TaskOutput(self._say.goals)
         if not say.commands and self._over(estimate, health, estimate.time - self._begun + SOON):
             return self._end
         return say
@@ -112,7 +124,7 @@ def _order(
     def over(_estimate: star.Estimate, health: star.Health, since: float) -> bool:
         return since >= seconds if until is None else all(health.phase[list(rows)] == until)
 
-    return Script(Step(commands=(command,)), over)
+    return Script(TaskOutput(commands=(command,)), over)
 
 
 def _visit(scene: star.Scene, rows: tuple[int, ...], **target: Any) -> Script:
@@ -121,11 +133,13 @@ def _visit(scene: star.Scene, rows: tuple[int, ...], **target: Any) -> Script:
     active = np.isin(np.arange(n), rows)
     point, yaw = np.tile(target["to"], (n, 1)), np.radians(np.full(n, target.get("yaw_deg", 0.0)))
     goals = star.Goals(point, np.zeros((n, 3)), yaw, np.full(n, 0.5), active)
-    return Script(Step(goals), lambda now, *_: np.allclose(now.position[active], point[active]))
+    return Script(
+        TaskOutput(goals), lambda now, *_: np.allclose(now.position[active], point[active])
+    )
 
 
 def _wait(_scene: star.Scene, _rows: tuple[int, ...], seconds: float, **end: Any) -> Script:
-    return Script(Step(), lambda _estimate, _health, since: since >= seconds, **end)
+    return Script(TaskOutput(), lambda _estimate, _health, since: since >= seconds, **end)
 
 
 VERBS: Mapping[str, tuple[Callable[..., Any], str]] = {  # how it is made, and its options
@@ -187,17 +201,19 @@ class Lab:
 
         self._wrong[role, method] = answer
 
-    def load(self, steps: str = TOUR) -> Mission:
-        """Read a mission of these steps: a YAML list."""
+    def load(self, steps: str = TOUR, more: str = "") -> Mission:
+        """Read a mission of these steps, a YAML list, with `more` lines before them."""
         (self._folder / "room.yaml").write_text(WORLD)
         path = self._folder / "mission.yaml"
         agents = (f"{name}: {{start: [0, {i}, 0]}}" for i, name in enumerate(self.swarm))
-        path.write_text(MISSION.format(swarm=", ".join(agents), steps=steps))
+        path.write_text(more + MISSION.format(swarm=", ".join(agents), steps=steps))
         return load(path, self.registry)
 
-    def fly(self, steps: str = TOUR, interrupts: Interrupts | None = None) -> dict[str, Any]:
+    def fly(
+        self, steps: str = TOUR, interrupts: OperatorStop | None = None, more: str = ""
+    ) -> dict[str, Any]:
         """Fly a mission of these steps."""
-        return fly(self.load(steps), self.registry, interrupts=interrupts)
+        return fly(self.load(steps, more), self.registry, interrupts=interrupts)
 
     def ordered(self, order: Order) -> list[int]:
         """Rows that were given an order, in the order they were given it in."""
@@ -213,24 +229,24 @@ class Lab:
         return [event.text for event in self.events if event.kind == kind]
 
     @hookimpl
-    def star_transports(self) -> Iterable[Offer[Any]]:
+    def star_transports(self) -> Iterable[TransportSpec]:
         yield replace(self._offer("transport", "robots", self._robots), realtime=self.realtime)
 
     @hookimpl
-    def star_localizers(self) -> Iterable[Offer[Any]]:
+    def star_localizers(self) -> Iterable[LocalizerSpec]:
         yield self._offer("localizer", "seer", lambda scene: Seer(self._where(scene)))
 
     @hookimpl
-    def star_planners(self) -> Iterable[Offer[Any]]:
+    def star_planners(self) -> Iterable[PlannerSpec]:
         yield self._offer("planner", "dash", Dash)
 
     @hookimpl
-    def star_avoiders(self) -> Iterable[Offer[Any]]:
+    def star_avoiders(self) -> Iterable[AvoiderSpec]:
         idle = SimpleNamespace(avoid=lambda _estimate, wanted: wanted)
         yield self._offer("avoider", "idle", lambda _scene: idle)
 
     @hookimpl
-    def star_tasks(self) -> Iterable[Offer[Any]]:
+    def star_tasks(self) -> Iterable[TaskSpec]:
         return [self._offer(verb, verb, *how) for verb, how in VERBS.items()]
 
     @hookimpl
@@ -249,9 +265,7 @@ class Lab:
     def star_mission_ended(self, summary: Mapping[str, Any]) -> None:
         self.summaries.append(summary)
 
-    def _offer(
-        self, role: str, name: str, make: Callable[..., Any], options: str = ""
-    ) -> Offer[Any]:
+    def _offer(self, role: str, name: str, make: Callable[..., Any], options: str = "") -> Any:
         def furnished(*args: Any, **options: Any) -> Any:
             part = make(*args, **options)
             part.close = partial(self.closed.update, [role])
@@ -265,7 +279,9 @@ class Lab:
             return wrong(furnished, *args, **options) if wrong else furnished(*args, **options)
 
         schema = {"type": "object", "properties": {key: {} for key in options.split()}}
-        return Offer(name=name, summary=f"The stub {name}.", make=made, options=schema)
+        return SPECS[role if role in SPECS else "task"](  # type: ignore[call-arg]
+            name=name, summary=f"The stub {name}.", make=made, options=schema
+        )
 
     def _robots(self, scene: star.Scene) -> Robots:
         self.robots = Robots(self._where(scene))

@@ -1,4 +1,4 @@
-"""A transport of stubs that obey at once."""
+"""A transport of stubs that follow every setpoint and order exactly."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SOON = 1e-9  # s: ticks are sums of periods
 
 
 class Robots:
-    """A transport to points that do what they are told, at once and exactly.
+    """A transport to points: velocities at once, on-board orders along straight lines.
 
     Attributes:
         commands: Every command, with the mission time it came at.
@@ -45,7 +45,10 @@ class Robots:
         self._waits += 1
         if self._waits > PATIENCE:
             raise RuntimeError("the flight does not end")
+        left = np.maximum(self._over - self._time, SOON)
+        share = np.where(np.isfinite(left), np.minimum((until - self._time) / left, 1.0), 0.0)
         self._position += (until - self._time) * self._velocity
+        self._position += share[:, None] * (self._target - self._position)
         self._time = until
         there = self._over <= until + SOON
         self._position[there] = self._target[there]

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from star_core.cli import main
+from star_core.cli.main import main
 from tests.core.test_bad_input import MISSION, MISSIONS, WORLD
 
 LINE = re.compile(r"(m\.yaml|worlds/[^:]*|--set .*?)(:\d+:\d+)?: \S.*")
@@ -55,9 +55,7 @@ def answer(*arguments: str) -> tuple[int, list[str]]:
     return status, err.getvalue().splitlines()
 
 
-fuzz = settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+fuzz = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @fuzz

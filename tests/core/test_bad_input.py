@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core.cli import main
+from star_core.cli.main import main
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 WORLD = """\
@@ -185,7 +185,7 @@ hold: {for: 0.5}  ->  goto: {}
 [-0.5, 0, 0]  ->  [1, 1, 0]
     6:16: start [1, 1, 0] is inside obstacle 'pillar'
 [0.5, 0, 0]  ->  [-0.3, 0, 0]
-    7:16: 'cf2' starts 0.20 m from 'cf1', expected at least two radii: 0.40 m
+    7:16: 'cf2' starts 0.20 m from 'cf1', closer than twice avoider.radius (0.40 m)
 worlds/room.yaml  ->  ../room.yaml
     3:8: '../room.yaml' is outside the mission's folder; name a file inside it
 worlds/room.yaml  ->  /etc/passwd

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from star_core import Registry, fly, load
-from star_core.cli import main, run
+from star_core.cli.main import main, run
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 PAPER = "--set=transport.camera.mode=geometric"  # of its long flights; three_eyes has pictures
-WALL = ("wall_time_s", "realtime_factor", "compute_us")
+FREE_PORT = "--set=mission.1.external.port=0"  # of a listener that another test may have too
+ONE_LAP = "--set=mission.1.follow.laps=1"
+WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 
 
 def flown(mission: Path, out: Path, *arguments: str) -> dict[str, Any]:
@@ -26,10 +28,21 @@ def test_every_mission_checks_and_completes_without_collision(
     mission: Path, tmp_path: Path
 ) -> None:
     assert main(["check", str(mission)]) == 0
-    summary = flown(mission, tmp_path, *[PAPER] * mission.stem.startswith("paper"))
+    changes = [PAPER, ONE_LAP] * mission.stem.startswith("paper") + [FREE_PORT] * (
+        mission.stem == "external"
+    )
+    summary = flown(mission, tmp_path, *changes)
     assert summary["outcome"] == "completed"
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
     assert summary["targets"]["found"] == summary["targets"]["total"]
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("mission", sorted(MISSIONS.glob("paper_*.yaml")), ids=lambda p: p.stem)
+def test_the_flights_of_the_paper_complete_all_their_laps(mission: Path, tmp_path: Path) -> None:
+    summary = flown(mission, tmp_path, PAPER)
+    assert summary["outcome"] == "completed"
+    assert summary["position_rmse_m"] < 0.1
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from typing import Any
 
 import pytest
@@ -202,3 +202,99 @@ def test_an_interrupt_of_python_passes_through_an_observer(lab: Lab) -> None:
     watched(lab, Watcher("star_ticked", KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         lab.fly()
+
+
+# As pluggy documents
+
+
+class Wrapping:
+    """Wraps one hook, and raises before or after the observers in it."""
+
+    def __init__(self, log: list[str], before: str = "", after: str = "") -> None:
+        self._log, self._before, self._after = log, before, after
+
+    @hookimpl(wrapper=True)
+    def star_ticked(self, tick: Tick) -> Generator[None]:
+        self._log.append("before")
+        if self._before:
+            raise RuntimeError(self._before)
+        result = yield
+        self._log.append("after")
+        if self._after:
+            raise RuntimeError(self._after)
+        return result
+
+
+class Logging:
+    """Writes a word at each tick."""
+
+    def __init__(self, log: list[str], word: str) -> None:
+        self._log, self._word = log, word
+
+    @hookimpl
+    def star_ticked(self) -> None:
+        self._log.append(self._word)
+
+
+def test_a_wrapper_runs_once_around_all_observers(lab: Lab) -> None:
+    log: list[str] = []
+    watched(lab, Logging(log, "a"), "a")
+    watched(lab, Wrapping(log), "wrapping")
+    watched(lab, Logging(log, "b"), "b")
+    summary = lab.fly()
+    assert log == ["before", "b", "a", "after"] * len(lab.ticks)
+    assert "observer its-dist:wrapping" in summary["compute_s"]
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_wrapper_that_raises_is_dropped_and_the_others_are_called(lab: Lab, when: str) -> None:
+    log: list[str] = []
+    watched(lab, Logging(log, "a"), "a")
+    watched(lab, Wrapping(log, **{when: "boom"}), "wrapping")
+    assert lab.fly()["outcome"] == "completed"
+    assert lab.said("observer") == [
+        "its-dist:wrapping is dropped: star_ticked raised RuntimeError: boom"
+    ]
+    assert log.count("before") == 1
+    assert log.count("a") == len(lab.ticks)
+
+
+def test_an_observer_that_raises_inside_a_wrapper_is_dropped_alone(lab: Lab) -> None:
+    log: list[str] = []
+    watched(lab, Watcher("star_ticked"), "bad")
+    watched(lab, Wrapping(log), "wrapping")
+    assert lab.fly()["outcome"] == "completed"
+    assert [text.split()[0] for text in lab.said("observer")] == ["its-dist:bad"]
+    assert log == ["before", "after"] * len(lab.ticks)
+
+
+def test_tryfirst_trylast_and_specname_are_heeded(lab: Lab) -> None:
+    log: list[str] = []
+
+    class First:
+        @hookimpl(tryfirst=True, specname="star_ticked")
+        def first(self) -> None:
+            log.append("first")
+
+    class Last:
+        @hookimpl(trylast=True)
+        def star_ticked(self) -> None:
+            log.append("last")
+
+    watched(lab, First(), "first")
+    watched(lab, Logging(log, "any"), "any")
+    watched(lab, Last(), "last")
+    lab.fly()
+    assert log == ["first", "any", "last"] * len(lab.ticks)
+
+
+def test_an_observer_without_the_marker_is_not_called(lab: Lab) -> None:
+    called: list[str] = []
+
+    class Plain:
+        def star_ticked(self) -> None:
+            called.append("ticked")
+
+    watched(lab, Plain())
+    lab.fly()
+    assert called == []

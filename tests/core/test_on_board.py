@@ -16,17 +16,17 @@ from hypothesis import strategies as st
 from star_core import (
     Command,
     ContractError,
-    Offer,
     Order,
     PluginError,
     Refusal,
     Scene,
-    Step,
+    TaskOutput,
+    TaskSpec,
     Trajectory,
     Transform,
     hookimpl,
 )
-from star_core.interrupts import Interrupts
+from star_core.operator_stop import OperatorStop
 from star_core.registry import Source
 from tests.core.conftest import Lab, Script
 from tests.core.robots import Robots
@@ -53,9 +53,9 @@ class Tracer:
         self.offers: Any = None
 
     @hookimpl
-    def star_tasks(self) -> Iterable[Offer[Any]]:
+    def star_tasks(self) -> Iterable[TaskSpec]:
         schema = {"type": "object", "properties": {"speed": {}}}
-        yield Offer(name="trace", summary="Flies on board.", make=self._make, options=schema)
+        yield TaskSpec(name="trace", summary="Flies on board.", make=self._make, options=schema)
 
     def _make(self, _scene: Scene, rows: tuple[int, ...], speed: float = 0.1) -> Script:
         k = len(rows)
@@ -67,7 +67,7 @@ class Tracer:
             np.full(k, SECONDS),
             line(speed),
         )
-        task = Script(Step(commands=(command,)), lambda _e, _h, since: since >= SECONDS)
+        task = Script(TaskOutput(commands=(command,)), lambda _e, _h, since: since >= SECONDS)
         offers = (line(speed),) if self.offers is None else self.offers
         task.trajectories = offers  # type: ignore[attr-defined]
         return task
@@ -184,13 +184,13 @@ def test_an_agent_that_a_safety_rule_takes_out_of_the_mission_is_steered_again(l
     lab.spoil("transport", "receive", receive)
     lab.fly(f"{TRACE}safety: {{battery_low: {{below: 3.5, then: hold}}}}\n")
     first = min(time for time in steered(lab) if time >= began(lab))
-    assert "cf1 holds its place: battery" in "".join(lab.said("safety"))
+    assert "cf1 holds its position: battery" in "".join(lab.said("safety"))
     assert first < began(lab) + SECONDS - 0.5
 
 
 @pytest.mark.usefixtures("uploads")
 def test_everybody_lands_out_of_a_trajectory_when_the_operator_ends_the_flight(lab: Lab) -> None:
-    interrupts = Interrupts()
+    interrupts = OperatorStop()
 
     def end(right: Any, command: Command) -> None:
         right(command)

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from star_core.document import Document, override
 from star_core.errors import InputError
-from star_core.yaml_text import parse
+from star_core.mission_file.located_document import Document, override
+from star_core.mission_file.yaml_source import parse
 
 MISSION = """\
 # a comment

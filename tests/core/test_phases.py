@@ -267,4 +267,4 @@ class Flight(RuleBasedStateMachine):
 
 
 TestFlight = Flight.TestCase
-TestFlight.settings = settings(max_examples=50, stateful_step_count=30, deadline=None)
+TestFlight.settings = settings(stateful_step_count=30)

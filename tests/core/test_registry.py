@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
-from star_core import Offer, PluginError, Tick, hookimpl
+from star_core import AvoiderSpec, PlannerSpec, PluginError, Tick, hookimpl
 from star_core.registry import KINDS, Registry, Source
 
+NEVER_MADE: Any = object
 
-def offer(name: str) -> Offer[Any]:
-    return Offer(name=name, summary=f"The {name}.", make=object)
+
+def offer(name: str) -> PlannerSpec:
+    return PlannerSpec(name=name, summary=f"The {name}.", make=NEVER_MADE)
 
 
 class Planners:
@@ -25,7 +27,7 @@ class Planners:
         self._offers = [offer(name) for name in names]
 
     @hookimpl
-    def star_planners(self) -> Iterable[Offer[Any]]:
+    def star_planners(self) -> Iterable[PlannerSpec]:
         return self._offers
 
 
@@ -58,13 +60,13 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, s
 
 
 GOOD = """
-from star_core import Offer, hookimpl
+from star_core import AvoiderSpec, PlannerSpec, TaskSpec, hookimpl
 
 @hookimpl
 def star_planners():
-    yield Offer(name="theirs", summary="Theirs.", make=object)
+    yield PlannerSpec(name="theirs", summary="Theirs.", make=object)
 """
-IMPORTS = "from star_core import Offer, hookimpl\n@hookimpl\n"
+IMPORTS = "from star_core import AvoiderSpec, PlannerSpec, TaskSpec, hookimpl\n@hookimpl\n"
 
 
 def test_an_installed_plugin_is_found_with_its_distribution_and_version(
@@ -84,7 +86,7 @@ def test_an_installed_plugin_is_found_with_its_distribution_and_version(
         ("def f(:", "SyntaxError: invalid syntax"),
         (
             IMPORTS + "def star_planners():\n    yield 'orca'",
-            "PluginError: star_planners() yields str, expected Offer",
+            "PluginError: star_planners() yields str, expected PlannerSpec",
         ),
         (IMPORTS + "def star_planners():\n    1 / 0", "ZeroDivisionError: division by zero"),
         (
@@ -126,7 +128,7 @@ def test_a_plugin_that_is_refused_leaves_nothing_behind(registry: Registry) -> N
 
     with pytest.raises(PluginError) as caught:
         registry.add(Half("mine"), Source("my-dist:half"))
-    assert str(caught.value) == "star_tasks() yields str, expected Offer"
+    assert str(caught.value) == "star_tasks() yields str, expected TaskSpec"
     assert registry.names("planner") == ()
     assert registry.manager.get_plugins() == set()
 
@@ -177,8 +179,8 @@ def test_two_plugins_of_one_name_are_refused_when_it_is_used(registry: Registry)
 def test_one_name_may_stand_for_several_kinds(registry: Registry) -> None:
     class Both(Planners):
         @hookimpl
-        def star_avoiders(self) -> Iterable[Offer[Any]]:
-            yield offer("stay")
+        def star_avoiders(self) -> Iterable[AvoiderSpec]:
+            yield AvoiderSpec(name="stay", summary="Stays.", make=NEVER_MADE)
 
     registry.add(Both("stay"), Source("my-dist:both"))
     assert [kind for kind, found in registry if found.offer.name == "stay"] == [
@@ -236,3 +238,120 @@ def test_a_hook_may_offer_nothing(registry: Registry) -> None:
 
     registry.add(Shy(), Source("my-dist:shy"))
     assert registry.names("planner") == ()
+
+
+def test_a_plugin_may_be_an_object_without_a_hash(registry: Registry) -> None:
+    plugin = SimpleNamespace(star_planners=hookimpl(lambda: [offer("mine")]))
+    registry.add(plugin, Source("my-dist:bare"))
+    registry.add(Planners("yours"), Source("my-dist:planners"))
+    assert registry.names("planner") == ("mine", "yours")
+
+
+# As pluggy documents
+
+
+def test_a_function_without_the_marker_is_ignored(registry: Registry) -> None:
+    class Plain:
+        def star_planners(self) -> Iterable[PlannerSpec]:
+            yield offer("mine")
+
+    registry.add(Plain(), Source("my-dist:plain"))
+    assert registry.names("planner") == ()
+
+
+def test_specname_names_the_hook(registry: Registry) -> None:
+    class Renamed:
+        @hookimpl(specname="star_planners")
+        def my_planners(self) -> Iterable[PlannerSpec]:
+            yield offer("mine")
+
+        @hookimpl
+        def star_planners(self) -> Iterable[PlannerSpec]:
+            yield offer("yours")
+
+    registry.add(Renamed(), Source("my-dist:renamed"))
+    assert registry.names("planner") == ("mine", "yours")
+
+
+def test_an_optional_hook_may_be_unknown(registry: Registry) -> None:
+    class Ahead(Planners):
+        @hookimpl(optionalhook=True)
+        def star_gripped(self) -> None: ...
+
+    registry.add(Ahead("mine"), Source("my-dist:ahead"))
+    assert registry.names("planner") == ("mine",)
+
+
+class Hiding:
+    """A plugin that hides planners of some names, or raises."""
+
+    def __init__(self, *hidden: str, error: BaseException | None = None) -> None:
+        self._hidden, self._error = hidden, error
+        self.seen: list[list[str]] = []
+
+    @hookimpl(wrapper=True)
+    def star_planners(self) -> Generator[None, Any, Any]:
+        results = yield
+        self.seen.append([spec.name for specs in results for spec in specs])
+        if self._error and results:
+            raise self._error
+        return [[spec for spec in specs if spec.name not in self._hidden] for specs in results]
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["wrapper first", "wrapper last"])
+def test_a_wrapper_receives_the_records_of_every_plugin(registry: Registry, first: bool) -> None:  # noqa: FBT001
+    hiding = Hiding("stay")
+    if first:
+        registry.add(hiding, Source("my-dist:hiding"))
+    registry.add(Planners("stay", "go"), Source("a:a"))
+    registry.add(Planners("come"), Source("b:b"))
+    if not first:
+        registry.add(hiding, Source("my-dist:hiding"))
+    assert registry.names("planner") == ("come", "go")
+    assert str(registry.find("planner", "go").source) == "a:a"
+    assert hiding.seen[-1] == ["come", "stay", "go"]  # last registered, first called
+
+
+def test_tryfirst_and_trylast_order_what_a_wrapper_receives(registry: Registry) -> None:
+    class First:
+        @hookimpl(tryfirst=True)
+        def star_planners(self) -> Iterable[PlannerSpec]:
+            yield offer("first")
+
+    class Last:
+        @hookimpl(trylast=True)
+        def star_planners(self) -> Iterable[PlannerSpec]:
+            yield offer("last")
+
+    hiding = Hiding()
+    for plugin in (First(), Planners("any"), Last(), hiding):
+        registry.add(plugin, Source(f"my-dist:{type(plugin).__name__}"))
+    assert hiding.seen[-1] == ["first", "any", "last"]
+
+
+def test_what_a_wrapper_adds_is_attributed_to_its_plugin(registry: Registry) -> None:
+    class Adding:
+        @hookimpl(wrapper=True)
+        def star_planners(self) -> Generator[None, Any, Any]:
+            return [*(yield), [offer("mine")]]
+
+    registry.add(Planners("stay"), Source("a:a"))
+    registry.add(Adding(), Source("my-dist:adding"))
+    sources = {found.offer.name: str(found.source) for _, found in registry}
+    assert sources == {"stay": "a:a", "mine": "my-dist:adding"}
+
+
+def test_a_wrapper_that_raises_is_refused_when_it_is_added(registry: Registry) -> None:
+    registry.add(Planners("stay"), Source("a:a"))
+    with pytest.raises(RuntimeError, match="boom"):
+        registry.add(Hiding(error=RuntimeError("boom")), Source("my-dist:hiding"))
+    assert registry.names("planner") == ("stay",)
+    assert not registry.manager.has_plugin("my-dist:hiding")
+
+
+def test_a_wrapper_that_raises_later_is_left_out_and_grounds_no_other(registry: Registry) -> None:
+    registry.add(Hiding(error=RuntimeError("boom")), Source("my-dist:hiding", "1.0"))
+    registry.add(Planners("stay"), Source("a:a"))
+    assert registry.names("planner") == ("stay",)
+    assert registry.broken == {Source("my-dist:hiding", "1.0"): "RuntimeError: boom"}
+    assert not registry.manager.has_plugin("my-dist:hiding")

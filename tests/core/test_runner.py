@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Estimate, Order, Plan, Setpoint, Supervisor, Telemetry
-from star_core.helm import LAND_SPEED
-from star_core.pilot import LAND_PATIENCE
 from star_core.registry import Registry, Source
 from star_core.runner import outcome_of
+from star_core.shutdown import MAX_LANDING_DELAY, MAX_SILENCE
+from star_core.vehicle_interface import CONTROLLER_LAG, LAG_ALLOWANCE, LAND_SPEED, MIN_LAND_TIME
 from tests.core.conftest import Lab
 
 FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st
@@ -88,11 +88,44 @@ def test_agents_that_a_mission_leaves_in_the_air_are_landed(lab: Lab) -> None:
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
 
 
+LANDING = 1.0 / LAND_SPEED + LAG_ALLOWANCE  # s, from 1 m
+
+
 def test_the_core_lands_at_its_own_speed(lab: Lab) -> None:
     lab.fly(IN_THE_AIR)
     _, landing = lab.robots.commands[-1]
-    assert landing.duration == pytest.approx([1.0 / LAND_SPEED] * 2)
+    assert landing.duration == pytest.approx([LANDING] * 2)
     assert landing.position[:, 2] == pytest.approx([0.0, 0.0])
+
+
+def seen(height: float, climb: float) -> Callable[..., Estimate]:
+    """Put the second agent at a height, m, and let it climb, m/s, once it has taken off."""
+
+    def wrong(right: Callable[..., Estimate], telemetry: Telemetry) -> Estimate:
+        estimate = right(telemetry)
+        position, velocity = estimate.position.copy(), estimate.velocity.copy()
+        position[1, 2], velocity[1, 2] = height, climb
+        return replace(estimate, position=position, velocity=velocity)
+
+    return wrong
+
+
+@pytest.mark.parametrize("height", [0.05, 0.3])
+def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
+    lab.spoil("localizer", "locate", seen(height, 0.0), FLYING)
+    lab.fly(IN_THE_AIR)
+    landings = [c for _, c in lab.robots.commands if c.order is Order.LAND and 1 in c.agent]
+    assert [c.duration[c.agent == 1].tolist() for c in landings] == [[MIN_LAND_TIME]]
+
+
+def test_a_landing_that_begins_in_a_climb_is_given_the_time_from_where_the_plan_is(
+    lab: Lab,
+) -> None:
+    lab.spoil("planner", "plan", BOOM, FLYING)  # the landing does not wait for it to be at rest
+    lab.spoil("localizer", "locate", seen(1.0, 0.6), FLYING)
+    lab.fly(IN_THE_AIR)
+    (landing,) = (c for _, c in lab.robots.commands if c.order is Order.LAND)
+    assert landing.duration[1] == pytest.approx(LANDING + 0.6 * CONTROLLER_LAG / LAND_SPEED)
 
 
 def test_agents_that_never_left_the_ground_are_not_told_to_land(lab: Lab) -> None:
@@ -106,8 +139,8 @@ def test_a_dead_transport_is_closed_though_nobody_could_be_landed(lab: Lab) -> N
         lab.spoil("transport", method, BOOM, calls)
     summary = lab.fly()
     assert summary["outcome"] == "failed"
-    assert "; nobody could be landed: transport 'robots'" in summary["reason"]
-    assert lab.said("failure")[-1].startswith("nobody could be landed: transport 'robots'")
+    assert "; no agent could be landed: transport 'robots'" in summary["reason"]
+    assert lab.said("failure")[-1].startswith("no agent could be landed: transport 'robots'")
     left = {event.agent: event.text for event in lab.events if event.agent}
     assert left == {
         name: f"{name} is left to the transport's close, and its own time-outs"
@@ -145,8 +178,67 @@ def test_agents_that_do_not_report_to_be_down_are_named_and_not_waited_for_for_e
     assert summary["outcome"] == "failed"
     assert summary["reason"] == "cf2 did not report to be on the ground"
     assert summary["reason"] in lab.said("failure")
-    assert lab.ticks[-1].time == pytest.approx(3.0 + 1.0 / LAND_SPEED + LAND_PATIENCE, abs=0.3)
+    assert lab.ticks[-1].time == pytest.approx(3.0 + LANDING + MAX_LANDING_DELAY, abs=0.3)
     assert lab.closed["transport"] == 1
+
+
+def silent(since: float) -> Callable[..., Telemetry]:
+    """Do not hear the second agent from a mission time on, s."""
+
+    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        age = np.array([0.0, max(0.0, telemetry.time - since)])
+        state = telemetry.state | np.array([0, int(Supervisor.FLYING)])
+        return replace(telemetry, age=age, state=state)
+
+    return wrong
+
+
+@pytest.mark.parametrize("since", [2.5, 5.0])
+def test_an_agent_that_is_gone_for_good_is_not_waited_for_once_its_landing_is_over(
+    lab: Lab, since: float
+) -> None:
+    lab.spoil("transport", "receive", silent(since))
+    summary = lab.fly(IN_THE_AIR)
+    assert "cf2 did not report to be on the ground" in summary["reason"]
+    landed = max(since + MAX_SILENCE, 3.0 + LANDING)
+    assert lab.ticks[-1].time == pytest.approx(landed, abs=0.3)
+
+
+def rebooted(since: float) -> Callable[..., Telemetry]:
+    """Report that the second agent rebooted, from a mission time on, s, and nothing else of it."""
+
+    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        gone = np.array([False, telemetry.time >= since])
+        age = np.array([0.0, max(0.0, telemetry.time - since)])
+        return replace(telemetry, age=age, rebooted=gone)
+
+    return wrong
+
+
+@pytest.mark.parametrize(
+    ("since", "words"),
+    [
+        (2.0, "cf2 rebooted in flight: its motors stopped; it is not flown any more"),
+        (0.0, "cf2 rebooted before its take-off; it is not flown any more"),
+    ],
+)
+def test_an_agent_that_rebooted_is_reported_once_and_not_landed(
+    lab: Lab, since: float, words: str
+) -> None:
+    lab.spoil("transport", "receive", rebooted(since))
+    summary = lab.fly(IN_THE_AIR)
+    assert lab.said("failure").count(words) == 1
+    assert summary["outcome"] == "failed"
+    assert lab.went("cf2")[-1] == "emergency"
+    assert 1 not in lab.ordered(Order.LAND)
+
+
+def test_an_agent_that_reboots_when_it_has_landed_does_not_fail_the_mission(lab: Lab) -> None:
+    lab.spoil("transport", "receive", rebooted(6.0))
+    steps = "\n  - climb: {}\n  - descend: {agents: cf2}\n  - wait: {seconds: 5}"
+    assert lab.fly(steps)["outcome"] == "completed"
 
 
 def test_why_a_mission_failed_is_told_before_what_went_wrong_on_the_way_down(lab: Lab) -> None:
@@ -208,7 +300,7 @@ def test_agents_that_are_not_heard_are_not_sent_anything(lab: Lab) -> None:
     assert sent_outside(lab, AgentPhase.FLYING) == []
 
 
-def test_agents_that_are_not_located_are_not_sent_anything(lab: Lab) -> None:
+def test_agents_that_are_heard_but_not_located_brake(lab: Lab) -> None:
     def blind(right: Callable[..., Estimate], telemetry: Telemetry) -> Estimate:
         return replace(right(telemetry), valid=np.array([True, not 2.0 < telemetry.time < 2.6]))
 
@@ -216,9 +308,9 @@ def test_agents_that_are_not_located_are_not_sent_anything(lab: Lab) -> None:
     lab.spoil("avoider", "avoid", active)
     lab.spoil("localizer", "locate", blind)
     lab.fly("\n  - climb: {}\n  - wait: {seconds: 3, agents: cf1}\n  - descend: {}")
-    assert [sent.active.tolist() for time, sent in lab.robots.sent if 2.05 < time < 2.55] == [
-        [True, False]
-    ] * 5
+    meanwhile = [sent for time, sent in lab.robots.sent if 2.05 < time < 2.55]
+    assert [sent.active.tolist() for sent in meanwhile] == [[True, True]] * 5
+    assert all((sent.velocity[1] == 0).all() for sent in meanwhile)
 
 
 def test_an_agent_that_flies_to_a_place_on_its_own_is_not_sent_anything(lab: Lab) -> None:

@@ -8,21 +8,22 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.registry import Registry
-from star_core.schema import compose, compose_steps, load
 
 UNIT = re.compile(
     r"(?<![\w'])(m|m/s|m/s²|m⁴/s|s|1/s|Hz|V|px|degrees|degrees/s|rad|kg)\b(?!['\w])", re.ASCII
 )
 COUNT = re.compile(
-    r"how (often|many)|so many|as many as|\b(seed|share|fraction|number|ticks|paths planned"
+    r"how (often|many)|so many|as many as|\b(seed|share|fraction|number|factor|ticks|paths planned"
     r"|per second of|rows|columns|grey value|port|processes|images)\b",
     re.IGNORECASE,
 )
 """What a description says of a number that has no unit."""
 
 ABSENT = re.compile(
-    r"if not given|not given|give this or|needed (with|for)|derived|needs none|without one",
+    r"not given|by default|the default for|give this or|needed (with|for)|derived|needs none"
+    r"|without one",
     re.IGNORECASE,
 )
 """How a description says what it means that an option without a default is not there."""

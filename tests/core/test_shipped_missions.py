@@ -5,22 +5,28 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
 from typing import Any
 
+import numpy as np
 import pytest
 
-from star_core.cli import main
+from star_core import InputError, load
+from star_core.cli.main import main
+from star_core.mission_file import schema
+from star_core.mission_file.schema import compose, compose_steps
+from star_core.mission_file.yaml_source import parse
 from star_core.registry import Registry
-from star_core.schema import compose, compose_steps
-from star_core.yaml_text import parse
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 FILES = sorted(MISSIONS.glob("*.yaml"))
 README = (MISSIONS / "README.md").read_text(encoding="utf-8")
 MOST_LINES = 40
+HEAVY = ("numba", "scipy", "cv2", "gtsam", "cflib", "star_external.door")  # numpy and shapely may
 
 
 def verbs(steps: list[dict[str, Any]]) -> Iterator[str]:
@@ -30,6 +36,34 @@ def verbs(steps: list[dict[str, Any]]) -> Iterator[str]:
             yield verb
             inner = options if isinstance(options, list) else options.get("steps", [])
             yield from verbs(inner)
+
+
+def test_the_first_flight_says_what_it_needs_on_hardware() -> None:
+    path, registry = MISSIONS / "first_flight.yaml", Registry()
+    (line,) = [line for line in path.read_text().splitlines() if line.startswith("transport: ")]
+    assert re.search(r"# on hardware: radio, with the extra \[radio\] and a uri per agent$", line)
+    radio = ["transport=radio"]
+    with pytest.raises(InputError, match="uri"):
+        load(path, registry, radio)
+    uris = [f"swarm.cf{i}.uri=radio://0/80/2M/E7E7E7E70{i}" for i in (1, 2, 3)]
+    assert load(path, registry, [*radio, *uris]).parts["transport"].use == "radio"
+
+
+def test_checking_the_missions_imports_nothing_heavy() -> None:
+    """Between them they use every verb and plugin, so this holds for all built-in checks."""
+    ask = (
+        "import sys; from star_core.cli.main import main\n"
+        "assert [main(['check', path]) for path in sys.argv[1:]] == [0] * len(sys.argv[1:])\n"
+        f"assert not {{*{HEAVY!r}}} & {{*sys.modules}}"
+    )
+    subprocess.run([sys.executable, "-c", ask, *map(str, FILES)], check=True)
+
+
+def test_where_targets_are_is_told_to_every_plugin_as_the_schema_says() -> None:
+    targets = load(MISSIONS / "search.yaml", Registry()).scene.world.targets
+    assert all(np.isfinite(tag.position).all() for tag in targets)
+    said = schema.load("world")["properties"]["targets"]["description"]
+    assert "Every plugin gets them in Scene.world.targets" in said
 
 
 def test_every_verb_occurs_in_a_mission_that_ships() -> None:

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import ContractError, Estimate, Registry, Setpoint
+from star_core import ContractError, Estimate, Registry, Setpoint, fill_defaults
 from star_core.testing import check_avoider, check_localizer, check_planner, scene
 
 
 def made(kind: str, name: str, n: int) -> Any:
-    return Registry().find(kind, name).offer.make(scene(n))
+    spec = Registry().find(kind, name).offer
+    return spec.make(scene(n), **fill_defaults({}, spec.options))
 
 
 @pytest.mark.parametrize("n", [1, 3])

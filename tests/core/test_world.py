@@ -12,12 +12,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from star_core import clearance
-from star_core.document import Document
 from star_core.errors import InputError
+from star_core.geometry import obstacle_distance as clearance
+from star_core.mission_file.located_document import Document
+from star_core.mission_file.world_loader import world
+from star_core.mission_file.yaml_source import parse
 from star_core.world import CONTACT_RADIUS, Fence, Obstacle, World, wall
-from star_core.world_file import world
-from star_core.yaml_text import parse
 
 Corner: TypeAlias = tuple[float, float]
 Point: TypeAlias = tuple[float, float, float]
@@ -339,7 +339,7 @@ def test_a_cylinder_contains_its_circle() -> None:
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ("polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]", "crosses or touches itself: the edges from"),
+        ("polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]", "crosses or touches itself at [0.5, 0.5]"),
         ("polygon: [[0, 0], [0.5, 0.5], [1, 1]]", "has all its points on one line"),
         (
             "polygon: [[0, 0], [1, 0], [0, 0.0005]]",

@@ -21,7 +21,7 @@ from tests.corpus.mutants import mutants
 
 LINE = re.compile(r"[^:\s]+(\.yaml:\d+:\d+)?: \S.*")
 SEED = 20
-FEW, MANY = 300, 10_000
+FEW, MANY = 100, 10_000
 LIMIT = 20.0  # s of the clock for one file, on a machine that has other things to do
 
 

@@ -274,8 +274,8 @@ class Language:
         return options
 
     def _external(self, _agents: int) -> Data:
-        """Nobody connects: the step fails when its patience is over."""
-        return {"port": 0, "patience": 0.05, "lockstep": self._one(True, False)}  # noqa: FBT003
+        """Nobody connects: the step fails after its response timeout."""
+        return {"port": 0, "response_timeout": 0.05, "lockstep": self._one(True, False)}  # noqa: FBT003
 
     def _search(self, _agents: int) -> Data:
         area = {"low": [-1.0, -0.5], "high": [self._one(0.0, 1.0), 0.8]}

@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, Phase, assume, event, given, settings
 
 import star_core as star
 from star_core import InputError, fly, hookimpl, load
+from star_core.executor import StepExecutor
 from star_core.registry import Source
-from star_core.tasks import Course
 from tests.end_to_end.any_mission import PART, PARTS, Case, cases
 from tests.end_to_end.troubled import Troubled
 
@@ -56,16 +56,16 @@ class Witness:
     @contextmanager
     def counting(self) -> Iterator[None]:
         """Add the time-out of each step that begins to what is allowed: one of them is running."""
-        begin = Course._begin
+        begin = StepExecutor._begin
         witness = self
 
-        def counted(course: Course, *args: Any) -> Any:
+        def counted(course: StepExecutor, *args: Any) -> Any:
             turn = begin(course, *args)
             witness.allowed += turn.limit + TICKS
             return turn
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Course, "_begin", counted)
+            patch.setattr(StepExecutor, "_begin", counted)
             yield
 
 

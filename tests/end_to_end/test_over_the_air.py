@@ -50,7 +50,7 @@ def recorded(folder: Path) -> Flown:
 
 
 def star(*arguments: object) -> subprocess.Popen[str]:
-    program = "import sys; from star_core.cli import main; sys.exit(main(sys.argv[1:]))"
+    program = "import sys; from star_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
     return subprocess.Popen(
         [sys.executable, "-c", program, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -179,6 +179,7 @@ def test_without_noise_three_drones_fly_by_what_their_decks_stream_as_in_the_sim
     assert apart(flown, recorded(tmp_path / "sim")) < 0.05 + SPEED * late
 
 
+@pytest.mark.campaign
 def test_three_drones_find_their_places_by_what_their_decks_stream(tmp_path: Path) -> None:
     mission = MISSIONS / "three_eyes.yaml"
     flown, truth, late = over_the_air(mission, tmp_path / "air", noise=True, cameras=True)

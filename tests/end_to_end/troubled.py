@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 import star_core as star
-from star_core import Order, Registry, Status, Step, Supervisor
+from star_core import Order, Registry, Status, Supervisor, TaskOutput
 from star_core.registry import Found
 from tests.end_to_end.any_trouble import Trouble
 
@@ -45,7 +45,7 @@ class Troubled:
                 found[:] = [Found(self._spoilt(kind, one.offer), one.source) for one in found]
         return registry
 
-    def _spoilt(self, kind: str, offer: star.Offer[Any]) -> star.Offer[Any]:
+    def _spoilt(self, kind: str, offer: star.TaskSpec) -> star.TaskSpec:
         methods = {
             "transport": ("wait", "receive", "command", "send"),
             "localizer": ("locate",),
@@ -92,7 +92,7 @@ class Troubled:
                 return replace(said, setpoint=self._nan(said.setpoint))
             case star.Setpoint():
                 return replace(said, velocity=said.velocity * NAN)
-            case Step(goals=star.Goals() as goals):
+            case TaskOutput(goals=star.Goals() as goals):
                 return replace(said, goals=replace(goals, position=goals.position * NAN))
         return said
 
@@ -178,7 +178,7 @@ class Troubled:
         limit = right(*args)
         return float("inf") if self._is("task asks for all time") else limit
 
-    def _step(self, _part: Any, right: Callable[..., Step], *args: Any) -> Step:
+    def _step(self, _part: Any, right: Callable[..., TaskOutput], *args: Any) -> TaskOutput:
         step = right(*args)
         if self._is("task fails"):
             return replace(step, status=Status.FAILURE, reason="a trouble of the test")

@@ -15,13 +15,13 @@ import pytest
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-DISTRIBUTIONS = sorted(path.parent for path in HERE.glob("*/pyproject.toml"))
+DISTRIBUTIONS = (*HERE.glob("star-*"), ROOT / "examples" / "star-gentle")
 OWN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")  # what would lead out of the fresh environment
 PIP = (sys.executable, "-m", "pip", "--quiet")
 
 Run: TypeAlias = Callable[..., subprocess.CompletedProcess[str]]
 
-collect_ignore = [str(path) for path in DISTRIBUTIONS]  # theirs: not importable from here
+collect_ignore_glob = ["star-*"]  # theirs: not importable from here
 
 
 def pip(*arguments: object) -> None:
@@ -41,22 +41,24 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="session")
 def bin_folder(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The commands of the fresh environment, in which only star-outside is installed beside us."""
+    """The commands of the fresh environment, with this project and star-gentle."""
     home = tmp_path_factory.mktemp("environment")
     EnvBuilder(symlinks=True).create(home)
-    ours = (wheels["star-swarm"], f"{wheels['star-outside']}[test]")
+    ours = (wheels["star-swarm"], f"{wheels['star-gentle']}[test]")
     pip("--python", home, "install", "--no-compile", *ours)  # Python compiles what it imports
     return home / "bin"
 
 
 @pytest.fixture(scope="module")
-def beside(wheels: dict[str, Path], bin_folder: Path) -> Iterator[Callable[[str], None]]:
-    """Installs a third party's distribution too, until the module is over."""
+def beside(wheels: dict[str, Path], bin_folder: Path) -> Iterator[Callable[..., None]]:
+    """Installs more distributions of third parties, until the module is over."""
     installed: list[str] = []
 
-    def install(name: str) -> None:
-        pip("--python", bin_folder.parent, "install", "--no-deps", wheels[name])
-        installed.append(name)
+    def install(*names: str) -> None:
+        pip(
+            "--python", bin_folder.parent, "install", "--no-deps", *(wheels[name] for name in names)
+        )
+        installed.extend(names)
 
     yield install
     pip("--python", bin_folder.parent, "uninstall", "--yes", *installed)

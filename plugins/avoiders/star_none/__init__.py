@@ -1,26 +1,26 @@
-"""The avoider `none`: every agent flies what the planner wants, whoever is in the way."""
+"""The avoider `none`: passes the planner's setpoints through, without avoidance."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from star_core import Offer, hookimpl
+from star_core import AvoiderSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Avoider, Estimate, Scene, Setpoint
 
 
 class PassThrough:
-    """Avoids nobody."""
+    """Does not avoid anything."""
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         return wanted
 
 
 @hookimpl
-def star_avoiders() -> Iterable[Offer[Avoider]]:
-    yield Offer(name="none", summary="Avoids nobody.", make=_make)
+def star_avoiders() -> Iterable[AvoiderSpec]:
+    yield AvoiderSpec(name="none", summary="Passes setpoints through unchanged.", make=_make)
 
 
 def _make(_scene: Scene) -> Avoider:

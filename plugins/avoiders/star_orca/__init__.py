@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer, hookimpl
+from star_core import AvoiderSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Avoider, Problem, Scene
@@ -17,7 +17,7 @@ _OPTIONS: dict[str, Any] = {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 0.2,
-            "description": "Half the distance that two agents keep, m",
+            "description": "Half the horizontal distance to keep between two agents, m",
         },
         "horizon": {
             "type": "number",
@@ -29,14 +29,14 @@ _OPTIONS: dict[str, Any] = {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 4.0,
-            "description": "How far away in the plane neighbours are looked for, m",
+            "description": "Horizontal distance within which agents are neighbours, m",
         },
         "max_neighbours": {
             "type": "integer",
             "minimum": 1,
             "maximum": 1000,
             "default": 10,
-            "description": "No more than so many neighbours are avoided, the nearest",
+            "description": "Greatest number of neighbours avoided, the nearest",
         },
         "vertical": {
             "type": "number",
@@ -47,8 +47,8 @@ _OPTIONS: dict[str, Any] = {
         "obstacles": {
             "enum": ["half-planes", "virtual-agents", "none"],
             "default": "half-planes",
-            "description": "How obstacles are avoided: by RVO2's half-planes, as agents that stand "
-            "still at the nearest point of every visible edge, or not at all",
+            "description": "How obstacles are avoided: by RVO2's half-planes, as stationary agents "
+            "at the nearest point of every visible edge, or not at all",
         },
         "obstacle_horizon": {
             "type": "number",
@@ -60,30 +60,30 @@ _OPTIONS: dict[str, Any] = {
             "type": ["number", "null"],
             "exclusiveMinimum": 0,
             "default": None,
-            "description": "Distance that agents keep to obstacles; null is the radius. With more "
-            "than the planner's clearance agents are held on the planner's paths, m",
+            "description": "Distance to keep to obstacles; null is the radius. Larger than the "
+            "planner's clearance, it blocks agents on the planner's paths, m",
         },
         "response": {
             "type": "number",
             "minimum": 0,
             "default": 0.3,
-            "description": "Time constant with which agents follow a velocity: where they will be "
-            "so much later is what counts, s",
+            "description": "Time constant with which agents follow a velocity; collisions are "
+            "predicted from their positions that much later, s",
         },
-        "deviations": {
+        "uncertainty_margin": {
             "type": "number",
             "minimum": 0,
             "default": 0.0,
-            "description": "By how many standard deviations of its place an agent's radius is "
-            "larger, but no more than doubled; 0 takes every place for exact",
+            "description": "Number of standard deviations of its position by which an agent's "
+            "radius is enlarged, at most doubled; 0 treats positions as exact",
         },
     },
 }
 
 
 @hookimpl
-def star_avoiders() -> Iterable[Offer[Avoider]]:
-    yield Offer(
+def star_avoiders() -> Iterable[AvoiderSpec]:
+    yield AvoiderSpec(
         name="orca",
         summary="Optimal reciprocal collision avoidance in the horizontal plane.",
         make=_make,
@@ -99,16 +99,14 @@ def _make(scene: Scene, **options: Any) -> Avoider:
 
 
 def _check(_scene: Scene, **options: Any) -> Iterable[Problem]:
-    """Refuse to see neighbours only once they are too near."""
+    """Require neighbours to be detected before they are too near."""
     from star_core import Problem
 
-    defaults = {name: schema["default"] for name, schema in _OPTIONS["properties"].items()}
-    chosen = defaults | options
-    widest = (2 if chosen["deviations"] else 1) * chosen["radius"]
-    distance, apart = chosen["communication_radius"], 2 * widest
+    widest = (2 if options["uncertainty_margin"] else 1) * options["radius"]
+    distance, apart = options["communication_radius"], 2 * widest
     if distance <= apart:
         yield Problem(
             ("communication_radius",),
-            f"{distance!r} m is not more than {apart:g} m, which two agents may keep apart: "
-            "neighbours would be seen too late",
+            f"{distance!r} m is not more than {apart:g} m, the distance to keep between two "
+            "agents: neighbours would be detected too late",
         )

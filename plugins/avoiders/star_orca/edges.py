@@ -1,4 +1,4 @@
-"""Which edges of obstacles an agent sees: those that face it, the nearest first."""
+"""The edges of obstacles that face an agent, nearest first."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from star_orca.outlines import AX, AY, LENGTH, UX, UY
 
 @compiled
 def layer_at(z: float, height: Array) -> int:
-    """Return the layer of `star_orca.outlines.Outlines` that holds height `z`, m."""
+    """Return the layer of `star_orca.outlines.Outlines` that contains height `z`, m."""
     layer = 0
     while layer < len(height) and z >= height[layer]:
         layer += 1
@@ -23,12 +23,12 @@ def nearest_edges(
 
     Args:
         edges: (E, 13) table of `star_orca.outlines.Outlines`.
-        span: The first to look at, and one past the last.
+        span: First edge to search, and one past the last.
         x: Of the point, m.
         y: Of the point, m.
-        reach: How far away they are looked for, m.
-        room: (K,) where their rows go, and (K,) where their squared distances do, m²; no more
-            than K are looked for.
+        reach: Search radius, m.
+        room: (K,) buffer for the rows of the edges found, and (K,) buffer for their squared
+            distances, m². At most K edges are returned.
     """
     found, distance = room
     most, count = len(found), 0
@@ -57,7 +57,7 @@ def nearest_edges(
 
 @compiled
 def nearest_on(edges: Array, row: int, x: float, y: float) -> tuple[float, float]:
-    """Return the way from a point to the nearest point of an edge, m."""
+    """Return the vector from a point to the nearest point of an edge, m."""
     dx, dy = x - edges[row, AX], y - edges[row, AY]
     along = edges[row, UX] * dx + edges[row, UY] * dy
     along = min(max(along, 0.0), edges[row, LENGTH])

@@ -1,7 +1,7 @@
-"""The velocities that lead out of the geofence: what an agent is told not to fly.
+"""Half-planes that keep velocities from leading out of the geofence.
 
-The core brakes who would leave the fence in any case. An avoider that did not know of it would send
-agents there to make room, and count on that room.
+The core brakes any agent that would cross the fence. An avoider unaware of the fence would evade
+across it, and rely on space that the core does not grant.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from star_core import Array, compiled
 from star_orca.neighbours import X, Y
 
 SIDES = 4
-BACK = 0.5  # of the greatest speed: the most at which who is outside is brought back
+BACK = 0.5  # share of the speed limit: fastest required return of an agent outside the fence
 
 
 @compiled
@@ -22,18 +22,19 @@ def inside_fence(
     planes: Array,
     count: int,
 ) -> int:
-    """Add what the sides of the fence leave free to `planes`, and return how many there are then.
+    """Add the half-planes of the fence's sides to `planes`, and return their new number.
 
-    Towards a side an agent may fly what brings it there in ``1 / rate``, and beyond it no less than
-    what brings it back in as long. Sides that it cannot reach so soon add none.
+    Towards a side, an agent may fly the speed that reaches it in ``1 / rate``; beyond a side, it
+    must fly at least the speed that returns it in that time. Sides out of reach in that time add
+    no half-plane.
 
     Args:
         agent: Its row of the table of `star_orca.neighbours.sort_into_cells`.
         fence: Least x and y, then greatest x and y, m; may be infinite.
-        rate: One over the time to look ahead, 1/s.
-        speed: Greatest speed, m/s.
-        planes: (K, 3) half-planes as those of `star_orca.half_planes`.
-        count: How many there are.
+        rate: One over the time horizon, 1/s.
+        speed: Speed limit, m/s.
+        planes: (K, 3) half-planes as in `star_orca.half_planes`.
+        count: Number of half-planes in it.
     """
     reach = speed / rate
     x, y = agent[X], agent[Y]

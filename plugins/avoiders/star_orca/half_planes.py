@@ -1,12 +1,12 @@
-"""The velocities an agent may fly beside each neighbour: one half-plane for each."""
+"""The velocities that avoid each neighbour: one half-plane per neighbour."""
 
 from __future__ import annotations
 
 from star_core import Array, Rows, compiled
 from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y, Z
-from star_orca.way_out import way_out
+from star_orca.velocity_obstacle import way_out
 
-COLUMN = 1.0  # s, in which two that are one above the other get out of each other's column
+COLUMN = 1.0  # s, in which two agents one above the other must be apart horizontally
 
 
 @compiled
@@ -19,26 +19,26 @@ def half_planes(
     period: float,
     planes: Array,
 ) -> None:
-    """Fill `planes` with what each neighbour leaves free.
+    """Fill `planes` with the half-plane of permitted velocities of each neighbour.
 
-    Row ``(a, b, c)`` says that a velocity ``(x, y)`` with ``a x + b y >= c`` is free, where
-    ``(a, b)`` is a unit vector. It is the half-plane of van den Berg, Guy, Lin and Manocha,
-    "Reciprocal n-Body Collision Avoidance" (2011): the agent takes on its share of the least change
-    that brings the relative velocity out of the velocity obstacle, half of it beside a neighbour
-    that avoids too and all of it beside one that does not. Two that already overlap are to be
-    apart after one period; where one is above the other, `COLUMN` is soon enough.
+    Row ``(a, b, c)`` permits a velocity ``(x, y)`` with ``a x + b y >= c``, where ``(a, b)`` is a
+    unit vector. It is the half-plane of van den Berg, Guy, Lin and Manocha, "Reciprocal n-Body
+    Collision Avoidance" (2011): the agent makes its share of the least change that brings the
+    relative velocity out of the velocity obstacle: half of it for a neighbour that avoids too, and
+    all of it for one that does not. Two agents that already overlap must be apart after one period,
+    or after `COLUMN` if one is above the other.
 
-    Two agents at one point that fly alike have no line to part along: they part along x, the
-    earlier row forwards.
+    Two agents at the same point with the same velocity have no direction to separate along: they
+    separate along x, the earlier row forwards.
 
     Args:
         agents: (M, 13) table of `sort_into_cells`.
-        me: Row in it of the agent that asks.
+        me: Row in it of the avoiding agent.
         neighbours: (K,) rows in it of its neighbours.
-        count: How many of these to use.
+        count: Number of these to use.
         horizon: Time for which the agents shall not collide, s.
-        period: Time in which two that overlap shall come apart, s.
-        planes: (K, 3) where the half-planes go, in the order of the neighbours. m/s.
+        period: Time in which two overlapping agents shall separate, s.
+        planes: (K, 3) output: half-planes in the order of the neighbours, m/s.
     """
     px, py, vx, vy = agents[me, X], agents[me, Y], agents[me, VX], agents[me, VY]
     for k in range(count):

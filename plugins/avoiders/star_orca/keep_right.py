@@ -1,20 +1,20 @@
-"""The rule of the road that gets two agents past each other when neither side is the shorter.
+"""Rule of the road: resolves symmetric encounters by turning right.
 
-ORCA alone answers a symmetric meeting symmetrically: agents that change places across a circle stop
-in a ring, and one whose way leads through the middle of a parked one stops before it. Noise would
-free them some day. A turn to the right by all of them frees them sooner, and the same way in every
-run.
+ORCA alone resolves a symmetric encounter symmetrically: agents that swap positions across a circle
+stop in a ring, and one whose path leads through the center of a parked agent stops before it.
+Noise would break the symmetry some day. If all of them turn right, it breaks sooner, and the same
+way in every run.
 
-It has to come early. Once agents stand in a ring, shoulder to shoulder, the half-planes of the two
-beside it stop an agent that turns by less than the angle between it and them; so a small turn
-begins when anybody is ahead, not when somebody is in the way. Where that was not enough and an
-agent gets nowhere for the others, it wants to go to the side altogether: the ring goes round until
-its ways open. How far a swarm that comes the other way is kept to the left is `star_orca.lanes`.
+The turn has to start early. Once agents stand in a ring, side by side, the half-planes of its two
+neighbours stop an agent that turns by less than the angle between it and them. So a small turn
+starts when any agent is ahead, not only when one is in the way. If that was not enough and the
+other agents block an agent, its preferred velocity is turned fully sideways: the ring rotates until
+its paths open. `star_orca.lanes` determines how far an oncoming swarm is kept to the left.
 
-Where one side is clearly the shorter it is taken, by both: who turned right there would stay in
-front of the other and be pushed along by it. One that is parked does not turn with the others. It
-is passed on the side that it leaves, else an agent would walk all round a ring of parked ones to
-keep them on its left.
+Where one side is clearly the shorter, both agents take it: an agent that turned right there would
+stay in front of the other and be pushed along by it. A parked agent does not turn with the others.
+It is passed on the side that has room; otherwise an agent would fly around a whole ring of parked
+agents to keep them on its left.
 """
 
 from __future__ import annotations
@@ -24,29 +24,30 @@ import math
 from star_core import Array, Rows, compiled
 from star_orca.neighbours import AVOIDS, RADIUS, VX, VY, WISH_X, WISH_Y, X, Y
 
-BLOCKED = 0.05  # of its wish: an agent that gets no more of it gets nowhere
+BLOCKED = 0.05  # share of the preferred speed: an agent that achieves less is blocked
 QUARTER = math.radians(90.0)
-SLOW = 0.1  # m/s: who neither goes nor wants to go any faster is parked; two whose wishes differ
-# by less do not pass each other
+SLOW = 0.1  # m/s: an agent whose velocity and preferred velocity are below it is parked; two whose
+# preferred velocities differ by less do not pass each other
 
-# Share of the radii: two that pass each other's middles on the left by more than that go on so. The
-# best of 0.15, 0.3 and 0.6 where 32 change ends of a corridor; without it ten times as many stuck.
+# Share of the sum of the radii: two agents that pass each other's centers on the left by more than
+# that continue on the left. The best of 0.15, 0.3 and 0.6 with 32 agents that swap the ends of a
+# corridor; without this rule ten times as many got stuck.
 CLEARLY = 0.3
 
 
 @compiled
 def side_to_take(agents: Array, me: int, neighbours: Rows, count: int, x: float, y: float) -> float:
-    """Return 1 if an agent is to turn right for those ahead of it, -1 if left, 0 if nobody is.
+    """Return 1 to turn right for the agents ahead, -1 to turn left, 0 if there are none.
 
-    The nearest one ahead decides.
+    The nearest agent ahead decides.
 
     Args:
         agents: (M, 13) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the agent.
         neighbours: (K,) rows in it of its neighbours.
-        count: How many of these to look at.
-        x: Wanted velocity along x, m/s: where ahead is.
-        y: Wanted velocity along y, m/s.
+        count: Number of these to use.
+        x: Preferred velocity along x, m/s: the direction that counts as ahead.
+        y: Preferred velocity along y, m/s.
     """
     side, least = 0.0, math.inf
     for k in range(count):

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from star_core import Array, Mask, Rows, compiled
-from star_orca.column import climb
 from star_orca.edges import layer_at, nearest_edges
 from star_orca.fence import SIDES, inside_fence
 from star_orca.half_planes import half_planes
@@ -30,9 +29,10 @@ from star_orca.neighbours import (
     sort_into_cells,
 )
 from star_orca.obstacle_planes import obstacle_plane
+from star_orca.vertical_limit import climb
 from star_orca.virtual_agents import virtual_agent
 
-MOST_EDGES = 32  # are looked at, the nearest; RVO2 looks at all within reach
+MOST_EDGES = 32  # nearest edges considered; RVO2 considers all within reach
 
 
 @compiled
@@ -57,41 +57,41 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     period: float,
     turn: float,
 ) -> Array:
-    """Return the velocity nearest to its wish that keeps each agent apart from its neighbours.
+    """Return collision-free velocities, each as near as possible to the agent's preferred one.
 
-    This is optimal reciprocal collision avoidance: van den Berg, Guy, Lin and Manocha, "Reciprocal
-    n-Body Collision Avoidance" (2011), in the horizontal plane, and a limit on what agents climb
-    and sink towards each other. In one plane, with `turn` 0, `virtual` False and every agent
-    avoiding it answers as the authors' RVO2 does. Wishes are cut to the greatest speed first; what
-    avoiding takes of the speed is not left for climbing.
+    This is optimal reciprocal collision avoidance (van den Berg, Guy, Lin and Manocha, "Reciprocal
+    n-Body Collision Avoidance", 2011) in the horizontal plane, plus a limit on vertical velocity
+    towards agents above and below. In one plane, with `turn` 0, `virtual` False and every agent
+    avoiding, its results equal those of the authors' RVO2. Preferred velocities are limited to the
+    greatest speed first; speed used up by avoiding is not available for climbing.
 
-    Agents that do not avoid, and those whose position is not finite, are answered their wish as it
-    came; the first are in the way of the others all the same, the second are not.
+    Rows of agents that do not avoid, and of those whose position is not finite, are returned
+    unchanged; the first must still be avoided by the others, the second are ignored.
 
-    Pass every argument, arrays in C order, and floats as floats: numba compiles anew for every
+    Pass every argument, arrays in C order, and floats as floats: numba compiles again for every
     other combination of types.
 
     Args:
         position: (N, 3) m.
-        velocity: (N, 3) m/s; one that is not finite counts as at rest.
-        wish: (N, 3) wanted velocity, m/s.
+        velocity: (N, 3) m/s; agents without a finite velocity are treated as stationary.
+        wish: (N, 3) preferred velocity, m/s.
         radius: (N,) two agents keep the sum of their radii apart in the plane, m.
-        speed: (N,) greatest speed, m/s.
-        avoids: (N,) False where the agent does not give way, so that the others do it alone.
+        speed: (N,) speed limit, m/s.
+        avoids: (N,) False where the agent does not give way, so that the others avoid it alone.
         edges: (E, 13) edges of obstacles: this and the next two are `star_orca.outlines.Outlines`.
         first: (L + 1,) first edge of each layer.
-        height: (L - 1,) where each layer but the lowest begins, m.
-        fence: Least x and y that agents may be at, then greatest, m; may be infinite.
-        horizon: Time for which no two shall collide, s.
-        obstacle_horizon: Time for which none shall collide with an obstacle or leave the fence, s.
-        clearance: Distance that each keeps to obstacles, m.
-        virtual: Whether obstacles are virtual agents, else they are RVO2's half-planes.
-        communication_radius: How far away in the plane neighbours are looked for, m.
-        most: No more than so many neighbours are looked at, the nearest.
-        vertical: Agents that are and stay further apart in height than this are no neighbours, m.
-        period: Time from one call to the next, in which two that overlap shall come apart, s.
-        turn: How far a wish is turned right when a neighbour is ahead, rad: see `keep_right` and
-            `lanes`; 0 for no rule of the road.
+        height: (L - 1,) lower bound of each layer but the lowest, m.
+        fence: Least x and y of the geofence, then greatest, m; may be infinite.
+        horizon: Time for which no two agents shall collide, s.
+        obstacle_horizon: Time in which no agent shall hit an obstacle or leave the fence, s.
+        clearance: Distance to keep to obstacles, m.
+        virtual: Whether obstacles are virtual agents instead of RVO2's half-planes.
+        communication_radius: Horizontal distance within which agents are neighbours, m.
+        most: Greatest number of neighbours, the nearest.
+        vertical: Agents that are and stay further apart in height than this are not neighbours, m.
+        period: Time between calls, in which two overlapping agents shall separate, s.
+        turn: Angle by which a preferred velocity is turned right when a neighbour is ahead, rad:
+            see `keep_right` and `lanes`; 0 for no rule of the road.
 
     Returns:
         (N, 3) m/s.
@@ -159,19 +159,19 @@ def beside_obstacles(  # noqa: PLR0913, PLR0917 -- as above
     planes: Array,
     count: int,
 ) -> int:
-    """Add to `planes` what the obstacles at an agent's height leave free; return how many it holds.
+    """Add the half-planes of obstacles at an agent's height to `planes`; return their new number.
 
     Args:
         agent: Its row of the table of `sort_into_cells`.
-        edges: As `orca` has them, like the next two.
+        edges: As in `orca`, like the next two.
         first: First edge of each layer.
-        height: Where each layer but the lowest begins, m.
-        look: How far away edges are looked for and the distance kept to them, m, and one over the
-            time to look ahead, 1/s.
+        height: Lower bound of each layer but the lowest, m.
+        look: Search radius for edges and distance to keep to them, m, and one over the time
+            horizon, 1/s.
         virtual: Whether obstacles are virtual agents.
-        seen: (K,) and (K,) room for `nearest_edges`.
-        planes: (K, 3) where the half-planes go.
-        count: How many there are.
+        seen: (K,) and (K,) buffers for `nearest_edges`.
+        planes: (K, 3) output: half-planes.
+        count: Number of half-planes in it.
     """
     layer = layer_at(agent[Z], height)
     span = (first[layer], first[layer + 1])

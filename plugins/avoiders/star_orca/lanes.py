@@ -1,8 +1,8 @@
-"""Lanes: how far an agent turns right so that who comes the other way passes on its left.
+"""Lane formation: turns agents right so that oncoming agents pass on their left.
 
-Two groups that meet head on, in a corridor or in the open, mix if each agent first gives way when
-another is near, and stand. If each keeps to the right of all that it sees coming, from as far as it
-sees them, lanes have formed before the groups meet.
+Two groups that meet head on, in a corridor or in the open, mix and stall if each agent gives way
+only when another is near. If each agent keeps to the right of all oncoming agents as soon as they
+are within sight, lanes have formed before the groups meet.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from star_core import Array, Rows, compiled
 from star_orca.keep_right import SLOW
 from star_orca.neighbours import AVOIDS, RADIUS, REACH, WISH_X, WISH_Y, X, Y, Z
 
-OPPOSITE = math.cos(math.radians(45.0))  # of two wishes: within so much of head on
+OPPOSITE = math.cos(math.radians(45.0))  # preferred velocities within this angle of head on
 
-# Radii, both together: who passes farther away than this on the right is left there. A corridor of
-# 8 radii has its outermost lanes 6 apart; so all that come through it are kept on the left.
+# Sums of two radii: oncoming agents that pass farther away than this on the right stay there. A
+# corridor 8 radii wide has its outermost lanes 6 radii apart; so all that come through it are kept
+# on the left.
 BAND = 3.0
 
 STEEPEST = math.radians(35.0)  # a turn costs 1 - cos of it in speed: 18 %
@@ -31,19 +32,20 @@ def lane_turn(
     x: float,
     y: float,
 ) -> float:
-    """Return by how much an agent turns right for those that come the other way, rad.
+    """Return the angle by which an agent turns right for oncoming agents, rad.
 
-    Each of the two has half of the way to the other in which to move aside by half of what is
-    missing until they pass left of each other at the sum of their radii: the turn is what the worst
-    of them takes, `STEEPEST` at most. Who is nearer than the sum of the radii is past that.
+    Each of the two moves aside, over half of the distance between them, by half of what is missing
+    until they pass left of each other at the sum of their radii. The turn is the largest that any
+    oncoming agent requires, at most `STEEPEST`. Agents nearer than the sum of the radii are
+    ignored.
 
     Args:
         agents: (M, 13) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the agent.
         cells: The cell it is in, (C + 1,) row at which each cell begins, and their number along x.
-        limits: How far ahead and how far apart in height others count, m.
-        x: Wanted velocity along x, m/s: where ahead is.
-        y: Wanted velocity along y, m/s.
+        limits: Greatest distance ahead and greatest difference in height considered, m.
+        x: Preferred velocity along x, m/s: the direction that counts as ahead.
+        y: Preferred velocity along y, m/s.
     """
     pace = math.sqrt(x * x + y * y)
     if pace < SLOW:

@@ -1,8 +1,8 @@
-"""The velocity nearest to the wish that half-planes and a greatest speed leave, in two dimensions.
+"""Two-dimensional linear program: the permitted velocity nearest to the preferred one.
 
 Incremental linear programming after de Berg, Cheong, van Kreveld and Overmars, "Computational
-Geometry" (3rd edition, 2008), chapter 4, in the way RVO2 goes about it. A half-plane is a row
-``(a, b, c)`` that says ``a x + b y >= c``; the speed says ``x² + y² <= speed²``.
+Geometry" (3rd edition, 2008), chapter 4, as in RVO2. The constraints are half-planes, rows
+``(a, b, c)`` that require ``a x + b y >= c``, and the speed limit ``x² + y² <= speed²``.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import math
 
 from star_core import Array, compiled
 
-# Sine of the angle below which two lines count as parallel. Far above what rounding makes of equal
-# lines (1e-16), and what is overlooked stays below a nanometre per second at flying speeds.
+# Sine of the angle below which two lines count as parallel. Far above the rounding error of equal
+# lines (1e-16); the error it causes stays below a nanometre per second at flying speeds.
 PARALLEL = 1e-10
 
-# Length of the difference of two unit vectors below which they count as one: far enough above
-# rounding that the difference, scaled to length 1, is still good to 1e-8.
+# Length of the difference of two unit vectors below which they count as equal: far enough above
+# rounding error that the difference, scaled to length 1, is still accurate to 1e-8.
 ALIKE = 1e-8
 
 
@@ -24,20 +24,21 @@ ALIKE = 1e-8
 def solve(
     planes: Array, count: int, hard: int, speed: float, x: float, y: float, scratch: Array
 ) -> tuple[float, float]:
-    """Return the free velocity nearest to the wish ``(x, y)``, or the least bad if none is free.
+    """Return the permitted velocity nearest to ``(x, y)``, or the least bad if none is permitted.
 
-    A wish above the greatest speed is cut to it first. Least bad is what breaks the worst
-    half-plane least: "densely packed conditions" in van den Berg et al. (2011); hard half-planes
-    are not broken for the sake of the others, unless they leave nothing free by themselves.
+    A preferred velocity above the speed limit is scaled to it first. The least bad velocity
+    minimizes the largest violation of a half-plane: "densely packed conditions" in van den Berg et
+    al. (2011). Hard half-planes are not violated for the sake of the others, unless they exclude
+    every velocity by themselves.
 
     Args:
         planes: (K, 3) half-planes, ``(a, b)`` of length 1.
-        count: How many of these to use.
-        hard: How many of these, the first, are hard.
-        speed: Greatest speed, m/s.
-        x: Wanted velocity along x, m/s.
-        y: Wanted velocity along y, m/s.
-        scratch: (K, 3) room to work in.
+        count: Number of these to use.
+        hard: Number of these, the first, that are hard.
+        speed: Speed limit, m/s.
+        x: Preferred velocity along x, m/s.
+        y: Preferred velocity along y, m/s.
+        scratch: (K, 3) work buffer.
     """
     failed, x, y = nearest_free(planes, count, speed, x, y)
     if failed < count:
@@ -50,9 +51,9 @@ def solve(
 def nearest_free(
     planes: Array, count: int, speed: float, x: float, y: float
 ) -> tuple[int, float, float]:
-    """Return `count` and the free velocity nearest to ``(x, y)`` cut to the greatest speed.
+    """Return `count` and the permitted velocity nearest to ``(x, y)``, within the speed limit.
 
-    If no velocity is free, return the first half-plane that leaves none, and the answer before it.
+    If none is permitted, return the first half-plane that excludes all, and the previous result.
     """
     squared = x * x + y * y
     if squared > speed * speed:
@@ -75,9 +76,9 @@ def nearest_free(
 def farthest_free(
     planes: Array, count: int, speed: float, x: float, y: float
 ) -> tuple[int, float, float]:
-    """Return `count` and the free velocity farthest along the unit vector ``(x, y)``.
+    """Return `count` and the permitted velocity farthest along the unit vector ``(x, y)``.
 
-    If no velocity is free, return the first half-plane that leaves none, and the answer before it.
+    If none is permitted, return the first half-plane that excludes all, and the previous result.
     Half-planes here may have ``(a, b)`` of any length; those that matter are scaled to length 1.
     """
     towards_x, towards_y = x, y
@@ -98,10 +99,10 @@ def farthest_free(
 
 @compiled
 def free_stretch(planes: Array, line: int, speed: float) -> tuple[float, float]:
-    """Return from where to where the edge of a half-plane is left free by those before it, m/s.
+    """Return the interval of a half-plane's edge that the half-planes before it permit, m/s.
 
-    It is measured along ``(b, -a)`` from the point of the edge nearest to the origin; where
-    nothing is free the first number is greater than the second.
+    It is measured along ``(b, -a)`` from the point of the edge nearest to the origin; if the
+    interval is empty, the first number is greater than the second.
     """
     a, b, c = planes[line, 0], planes[line, 1], planes[line, 2]
     room = speed * speed - c * c
@@ -135,21 +136,21 @@ def least_bad(
     y: float,
     scratch: Array,
 ) -> tuple[float, float]:
-    """Return the velocity that breaks the worst half-plane least.
+    """Return the velocity that minimizes the largest violation of a half-plane.
 
-    Half-planes are added one by one. Where one is broken by more than any before it, the answer
-    moves to where that one is broken least among the velocities that break no earlier one by more;
-    "broken by no more than this one" is a half-plane again, the difference of the two.
+    Half-planes are added one by one. If one is violated by more than any before it, the result
+    moves to where that one is violated least among the velocities that violate no earlier one by
+    more; "violated by no more than this one" is a half-plane again, the difference of the two.
 
     Args:
         planes: (K, 3) half-planes, ``(a, b)`` of length 1.
-        count: How many of these to use.
-        hard: How many of these, the first, are not broken at all.
-        first: The first that cannot be kept together with those before it.
-        speed: Greatest speed, m/s.
-        x: Answer to those before, along x, m/s.
+        count: Number of these to use.
+        hard: Number of these, the first, that must not be violated.
+        first: First half-plane that cannot be satisfied together with those before it.
+        speed: Speed limit, m/s.
+        x: Result for those before it, along x, m/s.
         y: The same along y, m/s.
-        scratch: (K, 3) room to work in.
+        scratch: (K, 3) work buffer.
     """
     broken = 0.0
     scratch[:hard] = planes[:hard]

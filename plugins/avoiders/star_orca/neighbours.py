@@ -1,4 +1,4 @@
-"""Who is near whom: agents sorted into square cells, and the nearest few of each."""
+"""Neighbour search: agents sorted into square cells, and the nearest few of each."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from star_core import Array, Mask, Rows, compiled
 
-# Columns of the table that `sort_into_cells` makes: one row per agent, in the order of the cells.
+# Columns of the table of `sort_into_cells`: one row per agent, in the order of the cells.
 X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB, WISH_X, WISH_Y, WISH_Z, SPEED = range(13)
 COLUMNS = 13
 
-REACH = 2  # cells of half the neighbour distance are searched this far to either side
-FEW = 48  # up to so many agents looking at all of them is quicker than sorting
+REACH = 2  # cells, half the neighbour distance wide, searched to either side
+FEW = 48  # agents: up to this number, searching all of them is faster than sorting
 
 
 @compiled
@@ -26,23 +26,23 @@ def sort_into_cells(
     avoids: Mask,
     reach: float,
 ) -> tuple[Array, Rows, Rows, int]:
-    """Return the agents in the order of the cells they are in, and where each cell begins.
+    """Return the agents in the order of their cells, and the row at which each cell begins.
 
-    All that is known of an agent stands together: who looks at an agent's neighbours in this order
-    finds most of them in the processor's cache.
+    All data of an agent is stored together: when the neighbours of agents are searched in this
+    order, most of them are in the processor's cache.
 
-    An agent whose position is not finite is nowhere and is left out; one whose velocity is not
-    finite counts as at rest.
+    Agents without a finite position are omitted; those without a finite velocity are treated as
+    stationary.
 
     Args:
         position: (N, 3) m.
         velocity: (N, 3) m/s.
-        wish: (N, 3) wanted velocity, m/s: how an agent that avoids is going to climb. One that does
-            not goes on climbing as it does.
+        wish: (N, 3) preferred velocity, m/s: the expected vertical velocity of an agent that
+            avoids. One that does not is expected to keep its current vertical velocity.
         radius: (N,) m.
-        speed: (N,) greatest speed, m/s.
+        speed: (N,) speed limit, m/s.
         avoids: (N,) whether the agent gives way.
-        reach: How far neighbours are looked for, m.
+        reach: Search radius, m.
 
     Returns:
         (M, 13) table with the columns named above, (M,) cell of each of its rows, (C + 1,) row at
@@ -83,12 +83,12 @@ def sort_into_cells(
 def cells(position: Array, communication_radius: float) -> tuple[Rows, int, int]:
     """Return the cell of each agent, and the number of cells along x and along y.
 
-    Cells are counted along x first. The cell of an agent whose position is not finite is -1; where
-    agents are `FEW` all of them are in one cell.
+    Cells are counted along x first. The cell of an agent without a finite position is -1; up to
+    `FEW` agents are all in one cell.
 
     Args:
         position: (N, 3) m.
-        communication_radius: How far neighbours are looked for, m.
+        communication_radius: Search radius, m.
     """
     left, right, low, high, m = math.inf, -math.inf, math.inf, -math.inf, 0
     where = np.full(len(position), -1)
@@ -120,20 +120,20 @@ def nearest(
     found: Rows,
     distance: Array,
 ) -> int:
-    """Fill `found` with the nearest agents, nearest first, and return how many there are.
+    """Fill `found` with the nearest agents, nearest first, and return their number.
 
-    An agent that is out of reach in height, and stays so as both climb or sink, is none of them.
+    Agents that are out of range in height, and stay so as both climb or sink, are skipped.
 
     Args:
         agents: (M, 13) table of `sort_into_cells`.
-        me: Row in it whose neighbours are looked for.
+        me: Row in it of the agent whose neighbours are searched.
         cell: The cell it is in.
         start: (C + 1,) row at which each cell begins.
         columns: Number of cells along x.
-        limits: How far away in the plane and how far apart in height a neighbour may be, m, and
-            for how long it must stay farther apart in height to be none, s.
-        found: (K,) where the neighbours' rows go; no more than K are looked for.
-        distance: (K,) where their squared distances in the plane go, m².
+        limits: Greatest horizontal and vertical distance of a neighbour, m, and the time for which
+            an agent must stay beyond the vertical distance to be skipped, s.
+        found: (K,) output: rows of the neighbours; at most K are searched.
+        distance: (K,) output: their squared horizontal distances, m².
     """
     x, y, z, climb = agents[me, X], agents[me, Y], agents[me, Z], agents[me, CLIMB]
     reach, vertical, soon = limits[0] ** 2, limits[1], limits[2]

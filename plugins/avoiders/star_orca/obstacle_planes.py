@@ -1,4 +1,4 @@
-"""The velocities an agent may fly beside an edge of an obstacle: one half-plane, or none."""
+"""The velocities that avoid an edge of an obstacle: at most one half-plane per edge."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from star_orca.outlines import (
     UX,
     UY,
 )
-from star_orca.way_out import NOTHING
+from star_orca.velocity_obstacle import NOTHING
 
-COVERED = 1e-5  # m/s: what sticks out from behind another edge by less is not looked at
+COVERED = 1e-5  # m/s: a velocity obstacle that extends less beyond another edge's is ignored
 
 
 @compiled
@@ -33,27 +33,27 @@ def obstacle_plane(
     planes: Array,
     count: int,
 ) -> int:
-    """Add what an edge leaves free to `planes`, and return how many there are then.
+    """Add the half-plane of an edge to `planes`, and return the new number of half-planes.
 
-    The velocity obstacle of an edge holds all velocities that lead to within the clearance of it in
-    ``1 / rate``: a cone, cut off in front. The half-plane touches it where it is nearest to the
-    agent's velocity, for an obstacle does not give way: van den Berg et al. (2011) on static
-    obstacles. A side of the cone that leads along the solid's next edge is left to that edge, and
-    an edge whose velocity obstacle another half-plane forbids adds none: what RVO2 does. Within
-    the clearance, where RVO2 forbids no more than to come nearer, the agent is to come out as
-    quickly as it may come near outside.
+    The velocity obstacle of an edge contains all velocities that lead to within the clearance of it
+    in ``1 / rate``: a truncated cone. The half-plane touches it where it is nearest to the agent's
+    velocity, since obstacles do not give way: van den Berg et al. (2011) on static obstacles. As in
+    RVO2, a side of the cone that leads along the solid's next edge is handled by that edge, and an
+    edge whose velocity obstacle another half-plane forbids adds none. Within the clearance RVO2
+    only forbids to come nearer; here, the agent must move out as quickly as it may approach from
+    outside.
 
-    Worked out along the edge (s) and out of the solid (o), with the agent at the origin and all
-    lengths over the time to look ahead, so that they are velocities.
+    Computed along the edge (s) and out of the solid (o), with the agent at the origin and all
+    lengths divided by the time horizon, so that they are velocities.
 
     Args:
         edges: (E, 13) table of `star_orca.outlines.Outlines`.
-        row: The edge, which the agent is outside of.
+        row: Row of the edge; the agent is on its outer side.
         agent: x, y, m, and velocity along x and y, m/s.
         clearance: Distance to keep, m.
-        rate: One over the time to look ahead, 1/s.
-        planes: (K, 3) half-planes as those of `star_orca.half_planes`.
-        count: How many there are.
+        rate: One over the time horizon, 1/s.
+        planes: (K, 3) half-planes as in `star_orca.half_planes`.
+        count: Number of half-planes in it.
     """
     ux, uy = edges[row, UX], edges[row, UY]
     dx, dy = edges[row, AX] - agent[0], edges[row, AY] - agent[1]
@@ -102,7 +102,7 @@ def _covered(
     edge: tuple[float, float, float],
     size: float,
 ) -> bool:
-    """Whether one of the half-planes forbids all that leads to an edge."""
+    """Whether one of the half-planes forbids every velocity that leads to an edge."""
     begin, end, off = edge
     for k in range(count):
         s = planes[k, 0] * along[0] + planes[k, 1] * along[1]
@@ -121,13 +121,13 @@ def _leg(
     onwards: float,
     onwards_out: float,
 ) -> tuple[float, float, bool]:
-    """Return the direction of one side of the cone, and whether it is left to the next edge.
+    """Return the direction of one side of the cone, and whether the next edge handles it.
 
     Args:
-        place: Where the edge ends, measured outwards along it.
-        off: How far the agent is from its line.
-        size: Radius of the disc round the end.
-        juts: Whether the corner sticks out; a side that ends in a hollow goes on along the edge.
+        place: End of the edge, measured outwards along it.
+        off: Distance of the agent from its line.
+        size: Radius of the disc around the end.
+        juts: Whether the corner is convex; a side that ends in a concave one follows the edge.
         onwards: Direction of the next edge, outwards along this one.
         onwards_out: The same, out of the solid.
     """
@@ -149,13 +149,13 @@ def _touch(
     leg_a: tuple[float, float, bool],
     leg_b: tuple[float, float, bool],
 ) -> tuple[float, float, float]:
-    """Return the normal of the half-plane that touches nearest to a velocity, and its offset.
+    """Return the normal of the tangent half-plane nearest to a velocity, and its offset.
 
-    The normal is 0 where the touching side is left to another edge.
+    The normal is 0 where another edge handles the touching side.
 
     Args:
         velocity: Along the edge, and out from its line.
-        ends: Where the edge begins and ends; they are one where only a corner is seen.
+        ends: Begin and end of the edge; equal where only a corner is visible.
         leg_a: Side of the cone at the beginning, as `_leg` returns it.
         leg_b: Side at the end.
     """

@@ -1,4 +1,4 @@
-"""The outlines of a world's obstacles at every height, as the kernel reads them."""
+"""Outlines of the world's obstacles at every height, as arrays for the kernel."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ BEFORE_X, BEFORE_Y, AFTER_X, AFTER_Y = range(7, 11)  # unit vectors of the edges
 A_JUTS, B_JUTS = range(11, 13)  # 1 where the solid's corner is less than 180 degrees, else 0
 COLUMNS = 13
 
-# A drone's half height, 1.5 cm, and three deviations of an estimate that is good to 3 cm, rounded.
-MARGIN = 0.1  # m, nearer than this over or under an obstacle counts as beside it
-SHORTEST = 1e-6  # m; shorter edges have no direction worth the name
+# A drone's half height, 1.5 cm, plus three standard deviations of an estimate of 3 cm, rounded.
+MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height
+SHORTEST = 1e-6  # m: shorter edges have no meaningful direction
 
 
 class Outlines(NamedTuple):
-    """Edges by layers of height: between two heights at which anything begins or ends, one layer.
+    """Edges by height layer; a layer lies between two heights at which an obstacle begins or ends.
 
     Attributes:
         edges: (E, 13) edges with the columns named above, those of one layer together.
         first: (L + 1,) first edge of each layer, from the lowest up; those of layer *l* are
             ``edges[first[l]:first[l + 1]]``.
-        height: (L - 1,) height at which each layer but the lowest begins, m.
+        height: (L - 1,) lower bound of each layer but the lowest, m.
     """
 
     edges: Array
@@ -41,17 +41,17 @@ class Outlines(NamedTuple):
 
 
 def outlines(world: World) -> Outlines:
-    """Return the outlines of what stands in the world at every height.
+    """Return the outlines of the world's obstacles at every height.
 
-    Pieces that overlap or touch are one solid; the rooms inside are kept, their edges led round
-    the other way. Where it is of one height, the world has three layers, of which one has edges.
+    Pieces that overlap or touch are one solid; holes inside it are kept, with their edges in the
+    opposite direction. If all obstacles have one height, there are three layers, one with edges.
     """
     spans = [
         (obstacle.height[0] - MARGIN, obstacle.height[1] + MARGIN) for obstacle in world.obstacles
     ]
     height = sorted({z for span in spans for z in span})
     rows: list[tuple[float, ...]] = []
-    first = [0, 0]  # nothing is lower than the lowest height
+    first = [0, 0]  # the layer below all obstacles is empty
     for low, high in pairwise(height):
         inside = (
             obstacle
@@ -61,7 +61,7 @@ def outlines(world: World) -> Outlines:
         rows.extend(_edges(inside))
         first.append(len(rows))
     if height:
-        first.append(len(rows))  # nor higher than the highest
+        first.append(len(rows))  # as is the layer above them
     return Outlines(
         np.array(rows, np.float64).reshape(-1, COLUMNS),
         np.array(first, np.int64),
@@ -70,7 +70,7 @@ def outlines(world: World) -> Outlines:
 
 
 def _edges(obstacles: Iterable[Obstacle]) -> Iterator[tuple[float, ...]]:
-    """Yield the edges round everything that some obstacles cover together."""
+    """Yield the edges around the union of some obstacles."""
     pieces = [polygon for obstacle in obstacles for polygon in obstacle.polygons]
     if not pieces:
         return
@@ -86,7 +86,7 @@ def _edges(obstacles: Iterable[Obstacle]) -> Iterator[tuple[float, ...]]:
 
 
 def _round(corner: Array) -> Iterator[tuple[float, ...]]:
-    """Yield the edges of one closed line, (K, 2) corners, m."""
+    """Yield the edges of one closed ring, (K, 2) corners, m."""
     along = np.roll(corner, -1, axis=0) - corner
     length = np.hypot(along[:, 0], along[:, 1])
     unit = along / length[:, None]

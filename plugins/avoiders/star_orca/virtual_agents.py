@@ -1,4 +1,4 @@
-"""Obstacles as agents that stand still, one at the nearest point of every edge that is seen."""
+"""Obstacles as stationary virtual agents, one at the nearest point of every visible edge."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from star_core import Array, compiled
 from star_orca.edges import nearest_on
 from star_orca.outlines import UX, UY
-from star_orca.way_out import NOTHING, way_out
+from star_orca.velocity_obstacle import NOTHING, way_out
 
 
 @compiled
@@ -20,21 +20,21 @@ def virtual_agent(
     planes: Array,
     count: int,
 ) -> int:
-    """Add what an edge's virtual agent leaves free to `planes`, and return how many there are then.
+    """Add the half-plane of an edge's virtual agent to `planes`, and return their new number.
 
-    It has no size, does not give way, and is kept at the clearance. That a large obstacle forbids
-    no more than such points do is the idea of the original STAR; it placed them at fixed steps, so
-    that there were gaps between them. This one goes along with the agent and leaves none. Within
-    the clearance the agent is to come out of it as quickly as it may come near outside.
+    The virtual agent has no size, does not give way, and is kept at the clearance. Replacing a
+    large obstacle by such points is the idea of the original STAR, which placed them at fixed
+    steps, with gaps between them. Here the point moves along with the agent, so there are no gaps.
+    Within the clearance the agent must move out as quickly as it may approach from outside.
 
     Args:
         edges: (E, 13) table of `star_orca.outlines.Outlines`.
-        row: The edge.
+        row: Row of the edge.
         agent: x, y, m, and velocity along x and y, m/s.
         clearance: Distance to keep, m.
-        rate: One over the time to look ahead, 1/s.
-        planes: (K, 3) half-planes as those of `star_orca.half_planes`.
-        count: How many there are.
+        rate: One over the time horizon, 1/s.
+        planes: (K, 3) half-planes as in `star_orca.half_planes`.
+        count: Number of half-planes in it.
     """
     x, y, vx, vy = agent
     dx, dy = nearest_on(edges, row, x, y)

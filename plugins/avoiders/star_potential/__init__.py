@@ -1,11 +1,11 @@
-"""The avoider `potential`: agents and obstacles push, as in an artificial potential field."""
+"""The avoider `potential`: agents and obstacles repel, as in an artificial potential field."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer, hookimpl
+from star_core import AvoiderSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Avoider, Scene
@@ -17,18 +17,18 @@ def _positive(default: float, description: str) -> dict[str, Any]:
 
 
 _OPTIONS = {
-    "radius": _positive(0.2, "Half the distance at which agents push most; obstacles' whole, m"),
-    "reach": _positive(0.5, "Distance beyond that at which the push begins, m"),
-    "gain": _positive(0.002, "Strength of the push, m⁴/s"),
-    "vertical": _positive(0.6, "Agents further apart in height than this do not push, m"),
+    "radius": _positive(0.2, "Half the distance of greatest repulsion; all of it to obstacles, m"),
+    "reach": _positive(0.5, "Distance beyond that at which repulsion begins, m"),
+    "gain": _positive(0.002, "Strength of the repulsion, m⁴/s"),
+    "vertical": _positive(0.6, "Agents further apart in height than this are ignored, m"),
 }
 
 
 @hookimpl
-def star_avoiders() -> Iterable[Offer[Avoider]]:
-    yield Offer(
+def star_avoiders() -> Iterable[AvoiderSpec]:
+    yield AvoiderSpec(
         name="potential",
-        summary="Agents and obstacles push, as in an artificial potential field (Khatib 1986).",
+        summary="Agents and obstacles repel, as in an artificial potential field (Khatib 1986).",
         make=_make,
         options={"type": "object", "properties": _OPTIONS},
     )

@@ -1,33 +1,32 @@
-"""The avoider `potential`: the push of everything near, added to what the planner wants."""
+"""The avoider `potential`: adds the repulsion of near agents and obstacles to the setpoints."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Scene, Setpoint
+from star_core import Array, Estimate, Mask, Scene, Setpoint, with_possible_positions
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
-MARGIN = 0.1  # m, nearer than this over or under an obstacle counts as beside it
+MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height
 
 
 class Potential:
-    """Adds to each wish the push of the agents and obstacles that are near, in the plane.
+    """Adds the horizontal repulsion of near agents and obstacles to each preferred velocity.
 
-    The push is the force of Khatib, "Real-Time Obstacle Avoidance for Manipulators and Mobile
-    Robots" (IJRR 5(1), 1986), taken for a velocity: ``gain (1 / d - 1 / reach) / d²`` away from
-    what is at distance ``d < reach`` beyond contact; each agent of a pair is pushed. It is never
-    more than twice the greatest speed, and what comes out is cut to that speed. Such fields have
-    hollows in which an agent stays for ever: that is how the method is, and why there are others.
+    The repulsion is the force of Khatib, "Real-Time Obstacle Avoidance for Manipulators and Mobile
+    Robots" (IJRR 5(1), 1986), used as a velocity: ``gain (1 / d - 1 / reach) / d²`` away from what
+    is at distance ``d < reach`` beyond contact; both agents of a pair are repelled. It is at most
+    twice the speed limit, and the resulting velocity is limited to the speed limit. Such fields
+    have local minima in which an agent stays: a known property of the method, and the reason for
+    the other avoiders.
 
     Args:
         scene: What does not change in flight.
-        radius: Half the distance at which two agents push with all their might, m; to obstacles the
-            whole of it is kept.
-        reach: Distance beyond that at which the push begins, m.
-        gain: Strength of the push, m⁴/s.
-        vertical: Agents further apart in height than this do not push, m.
+        radius: Half the distance at which two agents repel most, m; obstacles repel most at the
+            whole of it.
+        reach: Distance beyond that at which repulsion begins, m.
+        gain: Strength of the repulsion, m⁴/s.
+        vertical: Agents further apart in height than this are ignored, m.
     """
 
     def __init__(
@@ -51,16 +50,19 @@ class Potential:
         self._edges = np.array(rows, np.float64).reshape(-1, 6)  # both ends, foot and top
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+        n = len(wanted.yaw)
+        estimate, wanted = with_possible_positions(estimate, wanted, self._radius)
         pushed = wanted.active & estimate.valid
         there = np.asarray(np.isfinite(estimate.position).all(axis=1))
         position = np.where(there[:, None], estimate.position, 0.0)
         push = self._from_agents(position, there) + self._from_obstacles(position)
         velocity = wanted.velocity.copy()
         velocity[:, :2] += np.where(pushed[:, None], push, 0.0)
-        return replace(wanted, velocity=np.where(pushed[:, None], self._cut(velocity), velocity))
+        answer = np.where(pushed[:, None], self._cut(velocity), velocity)
+        return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
 
     def _from_agents(self, position: Array, there: Mask) -> Array:
-        """(N, 2) push of the others, m/s; agents at one point part along x, the first forwards."""
+        """(N, 2) repulsion of other agents, m/s; agents at one point separate along x, by row."""
         n = len(position)
         away = position[:, None] - position  # (N, N, 3), from column to row
         distance = np.hypot(away[..., 0], away[..., 1])
@@ -72,7 +74,7 @@ class Potential:
         return np.asarray(np.einsum("ij,ijk->ik", strength, direction))
 
     def _from_obstacles(self, position: Array) -> Array:
-        """(N, 2) push of every edge of an obstacle that is at an agent's height, m/s."""
+        """(N, 2) repulsion of every obstacle edge at an agent's height, m/s."""
         a, b = self._edges[:, :2], self._edges[:, 2:4]
         along = b - a
         from_a = position[:, None, :2] - a  # (N, E, 2)
@@ -88,12 +90,12 @@ class Potential:
         )
 
     def _strength(self, distance: Array, radii: int) -> Array:
-        """Length of the push at some distances, m/s, of what is touched at so many radii."""
+        """Speed of the repulsion at some distances, m/s; contact is at `radii` times the radius."""
         beyond = np.maximum(distance - radii * self._radius, NOTHING)
         push = self._gain * (1 / beyond - 1 / self._reach) / beyond**2
         return np.asarray(np.clip(push, 0.0, 2 * self._speed))
 
     def _cut(self, velocity: Array) -> Array:
-        """The same velocities, none faster than the scene allows, m/s."""
+        """Velocities limited to the speed limit, m/s."""
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
         return np.asarray(velocity * np.minimum(1.0, self._speed / np.maximum(speed, NOTHING)))

@@ -1,11 +1,11 @@
-"""The avoider `voronoi`: every agent stays in its buffered Voronoi cell."""
+"""The avoider `voronoi`: each agent stays in its buffered Voronoi cell."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer, hookimpl
+from star_core import AvoiderSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Avoider, Scene
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 _OPTIONS = {
     name: {"type": "number", "exclusiveMinimum": 0, "default": default, "description": description}
     for name, default, description in (
-        ("radius", 0.2, "Half the distance that agents keep, and that kept to obstacles, m"),
-        ("horizon", 0.5, "Time for which an agent stays in the cell it is in, s"),
-        ("vertical", 0.6, "Agents further apart in height than this share no border, m"),
+        ("radius", 0.2, "Half the distance between agents, and the distance to obstacles, m"),
+        ("horizon", 0.5, "Time for which an agent stays in its current cell, s"),
+        ("vertical", 0.6, "Agents further apart in height than this are ignored, m"),
     )
 }
 
@@ -27,7 +27,7 @@ def _make(scene: Scene, **options: Any) -> Avoider:
 
 
 @hookimpl
-def star_avoiders() -> Iterable[Offer[Avoider]]:
-    summary = "Every agent stays in its buffered Voronoi cell (Zhou et al. 2017)."
+def star_avoiders() -> Iterable[AvoiderSpec]:
+    summary = "Keeps each agent in its buffered Voronoi cell (Zhou et al. 2017)."
     schema = {"type": "object", "properties": _OPTIONS}
-    yield Offer(name="voronoi", summary=summary, make=_make, options=schema)
+    yield AvoiderSpec(name="voronoi", summary=summary, make=_make, options=schema)

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Scene, Setpoint, compiled
+from star_core import Array, Estimate, Mask, Scene, Setpoint, compiled, with_possible_positions
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
-MARGIN = 0.1  # m, nearer than this over or under an obstacle counts as beside it
-ROUNDS = 30  # of projections onto the borders
-BLOCKED = 0.05  # of its wish: an agent that gets no more of it turns right
+MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height
+ROUNDS = 30  # projections onto all borders
+BLOCKED = 0.05  # share of the preferred speed: an agent that achieves less turns right
 
 
 class Voronoi:
-    """Keeps each agent in the part of the plane that is nearer to it than to any other.
+    """Keeps each agent in the part of the plane that is nearer to it than to any other agent.
 
     The cell is that of Zhou, Wang, Bandyopadhyay and Schwager, "Fast, On-line Collision Avoidance
-    for Dynamic Vehicles Using Buffered Voronoi Cells" (RA-L 2(2), 2017): drawn in by the radius, so
-    that agents that stay in theirs do not collide. Cells need no velocities of others; the border
-    to one that does not avoid is drawn at that one's circle. An agent that gets nowhere for the
-    others turns right. In height, agents one above the other near each other ever slower.
+    for Dynamic Vehicles Using Buffered Voronoi Cells" (RA-L 2(2), 2017): shrunk by the radius, so
+    that agents that stay in their cells do not collide. Cells do not depend on the velocities of
+    other agents; the border to an agent that does not avoid is drawn at that agent's circle. An
+    agent that others block turns right. Vertically, agents above each other approach ever slower.
 
     Args:
         scene: What does not change in flight.
         radius: Half the distance that two agents keep, m.
         horizon: Time for which an agent stays in its cell, s.
-        vertical: Agents further apart in height share no border, m.
+        vertical: Agents further apart in height than this are ignored, m.
     """
 
     def __init__(
@@ -35,13 +33,15 @@ class Voronoi:
     ) -> None:
         self._radius, self._horizon, self._vertical = radius, horizon, vertical
         self._speed = scene.limits.speed
-        self._reach = self._speed * horizon + radius  # no border farther away matters
-        within(np.zeros((1, 3)), np.zeros((1, 1, 2)), np.zeros((1, 1)))  # compiled before flight
+        self._reach = self._speed * horizon + radius  # m: farther borders have no effect
+        within(np.zeros((1, 3)), np.zeros((1, 1, 2)), np.zeros((1, 1)))  # compile before flight
         pieces = [(p, o.height) for o in scene.world.obstacles for p in o.polygons]
         rows = [(*p[i - 1], *p[i], *height) for p, height in pieces for i in range(len(p))]
         self._edges = np.array(rows, np.float64).reshape(-1, 6)  # both ends, foot and top
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+        n = len(wanted.yaw)
+        estimate, wanted = with_possible_positions(estimate, wanted, self._radius)
         avoids = wanted.active & estimate.valid
         there = np.asarray(np.isfinite(estimate.position).all(axis=1))
         position = np.where(there[:, None], estimate.position, 0.0)
@@ -59,10 +59,11 @@ class Voronoi:
         velocity = np.column_stack([flat, self._climb(position, there, wish[:, 2])])
         speed = np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), self._speed)
         velocity *= self._speed / speed
-        return replace(wanted, velocity=np.where(avoids[:, None], velocity, wanted.velocity))
+        answer = np.where(avoids[:, None], velocity, wanted.velocity)
+        return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
 
     def _agents(self, position: Array, there: Mask, avoids: Mask) -> tuple[Array, Array]:
-        """Borders to the others: (N, N, 2) unit vectors towards them and (N, N) room, m."""
+        """Borders to other agents: (N, N, 2) unit vectors towards them and (N, N) room, m."""
         n = len(position)
         towards = position - position[:, None]  # (N, N, 3), from row to column
         distance = np.hypot(towards[..., 0], towards[..., 1])
@@ -87,7 +88,7 @@ class Voronoi:
         return np.ascontiguousarray(towards / np.maximum(distance, NOTHING)[..., None]), room
 
     def _climb(self, position: Array, there: Mask, wish: Array) -> Array:
-        """(N,) vertical velocity that keeps out of the column of those above and below, m/s."""
+        """(N,) vertical velocity that keeps the distance to agents above and below, m/s."""
         towards = position - position[:, None]
         column = np.hypot(towards[..., 0], towards[..., 1]) < 1.5 * self._radius  # above, below
         column &= there & ~np.eye(len(position), dtype=bool)
@@ -99,12 +100,12 @@ class Voronoi:
 
 @compiled
 def within(wish: Array, normal: Array, most: Array) -> Array:
-    """Return the velocity within all borders nearest to each wish, by Dykstra's projections.
+    """Return the velocity within all borders nearest to each preferred one (Dykstra's projections).
 
-    (N, 2) m/s of (N, 2 or 3) m/s; `normal` holds (N, K, 2) unit vectors towards the borders, and
+    (N, 2) m/s of (N, 2 or 3) m/s; `normal` contains (N, K, 2) unit vectors towards the borders, and
     `most` the (N, K) greatest speeds towards them, m/s.
     """
-    answer, given = wish[:, :2].copy(), np.zeros_like(most)  # what each border has taken off
+    answer, given = wish[:, :2].copy(), np.zeros_like(most)  # change made by each border
     for i in range(len(most)):
         for _ in range(ROUNDS):
             for k in np.flatnonzero(np.isfinite(most[i])):

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from star_core import Offer, hookimpl
+from star_core import CommandSpec, hookimpl
 
 
 @hookimpl
-def star_commands() -> Iterator[Offer[int]]:
-    yield Offer(
+def star_commands() -> Iterator[CommandSpec]:
+    yield CommandSpec(
         name="ablate",
-        summary="Fly a study: missions x levels x seeds, and tabulate what was measured.",
+        summary="Fly a study (missions x levels x seeds) and tabulate its measures.",
         make=_ablate,
+        group="Study",
     )
 
 

@@ -1,4 +1,4 @@
-"""``star ablate`` as its user sees it: reads a study, flies what is missing, writes the results."""
+"""Command line of ``star ablate``: reads a study, flies missing runs, and writes the results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Fly a study and return the exit status: 0 when every run has been flown, however it ended.
+    """Fly a study and return the exit status: 0 when all runs are flown, whatever their outcome.
 
     Raises:
         InputError: The study cannot be flown, or its folder cannot be written.
@@ -39,34 +39,38 @@ def main(arguments: Sequence[str]) -> int:
     folder = _folder(options.out, study.name)
     try:
         return _ablate(study, folder, options)
-    except BrokenPipeError:  # whoever read the table has gone
+    except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
         raise InputError([f"{folder}: cannot be written: {error.strerror or error}"]) from error
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line, apart so that the docs and the tests can read it."""
+    """Return the command-line parser; separate so that docs and tests can read it."""
     star = argparse.ArgumentParser(
         prog="star ablate",
-        description="Fly missions x levels x seeds, and tabulate what was measured.",
+        description="Fly missions x levels x seeds, and tabulate the measures.",
         allow_abbrev=False,
     )
     star.add_argument("study", help="study file (YAML)")
     star.add_argument(
-        "--workers", type=_positive, default=_cores(), metavar="N", help="runs at once: %(default)s"
+        "--workers",
+        type=_positive,
+        default=_cores(),
+        metavar="N",
+        help="parallel runs: %(default)s",
     )
-    star.add_argument("--seeds", type=_positive, metavar="N", help="fly N seeds")
+    star.add_argument("--seeds", type=_positive, metavar="N", help="number of seeds")
     star.add_argument(
-        "--out", metavar="DIR", help="results into DIR, going on if it has some (runs/TIME-STUDY)"
+        "--out", metavar="DIR", help="output folder; resumes its study (runs/TIME-STUDY)"
     )
     star.add_argument("--record", action="store_true", help="keep the record of every run")
-    star.add_argument("--quiet", action="store_true", help="write the table, but do not print it")
+    star.add_argument("--quiet", action="store_true", help="do not print the table")
     return star
 
 
 def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> int:
-    """Fly what is not in `folder` yet, and write its results.
+    """Fly the runs that are missing in `folder`, and write the results.
 
     Raises:
         OSError: It cannot be written.
@@ -100,7 +104,7 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> int:
     _write(folder / "results.md", table)
     sys.stderr.writelines(f"star: {line}\n" for line in _unknown(study, done))
     if interrupted:
-        sys.stderr.write(f"star: interrupted; to go on, add `--out {folder}`\n")
+        sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
     if not options.quiet:
         sys.stdout.write(f"{table}\nresults: {folder}\n")
     return INTERRUPTED if interrupted else DONE
@@ -108,9 +112,9 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> int:
 
 @contextmanager
 def _interrupts() -> Iterator[list[int]]:
-    """Collect interrupts from the keyboard; the second one ends the process at once.
+    """Collect keyboard interrupts; the second one kills the process.
 
-    An exception instead could come anywhere, in code too that swallows it.
+    An exception could be raised anywhere, also in code that swallows it.
     """
     caught: list[int] = []
 
@@ -127,13 +131,13 @@ def _interrupts() -> Iterator[list[int]]:
 
 
 def _about(study: Study) -> dict[str, object]:
-    """Return what was flown, for records."""
+    """Return a description of the study, for records."""
     parts = {part for c in study.conditions for part in map(str, c.mission.parts.values())}
     return {"study": study.data, "seeds": study.seeds, "plugins": sorted(parts)}
 
 
 def _unknown(study: Study, done: Sequence[tuple[Run, Result]]) -> list[str]:
-    """Return a line for each measure that no summary has: a slip of the pen, most likely."""
+    """Return a line for each measure that no summary has, most likely a typing error."""
     known = {path for _, result in done for path in paths(result.summary or {})}
     lines = []
     for measure in study.measures if known else ():
@@ -145,29 +149,29 @@ def _unknown(study: Study, done: Sequence[tuple[Run, Result]]) -> list[str]:
 
 
 def _place(folder: Path, run: Run) -> Path:
-    """Return where the record of a run is kept."""
+    """Return the folder of a run's record."""
     levels = (f"{name}={level}" for name, level in run.condition.levels.items())
     return Path(folder, "runs", run.condition.file, *levels, f"seed={run.seed}")
 
 
 def _folder(out: str | None, name: str) -> Path:
-    """Return where results go.
+    """Return the output folder.
 
     Raises:
-        InputError: It is no folder, or holds something else than a study.
+        InputError: It is not a folder, or contains files other than a study's.
     """
     if out is None:
         return new_folder(name)
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
-        raise InputError([f"--out {out}: is no folder"])
+        raise InputError([f"--out {out}: is not a folder"])
     if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
-        raise InputError([f"--out {out}: holds something else than a study; name another folder"])
+        raise InputError([f"--out {out}: contains other files than a study; name another folder"])
     return folder
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a file in one piece: whoever reads it finds the old one or the new one."""
+    """Write a file atomically."""
     new = path.with_name(f"{path.name}.new")
     new.write_text(text, encoding="utf-8")
     new.replace(path)
@@ -184,5 +188,5 @@ _positive.__name__ = "positive whole number"  # as argparse calls it
 
 
 def _cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""One run as its worker process flies it."""
+"""One run, as flown by a worker process."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ THREADS: Final = (
     "OPENBLAS_NUM_THREADS",
     "OPENCV_FOR_THREADS_NUM",
 )
-"""What tells libraries how many threads to use. As many workers fly as there are cores, so that
-more than one thread each would only get in each other's way."""
+"""Thread limits of libraries. There are as many workers as cores, so more than one thread each
+would slow them down."""
 
 
 STREAMS: Final = (1, 2)  # standard output and standard error, as the system numbers them
@@ -33,10 +33,10 @@ STREAMS: Final = (1, 2)  # standard output and standard error, as the system num
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a worker is to fly.
+    """A run for a worker.
 
     Attributes:
-        mission: With its seed.
+        mission: The mission, with its seed.
         folder: Where to record; None keeps no record.
     """
 
@@ -46,15 +46,14 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of a run.
+    """Result of a run.
 
     Attributes:
-        outcome: Of the mission: ``completed``, ``failed`` or ``aborted``; ``failed`` also if it
-            raised, and ``crashed`` if its process ended.
+        outcome: Outcome of the mission: ``completed``, ``failed`` or ``aborted``; ``failed`` also
+            if it raised, and ``crashed`` if its process ended.
         reason: Why it did not complete.
-        wall_time: How long it took, s; what Python compiles and the first run of a process imports
-            included.
-        summary: As ``summary.json`` has it; None of a run that raised or crashed.
+        wall_time: Wall time, s, including compilation and the imports of a process's first run.
+        summary: Content of ``summary.json``; None if the run raised or crashed.
     """
 
     outcome: str
@@ -64,14 +63,14 @@ class Result:
 
 
 def serve(connection: Connection, output: Path) -> None:
-    """Fly what comes over `connection` and answer with results, until it is closed.
+    """Fly tasks received over `connection` and send their results, until it is closed.
 
-    The process becomes the head of a group, which can be ended with all that plugins started in
-    it, and which an interrupt from the keyboard does not reach.
+    The process becomes the leader of a process group, which can be killed with all processes that
+    plugins started, and which does not receive keyboard interrupts.
 
     Args:
-        connection: Takes a `Task` and gives a `Result`, in turn.
-        output: The file to which the process and its plugins print.
+        connection: Receives a `Task` and sends a `Result`, in turn.
+        output: File for the output of the process and its plugins.
     """
     os.setsid()
     file = os.open(output, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
@@ -80,13 +79,13 @@ def serve(connection: Connection, output: Path) -> None:
     faulthandler.enable()
     logging.basicConfig(format=f"worker {os.getpid()}: %(message)s", stream=sys.stderr)
     registry = Registry()
-    with suppress(EOFError, BrokenPipeError):  # nobody is at the other end any more
+    with suppress(EOFError, BrokenPipeError):  # the parent has closed the connection
         while True:
             connection.send(flown(connection.recv(), registry))
 
 
 def flown(task: Task, registry: Registry) -> Result:
-    """Fly, and return what came of it, whatever that is."""
+    """Fly a task, and return its result, also if it raises."""
     from star_core import fly
 
     begun = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Keeps every run as soon as it is done, so that an unfinished study can go on."""
+"""Stores every run as soon as it is done, so that an unfinished study can be resumed."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from star_ablate.study import Run
 
 
 class Journal:
-    """A file of one line of JSON a run, with all of its summary, in the order they were done.
+    """A file with one line of JSON per run, including its summary, in order of completion.
 
     Args:
-        path: The file; made if it is not there.
+        path: The file; created if it does not exist.
 
     Attributes:
-        done: What came of the runs that left a summary, by their key. Those that raised or crashed
-            are not there: they are to be flown again.
+        done: Results of the runs that have a summary, by their key. Runs that raised or crashed are
+            omitted: they are flown again.
     """
 
     def __init__(self, path: Path) -> None:
         text = path.read_text(encoding="utf-8") if path.exists() else ""
         self.done = dict(kept for line in text.splitlines() if (kept := _kept(line)) is not None)
         self._file = path.open("a", encoding="utf-8")
-        if text and not text.endswith("\n"):  # whoever wrote was ended in the middle of a line
+        if text and not text.endswith("\n"):  # a previous writer was killed in the middle of a line
             self._file.write("\n")
 
     def add(self, run: Run, result: Result) -> None:
-        """Keep what came of a run."""
+        """Store the result of a run."""
         about = {
             "key": run.key,
             "mission": run.condition.file,
@@ -54,7 +54,7 @@ class Journal:
 
 
 def _kept(line: str) -> tuple[str, Result] | None:
-    """Return the key and result of a run that left a summary; None for any other line."""
+    """Return the key and result of a run with a summary; None for any other line."""
     try:
         found = json.loads(line)
         result = Result(*(found[name] for name in Result.__slots__))

@@ -1,4 +1,4 @@
-"""Measures of runs: found in their summaries, and summed up over seeds."""
+"""Measures of runs: read from their summaries, and aggregated over seeds."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ CONFIDENCE: Final = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Some numbers, summed up.
+    """Statistics of a sample.
 
     Attributes:
-        n: How many.
-        mean: Their mean.
+        n: Sample size.
+        mean: Mean.
         sd: Standard deviation of the sample (n - 1); NaN if there are fewer than two.
         half: Half the width of the 95 % interval of the mean; NaN if there are fewer than two.
     """
@@ -29,7 +29,7 @@ class Spread:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Sum up numbers, of which there is at least one.
+    """Return the statistics of a sample that is not empty.
 
     The interval is Student's (Biometrika 6(1), 1908): the mean ± t sd/√n, with t the 97.5 % point
     of the t distribution with n - 1 degrees of freedom.
@@ -48,7 +48,7 @@ def spread(values: Sequence[float]) -> Spread:
 
 
 def measured(summary: Mapping[str, Any] | None, path: str) -> Any:
-    """Return what stands at `path`, keys joined by dots; None if nothing is there.
+    """Return the value at `path`, keys joined by dots; None if there is none.
 
     >>> measured({"position_mse_m2": {"mean": 0.2}}, "position_mse_m2.mean")
     0.2
@@ -60,13 +60,13 @@ def measured(summary: Mapping[str, Any] | None, path: str) -> Any:
 
 
 def numbers(values: Sequence[Any]) -> list[float]:
-    """Return those of some values that are finite numbers; a truth value counts as 0 or 1."""
+    """Return the finite numbers among some values; booleans count as 0 or 1."""
     found = (float(value) for value in values if isinstance(value, int | float))
     return [value for value in found if math.isfinite(value)]
 
 
 def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Every path that leads to something in a summary.
+    """Yield every path in a summary.
 
     >>> list(paths({"collisions": {"agent_agent": 0}, "reason": ""}))
     ['collisions', 'collisions.agent_agent', 'reason']

@@ -1,4 +1,4 @@
-"""Shows how far a study is: a bar that is kept fresh, or a line a run into a pipe."""
+"""Displays the progress of a study: a live bar, or one line per run if piped."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Progress:
 
     Args:
         title: The study's name.
-        total: How many runs it has.
-        done: How many of them are there already.
-        console: Where to write.
+        total: Number of runs.
+        done: Number of runs completed before.
+        console: Output console.
 
     Attributes:
-        outcomes: How many runs came to each outcome since the start.
+        outcomes: Number of runs with each outcome since the start.
     """
 
     def __init__(self, title: str, total: int, done: int, console: Console | None = None) -> None:
@@ -52,19 +52,19 @@ class Progress:
         self._task = self._bar.add_task("", total=total, completed=done, others="")
 
     def add(self, run: Run, result: Result) -> None:
-        """Tell of a run that is done; beside a bar, only of one that did not complete."""
+        """Report a completed run; with a bar, only if its mission did not complete."""
         self._done += 1
         self.outcomes[result.outcome] += 1
         because = f": {result.reason}" if result.reason else ""
         line = f"{run}: {result.outcome}{because}"
         if not self._console.is_terminal:
-            self._say(f"[{self._done}/{self._total}] {line}, in {result.wall_time:.1f} s")
+            self._print(f"[{self._done}/{self._total}] {line}, in {result.wall_time:.1f} s")
         elif result.outcome != "completed":
-            self._say(line)
+            self._print(line)
         others = (f"{n} {name}" for name, n in self.outcomes.items() if name != "completed")
         self._bar.update(self._task, completed=self._done, others=", ".join(others))
 
-    def _say(self, line: str) -> None:
+    def _print(self, line: str) -> None:
         self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def __enter__(self) -> Self:

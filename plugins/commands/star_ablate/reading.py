@@ -23,27 +23,27 @@ MEASURES: Final = (
 )
 SEEDS: Final = 10
 MOST: Final = 10_000
-"""Combinations of missions and levels, each of which is checked before any is flown."""
+"""Combinations of missions and levels, each of which is checked before the first flight."""
 
 OWN: Final = "own"
-"""What a study writes for its seeds to have each mission fly with its own."""
+"""Value of `seeds` for flying each mission with its own seed."""
 
 Locate: TypeAlias = Callable[[tuple[str | int, ...], str], str]
-"""Puts the place of a path in the study file before a message."""
+"""Adds the location of a path in the study file to a message."""
 
 
 def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
-    """Read the study at `path` and check everything that it would fly.
+    """Read the study at `path` and check every mission that it would fly.
 
     Args:
         path: The study file.
-        registry: Where plugins are found.
-        seeds: How many seeds to fly with in place of the study's own number: its first ones and,
-            should it have fewer, those that follow its greatest.
+        registry: Registry of the plugins.
+        seeds: Number of seeds, overriding the study's: its first seeds and, if it has fewer, those
+            following its greatest.
 
     Raises:
-        InputError: It cannot be read, a mission cannot be flown at some level, or a number of
-            seeds is wanted where each mission has its own; every reason found is listed.
+        InputError: It cannot be read, a mission cannot be flown at some level, or a number of seeds
+            is given while each mission has its own; lists every reason.
     """
     document = read_as(path, "study")
     data = document.data
@@ -55,7 +55,7 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
         why = f"they have {many} combinations with the missions, expected {MOST} at most"
         problems.append(document.problem(("factors",), why))
     if seeds is not None and data.get("seeds") == OWN:
-        why = f"each mission flies with its {OWN!r} seed, so that --seeds {seeds} means nothing"
+        why = f"each mission flies with its {OWN!r} seed, so --seeds {seeds} has no effect"
         problems.append(document.problem(("seeds",), why))
     if problems:
         raise InputError(problems)
@@ -74,10 +74,10 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
 
 
 def _files(study: Path, names: list[str], locate: Locate) -> tuple[list[Path], list[str]]:
-    """Return the mission files, and what is wrong with them.
+    """Return the mission files, and their problems.
 
     They must be inside the folder above the study's own, so that ``missions/studies/`` can name
-    what is in ``missions/``, and no study can name what is elsewhere.
+    files in ``missions/``, and no study can name files elsewhere.
     """
     files: list[Path] = []
     problems = []
@@ -86,14 +86,14 @@ def _files(study: Path, names: list[str], locate: Locate) -> tuple[list[Path], l
         file = study.parent / name
         try:
             within = file.resolve().is_relative_to(top)
-        except (OSError, RuntimeError):  # a loop of links
+        except (OSError, RuntimeError):  # circular links
             within = False
         if Path(name).is_absolute() or not within:
             wrong = f"{name!r} is outside the folder above the study's; name a file inside it"
         elif not file.is_file():
             wrong = f"there is no file {name!r} from the study's folder{_meant(study, name)}"
         elif (twin := next((f for f in files if f.stem == file.stem), None)) is not None:
-            wrong = f"{name!r} cannot be told from {str(twin)!r} in the results; rename one"
+            wrong = f"{name!r} is indistinguishable from {str(twin)!r} in the results; rename one"
         else:
             files.append(file)
             continue
@@ -102,7 +102,7 @@ def _files(study: Path, names: list[str], locate: Locate) -> tuple[list[Path], l
 
 
 def _meant(study: Path, name: str) -> str:
-    """Name the file beside one that is not there that was perhaps meant."""
+    """Suggest a similar file name in the same folder."""
     beside = [
         str(Path(name).parent / file.name) for file in (study.parent / name).parent.glob("*.yaml")
     ]
@@ -110,7 +110,7 @@ def _meant(study: Path, name: str) -> str:
 
 
 def _clashes(factors: Mapping[str, Any], locate: Locate) -> list[str]:
-    """Return what is wrong with factors by themselves and beside each other."""
+    """Return the problems of factors, individually and in combination."""
     problems = [
         locate(
             ("factors", name), f"a factor cannot be called {name!r}: the results have that column"
@@ -120,7 +120,7 @@ def _clashes(factors: Mapping[str, Any], locate: Locate) -> list[str]:
     ]
     for name, levels in factors.items():
         problems += [
-            locate(("factors", name, level, "seed"), "the seed is no level; set `seeds`")
+            locate(("factors", name, level, "seed"), "the seed cannot be a level; set `seeds`")
             for level, settings in levels.items()
             if "seed" in settings
         ]
@@ -142,10 +142,10 @@ def _clashes(factors: Mapping[str, Any], locate: Locate) -> list[str]:
 def _conditions(
     files: list[Path], factors: Mapping[str, Any], registry: Registry, locate: Locate
 ) -> tuple[list[Condition], list[str]]:
-    """Load every mission at every combination of levels; return them and what is wrong.
+    """Load every mission at every combination of levels; return them and their problems.
 
-    What is wrong with a mission at all its levels is told once, and what is wrong at some of them
-    with the first of those.
+    A problem of a mission at all its levels is reported once, and a problem at some of them with
+    the first of those.
     """
     conditions = []
     problems = []
@@ -174,10 +174,10 @@ def _load(
     registry: Registry,
     locate: Locate,
 ) -> Mission:
-    """Load a mission with what its levels set.
+    """Load a mission with the overrides of its levels.
 
     Raises:
-        InputError: It cannot be flown. Problems with what is set are located in the study.
+        InputError: It cannot be flown. Problems of overrides are located in the study.
     """
     places = {
         f"{path}={json.dumps(value)}": ("factors", name, level, path)

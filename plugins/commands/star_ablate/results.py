@@ -1,4 +1,4 @@
-"""What a study leaves behind: results.csv, a row a run, and results.md, a row a condition."""
+"""Results of a study: results.csv, one row per run, and results.md, one row per condition."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ NOTHING: Final = "-"  # in a cell
 
 
 def as_csv(study: Study, results: Results) -> str:
-    """Return a table with a heading and a row for each run, in the order of `results`.
+    """Return a table with a header and a row for each run, in the order of `results`.
 
-    Numbers are written in full. A measure that a run does not have is empty.
+    Numbers have full precision. A measure that a run does not have is empty.
     """
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -44,7 +44,7 @@ def as_csv(study: Study, results: Results) -> str:
 
 
 def as_markdown(study: Study, results: Results) -> str:
-    """Return a page with a table of one row for each condition, and what did not complete."""
+    """Return a page with a table of one row per condition, and the runs that did not complete."""
     measures = _further(study)
     total = len(study.conditions) * study.each
     many = "seed" if study.each == 1 else "seeds"
@@ -60,7 +60,7 @@ def as_markdown(study: Study, results: Results) -> str:
         "",
         f"Measures are mean ± standard deviation over seeds [{CONFIDENCE:.0%} interval of the mean,"
         " Student's t], over all n runs that have the measure, completed or not; where those are"
-        " fewer than the runs flown, their number stands behind.",
+        " fewer than the runs flown, their number is given after them.",
     ]
     others = [(run, result) for run, result in results if result.outcome != "completed"]
     if others:
@@ -70,7 +70,7 @@ def as_markdown(study: Study, results: Results) -> str:
 
 
 def _further(study: Study) -> list[str]:
-    """Return the measures that are no column already."""
+    """Return the measures that are not columns already."""
     return [measure for measure in study.measures if measure not in COLUMNS]
 
 
@@ -86,11 +86,11 @@ def _rows(study: Study, results: Results, measures: Sequence[str]) -> Iterator[l
         cells = [*condition.names, str(n), f"{completed / n:.0%}" if n else NOTHING]
         for measure in measures:
             values = numbers([measured(result.summary, measure) for result in flown])
-            cells.append(_told(spread(values), n) if values else NOTHING)
+            cells.append(_shown(spread(values), n) if values else NOTHING)
         yield cells
 
 
-def _told(found: Spread, runs: int) -> str:
+def _shown(found: Spread, runs: int) -> str:
     fewer = f" (n {found.n})" if found.n < runs else ""
     if math.isnan(found.sd):
         return f"{_short(found.mean)}{fewer}"
@@ -100,7 +100,7 @@ def _told(found: Spread, runs: int) -> str:
 
 
 def _short(value: float) -> str:
-    """Return a number to three figures, or to the unit if it has more before its point."""
+    """Return a number to three significant digits, or as an integer if it has more."""
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"  # noqa: PLR2004 -- 3 figures
 
 

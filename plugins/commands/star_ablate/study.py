@@ -1,4 +1,4 @@
-"""A study: missions at every combination of levels, and the flights it is made of."""
+"""A study: missions at every combination of levels, and its flights."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Final
 from star_core import Mission, actions
 
 COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
-"""Columns of every results.csv, which no factor may be called."""
+"""Columns of every results.csv; factors cannot have these names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,9 +19,9 @@ class Condition:
     """One mission at one level of every factor.
 
     Attributes:
-        file: The name of the mission's file, without its ending.
+        file: Name of the mission's file, without its suffix.
         levels: Level of each factor, by the factor's name.
-        mission: As it is flown, but for the seed.
+        mission: The mission, without its seed.
     """
 
     file: str
@@ -30,7 +30,7 @@ class Condition:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The file and the level of each factor: no other condition of a study has the same."""
+        """The file and the level of each factor: unique in a study."""
         return (self.file, *self.levels.values())
 
     def __str__(self) -> str:
@@ -42,9 +42,9 @@ class Run:
     """One flight of a study.
 
     Attributes:
-        condition: What is flown.
-        seed: The root of its random numbers.
-        key: Equal for equal flights: it digests the mission and its world as set, the versions of
+        condition: The condition flown.
+        seed: Root seed of its random numbers.
+        key: Equal for equal flights: a digest of the mission and its world as set, the versions of
             its plugins, the names of the levels, and the seed.
     """
 
@@ -56,7 +56,7 @@ class Run:
         return f"{self.condition}, seed {self.seed}"
 
     def mission(self) -> Mission:
-        """What to fly."""
+        """The mission to fly."""
         mission = self.condition.mission
         document = replace(mission.document, data=mission.document.data | {"seed": self.seed})
         return replace(mission, scene=replace(mission.scene, seed=self.seed), document=document)
@@ -64,15 +64,15 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """What to fly and what to tabulate.
+    """Flights and measures of a study.
 
     Attributes:
-        name: For records.
-        factors: Names of what is varied.
+        name: Name in records.
+        factors: Names of the varied factors.
         conditions: Every combination of missions and levels, the last factor varying fastest.
-        seeds: What each of them is flown with; None: with its mission's own seed, once.
+        seeds: Seeds of each condition; None: each mission's own seed, once.
         measures: Paths into a summary.
-        time_limit: Wall time that a run may take, s, or None.
+        time_limit: Wall time limit of a run, s, or None.
         data: The study as read.
     """
 
@@ -86,7 +86,7 @@ class Study:
 
     @property
     def each(self) -> int:
-        """How many seeds every condition is flown with."""
+        """Number of seeds per condition."""
         return 1 if self.seeds is None else len(self.seeds)
 
     def runs(self) -> Iterator[Run]:

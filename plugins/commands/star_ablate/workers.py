@@ -1,7 +1,7 @@
-"""Flies runs at the same time, each in one of several processes that outlive each other.
+"""Flies runs in parallel, in several independent processes.
 
-`concurrent.futures.ProcessPoolExecutor` is not used: when one of its processes dies it gives up
-all runs under way, and does not tell which one was to blame or how it died.
+`concurrent.futures.ProcessPoolExecutor` is not used: when one of its processes dies it aborts all
+pending runs, and does not report which one caused it or how it died.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import Final
 from star_ablate.flight import THREADS, Result, Task, serve
 
 SPAWN: Final = get_context("spawn")
-LOOK: Final = 0.2  # s between two looks at whether to stop
+LOOK: Final = 0.2  # s, interval of checks whether to stop
 PATIENCE: Final = 5.0
-"""How long a process may take to end by itself, s."""
+"""Time a process gets to end by itself, s."""
 
 
 def fly_all(
@@ -31,16 +31,16 @@ def fly_all(
     time_limit: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Generator[tuple[int, Result]]:
-    """Yield the index and result of every task, in the order in which they are done.
+    """Yield the index and result of every task, in order of completion.
 
     All processes have ended when the iterator is exhausted or closed.
 
     Args:
-        tasks: What to fly.
-        workers: How many at the same time.
-        output: The file to which the processes print.
-        time_limit: Wall time that a task may take, s.
-        stopped: Asked again and again whether to leave the rest unflown.
+        tasks: Tasks to fly.
+        workers: Number of processes.
+        output: File for the output of the processes.
+        time_limit: Wall time limit of a task, s.
+        stopped: Polled; whether to skip the remaining tasks.
     """
     waiting = iter(enumerate(tasks))
     crew = [Worker(output, time_limit) for _ in range(min(workers, len(tasks)))]
@@ -65,15 +65,15 @@ def fly_all(
 
 
 class Worker:
-    """A process that flies one task after the other; another one takes its place when it dies.
+    """A process that flies one task after the other; it is replaced when it dies.
 
     Args:
-        output: The file to which it prints.
-        time_limit: Wall time that a task may take, s.
+        output: File for its output.
+        time_limit: Wall time limit of a task, s.
 
     Attributes:
-        connection: Can be read when a task is done, or will never be.
-        busy: Whether there is a task to be done.
+        connection: Readable when a task is done or the process has ended.
+        busy: Whether a task is running.
     """
 
     def __init__(self, output: Path, time_limit: float | None) -> None:
@@ -85,21 +85,21 @@ class Worker:
         self._process: BaseProcess | None = None
 
     def give(self, index: int, task: Task) -> None:
-        """Begin with a task."""
+        """Start a task."""
         if self._process is None:
             self._start()
         try:
             self.connection.send(task)
-        except OSError:  # it died after the task before, which is none of this one's fault
+        except OSError:  # it died after the previous task; this task did not cause it
             self._kill()
             self._start()
             self.connection.send(task)
         self._index, self._begun, self.busy = index, time.monotonic(), True
 
     def take(self) -> tuple[int, Result]:
-        """Return the index of the task and what came of it.
+        """Return the index of the task and its result.
 
-        To be called when `connection` can be read or no time is left; then the process is ended.
+        Call it when `connection` is readable or the time is up; in that case the process is killed.
         """
         self.busy = False
         if self.left() > 0 or self.connection.poll():
@@ -113,11 +113,11 @@ class Worker:
         return self._index, result
 
     def left(self) -> float:
-        """How long the task may still take, s."""
+        """Remaining time of the task, s."""
         return max(0.0, self._begun + self._limit - time.monotonic())
 
     def end(self) -> None:
-        """End the process: at once if it is busy, else in its own time."""
+        """End the process: immediately if it is busy, otherwise gracefully."""
         if self._process is None or self._process.pid is None:
             return
         if not self.busy:
@@ -129,13 +129,13 @@ class Worker:
     def _start(self) -> None:
         self.connection, theirs = SPAWN.Pipe()
         self._process = process = SPAWN.Process(target=serve, args=(theirs, self._output))
-        for name in THREADS:  # read when a library is loaded, so before the process is there
+        for name in THREADS:  # read when a library is loaded, so set before the process starts
             os.environ.setdefault(name, "1")
         process.start()
-        theirs.close()  # so that its end can be read when the process is gone
+        theirs.close()  # so that this end reads EOF when the process ends
 
     def _join(self) -> None:
-        """Let the process end by itself."""
+        """Wait for the process to end by itself."""
         if self._process is not None:
             self._process.join(PATIENCE)
 
@@ -146,7 +146,7 @@ class Worker:
         return Result("crashed", why.format(how), wall_time, None)
 
     def _kill(self) -> int:
-        """End the process and all that it started, if they have not; return its exit status."""
+        """Kill the process and all its children; return its exit status."""
         process, self._process = self._process, None
         if process is None or process.pid is None:
             return 0

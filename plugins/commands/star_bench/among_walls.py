@@ -9,19 +9,19 @@ from typing import Any, Final
 from star_bench.scenario import CEILING, CLEAR, MARGIN, Scenario, Spot, block, level
 from star_bench.spots import PITCH, apart, between, place, scattered, shaken, shuffled
 
-LANES: Final = 3  # in which agents wait before a corridor or a door
+LANES: Final = 3  # lanes in which agents wait before a corridor or a door
 LENGTH: Final = 4.0  # m, of the corridor
 WALL: Final = 0.2  # m, thickness of the wall with the door
 BLOCKS: Final = 3  # in a row
 BLOCK: Final = 1.0  # m, side of a block
 STREET: Final = 1.6  # m, eight radii of 0.2 m
-CORNERS: Final = (3, 6)  # of a polygon, least and most
-REACH: Final = (0.3, 0.6)  # m, from a polygon's middle to its corners, least and most
-PASSAGE: Final = 1.0  # m, between any two polygons
+CORNERS: Final = (3, 6)  # of a polygon, least and greatest number
+REACH: Final = (0.3, 0.6)  # m, from a polygon's center to its corners, least and greatest
+PASSAGE: Final = 1.0  # m, least distance between polygons
 
 
 def corridor(n: int, rng: Random, *, width: float = 1.6) -> Scenario:
-    """Agents at the two ends of a corridor, `width` m wide, change ends: they meet head on."""
+    """Agents at the two ends of a corridor, `width` m wide, swap ends: they meet head on."""
     rows = math.ceil(math.ceil(n / 2) / LANES)
     mouth = LENGTH / 2 + CLEAR + 0.3
     starts, goals = [], []
@@ -35,7 +35,7 @@ def corridor(n: int, rng: Random, *, width: float = 1.6) -> Scenario:
     return level(
         starts,
         goals,
-        about=f"{n} drones change ends of a corridor {width:g} m wide.",
+        about=f"{n} drones swap the ends of a corridor {width:g} m wide.",
         low=(-far, -wide),
         high=(far, wide),
         obstacles={
@@ -46,7 +46,7 @@ def corridor(n: int, rng: Random, *, width: float = 1.6) -> Scenario:
 
 
 def doorway(n: int, rng: Random, *, width: float = 1.0) -> Scenario:
-    """Agents in one room go to the next through a door, `width` m wide."""
+    """Agents in one room fly to the next through a door, `width` m wide."""
     rows = math.ceil(n / LANES)
     mouth = WALL / 2 + CLEAR + 0.6
     starts, goals = [], []
@@ -59,7 +59,7 @@ def doorway(n: int, rng: Random, *, width: float = 1.0) -> Scenario:
     return level(
         starts,
         goals,
-        about=f"{n} drones go through a door {width:g} m wide.",
+        about=f"{n} drones fly through a door {width:g} m wide.",
         low=(-far, -wide),
         high=(far, wide),
         obstacles={
@@ -72,7 +72,7 @@ def doorway(n: int, rng: Random, *, width: float = 1.0) -> Scenario:
 def blocks(n: int, rng: Random, *, street: float = STREET) -> Scenario:
     """Agents cross a town of square blocks, from west to east and from south to north.
 
-    The streets are `street` m wide. Who goes where on the other side is drawn.
+    The streets are `street` m wide. Goals on the other side are assigned at random.
     """
     half = (BLOCKS * BLOCK + (BLOCKS - 1) * street) / 2
     most = int(2 * half / PITCH)  # agents side by side
@@ -107,7 +107,7 @@ def blocks(n: int, rng: Random, *, street: float = STREET) -> Scenario:
 
 
 def polygons(n: int, rng: Random) -> Scenario:
-    """Agents fly between spots that are drawn, among polygons that are drawn."""
+    """Agents fly between random spots, among random polygons."""
     number = 4 + n // 4
     half = 2 + 0.4 * math.sqrt(n + number)  # m, half the side of the field
     while (drawn := _drawn(n, number, half, rng)) is None:

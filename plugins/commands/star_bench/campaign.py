@@ -1,4 +1,4 @@
-"""What is to be flown, and its files: missions, worlds and the study that flies them."""
+"""A benchmark campaign and its files: missions, worlds and the study that flies them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NOISE: Final[Mapping[str, Mapping[str, Any]]] = {
     "off": {},
     "on": {"localizer": {"use": "flow", "error": 0.03, "error_time": 1.0}},
 }
-"""Error of the estimate: none, or 3 cm along each axis with a correlation time of 1 s."""
+"""Estimation error: none, or 3 cm along each axis with a correlation time of 1 s."""
 
 MEASURES: Final = (
     "collisions.agent_agent",
@@ -40,7 +40,7 @@ class Campaign:
 
     Attributes:
         cases: The missions.
-        avoiders: What each says for its avoider, by label.
+        avoiders: Overrides for each avoider, by label.
         noises: Keys of `NOISE`.
     """
 
@@ -50,12 +50,12 @@ class Campaign:
 
     @property
     def runs(self) -> int:
-        """How many flights there are."""
+        """Number of flights."""
         return len(self.cases) * len(self.avoiders) * len(self.noises)
 
 
 def write(campaign: Campaign, folder: Path) -> Path:
-    """Write the files of a campaign into `folder` and return that of its study.
+    """Write the files of a campaign into `folder` and return the study's.
 
     Raises:
         OSError: They cannot be written.

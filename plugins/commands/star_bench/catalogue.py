@@ -1,4 +1,4 @@
-"""The scenarios there are, and the scenario for a name, a number of agents and a seed."""
+"""Catalogue of scenarios, and the scenario of a name, a number of agents and a seed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from star_bench.in_the_open import circle, crossing, disc, stack
 from star_bench.scenario import Scenario
 from star_core import InputError
 
-FEWEST: Final = 2  # agents: one alone has nobody to avoid
+FEWEST: Final = 2  # agents: a single one has no other to avoid
 MOST: Final = 256
-"""Agents: the most that a test draws and lays out."""
+"""Greatest number of agents, up to which tests cover the layout."""
 
 CATALOGUE: Final[Mapping[str, Callable[..., Scenario]]] = {
     draw.__name__: draw
@@ -31,9 +31,9 @@ class Case:
 
     Attributes:
         scenario: Its name in the catalogue.
-        options: What it is drawn with, such as the width of a corridor, m.
-        agents: How many.
-        seed: Of what is drawn, and of the flight.
+        options: Its options, such as the width of a corridor, m.
+        agents: Number of agents.
+        seed: Seed of the scenario and of the flight.
     """
 
     scenario: str
@@ -52,13 +52,13 @@ class Case:
         return f"{self.title.replace(' ', '-').replace('.', '_')}-{self.agents}-{self.seed}"
 
     def draw(self) -> Scenario:
-        """Return the scenario; equal cases give equal ones, and another seed gives another one."""
+        """Return the scenario; equal cases give equal ones, other seeds give other ones."""
         rng = Random(f"{self.scenario} {self.agents} {self.seed}")  # noqa: S311 -- no secret
         return CATALOGUE[self.scenario](self.agents, rng, **self.options)
 
 
 def numbers(scenario: str) -> tuple[int, ...]:
-    """Return the numbers of agents that a scenario is flown with if nobody says."""
+    """Return the default numbers of agents of a scenario."""
     return NUMBERS.get(scenario, USUAL_NUMBERS)
 
 
@@ -66,7 +66,7 @@ def checked_options(scenario: str, given: Mapping[str, Any]) -> Mapping[str, flo
     """Return a scenario's options as numbers.
 
     Raises:
-        InputError: It has no option of that name, or the value is no length that can be flown.
+        InputError: It has no option of that name, or the value is not a valid length.
     """
     known = [
         name

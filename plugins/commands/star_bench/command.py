@@ -1,4 +1,4 @@
-"""``star bench`` as its user sees it: writes scenarios, has them flown, writes the table."""
+"""Command line of ``star bench``: writes scenarios, flies them, and writes the table."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SEEDS: Final = 5
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Fly a campaign and return the exit status: 0 when every run has been flown, however it ended.
+    """Fly a campaign and return the exit status: 0 when all runs are flown, whatever their outcome.
 
     Raises:
-        InputError: The flags ask for what there is not, or the folder cannot be written.
+        InputError: A flag has an invalid value, or the folder cannot be written.
     """
     options = parser().parse_args(arguments)
     registry = Registry()
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str]) -> int:
         table = as_markdown(found)
         (folder / "bench.csv").write_text(as_csv(found), encoding="utf-8")
         (folder / "bench.md").write_text(table, encoding="utf-8")
-    except BrokenPipeError:  # whoever read us has gone
+    except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
         raise InputError([f"{folder}: cannot be written: {error.strerror or error}"]) from error
@@ -56,12 +56,12 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line, apart so that the docs and the tests can read it."""
+    """Return the command-line parser; separate so that docs and tests can read it."""
     star = argparse.ArgumentParser(
         prog="star bench",
-        description="Fly avoiders x scenarios x numbers of agents x seeds, and tabulate how they"
-        " did.",
-        epilog="Options of an avoider or a scenario stand behind its name:"
+        description="Fly avoiders x scenarios x numbers of agents x seeds, and tabulate the"
+        " results.",
+        epilog="Options of an avoider or a scenario follow its name:"
         " orca=radius:0.25,horizon:2 or corridor=width:2.",
         allow_abbrev=False,
     )
@@ -80,13 +80,13 @@ def parser() -> argparse.ArgumentParser:
         "--seeds", type=_positive, default=SEEDS, metavar="N", help="seeds 0 to N-1: %(default)s"
     )
     star.add_argument(
-        "--noise", choices=["both", *NOISE], default="both", help="of the estimate: %(default)s"
+        "--noise", choices=["both", *NOISE], default="both", help="estimation error: %(default)s"
     )
-    star.add_argument("--workers", type=_positive, metavar="N", help="runs at once (all cores)")
+    star.add_argument("--workers", type=_positive, metavar="N", help="parallel runs (all cores)")
     star.add_argument(
-        "--out", metavar="DIR", help="files into DIR, going on if it has some (runs/TIME-bench)"
+        "--out", metavar="DIR", help="output folder; resumes its campaign (runs/TIME-bench)"
     )
-    star.add_argument("--write-only", action="store_true", help="write the files, fly nothing")
+    star.add_argument("--write-only", action="store_true", help="write the files without flying")
     return star
 
 
@@ -111,13 +111,13 @@ def _cases(options: argparse.Namespace) -> Iterator[Case]:
             for seed in range(options.seeds):
                 case = Case(name, agents, seed, chosen)
                 if case.name in seen:
-                    raise InputError([f"--scenarios: {word!r} is there twice"])
+                    raise InputError([f"--scenarios: {word!r} is given twice"])
                 seen.add(case.name)
                 yield case
 
 
 def _flown(study: Path, folder: Path, workers: int | None, registry: Registry) -> int:
-    """Have a study flown by the command that flies studies; return its exit status.
+    """Fly a study with `star ablate`; return its exit status.
 
     Raises:
         InputError: There is no such command, or it refuses.
@@ -151,18 +151,18 @@ def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Figures]]:
 
 
 def _folder(out: str | None) -> Path:
-    """Return where files go.
+    """Return the output folder.
 
     Raises:
-        InputError: It is no folder, or holds something else than a campaign.
+        InputError: It is not a folder, or contains other files.
     """
     if out is None:
         return new_folder("bench")
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
-        raise InputError([f"--out {out}: is no folder"])
+        raise InputError([f"--out {out}: is not a folder"])
     if folder.exists() and any(folder.iterdir()) and not (folder / STUDY).is_file():
-        raise InputError([f"--out {out}: holds something else; name another folder"])
+        raise InputError([f"--out {out}: contains other files; name another folder"])
     return folder
 
 

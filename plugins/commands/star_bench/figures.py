@@ -14,21 +14,21 @@ PARTS: Final = ("localizer", "planner", "avoider", "safety")
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What is told of one flight; None is not known.
+    """Figures of one flight; None if unknown.
 
     Attributes:
-        success: Whether everybody arrived and landed, and nothing was hit.
-        agent_agent: Collisions of agents.
+        success: Whether all agents arrived and landed, without collisions.
+        agent_agent: Collisions between agents.
         agent_obstacle: Collisions with obstacles.
-        deadlocks: How often one made no progress for 5 s, nor anybody that it waited for.
-        waits: How often an agent that had a goal made no progress for 5 s, deadlocks included.
+        deadlocks: Number of times an agent made no progress for 5 s, nor did any it waited for.
+        waits: Number of times an agent with a goal made no progress for 5 s, including deadlocks.
         separation: Least distance of two agents, m.
         clearance: Least distance from an obstacle, m.
-        time_ratio: Time of the last to arrive over what it would take it straight at the limit of
-            speed.
-        path_ratio: What all have flown over what it would be straight.
+        time_ratio: Arrival time of the last agent divided by its straight flight at the speed
+            limit.
+        path_ratio: Distance flown by all agents divided by their straight distances.
         corrected: Ticks of an agent in which the safety filter changed its setpoint.
-        compute: Time of each of `PARTS` for one agent in one tick, µs.
+        compute: Time of each of `PARTS` per agent and tick, µs.
     """
 
     success: bool
@@ -49,8 +49,8 @@ def figures(row: Mapping[str, str], scenario: Scenario, speed: float) -> Figures
 
     Args:
         row: Texts by column.
-        scenario: What was flown.
-        speed: The mission's limit of speed, m/s.
+        scenario: The scenario flown.
+        speed: The mission's speed limit, m/s.
     """
     agent_agent = _json(row.get("collisions.agent_agent"))
     agent_obstacle = _json(row.get("collisions.agent_obstacle"))
@@ -75,15 +75,15 @@ def figures(row: Mapping[str, str], scenario: Scenario, speed: float) -> Figures
 def time_ratio(
     steps: Sequence[Mapping[str, Any]], scenario: Scenario, speed: float
 ) -> float | None:
-    """Return the time of the last to arrive over its straight way at `speed`, all legs summed up.
+    """Return the time of the last agent to arrive over its straight flight, summed over all legs.
 
     Args:
-        steps: Of a summary: who flew where from when to when.
-        scenario: How far that was, in the order of the steps of each agent.
+        steps: Steps of a summary, with agents and times.
+        scenario: Straight distances, in the order of each agent's steps.
         speed: m/s.
 
     Returns:
-        The ratio; None if somebody did not arrive.
+        The ratio; None if an agent did not arrive.
     """
     flights: dict[str, list[float]] = {f"d{i + 1}": [] for i in range(len(scenario.starts))}
     for step in steps:
@@ -104,12 +104,12 @@ def time_ratio(
 
 
 def path_ratio(flown: Mapping[str, float], scenario: Scenario) -> float | None:
-    """Return what all have flown over what it would be straight.
+    """Return the distance flown by all agents over their straight distances.
 
     Args:
-        flown: Each agent's way from the floor to the floor, m. The climb and the descent, which
-            are straight up and down, are taken off it.
-        scenario: Where it went.
+        flown: Distance of each agent from take-off to landing, m. The vertical climb and descent
+            are subtracted.
+        scenario: The scenario flown.
     """
     straight = sum(map(sum, scenario.straight()))
     upright = sum(scenario.heights) + sum(z for _, _, z in scenario.legs[-1])

@@ -9,30 +9,30 @@ from typing import Final
 from star_bench.scenario import Scenario, fence, level
 from star_bench.spots import PITCH, between, place, shaken
 
-DISC_PITCH: Final = 0.8  # m, between neighbours in the disc: each has 0.55 m² for itself
+DISC_PITCH: Final = 0.8  # m, between neighbours in the disc: 0.55 m² per agent
 DISC_JITTER: Final = 0.1  # m
 ARMS: Final = 4
 LAYERS: Final = (0.6, 1.3)
-"""Heights of the stack, m: farther apart than the 0.6 m within which `orca` keeps agents aside."""
+"""Heights of the stack, m: farther apart than the 0.6 m within which `orca` avoids laterally."""
 
-STEP: Final = 0.6  # m, how far a drone stands beside its stack
+STEP: Final = 0.6  # m, horizontal distance of a start from its stack
 COLUMN: Final = 1.0  # m, between stacks
 
 
 def circle(n: int, rng: Random) -> Scenario:
-    """Agents on a circle change sides through its middle: all meet there at once."""
+    """Agents on a circle swap sides through its center: all meet there at once."""
     radius = max(1.0, PITCH / (2 * math.sin(math.pi / max(2, n))))
     angles = [math.tau * i / n for i in range(n)]
     ring = [(radius * math.cos(a), radius * math.sin(a)) for a in angles]
     return level(
         [shaken(spot, rng) for spot in ring],
         [shaken((-x, -y), rng) for x, y in ring],
-        about=f"{n} drones on a circle change sides through its middle.",
+        about=f"{n} drones on a circle swap sides through its center.",
     )
 
 
 def disc(n: int, rng: Random) -> Scenario:
-    """Agents that fill a disc go to the opposite point of it, each through all the others."""
+    """Agents that fill a disc fly to its opposite point, each through all the others."""
     reach = range(-2 - math.isqrt(2 * n), 3 + math.isqrt(2 * n))
     dx, dy = between(rng, 0, DISC_PITCH), between(rng, 0, DISC_PITCH)
     lattice = [
@@ -44,16 +44,16 @@ def disc(n: int, rng: Random) -> Scenario:
     return level(
         [shaken(spot, rng, DISC_JITTER) for spot in filled],
         [shaken((-x, -y), rng, DISC_JITTER) for x, y in filled],
-        about=f"{n} drones that fill a disc change sides.",
+        about=f"{n} drones that fill a disc swap sides.",
     )
 
 
 def crossing(n: int, rng: Random) -> Scenario:
-    """Agents come from four sides and go straight on: streams cross and meet head on."""
+    """Agents come from four sides and fly straight on: streams cross and meet head on."""
     each = math.ceil(n / ARMS)
     lanes = math.ceil(math.sqrt(each))
     rows = math.ceil(each / lanes)
-    mouth = max(1.5, lanes * PITCH / 2 + 1.0)  # m, from the middle to the first row
+    mouth = max(1.5, lanes * PITCH / 2 + 1.0)  # m, from the center to the first row
     starts, goals = [], []
     for i in range(n):
         quarter = i % ARMS
@@ -65,10 +65,10 @@ def crossing(n: int, rng: Random) -> Scenario:
 
 
 def stack(n: int, rng: Random) -> Scenario:
-    """Agents fly above each other, then change heights and places: who is below feels the wind.
+    """Agents fly above each other, then swap heights and positions: downwash hits the lower ones.
 
-    Two and two climb to different heights on either side of a stack, meet above each other in it,
-    and leave it each for the place and the height at which the other began.
+    Pairs climb to different heights on either side of a stack, meet above each other in it, and
+    leave it for the other agent's initial position and height.
     """
     starts, tops, first, second = [], [], [], []
     columns = math.ceil(n / len(LAYERS))
@@ -81,7 +81,7 @@ def stack(n: int, rng: Random) -> Scenario:
         second.append((*shaken((-side * STEP, y), rng), other))
     low, high = fence([*starts, *((x, y) for x, y, _ in second)])
     return Scenario(
-        about=f"{n} drones, two by two, fly above each other and change heights.",
+        about=f"{n} drones, in pairs, fly above each other and swap heights.",
         starts=tuple(starts),
         heights=tuple(tops),
         legs=(tuple(first), tuple(second)),
@@ -91,7 +91,7 @@ def stack(n: int, rng: Random) -> Scenario:
 
 
 def _turned(x: float, y: float, quarters: int) -> tuple[float, float]:
-    """Turn a spot about the origin by quarters, anticlockwise."""
+    """Rotate a spot about the origin by quarter turns, anticlockwise."""
     for _ in range(quarters):
         x, y = -y, x
     return x, y

@@ -1,4 +1,4 @@
-"""A scenario as the mission and the world that `star check` and `star run` take."""
+"""A scenario as mission and world files for `star check` and `star run`."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any, Final
 from star_bench.catalogue import Case
 from star_bench.scenario import CEILING, HIGH, LOW, Point, Scenario
 
-SPEED: Final = 0.5  # m/s, and
-ACCELERATION: Final = 2.0  # m/s²: what the repository's missions fly with
+SPEED: Final = 0.5  # m/s
+ACCELERATION: Final = 2.0  # m/s²: the limits of the repository's missions
 RATE: Final = 20  # Hz
 PATIENCE: Final = 4.0
-"""A leg may take so many times its longest straight way, and"""
-GRACE: Final = 20.0  # s more: who comes last has waited for all others
+"""Timeout of a leg as a multiple of its longest straight flight, plus `GRACE`."""
+GRACE: Final = 20.0  # s: the last agent has waited for all others
 
 NOISE_FREE: Final = {"use": "sim", "noise": False}
 
 
 def mission_text(case: Case, scenario: Scenario) -> str:
-    """Return the mission of a case and the scenario drawn for it; its world is ``worlds/NAME``."""
+    """Return the mission of a case and its scenario; its world is ``worlds/NAME``."""
     names = [f"d{i + 1}" for i in range(len(scenario.starts))]
     lines = [
         f"# {scenario.about} Written by `star bench`, seed {case.seed}.",
@@ -49,7 +49,7 @@ def mission_text(case: Case, scenario: Scenario) -> str:
 
 
 def world_text(case: Case, scenario: Scenario) -> str:
-    """Return the world of a case and the scenario drawn for it."""
+    """Return the world of a case and its scenario."""
     low, high = _point((*scenario.low, 0.0)), _point((*scenario.high, CEILING))
     lines = [
         f"# {scenario.about} Written by `star bench`, seed {case.seed}.",
@@ -64,7 +64,7 @@ def world_text(case: Case, scenario: Scenario) -> str:
 
 
 def planner(scenario: Scenario) -> str:
-    """Return who plans: straight on where nothing is in the way."""
+    """Return the planner: `straight` unless there are obstacles."""
     return "visibility" if scenario.obstacles else "straight"
 
 
@@ -92,7 +92,7 @@ def _point(point: Point | Iterable[float]) -> str:
 
 
 def _flow(value: Any) -> str:
-    """Return a value on one line of YAML, lengths to the millimetre."""
+    """Return a value as one line of YAML, lengths rounded to a millimeter."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list | tuple):

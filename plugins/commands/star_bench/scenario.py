@@ -1,4 +1,4 @@
-"""A scenario: where a swarm starts, where it goes, and what is in the way."""
+"""A scenario: starts, goals and obstacles of a swarm."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ Spot: TypeAlias = tuple[float, float]  # x and y, map frame, m
 Point: TypeAlias = tuple[float, float, float]
 
 GAP: Final = 0.5
-"""Least distance of two starts, and of two goals, m: two radii of 0.2 m and a quarter more."""
+"""Least distance of two starts, and of two goals, m: two radii of 0.2 m and 0.1 m more."""
 
 CLEAR: Final = 0.5
-"""Least distance of starts and goals from obstacles and from the fence, m: room to plan in."""
+"""Least distance of starts and goals from obstacles and from the fence, m: space to plan in."""
 
-HEIGHT: Final = 1.0  # m, at which everybody flies if nothing else is said
+HEIGHT: Final = 1.0  # m, default height of flights
 LOW, HIGH = 0.3, 1.8  # m, the heights to fly at
-CEILING: Final = 2.5  # m, of the fence; obstacles reach it, so that nobody flies over them
-MARGIN: Final = 1.0  # m, between the outermost start or goal and the fence: room to give way
+CEILING: Final = 2.5  # m, of the fence; obstacles reach it, so that agents cannot pass over them
+MARGIN: Final = 1.0  # m, between the outermost start or goal and the fence: space to give way
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """What is flown, but for who flies it how.
+    """Starts, goals and obstacles, independent of plugins.
 
     Attributes:
-        about: One sentence.
-        starts: Where each agent stands, on the floor.
-        heights: To which each climbs first, m.
-        legs: Where each flies then; one leg begins when everybody has ended the one before.
+        about: Description, one sentence.
+        starts: Start of each agent, on the floor.
+        heights: Height to which each agent climbs first, m.
+        legs: Goals of each agent; one leg begins when all agents have completed the previous one.
         low: Least x and y of the fence.
         high: Greatest x and y of the fence.
-        obstacles: As a world file has them, by name.
+        obstacles: Obstacles by name, as in a world file.
     """
 
     about: str
@@ -46,11 +46,11 @@ class Scenario:
 
     @property
     def tops(self) -> tuple[Point, ...]:
-        """Where the agents are when they have climbed."""
+        """Positions of the agents after the climb."""
         return tuple((*spot, z) for spot, z in zip(self.starts, self.heights, strict=True))
 
     def straight(self) -> list[list[float]]:
-        """How far it is straight from each place to the next: one list a leg, a number an agent.
+        """Straight distances from each position to the next: one list per leg, of all agents.
 
         >>> level([(0, 0)], [(3, 4)], about="There.").straight()
         [[5.0]]
@@ -71,7 +71,7 @@ def level(
     high: Spot | None = None,
     obstacles: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """Return a scenario of one leg at `HEIGHT`, fenced with `MARGIN` if nothing else is said."""
+    """Return a scenario of one leg at `HEIGHT`, by default fenced with `MARGIN`."""
     starts, goals = tuple(starts), tuple(goals)
     around = fence([*starts, *goals])
     return Scenario(
@@ -86,7 +86,7 @@ def level(
 
 
 def fence(spots: Iterable[Spot], margin: float = MARGIN) -> tuple[Spot, Spot]:
-    """Return the least and the greatest x and y of some spots, `margin` farther out, m.
+    """Return the bounding box of some spots, enlarged by `margin`, m.
 
     >>> fence([(0, 0), (2, 1)])
     ((-1.0, -1.0), (3.0, 2.0))
@@ -96,7 +96,7 @@ def fence(spots: Iterable[Spot], margin: float = MARGIN) -> tuple[Spot, Spot]:
 
 
 def block(low: Spot, high: Spot) -> dict[str, Any]:
-    """Return a box from floor to ceiling, as a world file has it."""
+    """Return a box from floor to ceiling, as in a world file."""
     centre = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
     size = [b - a for a, b in zip(low, high, strict=True)]
     return {"box": {"centre": centre, "size": size}, "height": [0.0, CEILING]}

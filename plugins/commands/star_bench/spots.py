@@ -1,7 +1,7 @@
-"""Spots for agents: in rows, shaken a little, or drawn anywhere and apart.
+"""Spots for agents: in rows, with jitter, or random and separated.
 
-`random.Random.random` is all that is drawn from: it alone is promised to give the same numbers in
-every version of Python, so that a scenario's file is the same everywhere.
+Only `random.Random.random` is used: it alone is guaranteed to return the same numbers in every
+version of Python, so that a scenario's file is the same everywhere.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Final
 
 from star_bench.scenario import GAP, Spot
 
-JITTER: Final = 0.05  # m, how far a spot is shaken at most
+JITTER: Final = 0.05  # m, greatest displacement of a spot
 PITCH: Final = 1.0
-"""Distance of neighbours before they are shaken, m. Between two that have arrived a third can pass,
-each keeping a radius of 0.2 m for itself: else who comes last has a puzzle of sliding pieces."""
+"""Distance of neighbours before jitter, m. A third agent can pass between two that have arrived,
+each with a radius of 0.2 m: otherwise the last one faces a sliding puzzle."""
 
 TRIES: Final = 2000
-"""Spots that are drawn for one agent before there counts to be no room."""
+"""Number of spots drawn for one agent before the area counts as full."""
 
 
 def between(rng: Random, low: float, high: float) -> float:
@@ -34,7 +34,7 @@ def shaken(spot: Spot, rng: Random, reach: float = JITTER) -> Spot:
 
 
 def place(index: int, lanes: int) -> tuple[int, float]:
-    """Return the row of one of some agents that stand in rows of `lanes`, and how far aside, m.
+    """Return the row of an agent in rows of `lanes` agents, and its lateral offset, m.
 
     >>> [place(i, 3) for i in range(4)]
     [(0, -1.0), (0, 0.0), (0, 1.0), (1, -1.0)]
@@ -44,7 +44,7 @@ def place(index: int, lanes: int) -> tuple[int, float]:
 
 
 def shuffled(n: int, rng: Random) -> list[int]:
-    """Return the numbers below `n` in an order that is drawn."""
+    """Return the numbers below `n` in random order."""
     keys = [rng.random() for _ in range(n)]
     return sorted(range(n), key=keys.__getitem__)
 
@@ -52,14 +52,14 @@ def shuffled(n: int, rng: Random) -> list[int]:
 def scattered(
     n: int, half: float, rng: Random, *, gap: float = GAP, free: Callable[[Spot], bool] = bool
 ) -> list[Spot] | None:
-    """Draw spots that are `free` and apart in a square around the origin.
+    """Draw spots that are `free` and separated in a square around the origin.
 
     Args:
-        n: How many.
+        n: Number of spots.
         half: Half the square's side, m.
-        rng: What is drawn from.
-        gap: Least distance of any two, m.
-        free: Whether there may be anything at a spot; anywhere if not given.
+        rng: Random number generator.
+        gap: Least distance between two spots, m.
+        free: Whether a spot may be used; any may if not given.
 
     Returns:
         The spots, or None if there is no room for so many.

@@ -15,7 +15,7 @@ ALL: Final = "all"
 
 
 class Key(NamedTuple):
-    """What flights have in common that are one row."""
+    """Properties shared by the flights of one row."""
 
     avoider: str
     scenario: str
@@ -28,7 +28,7 @@ Column: TypeAlias = Callable[[Sequence[Figures]], Cell]
 
 
 def _known(sum_up: Callable[[list[float]], float], get: Callable[[Figures], Cell]) -> Column:
-    """Return a column that sums up what is known of some flights; None if nothing is."""
+    """Return a column that aggregates the known values of some flights; None if there are none."""
 
     def column(of: Sequence[Figures]) -> Cell:
         known = [value for one in of if (value := get(one)) is not None]
@@ -56,24 +56,24 @@ COLUMNS: Final[Mapping[str, tuple[Column, str | None]]] = {
     "avoider (us)": (_compute("avoider"), ".3g"),
     **{f"{part} (us)": (_compute(part), None) for part in PARTS if part != "avoider"},
 }
-"""What each column says of some flights, and how it is shown; None stands in the CSV only."""
+"""Function and number format of each column; columns without a format are in the CSV only."""
 
 LEGEND: Final = """\
-Success: everybody arrived and landed, and nothing was hit. A wait is an agent with a goal that
-makes no progress for 5 s; it is a deadlock if nobody makes any that the agent waits for: who is
-ahead of it within 1.5 m, who is ahead of these, and so on. Collisions, deadlocks and waits are sums
-over runs, separation and clearance the least of all runs, the rest means over the runs that have
-the figure. Time ratio: time of the last to arrive over its straight way at the speed limit, of runs
-in which all arrived. Path ratio: what all flew, climb and descent taken off and waiting for the
-last included, over their straight ways, of runs that completed. Corrected: ticks of an agent in
-which the safety filter changed its setpoint; it counts ordinary passes too in which the filter
-braked somebody. Microseconds are for one agent in one tick. Noise on: the estimate errs by 3 cm
+Success: all agents arrived and landed without collisions. A wait is an agent with a goal that makes
+no progress for 5 s; it is a deadlock if no agent that it waits for makes progress: those ahead of
+it within 1.5 m, those ahead of these, and so on. Collisions, deadlocks and waits are sums over
+runs, separation and clearance minima over runs, the rest means over the runs that have the figure.
+Time ratio: time of the last agent to arrive over its straight flight at the speed limit, of runs in
+which all arrived. Path ratio: distance flown by all agents, without climb and descent and including
+waiting for the last one, over their straight distances, of runs that completed. Corrected: ticks of
+an agent in which the safety filter changed its setpoint; these include ordinary passes in which the
+filter braked an agent. Microseconds are per agent and tick. Noise on: the estimate errs by 3 cm
 along each axis, correlated over 1 s.
 """
 
 
 def rows(flown: Iterable[tuple[Key, Figures]]) -> list[tuple[Key, list[Cell]]]:
-    """Return a row for each key, in the order in which they come, then one for each avoider."""
+    """Return a row for each key, in order of appearance, then one for each avoider."""
     groups: dict[Key, list[Figures]] = {}
     pooled: dict[Key, list[Figures]] = {}
     for key, one in flown:
@@ -86,7 +86,7 @@ def rows(flown: Iterable[tuple[Key, Figures]]) -> list[tuple[Key, list[Cell]]]:
 
 
 def as_csv(found: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
-    """Return the table with numbers in full; what is not known is empty."""
+    """Return the table with full precision; unknown values are empty."""
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow([*Key._fields, *COLUMNS])
@@ -95,7 +95,7 @@ def as_csv(found: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
 
 
 def as_markdown(found: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
-    """Return the table to be read, and what its columns mean."""
+    """Return the table as Markdown, with an explanation of its columns."""
     shown = [name for name, (_, how) in COLUMNS.items() if how is not None]
     lines = [
         _line([*Key._fields, *shown]),

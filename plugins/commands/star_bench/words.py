@@ -1,4 +1,4 @@
-"""What the flags ``--avoiders`` and ``--scenarios`` name: a word, and options behind it."""
+"""Values of the flags ``--avoiders`` and ``--scenarios``: a name and its options."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def named(flag: str, word: str) -> tuple[str, dict[str, Any]]:
     ('orca', {'radius': 0.25, 'obstacles': 'none'})
 
     Raises:
-        InputError: It is no such word.
+        InputError: The word has another form.
     """
     name, equals, text = word.partition("=")
     options: dict[str, Any] = {}
@@ -36,14 +36,14 @@ def named(flag: str, word: str) -> tuple[str, dict[str, Any]]:
 
 
 def levels(words: list[str], registry: Registry) -> dict[str, Any]:
-    """Return what a mission says for each avoider, by the label that tables show.
+    """Return the overrides of a mission for each avoider, by the label used in tables.
 
     Args:
-        words: As the flag has them; all avoiders that are installed if there are none.
-        registry: Where they are found.
+        words: Values of the flag; empty for all installed avoiders.
+        registry: Registry of the avoiders.
 
     Raises:
-        InputError: There is no avoider of that name, or one is there twice.
+        InputError: There is no avoider of that name, or one is given twice.
     """
     found: dict[str, Any] = {}
     for word in words or registry.names("avoider"):
@@ -54,11 +54,11 @@ def levels(words: list[str], registry: Registry) -> dict[str, Any]:
             raise InputError([f"--avoiders: {error}"]) from None
         label = label_of(name, options)
         if label in found:
-            raise InputError([f"--avoiders: {label!r} is there twice"])
+            raise InputError([f"--avoiders: {label!r} is given twice"])
         found[label] = {"use": name, **options} if options else name
     return found
 
 
 def label_of(name: str, options: Mapping[str, Any]) -> str:
-    """Return what tables call a part with its options: ``orca radius 0.25``."""
+    """Return the label of a plugin with its options in tables: ``orca radius 0.25``."""
     return LABEL.sub("_", " ".join([name, *(f"{key} {value}" for key, value in options.items())]))

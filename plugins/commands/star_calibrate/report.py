@@ -56,13 +56,13 @@ def as_lines(name: str, out: Path) -> str:
     The mission is beside it, or beside the folder ``cameras`` that it is in.
 
     >>> print(as_lines("mine", Path("missions/cameras/mine.yaml")), end="")
-    two lines of a mission in 'missions' that has it:
+    to use it, add these two lines to a mission in 'missions':
       cameras: {mine: {file: cameras/mine.yaml}}
       swarm: {cf1: {camera: mine, ...}}
     """
     folder = out.parent.parent if out.parent.name == "cameras" else out.parent
     return (
-        f"two lines of a mission in {str(folder)!r} that has it:\n"
+        f"to use it, add these two lines to a mission in {str(folder)!r}:\n"
         f"  cameras: {{{name}: {{file: {out.relative_to(folder).as_posix()}}}}}\n"
         f"  swarm: {{cf1: {{camera: {name}, ...}}}}\n"
     )

@@ -1,18 +1,19 @@
-"""Command ``star explain``: prints a mission as a plan that one can read, or draws it."""
+"""Command ``star explain``: prints a mission as a readable plan, or draws it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from star_core import Offer, hookimpl
+from star_core import CommandSpec, hookimpl
 
 
 @hookimpl
-def star_commands() -> Iterator[Offer[int]]:
-    yield Offer(
+def star_commands() -> Iterator[CommandSpec]:
+    yield CommandSpec(
         name="explain",
-        summary="Print a mission as a plan with every time-out, or draw it (Mermaid).",
+        summary="Print a mission as a plan with every timeout, or draw it (Mermaid).",
         make=_explain,
+        group="Author",
     )
 
 

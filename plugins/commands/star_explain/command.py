@@ -1,4 +1,4 @@
-"""``star explain`` as its user sees it: reads a mission, prints or draws its plan."""
+"""Command line of ``star explain``: reads a mission, and prints or draws its plan."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from pathlib import Path
 from typing import Any
 
 from star_core import Registry, load
+from star_explain.dry_run import Group, Part, StepResult, dry_run
 from star_explain.facts import facts
 from star_explain.mermaid import mermaid
 from star_explain.plan import plan
-from star_explain.rehearsal import Group, Part, Told, rehearse
 
 
 def main(arguments: Sequence[str]) -> int:
     """Explain a mission and return the exit status, 0.
 
     Raises:
-        InputError: The mission cannot be flown; every reason found is listed.
+        InputError: The mission cannot be flown; lists every reason.
     """
     options = parser().parse_args(arguments)
     registry = Registry()
     mission = load(Path(options.mission), registry, options.set)
-    told = rehearse(mission, registry)
+    result = dry_run(mission, registry)
     if options.mermaid:
-        text = mermaid(mission.name, told)
+        text = mermaid(mission.name, result)
     elif options.json:
-        text = json.dumps({"mission": mission.name, "plan": as_data(told)}, indent=2) + "\n"
+        text = json.dumps({"mission": mission.name, "plan": as_data(result)}, indent=2) + "\n"
     else:
-        text = "\n".join([*facts(mission, registry), "", *plan(told, registry)]) + "\n"
+        text = "\n".join([*facts(mission, registry), "", *plan(result, registry)]) + "\n"
     sys.stdout.write(text)
     return 0
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line, apart so that the docs and the tests can read it."""
+    """Return the command-line parser; separate so that docs and tests can read it."""
     star = argparse.ArgumentParser(
         prog="star explain",
-        description="Print a mission as a plan: who does what, for how long if nothing is in the "
-        "way, and at most for how long; with the options that were left to their defaults.",
+        description="Print a mission as a plan: the agents and options of every step, its duration "
+        "without disturbances, its timeout, and the options left to their defaults.",
         allow_abbrev=False,
     )
     star.add_argument("mission", help="mission file (YAML)")
@@ -59,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def as_data(part: Part) -> dict[str, Any]:
-    """Return a step as plain data: times in s, null where they are not known."""
+    """Return a step as plain data: times in s, null if unknown."""
     times = {"takes_s": part.takes, "timeout_s": part.limit}
     if isinstance(part, Group):
         how = "at_once" if part.at_once else "in_order"
@@ -67,15 +67,15 @@ def as_data(part: Part) -> dict[str, Any]:
     return _step(part, times)
 
 
-def _step(told: Told, times: dict[str, float | None]) -> dict[str, Any]:
-    action = told.action
+def _step(result: StepResult, times: dict[str, float | None]) -> dict[str, Any]:
+    action = result.action
     return {
         "verb": action.verb,
         "place": action.place,
-        "agents": list(told.agents),
+        "agents": list(result.agents),
         "options": dict(action.options),
         "until": action.until,
         "on_failure": action.on_failure,
-        "fault": told.fault,
+        "fault": result.fault,
         **times,
     }

@@ -1,4 +1,4 @@
-"""What a mission says beside its steps: world, swarm, parts and safety, line by line."""
+"""The parts of a mission besides its steps: world, swarm, plugins and safety, line by line."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from star_explain.words import left_out, options, value
 
 RULES: Final[Mapping[str, tuple[str, float, str]]] = {
     "battery_low": ("below", 3.5, "battery below {:g} V"),
-    "link_lost": ("after", 0.5, "not heard for {:g} s"),
+    "link_lost": ("after", 0.5, "no message for {:g} s"),
     "position_lost": ("after", 1.0, "not located for {:g} s"),
     "fence_near": ("within", 0.0, "within {:g} m of the fence"),
-    "tumbled": ("", 0.0, "tumbled, crashed or locked"),
+    "tumbled": ("", 0.0, "tumbled, crashed, locked or rebooted"),
 }
-"""By rule the name of its number, what it is if the mission does not say, and how it is told."""
+"""By rule: the name of its number, its default, and its description."""
 
 RESERVE: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
-"""V, V and m, what the mission schema says of a reserve without its numbers."""
+"""V, V and m: defaults of the mission schema for a reserve."""
 
 
 def facts(mission: Mission, registry: Registry) -> Iterator[str]:
@@ -81,7 +81,7 @@ def _swarm(mission: Mission) -> Iterator[str]:
     if mission.reserve:
         volts = {**RESERVE, **mission.reserve}
         yield (
-            f"  in reserve: {', '.join(mission.reserve['agents'])}, for whose battery is below "
+            f"  in reserve: {', '.join(mission.reserve['agents'])}, to replace agents below "
             f"{volts['relieve_below']:g} V; ready above {volts['ready_above']:g} V; "
             f"climbs to {volts['height']:g} m"
         )
@@ -96,5 +96,5 @@ def _safety(mission: Mission) -> Iterator[str]:
 
 
 def _rule(name: str, rule: Mapping[str, Any]) -> str:
-    key, default, told = RULES.get(name, ("", 0.0, options(rule)))
-    return f"{told.format(rule.get(key, default))}, then {rule.get('then', 'land')}"
+    key, default, result = RULES.get(name, ("", 0.0, options(rule)))
+    return f"{result.format(rule.get(key, default))}, then {rule.get('then', 'land')}"

@@ -1,29 +1,29 @@
-"""The steps of a mission as a flowchart in Mermaid's text."""
+"""The steps of a mission as a Mermaid flowchart."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import count
 
+from star_explain.dry_run import Group, Part, StepResult
 from star_explain.plan import alike, ending, how, times, whose
-from star_explain.rehearsal import Group, Part, Told
 from star_explain.words import options
 
 INDENT = "  "
 
 
-def mermaid(name: str, told: Group) -> str:
-    """Return a flowchart, from top to bottom, of what is known of a mission's steps."""
+def mermaid(name: str, result: Group) -> str:
+    """Return a flowchart of a mission's steps, from top to bottom."""
     chart = _Chart()
     chart.line(f"start([{label(name)}])")
-    end = chart.sequence(told, "start")
+    end = chart.sequence(result, "start")
     chart.line("done([done])")
     chart.line(f"{end} --> done")
     return "\n".join(["flowchart TD", *chart.lines]) + "\n"
 
 
 def label(*rows: str) -> str:
-    """Return rows of text as a label that holds whatever is in them.
+    """Return rows of text as a label, escaped.
 
     >>> label('say "no"', "a#b")
     '"say #quot;no#quot;<br/>a#35;b"'
@@ -44,13 +44,13 @@ class _Chart:
         self.lines.append(f"{INDENT * self._depth}{text}")
 
     def sequence(self, group: Group, before: str) -> str:
-        """Draw steps one after the other behind a node; return the last node."""
+        """Draw steps in sequence after a node; return the last node."""
         for part in group.parts:
             before = self._part(part, group, before)
         return before
 
     def _part(self, part: Part, above: Group, before: str) -> str:
-        if isinstance(part, Told):
+        if isinstance(part, StepResult):
             node = self._node("[{}]", *_rows(part))
             self.line(f"{before} --> {node}")
             return node
@@ -89,11 +89,11 @@ class _Chart:
         return name
 
 
-def _rows(told: Told) -> Iterator[str]:
-    yield f"{told.action.verb} {', '.join(told.agents) or 'nobody'}"
-    if told.action.options:
-        yield options(told.action.options)
-    yield times(told)
-    yield from ending(told)
-    if told.fault:
-        yield f"! in rehearsal: {told.fault}"
+def _rows(result: StepResult) -> Iterator[str]:
+    yield f"{result.action.verb} {', '.join(result.agents) or 'no agents'}"
+    if result.action.options:
+        yield options(result.action.options)
+    yield times(result)
+    yield from ending(result)
+    if result.fault:
+        yield f"! in the dry run: {result.fault}"

@@ -1,4 +1,4 @@
-"""Numbers, options and conditions of a mission as one reads them."""
+"""Numbers, options and conditions of a mission in readable form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CLAUSES: Final[Mapping[str, str]] = {
     "battery_below": "a battery is below {:g} V",
     "event": "{!r} happens",
 }
-LONG: Final = 120.0  # s, from which on a time is told in minutes
+LONG: Final = 120.0  # s: longer times are given in minutes
 
 
 def seconds(time: float) -> str:
@@ -21,7 +21,7 @@ def seconds(time: float) -> str:
     >>> seconds(8.04), seconds(61.2), seconds(125.0)
     ('8.0 s', '61 s', '2 min 5 s')
     """
-    few = 10.0  # s, up to which tenths tell something
+    few = 10.0  # s: shorter times are given to a tenth
     if time < LONG:
         return f"{time:.1f} s" if time < few else f"{time:.0f} s"
     minutes, rest = divmod(round(time), int(MINUTE))
@@ -29,7 +29,7 @@ def seconds(time: float) -> str:
 
 
 def value(given: Any) -> str:
-    """Return a value as a mission has it.
+    """Return a value as written in a mission.
 
     >>> value([0.0, 1, True]), value({"shape": "line"}), value(None)
     ('[0, 1, true]', '{shape: line}', 'null')
@@ -46,12 +46,12 @@ def value(given: Any) -> str:
 
 
 def options(given: Mapping[str, Any]) -> str:
-    """Return options: ``height: 0.8, speed: 0.3``."""
+    """Return options as text: ``height: 0.8, speed: 0.3``."""
     return ", ".join(f"{name}: {value(one)}" for name, one in given.items())
 
 
 def left_out(given: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a schema that are not given, with their defaults."""
+    """Return the options of a schema that are not set, with their defaults."""
     return {
         name: option["default"]
         for name, option in schema.get("properties", {}).items()

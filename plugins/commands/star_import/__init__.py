@@ -1,18 +1,19 @@
-"""Command ``star import``: turns the original STAR's and Crazyswarm2's files into missions."""
+"""Command ``star import``: converts files of the original STAR and Crazyswarm2 to missions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from star_core import Offer, hookimpl
+from star_core import CommandSpec, hookimpl
 
 
 @hookimpl
-def star_commands() -> Iterator[Offer[int]]:
-    yield Offer(
+def star_commands() -> Iterator[CommandSpec]:
+    yield CommandSpec(
         name="import",
-        summary="Turn files of the original STAR or of Crazyswarm2 into a mission and its world.",
+        summary="Convert files of the original STAR or of Crazyswarm2 to a mission and its world.",
         make=_import,
+        group="Author",
     )
 
 

@@ -1,4 +1,4 @@
-"""Puts what was read together into a mission and its world."""
+"""Assembles the imported data into a mission and its world."""
 
 from __future__ import annotations
 
@@ -8,41 +8,42 @@ from dataclasses import dataclass
 from typing import Final
 
 from star_core import InputError
-from star_import.made import Made
+from star_import.firmware import common_parameters
+from star_import.import_log import ImportLog, show
 from star_import.mission_text import Frame, mission_lines
-from star_import.notes import Notes, show
 from star_import.obstacles import Wall, walls
+from star_import.output_files import OutputFiles
 from star_import.records import Record, records
-from star_import.robots import Robot, given_on_the_command_line, robots
+from star_import.robots import Robot, given_on_the_command_line, positioning, robots
 from star_import.sources import Sources
 from star_import.steps import CLIMB, REACHED, ZONE, Steps
 from star_import.tags import Reading, sheets
 from star_import.text import Line, word
 from star_import.world_text import Room, around, corners, world_lines
 
-FLIGHT: Final = 0.1  # m/s, the original's greatest velocity, as shipped
-CRUISE: Final = 0.5  # m/s, for trajectories: what STAR's missions fly at most if nothing is said
-HEIGHTS: Final = (0.5, 2.0)  # m, the original's lowest and highest
-LOW: Final = 0.2  # m, the lowest for trajectories, whose z often goes down from the take-off
-TRAJECTORY_HEIGHT: Final = 1.0  # m, to which Crazyswarm2's own examples take off
-MARGIN: Final = 1.0  # m, around everything that a file names
-WIDE: Final = 3.0  # m, around agents that fly trajectories, which lead nobody knows where
+FLIGHT: Final = 0.1  # m/s, the original's default speed limit
+CRUISE: Final = 0.5  # m/s, for trajectories: default speed limit of STAR's missions
+HEIGHTS: Final = (0.5, 2.0)  # m, the original's lowest and highest flight height
+LOW: Final = 0.2  # m, the lowest for trajectories, whose z often descends below the take-off height
+TRAJECTORY_HEIGHT: Final = 1.0  # m, take-off height of Crazyswarm2's examples
+MARGIN: Final = 1.0  # m, of the fence around all positions in the files
+WIDE: Final = 3.0  # m, the same around agents that fly trajectories, of unknown extent
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
-    """What the command line says.
+class ImportOptions:
+    """Options of the command line.
 
     Attributes:
-        name: Of the mission; None takes that of a file.
+        name: Name of the mission; None takes that of a file.
         agents: ``NAME=X,Y`` each.
-        fence: None draws it around everything.
-        edge: Of tags, m.
-        corners: Whether places of tags are those of their corners.
-        placed: Where targets lie that have no place, m.
-        speed: Of flights, m/s.
-        timescale: Of trajectories.
-        as_executed: Whether to keep what the original did where it meant something else.
+        fence: None places it around everything.
+        edge: Edge of tags, m.
+        corners: Whether positions of tags are those of their corners.
+        placed: Positions of targets that have none, m.
+        speed: Flight speed, m/s.
+        timescale: Factor by which trajectories are stretched.
+        as_executed: Whether to reproduce what the original did where that differs from the intent.
     """
 
     name: str | None
@@ -56,127 +57,150 @@ class Wishes:
     as_executed: bool
 
 
-def assemble(sources: Sources, wishes: Wishes, notes: Notes) -> Made:
-    """Return what files make.
+def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> OutputFiles:
+    """Return the output files of an import.
 
     Raises:
-        InputError: They cannot be imported; every reason found is listed.
+        InputError: They cannot be imported; lists every reason.
     """
-    swarm = _swarm(sources, wishes, notes)
-    built = walls(sources.environment[1], notes) if sources.environment else []
-    reading = Reading(wishes.edge, wishes.corners, wishes.placed)
-    printed = sheets(sources.environment[1], reading, notes) if sources.environment else []
+    swarm = _swarm(sources, options, log)
+    built = walls(sources.environment[1], log) if sources.environment else []
+    reading = Reading(options.edge, options.corners, options.placed)
+    printed = sheets(sources.environment[1], reading, log) if sources.environment else []
     found: list[Record] = []
     if sources.mission:
-        with notes.collected():
-            found = records(sources.mission[1], [robot.name for robot in swarm], notes)
-    notes.settle()
-    _told(sources, notes, as_executed=wishes.as_executed, built=built)
+        with log.collected():
+            found = records(sources.mission[1], [robot.name for robot in swarm], log)
+    parameters, located_by = _hardware(sources, swarm, log)
+    log.raise_problems()
+    _log_differences(sources, log, as_executed=options.as_executed, built=built)
     points = corners(built, printed) + [robot.start[:2] for robot in swarm]
     points += [record.point[:2] for record in found if record.task.startswith("goto")]
-    room = wishes.fence or around(points or [(0.0, 0.0)], WIDE if sources.trajectories else MARGIN)
-    if wishes.fence is None:
-        notes.say("fence", f"no file says one; from {show(room.low)} to {show(room.high)} m")
+    room = options.fence or around(points or [(0.0, 0.0)], WIDE if sources.trajectories else MARGIN)
+    if options.fence is None:
+        log.add("fence", f"not in the files; from {show(room.low)} to {show(room.high)} m")
     files = [one for one in (sources.mission, sources.environment, sources.robots) if one]
     made_of = ", ".join([path.name for path, _ in files] + [p.name for p in sources.trajectories])
-    name = _named(wishes.name or (files[0][0].stem if files else sources.trajectories[0].stem))
+    name = _named(options.name or (files[0][0].stem if files else sources.trajectories[0].stem))
     world = _named(sources.environment[0].stem if sources.environment else f"{name}-room")
     place = f"worlds/{world}.yaml"
     lines = {place: world_lines(world, made_of, room, built, printed)}
     if not swarm:
-        return Made(lines, None, place, room)
+        return OutputFiles(lines, None, place, room)
     frame = Frame(
         name=name,
         made_of=made_of,
         world=place,
-        speed=max(CLIMB, _speed(sources, wishes)),
+        speed=max(CLIMB, _speed(sources, options)),
         height=HEIGHTS if sources.mission else (LOW, HEIGHTS[1]),
-        planner=_planner(built, wishes, notes),
+        planner=_planner(built, options, log),
         landmarks=any(sheet.kind == "landmarks" for sheet in printed),
+        positioning=located_by,
+        parameters=parameters,
     )
-    notes.say(name, _chosen(frame, found, _speed(sources, wishes)))
-    steps = _steps(sources, found, swarm, wishes, notes)
-    lines[f"{name}.yaml"] = mission_lines(frame, swarm, steps, notes)
+    log.add(name, _chosen(frame, found, _speed(sources, options)))
+    steps = _steps(sources, found, swarm, options, log)
+    lines[f"{name}.yaml"] = mission_lines(frame, swarm, steps, log)
     copies = {f"paths/{path.name}": path for path in sources.trajectories}
-    return Made(lines, f"{name}.yaml", place, room, copies)
+    return OutputFiles(lines, f"{name}.yaml", place, room, copies)
 
 
-def _swarm(sources: Sources, wishes: Wishes, notes: Notes) -> list[Robot]:
-    """Everybody that a file or the command line names."""
-    found = given_on_the_command_line(wishes.agents)
+def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Robot]:
+    """Return all agents named by a file or the command line."""
+    found = given_on_the_command_line(options.agents)
     if sources.robots:
-        with notes.collected():
-            found = [*robots(sources.robots[1], notes), *found]
+        with log.collected():
+            found = [*robots(sources.robots[1], log), *found]
     names = [robot.name for robot in found]
-    for robot in found[len(found) - len(wishes.agents) :]:
+    for robot in found[len(found) - len(options.agents) :]:
         if names.count(robot.name) > 1:
-            notes.problems.append(f"{robot.place}: another agent is called {robot.name!r}")
-    if not found and not notes.problems and (sources.mission or sources.trajectories):
+            log.problems.append(f"{robot.place}: another agent is named {robot.name!r} too")
+    if not found and not log.problems and (sources.mission or sources.trajectories):
         first = sources.mission[0] if sources.mission else sources.trajectories[0]
-        notes.problems.append(
-            f"{first}: does not say where the agents stand; give crazyflies.yaml too, or "
+        log.problems.append(
+            f"{first}: has no positions of agents; give crazyflies.yaml too, or "
             "--agent NAME=X,Y for each"
         )
     return found
 
 
-def _told(sources: Sources, notes: Notes, *, as_executed: bool, built: Sequence[Wall]) -> None:
-    """Say what is so of every such import."""
+def _hardware(
+    sources: Sources, swarm: Sequence[Robot], log: ImportLog
+) -> tuple[dict[str, float], str]:
+    """Firmware parameters common to all robots, and the system that localized the swarm."""
+    if not sources.robots:
+        return {}, ""
+    file, parameters, system = sources.robots[1], {}, ""
+    listed = file.need("robots").map()
+    names = [robot.name for robot in swarm if robot.name in listed]
+    with log.collected():
+        parameters = common_parameters(file, names, log)
+        system = positioning(file, names, list(parameters))
+    return parameters, system
+
+
+def _log_differences(
+    sources: Sources, log: ImportLog, *, as_executed: bool, built: Sequence[Wall]
+) -> None:
+    """Log differences that apply to every import."""
     if sources.mission:
         where = str(sources.mission[0])
-        notes.say(where, "the original has no time-outs but at take-off; every step has one here")
+        log.add(where, "the original has timeouts only at take-off; here every step has one")
         if built and not as_executed:
-            notes.say(where, "the planner keeps 0.2 m from obstacles, the original kept nothing")
+            log.add(where, "the planner keeps 0.2 m from obstacles, the original no distance")
 
 
 def _chosen(frame: Frame, found: Sequence[Record], speed: float) -> str:
-    """Say which numbers of the mission no file says."""
+    """List numbers of the mission that are not in the files."""
     low, high = frame.height
-    said = [f"limits.speed {show(frame.speed)} m/s", f"limits.height {show(low)} to {show(high)} m"]
+    described = [
+        f"limits.speed {show(frame.speed)} m/s",
+        f"limits.height {show(low)} to {show(high)} m",
+    ]
     if any(record.task.startswith("goto") for record in found):
-        said += [f"of goto: speed {show(speed)} m/s", f"within {show(REACHED)} m"]
-        said += [f"spacing {show(2 * ZONE)} m where several fly to one place"]
-    return f"numbers that no file says: {', '.join(said)}"
+        described += [f"of goto: speed {show(speed)} m/s", f"within {show(REACHED)} m"]
+        described += [f"spacing {show(2 * ZONE)} m where several fly to one place"]
+    return f"numbers not in the files: {', '.join(described)}"
 
 
-def _planner(built: Sequence[Wall], wishes: Wishes, notes: Notes) -> str:
+def _planner(built: Sequence[Wall], options: ImportOptions, log: ImportLog) -> str:
     if not built:
         return "straight"
-    if wishes.as_executed:
-        notes.say("planner", "keeps nothing from obstacles, as executed")
+    if options.as_executed:
+        log.add("planner", "keeps no distance from obstacles, as executed")
         return "{use: visibility, clearance: 0}"
     return "visibility"
 
 
-def _speed(sources: Sources, wishes: Wishes) -> float:
-    return wishes.speed or (FLIGHT if sources.mission else CRUISE)
+def _speed(sources: Sources, options: ImportOptions) -> float:
+    return options.speed or (FLIGHT if sources.mission else CRUISE)
 
 
 def _steps(
     sources: Sources,
     found: Sequence[Record],
     swarm: Sequence[Robot],
-    wishes: Wishes,
-    notes: Notes,
+    options: ImportOptions,
+    log: ImportLog,
 ) -> list[Line]:
     names = [robot.name for robot in swarm]
-    speed = _speed(sources, wishes)
+    speed = _speed(sources, options)
     lines: list[Line] = []
     if sources.mission:
-        writer = Steps(names, speed, notes, as_executed=wishes.as_executed)
+        writer = Steps(names, speed, log, as_executed=options.as_executed)
         lines = writer.write(found)
         if sources.trajectories:
-            notes.say(str(sources.mission[0]), "trajectories are flown after its commands")
+            log.add(str(sources.mission[0]), "trajectories are flown after its commands")
     if sources.trajectories or not sources.mission:
-        notes.say("mission", f"no file says a take-off to {TRAJECTORY_HEIGHT:g} m and a landing; "
-                  "both are put around what is flown")  # fmt: skip
+        log.add("mission", f"a take-off to {TRAJECTORY_HEIGHT:g} m and a landing, which are not "
+                  "in the files, are added")  # fmt: skip
         lines.append(Line(f"  - takeoff: {{height: {TRAJECTORY_HEIGHT:g}}}"))
         for path in sources.trajectories:
-            notes.say(
+            log.add(
                 str(path),
-                "durations in s, x, y and z in m, yaw in rad; flown by all, each from where it is",
+                "durations in s, x, y and z in m, yaw in rad; flown by all, each from its position",
             )
-            slow = f", timescale: {show(wishes.timescale)}" if wishes.timescale != 1.0 else ""
+            slow = f", timescale: {show(options.timescale)}" if options.timescale != 1.0 else ""
             lines.append(
                 Line(
                     f"  - follow: {{file: {word(f'paths/{path.name}')}, format: poly7{slow}}}",
@@ -188,8 +212,8 @@ def _steps(
 
 
 def _named(text: str) -> str:
-    """A name that a mission may have, as near to `text` as can be."""
+    """Return the valid mission name most similar to `text`."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[:64]
     if not name:
-        raise InputError([f"{text!r} has no letter to make a name of; give --name"])
+        raise InputError([f"{text!r} has no letter to form a name; give --name"])
     return name

@@ -1,4 +1,4 @@
-"""``star import`` as its user sees it: reads files, tells what they were read as, writes ours."""
+"""Command line of ``star import``: reads files, logs assumptions, and writes STAR's files."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from star_core import InputError
-from star_import.assembly import Wishes, assemble
-from star_import.notes import Notes
+from star_import.assembly import ImportOptions, assemble
+from star_import.import_log import ImportLog
 from star_import.sources import sorted_out
 from star_import.tags import EDGE
 from star_import.world_text import Room
@@ -19,83 +19,87 @@ def main(arguments: Sequence[str]) -> int:
     """Import files and return the exit status, 0.
 
     Raises:
-        InputError: They cannot be imported; every reason found is listed.
+        InputError: They cannot be imported; lists every reason.
     """
-    options = parser().parse_args(arguments)
-    notes = Notes()
-    wishes = Wishes(
-        name=options.name,
-        agents=options.agent,
-        fence=_fence(options.fence),
-        edge=options.tag_size,
-        corners=_corners(options),
-        placed=_placed(options.target),
-        speed=options.speed,
-        timescale=options.timescale,
-        as_executed=options.as_executed,
+    flags = parser().parse_args(arguments)
+    log = ImportLog()
+    options = ImportOptions(
+        name=flags.name,
+        agents=flags.agent,
+        fence=_fence(flags.fence),
+        edge=flags.tag_size,
+        corners=_corners(flags),
+        placed=_placed(flags.target),
+        speed=flags.speed,
+        timescale=flags.timescale,
+        as_executed=flags.as_executed,
     )
-    folder = Path(options.out)
-    made = assemble(sorted_out([Path(file) for file in options.files]), wishes, notes)
-    made.check(folder)
-    files = made.write(folder, force=options.force)
-    sys.stdout.write("".join(f"{line}\n" for line in notes.told))
+    folder = Path(flags.out)
+    output = assemble(sorted_out([Path(file) for file in flags.files]), options, log)
+    output.check(folder)
+    files = output.write(folder, force=flags.force)
+    sys.stdout.write("".join(f"{line}\n" for line in log.messages))
     sys.stdout.write(f"written: {', '.join(map(str, files))}\n")
     return 0
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line, apart so that the docs and the tests can read it."""
+    """Return the command-line parser; separate so that docs and tests can read it."""
     star = argparse.ArgumentParser(
         prog="star import",
-        description="Turn files of the original STAR (mission, environment) and of Crazyswarm2 "
-        "(crazyflies.yaml, trajectories) into a mission and its world, and say what was assumed.",
+        description="Convert files of the original STAR (mission, environment) and of Crazyswarm2 "
+        "(crazyflies.yaml, trajectories) to a mission and its world, and list all assumptions.",
         allow_abbrev=False,
     )
-    star.add_argument("files", nargs="+", metavar="FILE", help="what to import, in any order")
+    star.add_argument("files", nargs="+", metavar="FILE", help="files to import, in any order")
     star.add_argument("--out", metavar="DIR", default="imported", help="write to DIR (%(default)s)")
-    star.add_argument("--force", action="store_true", help="write over files that are there")
-    star.add_argument("--name", help="of the mission (that of its file)")
+    star.add_argument("--force", action="store_true", help="overwrite existing files")
+    star.add_argument("--name", help="name of the mission (that of its file)")
     star.add_argument(
         "--agent",
         action="append",
         default=[],
         metavar="NAME=X,Y",
-        help="an agent that no crazyflies.yaml places, m",
+        help="add an agent that no crazyflies.yaml lists; position in m",
     )
     star.add_argument(
         "--target",
         action="append",
         default=[],
         metavar="TAG=X,Y",
-        help="where a target lies whose place the environment does not know, m",
+        help="position of a target that has none in the environment, m",
     )
     star.add_argument(
         "--fence",
         nargs=6,
         type=float,
         metavar=("X", "Y", "Z", "X2", "Y2", "Z2"),
-        help="lowest and highest corner, m (around everything)",
+        help="lower and upper corner of the fence, m (around everything)",
     )
     star.add_argument(
         "--tag-size",
         type=_positive,
         default=EDGE,
         metavar="M",
-        help="edge of the tags (%(default)s)",
+        help="edge of the tags, m (%(default)s)",
     )
     star.add_argument(
         "--tag-origin",
         choices=["centre", "corner"],
-        help="what the places of tags are of (centre; corner with --as-executed)",
+        help="reference point of tag positions (centre; corner with --as-executed)",
     )
-    star.add_argument("--speed", type=_positive, metavar="M/S", help="of flights (0.1; 0.5)")
+    star.add_argument("--speed", type=_positive, metavar="M/S", help="flight speed (0.1; 0.5)")
     star.add_argument(
-        "--timescale", type=_positive, default=1.0, metavar="TIMES", help="of trajectories"
+        "--timescale",
+        type=_positive,
+        default=1.0,
+        metavar="TIMES",
+        help="factor by which trajectories are stretched",
     )
     star.add_argument(
         "--as-executed",
         action="store_true",
-        help="keep what the original did where it meant something else",
+        help="reproduce what the original did where that differs from the intent",
     )
     return star
 

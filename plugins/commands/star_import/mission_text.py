@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from star_import.notes import Notes, show
+from star_import.firmware import CONTROLLER, MELLINGER, plain
+from star_import.import_log import ImportLog, show
 from star_import.robots import Robot
 from star_import.text import Line, word
 
-RADIUS = 0.2  # m, of the avoider: half of what the original's grid keeps between agents
+RADIUS = 0.2  # m, of the avoider: half the distance that the original's grid keeps between agents
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """What stands in a mission file beside its agents and its steps.
+    """The content of a mission file besides its agents and its steps.
 
     Attributes:
-        name: Of the mission.
-        made_of: Names of the files it is from.
+        name: Name of the mission.
+        made_of: Names of its source files.
         world: Path of its world.
-        speed: Greatest, m/s.
-        height: Lowest and highest to fly at, m.
-        planner: As it stands in the file.
-        landmarks: Whether the world has tags to find one's place by.
+        speed: Speed limit, m/s.
+        height: Lowest and highest flight height, m.
+        planner: Value of the key ``planner``.
+        landmarks: Whether the world has landmarks.
+        positioning: The system that localized the swarm; empty if no file names one.
+        parameters: Firmware parameters to set in every agent, by ``group.name``.
     """
 
     name: str
@@ -35,15 +38,25 @@ class Frame:
     height: tuple[float, float]
     planner: str
     landmarks: bool
+    positioning: str
+    parameters: Mapping[str, float]
 
 
 def mission_lines(
-    frame: Frame, robots: Sequence[Robot], steps: Sequence[Line], notes: Notes
+    frame: Frame, robots: Sequence[Robot], steps: Sequence[Line], log: ImportLog
 ) -> list[Line]:
-    """Return a mission file."""
+    """Return the lines of a mission file."""
     localizer = "apriltag" if frame.landmarks else "flow"
+    decks = ""
+    if frame.positioning:
+        decks = "  # needs a Flow deck on each drone"
+        log.warning(
+            frame.name,
+            f"this swarm was localized by {frame.positioning}; STAR has no such localizer yet, "
+            f"`{localizer}` needs a Flow deck on each drone",
+        )
     if frame.landmarks:
-        notes.say(frame.name, "every agent carries an AI-deck, for the world has landmarks")
+        log.add(frame.name, "every agent carries an AI-deck, since the world has landmarks")
     return [
         Line(f"# Imported by `star import` from {frame.made_of}."),
         Line("star: 1"),
@@ -51,34 +64,70 @@ def mission_lines(
         Line(f"world: {word(frame.world)}"),
         Line(f"limits: {{speed: {show(frame.speed)}, height: {show(frame.height)}}}"),
         Line("swarm:"),
-        *(_agent(robot, camera=frame.landmarks) for robot in robots),
-        Line("transport: sim  # or radio"),
-        Line(f"localizer: {localizer}"),
+        *(_agent(robot, camera=frame.landmarks or bool(robot.deck)) for robot in robots),
+        *_transport(frame, robots, log),
+        Line(f"localizer: {localizer}{decks}"),
         Line(f"planner: {frame.planner}"),
-        Line(f"avoider: {{use: orca, radius: {show(_radius(frame.name, robots, notes))}}}"),
+        Line(f"avoider: {{use: orca, radius: {show(_radius(frame.name, robots, log))}}}"),
         Line("mission:"),
         *steps,
     ]
 
 
 def _agent(robot: Robot, *, camera: bool) -> Line:
+    yaw = f", yaw_deg: {show(robot.yaw_deg)}" if robot.yaw_deg else ""
     uri = f", uri: {word(robot.uri)}" if robot.uri else ""
     carries = ", camera: aideck" if camera else ""
-    return Line(f"  {robot.name}: {{start: {show(robot.start)}{uri}{carries}}}", robot.place)
+    return Line(f"  {robot.name}: {{start: {show(robot.start)}{yaw}{uri}{carries}}}", robot.place)
 
 
-def _radius(name: str, robots: Sequence[Robot], notes: Notes) -> float:
-    """The avoider's radius, m: smaller where agents start so near that they would overlap."""
+def _transport(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> Iterator[Line]:
+    """The simulator, and as comments the transport `radio` with its options for these robots."""
+    decks = [robot for robot in robots if robot.deck]
+    if not decks and not frame.parameters:
+        yield Line("transport: sim  # or radio")
+        return
+    if decks and not frame.landmarks:
+        yield Line('transport: {use: sim, camera: {mode: "off"}}  # the world has no landmarks')
+    else:
+        yield Line("transport: sim")
+    yield Line("# on hardware, replace the line above by:")
+    yield Line("# transport:")
+    yield Line("#   use: radio")
+    if frame.parameters.get(CONTROLLER) == MELLINGER:
+        log.add(
+            frame.name,
+            f"{CONTROLLER} {MELLINGER} is Mellinger's, which tracks positions: on hardware with "
+            "setpoints: full-state",
+        )
+        yield Line("#   setpoints: full-state")
+    if decks:
+        yield Line("#   cameras:")
+        yield from (Line(f"#     {robot.name}: {word(robot.deck)}", robot.place) for robot in decks)
+    if frame.parameters:
+        yield Line("#   parameters:")
+        for name, value in frame.parameters.items():
+            yield Line(f"#     {name}: {plain(value)}")
+    if decks and frame.landmarks and len(decks) < len(robots):
+        others = ", ".join(robot.name for robot in robots if not robot.deck)
+        log.add(frame.name, f"no ip_add for {others}: add the AI-decks' addresses to cameras")
+    described = [f"{name} {plain(value)}" for name, value in frame.parameters.items()]
+    described += [f"AI-deck of {robot.name} at {robot.deck}" for robot in decks]
+    log.add(frame.name, f"commented out, for the radio transport: {', '.join(described)}")
+
+
+def _radius(name: str, robots: Sequence[Robot], log: ImportLog) -> float:
+    """The avoider's radius, m: reduced where agents would overlap at their start positions."""
     nearest = min(
         (math.dist(a.start, b.start) for a, b in combinations(robots, 2)), default=math.inf
     )
-    least = 0.06  # m, half a Crazyflie with its propellers: nearer starts are refused
+    least = 0.06  # m, half a Crazyflie with its propellers: closer starts are refused
     if nearest >= 2 * RADIUS or nearest < 2 * least:
         return RADIUS
     radius = math.floor(nearest / 2 * 1000) / 1000
-    notes.say(
+    log.add(
         name,
         f"agents start {show(nearest)} m apart; the avoider's radius is {show(radius)} m "
-        f"in place of {show(RADIUS)}",
+        f"instead of {show(RADIUS)}",
     )
     return radius

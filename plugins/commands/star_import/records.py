@@ -1,4 +1,4 @@
-"""The original STAR's mission: a flat list of strings, five to a record."""
+"""The original STAR's mission: a flat list of strings, five per record."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from star_import.located import Value
-from star_import.notes import Notes
+from star_import.import_log import ImportLog
+from star_import.located_yaml import Value
 
 FIELDS: Final = ("task", "wait or conc", "agents", "argument", "pose")
 TASKS: Final = ("takeoff", "hold", "goto", "goto_velocity", "external", "land")
-LONG: Final = 100.0  # s: a hold so long was perhaps meant in milliseconds, as the README has it
+LONG: Final = 100.0  # s: a longer hold may have been meant in milliseconds, the README's unit
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One order of the original's mission.
+    """One command of the original's mission.
 
     Attributes:
-        task: What to do; empty for a record that the original skips.
+        task: Name of the task; empty for a record that the original skips.
         waits: Whether the next record waits for it and for those that run with it.
         agents: Names; empty for all.
-        seconds: Of a hold.
-        lands: Whether it asks to land at its goal.
+        seconds: Duration of a hold.
+        lands: Whether the agent lands at its goal.
         point: x, y, z of a goto, m.
         yaw: Heading of a goto, in the unit of its verb: degrees with goto_velocity, rad with goto.
-        place: ``file:line:col``.
+        place: Source location, ``file:line:col``.
     """
 
     task: str
@@ -41,41 +41,41 @@ class Record:
 
     @property
     def line(self) -> str:
-        """The line of the file that it begins in."""
+        """The line number of its beginning."""
         return self.place.split(":")[-2]
 
 
-def records(file: Value, known: Sequence[str], notes: Notes) -> list[Record]:
-    """Return the records of a mission file; those that cannot be said are problems of `notes`.
+def records(file: Value, known: Sequence[str], log: ImportLog) -> list[Record]:
+    """Return the records of a mission file; invalid ones are added to the problems of `log`.
 
     Args:
         file: The file, with a list under ``command_sequence``.
-        known: Names of the agents there are.
-        notes: Told what was assumed.
+        known: Names of the agents.
+        log: Log of assumptions.
 
     Raises:
-        InputError: The list does not come in fives.
+        InputError: The length of the list is not a multiple of five.
     """
     strings = file.need("command_sequence")
     given = strings.list()
     for key, value in file.map().items():
         if key not in {"command_sequence", "environment", "april_tags", "robots", "robot_types"}:
-            notes.say(value.place, f"{key!r} is nothing that the original reads; left out")
+            log.add(value.place, f"{key!r} is not read by the original; ignored")
     if len(given) % len(FIELDS):
         raise strings.wrong(
             f"has {len(given)} strings, expected five for each record: {', '.join(FIELDS)}"
         )
     found = []
     for i in range(0, len(given), len(FIELDS)):
-        with notes.collected():
-            found.append(_record(given[i : i + len(FIELDS)], known, notes))
+        with log.collected():
+            found.append(_record(given[i : i + len(FIELDS)], known, log))
     if found and not found[-1].waits:
-        notes.say(found[-1].place, "the last record does not wait; its group ends with the list")
+        log.add(found[-1].place, "the last record does not wait; its group ends with the list")
     return found
 
 
 def groups(found: Sequence[Record]) -> Iterator[list[Record]]:
-    """Yield the records that run at once: up to and with the next one that waits."""
+    """Yield groups of records that run in parallel, each up to and including one that waits."""
     group: list[Record] = []
     for record in found:
         group.append(record)
@@ -86,28 +86,28 @@ def groups(found: Sequence[Record]) -> Iterator[list[Record]]:
         yield group
 
 
-def _record(given: Sequence[Value], known: Sequence[str], notes: Notes) -> Record:
+def _record(given: Sequence[Value], known: Sequence[str], log: ImportLog) -> Record:
     task, going_on, agents, argument, pose = (value.text().strip() for value in given)
     place = given[0].place
     if task and task not in TASKS:
         raise given[0].wrong(f"no task {task!r}, expected one of {', '.join(TASKS)}")
     if going_on not in {"wait", "conc"}:
-        notes.say(given[1].place, f"{going_on!r} is read as 'conc', as the original does")
+        log.add(given[1].place, f"{going_on!r} is read as 'conc', as the original does")
     moves = task in {"goto", "goto_velocity"}
     lands = moves and argument == "land"
     if argument and not (lands or task == "hold"):
         if moves:
             raise given[3].wrong(f"argument {argument!r} of {task}, expected '' or 'land'")
-        notes.say(given[3].place, f"argument {argument!r} of {task or 'no task'} is ignored")
+        log.add(given[3].place, f"argument {argument!r} of {task or 'no task'} is ignored")
     if pose and not moves:
-        notes.say(given[4].place, f"pose {pose!r} of {task or 'no task'} is ignored")
+        log.add(given[4].place, f"pose {pose!r} of {task or 'no task'} is ignored")
     *point, yaw = _pose(given[4], task) if moves else (0.0,) * 4
     x, y, z = point
     return Record(
         task=task,
         waits=going_on == "wait",
-        agents=_agents(given[2], agents, known, notes) if task else (),
-        seconds=_seconds(given[3], notes) if task == "hold" else 0.0,
+        agents=_agents(given[2], agents, known, log) if task else (),
+        seconds=_seconds(given[3], log) if task == "hold" else 0.0,
         lands=lands,
         point=(x, y, z),
         yaw=yaw,
@@ -115,34 +115,34 @@ def _record(given: Sequence[Value], known: Sequence[str], notes: Notes) -> Recor
     )
 
 
-def _agents(value: Value, written: str, known: Sequence[str], notes: Notes) -> tuple[str, ...]:
-    """Names of a record's agents; none for all."""
+def _agents(value: Value, written: str, known: Sequence[str], log: ImportLog) -> tuple[str, ...]:
+    """Names of a record's agents; empty for all."""
     if written == "all":
         return ()
     if not written:
-        raise value.wrong("names no agents, expected 'all' or names with spaces between")
+        raise value.wrong("names no agents, expected 'all' or names separated by spaces")
     names: list[str] = []
     for word in written.split():
         parts = word.split("_")
         if word not in known and len(parts) > 1 and set(parts) <= set(known):
-            notes.say(value.place, f"{word!r} is read as {' '.join(parts)!r}: spaces divide names")
+            log.add(value.place, f"{word!r} is read as {' '.join(parts)!r}: spaces separate names")
             names += parts
         else:
             names.append(word)
     if missing := [name for name in dict.fromkeys(names) if name not in known]:
         among = f" among {', '.join(known)}" if known else ""
         raise value.wrong(
-            f"no agent named {missing[0]!r}{among}; say where it stands: --agent {missing[0]}=X,Y"
+            f"no agent named {missing[0]!r}{among}; add its position: --agent {missing[0]}=X,Y"
         )
     return tuple(dict.fromkeys(names))
 
 
-def _seconds(value: Value, notes: Notes) -> float:
+def _seconds(value: Value, log: ImportLog) -> float:
     (seconds,) = _floats(value, 1, "how long to hold, s")
     if seconds < 0:
         raise value.wrong(f"{seconds:g} s is less than 0")
     if seconds >= LONG:
-        notes.say(
+        log.add(
             value.place,
             f"{seconds:g} is read as seconds, as the original's code does; its README says "
             "milliseconds",
@@ -152,7 +152,7 @@ def _seconds(value: Value, notes: Notes) -> float:
 
 def _pose(value: Value, task: str) -> tuple[float, ...]:
     unit = "degrees" if task == "goto_velocity" else "rad"
-    return _floats(value, 4, f"x, y, z in m and yaw in {unit}, with spaces between")
+    return _floats(value, 4, f"x, y, z in m and yaw in {unit}, separated by spaces")
 
 
 def _floats(value: Value, count: int, expected: str) -> tuple[float, ...]:

@@ -1,67 +1,117 @@
-"""Crazyswarm2's ``crazyflies.yaml``: robots, their links and where they stand."""
+"""Crazyswarm2's ``crazyflies.yaml``: robots, their links and their start positions."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from star_core import InputError
-from star_import.located import Value
-from star_import.notes import Notes, show
+from star_import import firmware
+from star_import.import_log import ImportLog, show
+from star_import.located_yaml import Value
 
-READ: Final = ("enabled", "uri", "initial_position", "type")
-NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as the schema of missions has it
+READ: Final = (
+    "enabled",
+    "uri",
+    "initial_position",
+    "initial_quaternion",
+    "type",
+    "ip_add",
+    "port",
+    firmware.KEY,
+)
+HOST: Final = re.compile(r"[A-Za-z0-9.-]+")
+PORT: Final = 5000  # default port of an AI-deck's image stream
+LAST_PORT: Final = 65535
+LEVEL: Final = 1.0  # degrees, the largest tilt of a start that is not reported
+SYSTEMS: Final = {"lighthouse.": "Lighthouse", "loco.": "the Loco positioning system"}
+NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as in the mission schema
 
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """One agent: its name, where it stands, m, its link if known, and where that is said."""
+    """One agent.
+
+    Attributes:
+        name: Name of the agent.
+        start: Position, m.
+        uri: Address of its link; empty if not given.
+        place: Source location, ``file:line:col``.
+        yaw_deg: Heading at the start, degrees.
+        deck: Host, or ``host:port``, of its AI-deck's image stream; empty if not given.
+    """
 
     name: str
     start: tuple[float, float, float]
     uri: str
     place: str
+    yaw_deg: float = 0.0
+    deck: str = ""
 
 
-def robots(file: Value, notes: Notes) -> list[Robot]:
-    """Return the robots that are enabled; those that cannot be said are problems of `notes`.
+def robots(file: Value, log: ImportLog) -> list[Robot]:
+    """Return the enabled robots; invalid ones are added to the problems of `log`.
 
     Args:
         file: The file, with a map under ``robots``.
-        notes: Told what was assumed and left out.
+        log: Log of assumptions and ignored entries.
 
     Raises:
-        InputError: There is none.
+        InputError: There are none.
     """
     found: list[Robot] = []
     types = file.map()["robot_types"].map() if "robot_types" in file.map() else {}
     for name, given in file.need("robots").map().items():
-        with notes.collected():
+        with log.collected():
             if "enabled" in given.map() and not given.map()["enabled"].flag():
-                notes.say(given.place, f"{name} is not enabled; left out")
+                log.add(given.place, f"{name} is not enabled; ignored")
                 continue
-            found.append(_robot(name, given, notes))
+            found.append(_robot(name, given, [robot.deck for robot in found], log))
             kind = given.map().get("type")
             if types and kind is not None and kind.text() not in types:
                 raise kind.wrong(f"no type {kind.text()!r} among {', '.join(types)}")
     for name, kind in types.items():
-        with notes.collected():
-            _told(name, kind, notes)
+        with log.collected():
+            _log_type(name, kind, log)
     for key, value in file.map().items():
-        if key not in {"robots", "robot_types"}:
-            notes.say(value.place, f"{key!r} is nothing that a mission says; left out")
-    if not found and not notes.problems:
+        if key == "all":
+            _ignored("all: ", value, {firmware.KEY}, log)
+        elif key not in {"robots", "robot_types", "fileversion"}:
+            log.add(value.place, f"{key!r} is not supported; ignored")
+    if not found and not log.problems:
         raise file.need("robots").wrong("no robot is enabled")
     return found
+
+
+def positioning(file: Value, names: Sequence[str], parameters: Sequence[str]) -> str:
+    """Return the system that localized the robots; empty if the file names none.
+
+    Args:
+        file: The file, with a map under ``robots``.
+        names: Names of the enabled robots.
+        parameters: Names of the firmware parameters that are set.
+    """
+    types = file.map()["robot_types"].map() if "robot_types" in file.map() else {}
+    for name in names:
+        kind = file.need("robots").map()[name].map().get("type")
+        of_type = types.get(kind.text()) if kind is not None else None
+        capture = of_type.map().get("motion_capture") if of_type is not None else None
+        if capture is not None and _is_used(capture):
+            return "motion capture"
+    for start, system in SYSTEMS.items():
+        if any(parameter.startswith(start) for parameter in parameters):
+            return system
+    return ""
 
 
 def given_on_the_command_line(texts: Sequence[str]) -> list[Robot]:
     """Return the agents of ``--agent NAME=X,Y`` or ``NAME=X,Y,Z``.
 
     Raises:
-        InputError: One of them is written otherwise.
+        InputError: One of them has another form.
     """
     found = []
     for text in texts:
@@ -77,7 +127,7 @@ def given_on_the_command_line(texts: Sequence[str]) -> list[Robot]:
     return found
 
 
-def _robot(name: str, given: Value, notes: Notes) -> Robot:
+def _robot(name: str, given: Value, decks: Sequence[str], log: ImportLog) -> Robot:
     if not NAME.fullmatch(name):
         raise given.wrong(
             f"{name!r} cannot be an agent's name, expected a letter, then letters, digits, "
@@ -89,33 +139,79 @@ def _robot(name: str, given: Value, notes: Notes) -> Robot:
     except ValueError:
         raise place.wrong(f"{name} has {len(place.list())} numbers, expected x, y and z") from None
     uri = given.map()["uri"].text() if "uri" in given.map() else ""
-    notes.say(given.place, f"{name} stands at {show([x, y, z])} m, yaw 0 degrees")
+    yaw = _yaw_deg(name, given.map().get("initial_quaternion"), log)
+    log.add(given.place, f"{name} starts at {show([x, y, z])} m, yaw {show(yaw)} degrees")
+    deck = _deck(name, given)
+    if deck and deck in decks:
+        log.add(
+            given.map()["ip_add"].place,
+            f"{name}: the AI-deck at {deck} belongs to another agent already; ignored",
+        )
+        deck = ""
+    _ignored(f"{name}: ", given, set(READ), log)
+    return Robot(name, (x, y, z), uri, given.place, yaw, deck)
+
+
+def _yaw_deg(name: str, given: Value | None, log: ImportLog) -> float:
+    """Return the heading of a quaternion x, y, z, w, degrees; log a tilt."""
+    if given is None:
+        return 0.0
+    numbers = given.numbers()
+    length = math.hypot(*numbers)
+    if len(numbers) != 4 or not length:  # noqa: PLR2004 -- a quaternion
+        raise given.wrong(f"{name} has {list(numbers)}, expected a quaternion x, y, z, w")
+    x, y, z, w = (number / length for number in numbers)
+    tilt = math.degrees(math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y)))))
+    if tilt > LEVEL:
+        log.add(
+            given.place,
+            f"{name}: initial_quaternion is tilted by {tilt:.0f} degrees; agents start level, so "
+            "only its yaw is used",
+        )
+    return math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+
+
+def _deck(name: str, given: Value) -> str:
+    """Return the address of a robot's AI-deck; empty if it has none."""
+    if "ip_add" not in given.map():
+        return ""
+    host = given.map()["ip_add"].text()
+    if not HOST.fullmatch(host):
+        raise given.map()["ip_add"].wrong(f"{name} has {host!r}, expected a host")
+    if "port" not in given.map():
+        return host
+    port = given.map()["port"].number()
+    if not 0 < port <= LAST_PORT or port != int(port):
+        raise given.map()["port"].wrong(f"{name} has {port:g}, expected a port")
+    return host if port == PORT else f"{host}:{port:.0f}"
+
+
+def _is_used(capture: Value) -> bool:
+    """Whether robots of a type are localized by motion capture, in both versions of the format."""
+    enabled, tracking = (capture.map().get(key) for key in ("enabled", "tracking"))
+    if enabled is not None and enabled.data is False:
+        return False
+    return tracking is None or tracking.data != "none"
+
+
+def _ignored(of: str, given: Value, read: set[str], log: ImportLog) -> None:
+    """Log keys that are not supported."""
     for key, value in given.map().items():
-        if key not in READ:
-            notes.say(value.place, f"{name}: {key!r} is nothing that a mission says; left out")
-    return Robot(name, (x, y, z), uri, given.place)
+        if key not in read:
+            log.add(value.place, f"{of}{key!r} is not supported; ignored")
 
 
-def _told(name: str, kind: Value, notes: Notes) -> None:
-    for key, value in kind.map().items():
-        if key == "motion_capture" and value.map().get("enabled", value).data is True:
-            notes.say(
-                value.place,
-                f"type {name}: motion capture is left out; the localizer is one that needs none",
-            )
-        elif key == "battery":
-            for inner, volt in value.map().items():
-                if inner == "voltage_critical":
-                    notes.say(
-                        volt.place,
-                        f"type {name}: {inner} {show(volt.number())} V does nothing in "
-                        "Crazyswarm2; to land below it, add "
-                        f"safety: {{battery_low: {{below: {show(volt.number())}}}}}",
-                    )
-                else:
-                    notes.say(
-                        volt.place,
-                        f"type {name}: {inner!r} is nothing that a mission says; left out",
-                    )
-        else:
-            notes.say(value.place, f"type {name}: {key!r} is nothing that a mission says; left out")
+def _log_type(name: str, kind: Value, log: ImportLog) -> None:
+    _ignored(f"type {name}: ", kind, {"motion_capture", "battery", firmware.KEY}, log)
+    if "battery" not in kind.map():
+        return
+    battery = kind.map()["battery"]
+    if "voltage_critical" in battery.map():
+        given = battery.map()["voltage_critical"]
+        volts = show(given.number())
+        log.add(
+            given.place,
+            f"type {name}: voltage_critical {volts} V has no effect in Crazyswarm2; to land below "
+            f"it, add safety: {{battery_low: {{below: {volts}}}}}",
+        )
+    _ignored(f"type {name}: ", battery, {"voltage_critical"}, log)

@@ -1,4 +1,4 @@
-"""The files that are given to an import, sorted by what they hold."""
+"""The input files of an import, sorted by content."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from star_core import InputError
-from star_import.located import Value, read
+from star_import.located_yaml import Value, read
 
 
 @dataclass(slots=True)
 class Sources:
-    """Files of each sort, as far as there are any.
+    """Input files by kind, if present.
 
     Attributes:
         mission: The original STAR's list of commands, and its path.
@@ -28,10 +28,10 @@ class Sources:
 
 
 def sorted_out(paths: Sequence[Path]) -> Sources:
-    """Read files and sort them by what they hold.
+    """Read files and sort them by content.
 
     Raises:
-        InputError: One cannot be read, holds nothing that is known, or the same as another.
+        InputError: One cannot be read, has unknown content, or the same kind as another.
     """
     found = Sources()
     problems: list[str] = []
@@ -50,7 +50,7 @@ def _add(found: Sources, path: Path) -> None:
         if not path.is_file():
             raise InputError([f"{path}: no such file"])
         if path.name in [one.name for one in found.trajectories]:
-            raise InputError([f"{path}: another file is called {path.name!r}; rename one"])
+            raise InputError([f"{path}: another file is named {path.name!r} too; rename one"])
         found.trajectories.append(path)
         return
     value = read(path)
@@ -63,10 +63,10 @@ def _add(found: Sources, path: Path) -> None:
     for sort, is_it in sorts.items():
         if is_it:
             if before := getattr(found, sort):
-                raise InputError([f"{path}: holds what {before[0]} holds too; give one of them"])
+                raise InputError([f"{path}: same kind of file as {before[0]}; give one of them"])
             setattr(found, sort, (path, value))
     if not any(sorts.values()):
         raise value.wrong(
-            "holds none of 'command_sequence', 'environment', 'april_tags' (the original STAR) "
+            "contains none of 'command_sequence', 'environment', 'april_tags' (the original STAR) "
             "and 'robots' (Crazyswarm2)"
         )

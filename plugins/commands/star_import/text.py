@@ -1,4 +1,4 @@
-"""Lines of YAML that remember which line of another file they were made from."""
+"""Lines of YAML that record the location they were imported from."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ WORDS: Final = ("true", "false", "null")
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line, and the place of what it was made from; empty if it is from nowhere."""
+    """A line, and the location it was imported from; empty if it has none."""
 
     text: str
     origin: str = ""
 
 
 def whole(lines: Sequence[Line]) -> str:
-    """Return lines as a file."""
+    """Return lines as the text of a file."""
     return "".join(f"{line.text}\n" for line in lines)
 
 
 def word(text: str) -> str:
-    """Return text as a key or a value of YAML, in quotes if it needs them.
+    """Return text as a key or a value of YAML, quoted if necessary.
 
     >>> word("cf1"), word("true"), word("a: b")
     ('cf1', '"true"', '"a: b"')
@@ -36,13 +36,13 @@ def word(text: str) -> str:
 
 
 def traced(problem: str, file: str, shown: str, lines: Sequence[Line]) -> str:
-    """Return a problem of a file that was made, at the place of what that line was made from.
+    """Return a problem of an output file with the location its line was imported from.
 
     Args:
-        problem: What a check said, ``file:line:col: message`` for this file.
-        file: The file, as the check called it.
-        shown: What to call the file if the line is from nowhere.
-        lines: Of the file.
+        problem: Message of a check, ``file:line:col: message`` for this file.
+        file: Name of the file in that message.
+        shown: Name of the file to use if the line has no origin.
+        lines: Lines of the file.
     """
     found = re.fullmatch(re.escape(file) + r":(\d+):\d+: (.*)", problem, re.DOTALL)
     if not found:

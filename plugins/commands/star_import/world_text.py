@@ -6,25 +6,25 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from star_import.notes import show
+from star_import.import_log import show
 from star_import.obstacles import Wall
 from star_import.tags import Sheet
 from star_import.text import Line, word
 
 Point = tuple[float, float, float]
-TOP = 2.2  # m, of a fence that no file says: a little over the original's greatest height of 2 m
+TOP = 2.2  # m, default top of the fence: slightly above the original's greatest height of 2 m
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """The fence: its lowest and its highest corner, map frame, m."""
+    """The fence: its lower and its upper corner, map frame, m."""
 
     low: Point
     high: Point
 
 
 def around(points: Iterable[Sequence[float]], margin: float) -> Room:
-    """Return a room that keeps `margin` around points in the plane, m, to the next 0.1 m."""
+    """Return a room with a `margin` around points in the plane, m, rounded to 0.1 m."""
     xs, ys = zip(*((p[0], p[1]) for p in points), strict=True)
     west, south = (math.floor((min(values) - margin) * 10) / 10 for values in (xs, ys))
     east, north = (math.ceil((max(values) + margin) * 10) / 10 for values in (xs, ys))
@@ -32,7 +32,7 @@ def around(points: Iterable[Sequence[float]], margin: float) -> Room:
 
 
 def corners(walls: Iterable[Wall], sheets: Iterable[Sheet]) -> list[tuple[float, float]]:
-    """Return points that are as far out as what is in a world."""
+    """Return the outermost points of walls and sheets."""
     found = [centre for sheet in sheets for centre in sheet.centres]
     for wall in walls:
         half = wall.thickness / 2
@@ -43,7 +43,7 @@ def corners(walls: Iterable[Wall], sheets: Iterable[Sheet]) -> list[tuple[float,
 def world_lines(
     name: str, made_of: str, room: Room, walls: Sequence[Wall], sheets: Sequence[Sheet]
 ) -> list[Line]:
-    """Return a world file."""
+    """Return the lines of a world file."""
     lines = [
         Line(f"# Imported by `star import` from {made_of}."),
         Line("star: 1"),

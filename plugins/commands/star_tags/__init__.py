@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from star_core import Offer, hookimpl
+from star_core import CommandSpec, hookimpl
 
 
 @hookimpl
-def star_commands() -> Iterator[Offer[int]]:
-    yield Offer(
+def star_commands() -> Iterator[CommandSpec]:
+    yield CommandSpec(
         name="tags",
         summary="Write the tags of a world as sheets to print in true size (PDF or SVG).",
         make=_tags,
+        group="Hardware",
     )
 
 

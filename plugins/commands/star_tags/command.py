@@ -1,4 +1,4 @@
-"""``star tags`` as its user sees it: reads a world, writes its tags."""
+"""Command line of ``star tags``: reads a world, and writes its tags."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line, apart so that the docs and the tests can read it."""
+    """Return the command-line parser; separate so that docs and tests can read it."""
     star = argparse.ArgumentParser(
         prog="star tags",
-        description="Write the tags of a world as sheets to print in true size, a page each.",
+        description="Write the tags of a world as sheets to print in true size, one per page.",
         allow_abbrev=False,
     )
     star.add_argument("world", help="world file (YAML)")
@@ -47,14 +47,14 @@ def parser() -> argparse.ArgumentParser:
         "-o",
         "--out",
         metavar="FILE",
-        help="FILE.pdf, or FILE.svg for a file each: FILE-NUMBER.svg (WORLD-tags.pdf)",
+        help="FILE.pdf, or FILE.svg for one file per tag: FILE-NUMBER.svg (WORLD-tags.pdf)",
     )
     star.add_argument("--paper", choices=list(PAPERS), default="a4", help="%(default)s")
     return star
 
 
 def _write(found: Sequence[tuple[int, Page]], out: Path) -> list[Path]:
-    """Write what was found and return the files.
+    """Write pages and return the files.
 
     Raises:
         OSError: A file cannot be written.

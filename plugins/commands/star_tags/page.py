@@ -1,4 +1,4 @@
-"""What can stand on a page: filled shapes and lines of text, in millimetres."""
+"""Content of a page: filled shapes and lines of text, in millimeters."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Outline: TypeAlias = tuple[Point, ...]
 
 @dataclass(frozen=True, slots=True)
 class Fill:
-    """An area of one grey.
+    """An area of one gray level.
 
-    Its outlines are filled at once, so that no hairline shows where two of them meet.
+    Its outlines are filled together, so that no hairline is visible between adjacent ones.
 
     Attributes:
         outlines: Corners of polygons, all anticlockwise.
-        grey: 0 is black, 1 is white.
+        grey: Gray level: 0 is black, 1 is white.
     """
 
     outlines: tuple[Outline, ...]
@@ -31,9 +31,9 @@ class Text:
     """A line of text.
 
     Attributes:
-        at: Where its base line begins.
+        at: Beginning of its base line.
         size: Height of the font, mm.
-        content: What it says.
+        content: The text.
     """
 
     at: Point
@@ -48,7 +48,7 @@ class Page:
     Attributes:
         width: mm.
         height: mm.
-        marks: What stands on it.
+        marks: Content of the page.
     """
 
     width: float
@@ -67,7 +67,7 @@ def rectangle(low: Point, width: float, height: float) -> Outline:
 
 
 def number(value: float) -> str:
-    """Return a coordinate to a tenth of a micrometre, as both formats write it.
+    """Return a coordinate to a tenth of a micrometer, as both formats write it.
 
     >>> number(21.0), number(0.25), number(-0.00001)
     ('21', '0.25', '0')

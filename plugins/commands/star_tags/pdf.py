@@ -1,4 +1,4 @@
-"""Writes pages as PDF 1.4, of which it needs little: fills, and text in a font every reader has."""
+"""Writes pages as PDF 1.4, using little of it: fills, and text in a standard font."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Final
 from star_tags.page import Fill, Page, Text, number
 
 POINTS: Final = 72 / 25.4
-"""PDF's unit, the point, is 1/72 inch; points in a millimetre."""
+"""Points per millimeter; the point, PDF's unit, is 1/72 inch."""
 
 CATALOG: Final = "<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>"
 FONT: Final = "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>"
-FIRST: Final = 4  # object number of the first page, after the catalogue, the pages and the font
+FIRST: Final = 4  # object number of the first page, after the catalog, the pages and the font
 
 
 def pdf(pages: Sequence[Page]) -> bytes:
-    """Return a file of these pages.
+    """Return a PDF file of these pages.
 
-    Coordinates in it are millimetres. The reader is asked not to fit pages to the paper.
+    Its coordinates are millimeters. Readers are requested not to scale pages to the paper.
     """
     numbers = range(FIRST, FIRST + 2 * len(pages), 2)
     kids = " ".join(f"{n} 0 R" for n in numbers)
@@ -59,8 +59,8 @@ def _text(mark: Text) -> str:
 
 
 def _file(objects: Sequence[str]) -> bytes:
-    """Return objects, numbered from 1, with the table of where each one begins."""
-    file = b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n"  # the second line says that the file is not text
+    """Return a file of objects, numbered from 1, with a table of their offsets."""
+    file = b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n"  # the second line marks the file as binary
     table = [b"0000000000 65535 f \n"]
     for n, content in enumerate(objects, start=1):
         table.append(b"%010d 00000 n \n" % len(file))

@@ -1,4 +1,4 @@
-"""Lays a tag out on paper, in true size, with what is needed to print and place it."""
+"""Lays out a tag on paper, in true size, with aids for printing and placing it."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from star_core import InputError
 from star_tags.page import Fill, Outline, Page, Point, Text, rectangle
 
 PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}
-"""Width and height, mm, from the narrowest on."""
+"""Width and height, mm, in ascending order of width."""
 
-MODULES: Final = 8  # of a tag of family 36h11 in a row: six for its number, two for its border
-RIM: Final = 1.25  # width of a tag with its white rim of one module over that of its black square
-STRIP: Final = 44.0  # mm at the foot of the page for the text, the bar and the arrow
-MARGIN: Final = 14.0  # mm beside the text: more than printers leave white
+MODULES: Final = 8  # per row of a tag of family 36h11: six for its number, two for its border
+RIM: Final = 1.25  # width of a tag with its white rim of one module divided by its black square's
+STRIP: Final = 44.0  # mm at the bottom of the page for the text, the bar and the arrow
+MARGIN: Final = 14.0  # mm beside the text: more than the unprintable margin of printers
 BAR: Final = 100.0  # mm
-CLOSE: Final = 1e-6  # mm, a difference that is none: 1.25 times 0.168 m just fills an A4 sheet
+CLOSE: Final = 1e-6  # mm, tolerance: 1.25 times 0.168 m exactly fills an A4 sheet
 
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """What is known of a tag.
+    """Properties of a tag.
 
     Attributes:
-        number: Of the tag.
+        number: Number of the tag.
         size: Edge of its black square, m.
-        about: What to say of it, a line each.
+        about: Description, one line each.
     """
 
     number: int
@@ -41,10 +41,10 @@ class Sheet:
 
 
 def lay_out(sheet: Sheet, paper: str) -> Page:
-    """Return the page for a tag. Its up side is that of the page.
+    """Return the page for a tag. Its up direction is that of the page.
 
     Raises:
-        InputError: It does not fit the paper; a paper that it does fit is named.
+        InputError: It does not fit the paper; suggests a paper that it fits.
     """
     width, height = PAPERS[paper]
     if not _fits(sheet, paper):
@@ -77,11 +77,11 @@ def _fits(sheet: Sheet, paper: str) -> bool:
 def _too_large(sheet: Sheet, paper: str) -> str:
     wide = f"tag {sheet.number} is {sheet.width:g} mm wide with its white rim, too wide for {paper}"
     larger = next((name for name in PAPERS if _fits(sheet, name)), None)
-    return f"{wide}; " + (f"use --paper {larger}" if larger else "no paper known here is larger")
+    return f"{wide}; " + (f"use --paper {larger}" if larger else "no larger paper is supported")
 
 
 def _modules(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
-    """Return the black modules of a tag, those beside each other in one."""
+    """Return the black modules of a tag, adjacent ones merged."""
     edge = 1000 * sheet.size
     side = edge / MODULES
     left, top = centre[0] - edge / 2, centre[1] + edge / 2
@@ -94,8 +94,8 @@ def _modules(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
 def _black(number: int) -> list[tuple[int, int, int]]:
     """Return the runs of black modules of a tag: row from the top, first column, last column + 1.
 
-    The pattern is OpenCV's, the way up in which it draws and detects it. (The AprilTag library
-    holds the same pattern to be turned by 180°.)
+    The pattern is OpenCV's, in the orientation in which it draws and detects it. (The AprilTag
+    library contains the same pattern rotated by 180°.)
     """
     import cv2
 
@@ -109,7 +109,7 @@ def _black(number: int) -> list[tuple[int, int, int]]:
 
 
 def _frame(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
-    """Return a thin frame around the white rim: where to cut."""
+    """Return a thin frame around the white rim: the cutting line."""
     thin = 0.2
     edge = sheet.width
     x, y = centre[0] - edge / 2, centre[1] - edge / 2
@@ -122,7 +122,7 @@ def _frame(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
 
 
 def _bar(low: Point) -> tuple[Outline, ...]:
-    """Return a bar with a foot at each end, its outer edges `BAR` apart."""
+    """Return a bar with a serif at each end, its outer edges `BAR` apart."""
     x, y = low
     thin = 0.5
     return (

@@ -8,7 +8,7 @@ from star_tags.page import Fill, Page, Text, number
 
 
 def svg(page: Page) -> str:
-    """Return a file of this page; its units are millimetres, with y down."""
+    """Return a page as an SVG file; its units are millimeters, with y down."""
     width, height = number(page.width), number(page.height)
     return "\n".join(
         [

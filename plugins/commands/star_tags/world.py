@@ -11,7 +11,7 @@ from star_tags.page import Page
 from star_tags.sheet import RIM, Sheet, lay_out
 
 SIZE: Final = 0.168
-"""Edge of the black square of a tag whose size is not given, m: as the schema of worlds says."""
+"""Default edge of the black square of a tag, m: as in the world schema."""
 
 KINDS: Final = {"landmarks": "landmark", "targets": "target"}
 
@@ -20,8 +20,8 @@ def pages(path: Path, paper: str) -> list[tuple[int, Page]]:
     """Return the number and the page of every tag in the world at `path`.
 
     Raises:
-        InputError: It cannot be read, has no tags or two of one number, or a tag does not fit the
-            paper; every reason found is listed.
+        InputError: It cannot be read, has no tags or two with the same number, or a tag does not
+            fit the paper; lists every reason.
     """
     document = read_as(path, "world")
     problems = []
@@ -45,7 +45,7 @@ def pages(path: Path, paper: str) -> list[tuple[int, Page]]:
 
 
 def _sheets(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], str, Sheet]]:
-    """Every tag with its place in the file and the name of what it belongs to."""
+    """Yield every tag with its path in the file and the name of its sheet."""
     for kind, one in KINDS.items():
         for name, given in data.get(kind, {}).items():
             size = float(given.get("size", SIZE))
@@ -57,7 +57,7 @@ def _sheets(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], st
 
 
 def _row(i: int, given: Mapping[str, Any], size: float) -> str:
-    """Say where a tag stands among those beside it."""
+    """Return the position of a tag among its neighbours, as text."""
     n = len(given["tags"])
     if "offsets" in given:
         right, up = (1000 * value for value in given["offsets"][i])
@@ -69,7 +69,7 @@ def _row(i: int, given: Mapping[str, Any], size: float) -> str:
 
 
 def _pose(given: Mapping[str, Any]) -> str:
-    """Say where a sheet belongs."""
+    """Return the pose of a sheet, as text."""
     turns = (f"{turn} {given.get(f'{turn}_deg', 0):g}°" for turn in ("roll", "pitch", "yaw"))
     row = len(given["tags"]) > 1 and "offsets" not in given
     middle = "middle of the row" if row else "placed" if "offsets" in given else "middle"

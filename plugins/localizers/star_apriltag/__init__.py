@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer, Problem, hookimpl
+from star_core import LocalizerSpec, Problem, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Localizer, Scene
@@ -31,7 +31,8 @@ OPTIONS: dict[str, Any] = {
             "default": "none",
             "description": "none: drones fly in their own odometry frames, which the core turns "
             "into the map; extpose: new fixes are sent to their estimators as well; extpos: of "
-            "these the positions only.",
+            "these the positions only, from which the estimators correct their headings too, but "
+            "slowly and in motion only.",
         },
         "latency": {
             "type": "number",
@@ -158,8 +159,8 @@ def check(
 
 
 @hookimpl
-def star_localizers() -> Iterable[Offer[Localizer]]:
-    yield Offer(
+def star_localizers() -> Iterable[LocalizerSpec]:
+    yield LocalizerSpec(
         name="apriltag",
         summary="Odometry, corrected by AprilTags whose places are known.",
         make=make,

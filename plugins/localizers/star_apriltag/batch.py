@@ -28,10 +28,8 @@ from star_apriltag.track import Track
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.homography import flat_pose
 from star_apriltag.vision.landmark import Place
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.look import Look
-from star_apriltag.vision.rigid import Pose
-from star_core import Agent, Odometry, Rows, Tag
+from star_core import Agent, CameraModel, Odometry, Pose, Rows, Tag
 
 PERIOD: Final = 1 / 6  # s from one node to the next, at least
 DEVIATION: Final = 0.03  # m and rad, of every factor
@@ -50,7 +48,7 @@ class Batched:
 
     def __init__(self, agent: Agent, landmarks: tuple[Tag, ...]) -> None:
         self._track = Track()
-        self._lens = None if agent.camera is None else Lens(agent.camera)
+        self._lens = None if agent.camera is None else CameraModel(agent.camera)
         self._detector = None if self._lens is None else Detector(self._lens)
         self._places = {tag.id: Place(tag) for tag in landmarks}
         self._noise = gtsam.noiseModel.Isotropic.Sigma(6, DEVIATION)

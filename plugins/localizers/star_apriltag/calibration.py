@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from star_apriltag.track import Track
+from star_core import wrap_angle
 
 WELL_KNOWN: Final = 0.04  # m, deviation in x and in y up to which a place serves
 LEAST_TIME, LEAST_WAY = 1.0, 0.25  # s and m between the two places of a pair
@@ -75,7 +76,7 @@ class Calibration:
         took = motion.duration
         if took < LEAST_YAW_TIME:
             return old
-        excess = _wrapped(motion.turn - (new.yaw - old.yaw)) / took
+        excess = wrap_angle(motion.turn - (new.yaw - old.yaw)) / took
         noise = (old.yaw_deviation**2 + new.yaw_deviation**2 + YAW_WALK * took) / took**2
         gain, shrink = _gain(self._bias_variance, noise, abs(excess - self.yaw_bias))
         self.yaw_bias += gain * (excess - self.yaw_bias)
@@ -113,7 +114,3 @@ def _gain(variance: float, noise: float, off: float) -> tuple[float, float]:
         return 0.0, 1.0
     gain = variance / (variance + noise)
     return gain, 1 - gain
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + math.pi) % math.tau - math.pi

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from star_apriltag.track import Motion, Stance, Track
-from star_apriltag.vision.lens import Lens
+from star_apriltag.vision.detector import checked
 from star_apriltag.vision.pose import NEAREST
-from star_core import Array, Image
+from star_core import Array, CameraModel, Image
 
 COLUMNS, ROWS = 10, 8  # of the points that are followed, over the whole image
 COARSE: Final = 16  # px between the points for which it is worked out where they were
@@ -81,7 +81,7 @@ class Floor:
         lens: Of the camera.
     """
 
-    def __init__(self, lens: Lens) -> None:
+    def __init__(self, lens: CameraModel) -> None:
         self._lens = lens
         height, width = lens.shape
         self._size = np.array([width, height])
@@ -121,7 +121,7 @@ class Floor:
         Raises:
             ValueError: It is no grey image of the camera's size.
         """
-        image = self._lens.checked(image)
+        image = checked(image, self._lens)
         self._turned = self._lens.mounting.rotation @ camera_turn.T
         stance = track.at(time)
         stance = stance._replace(height=stance.height + ground, yaw_rate=stance.yaw_rate - yaw_bias)
@@ -190,7 +190,7 @@ class Floor:
             ahead = np.nan_to_num(ahead @ rotation, nan=-1.0)
             seen = ahead[:, 2:] > NEAREST
             pixels = np.where(seen, self._lens.project(np.where(seen, ahead, 1.0)), NOWHERE)
-            delay = np.clip(self._lens.delay(pixels), -1.0, 1.0)
+            delay = np.clip(self._lens.row_delay(pixels), -1.0, 1.0)
         return np.clip(pixels, NOWHERE, -NOWHERE)
 
     def _floor(self, rays: Array, pixels: Array, stance: Stance) -> Places:
@@ -203,7 +203,7 @@ class Floor:
         down = -away[:, 2]
         meets = down > LEAST_DIP * np.sqrt((away * away).sum(axis=1))  # not so for NaN
         x, y, _ = (place + away * (place[2] / np.where(meets, down, np.nan))[:, None]).T
-        delay = self._lens.delay(pixels)
+        delay = self._lens.row_delay(pixels)
         going = complex(stance.velocity[0], stance.velocity[1])
         met: Places = np.exp(1j * stance.yaw_rate * delay) * (x + 1j * y) + delay * going
         return met

@@ -15,8 +15,7 @@ from star_apriltag.smoother import Smoother
 from star_apriltag.tracker import Tracker
 from star_apriltag.vision.look import Eye, Look
 from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.rigid import Pose
-from star_core import Agent, Array, Image, Odometry, Rows, Tag
+from star_core import Agent, Array, Image, Odometry, Pose, Rows, Tag
 
 log = logging.getLogger(__name__)
 

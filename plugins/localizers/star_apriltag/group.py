@@ -73,7 +73,7 @@ class Learnt(NamedTuple):
 
     Attributes:
         known: Of those agents of whom something new is known, by their rows.
-        fixed: Rows of those who saw a landmark that is believed.
+        fixed: Rows of the agents with an accepted landmark sighting.
         sightings: Targets seen, an item an image.
     """
 

@@ -62,7 +62,7 @@ def serve(descriptor: int) -> None:
             heard = connection.recv()
             learnt = together([group.follow(one) for one in heard])
             connection.send(Answer(learnt, kept.take()))
-    except (EOFError, OSError):  # nobody asks any more
+    except (EOFError, OSError):  # the parent is gone
         return
     except Exception:  # noqa: BLE001 -- whatever it is, the flight is to know
         connection.send(traceback.format_exc())

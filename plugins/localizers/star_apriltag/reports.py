@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 
-from star_core import Odometry, Telemetry, Transform
+from star_core import Odometry, Telemetry, Transform, wrap_angle
 
 SILENT: Final = 0.5  # s without a sample, after which reports stand in for the stream
 LEAST: Final = 1e-6  # s between two reports: less is one report, told twice
@@ -43,7 +42,7 @@ class Reports:
         facing = telemetry.heading
         passed = said - self._time
         newer = np.isfinite(facing) & ~(passed <= LEAST)  # the first report is newer than none
-        turned = (facing - self._heading + math.pi) % math.tau - math.pi
+        turned = wrap_angle(facing - self._heading)
         rate = np.where(np.isfinite(passed), turned, 0.0) / np.where(passed > LEAST, passed, 1.0)
         self._rate = np.where(newer, rate, self._rate)
         self._time = np.where(newer, said, self._time)

@@ -13,8 +13,7 @@ from gtsam.symbol_shorthand import E, X
 
 from star_apriltag.tag_factor import factor
 from star_apriltag.vision.pose import HEIGHT_DEVIATION, LEVEL_DEVIATION, Motion, View
-from star_apriltag.vision.rigid import Pose
-from star_core import Array
+from star_core import Array, Pose
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from star_core import Offer, hookimpl
+from star_core import LocalizerSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Localizer, Scene
@@ -25,8 +25,8 @@ def make(
 
 
 @hookimpl
-def star_localizers() -> Iterable[Offer[Localizer]]:
-    yield Offer(
+def star_localizers() -> Iterable[LocalizerSpec]:
+    yield LocalizerSpec(
         name="flow",
         summary="Trust the on-board estimate from where each agent started; it drifts.",
         make=make,

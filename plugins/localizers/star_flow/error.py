@@ -15,7 +15,7 @@ BLOCK: Final = 64
 
 
 class Error:
-    """An Ornstein-Uhlenbeck process for each axis of each agent, which nobody shares.
+    """An Ornstein-Uhlenbeck process for each axis of each agent, independent of the others.
 
     It is a normal deviate of the same size at all times, and is forgotten with a time constant:
     after ``dt`` it is ``c e + size sqrt(1 - c²) n`` with ``c = exp(-dt / time_constant)`` and a

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from star_core import Array, Estimate, Scene, Telemetry, Transform
+from star_core import Estimate, Scene, Telemetry, Transform, wrap_angle
 from star_flow.drift import Drift
 from star_flow.error import Error
 from star_flow.lookout import Lookout
@@ -49,7 +47,7 @@ class Flow:
     def locate(self, telemetry: Telemetry) -> Estimate:
         reckoned = self._map_from_odom.apply(telemetry.position)
         velocity = self._map_from_odom.turn(telemetry.velocity)
-        yaw = wrapped(telemetry.heading + self._map_from_odom.yaw)
+        yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
         known = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
         self._reckoned = np.where(known[:, None], reckoned, self._reckoned)
         if self._error is None:
@@ -69,12 +67,3 @@ class Flow:
             map_from_odom=self._map_from_odom,
             sightings=self._lookout.see(telemetry, self._map_from_odom, self._position, covariance),
         )
-
-
-def wrapped(angle: Array) -> Array:
-    """Return angles, rad, from -pi to less than pi.
-
-    >>> wrapped(np.array([1.5, -0.5]) * np.pi).round(3)
-    array([-1.571, -1.571])
-    """
-    return (angle + math.pi) % math.tau - math.pi

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Camera, Scene, Sightings, Telemetry, Transform
+from star_core import (
+    Array,
+    CameraModel,
+    Pose,
+    Scene,
+    Sightings,
+    Telemetry,
+    Transform,
+    rotation_from_quaternion,
+    rotation_from_vector,
+)
 from star_flow.drift import heading_variance
-from star_flow.lens import rays
-from star_flow.square import Lying, lying
 from star_flow.way import Way
+
+if TYPE_CHECKING:
+    from star_flow.square import LastKnownTransform
 
 CORNER: Final = 0.3  # px, deviation of a corner in u and in v
 DIRECTION: Final = math.radians(1.0)  # rad, left by a camera's mounting and an agent's attitude
@@ -87,43 +98,29 @@ class Lookout:
         if camera is None or was is None:
             return None
         position, attitude, covariance = was
-        cos, sin = math.cos(turned), math.sin(turned)
-        level = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        body = level @ matrix(attitude)
-        eye = body @ matrix(np.array(camera.rotation))
-        square = _square(camera, corners, self._sizes[tag], eye[2])
+        level = rotation_from_vector(np.array([0.0, 0.0, turned]))
+        body = Pose(level @ rotation_from_quaternion(attitude), position)
+        model = CameraModel(camera)
+        eye = body @ model.mounting
+        square = _square(model, corners, self._sizes[tag], eye.rotation[2])
         if square is None:
             return None
-        away = eye @ square.position + body @ np.array(camera.position)
+        target = eye @ square.pose
+        away = target.position - position
         aside = np.array([-away[1], away[0], 0.0])
-        spread = eye @ square.covariance @ eye.T + covariance
+        spread = eye.rotation @ square.covariance @ eye.rotation.T + covariance
         spread += heading_variance(taken) * np.outer(aside, aside)
         spread += DIRECTION**2 * (away @ away * np.eye(3) - np.outer(away, away))
-        ahead = eye @ square.rotation[:, 0]
-        return Seen(row, tag, taken, position + away, math.atan2(ahead[1], ahead[0]), spread)
+        return Seen(row, tag, taken, target.position, target.yaw, spread)
 
 
-def matrix(quaternion: Array) -> Array:
-    """Return the (3, 3) rotation of a unit quaternion x, y, z, w.
+def _square(
+    model: CameraModel, corners: Array, size: float, up: Array
+) -> LastKnownTransform | None:
+    from star_flow.square import lying  # OpenCV, which a flight without targets does not need
 
-    >>> matrix(np.array([0.0, 0.0, 1.0, 0.0])).round(9).tolist()
-    [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    x, y, z, w = quaternion.tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def _square(camera: Camera, corners: Array, size: float, up: Array) -> Lying | None:
-    pointing = rays(corners, camera)
-    if not np.isfinite(pointing).all():
-        return None
-    return lying(pointing, size, up, CORNER / min(camera.matrix[:2]))
+    rays = model.undistort(corners)
+    return lying(rays, size, up, CORNER / min(model.camera.matrix[:2]))
 
 
 def _table(seen: list[Seen]) -> Sightings:

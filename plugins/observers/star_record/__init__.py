@@ -1,4 +1,4 @@
-"""Observer ``record``: keeps what a run leaves behind in its folder."""
+"""Observer ``record``: writes the files of a run to its folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from star_core import Flight, Tick
     from star_record.recorder import Recorder
 
-_recorders: list[Recorder] = []  # the one of the flight under way, if it is kept
+_recorders: list[Recorder] = []  # of the current flight, if it is recorded
 
 
 @hookimpl

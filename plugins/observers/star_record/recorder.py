@@ -1,4 +1,4 @@
-"""Writes one run's folder: manifest, summary, trajectory."""
+"""Writes the folder of a run: manifest, summary, trajectory, images and targets."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ class Recorder:
 
     ``trajectory.npz`` holds, for T ticks of N agents, in the map and SI units: ``agents`` (N,),
     ``time`` (T,), ``truth_position`` (T, N, 3) and ``truth_attitude`` (T, N, 4; x, y, z, w) where
-    there is a truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
+    there is ground truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
     ``setpoint_velocity`` (T, N, 3), ``estimate_yaw``, ``setpoint_yaw`` and ``battery`` (T, N),
     ``goal_active``, ``setpoint_active`` and ``estimate_valid`` (T, N), and ``phase`` (T, N), the
-    numbers of `star_core.AgentPhase`. Where the truth of a tick is not known it is NaN. Over radios
-    there is ``signal`` (T, N), the strength with which agents hear them, dBm. Images are kept where
-    the flight asks for it, and where the world has targets, ``targets.csv`` tells which were found.
+    values of `star_core.AgentPhase`. Ground truth is NaN in ticks where it is unknown. Over radio
+    there is ``signal`` (T, N), the received signal strength on board, dBm. Images are saved if the
+    flight requests it, and if the world has targets, ``targets.csv`` lists those found.
 
     Args:
-        flight: What is flown.
-        folder: Where to write; made if it is not there.
+        flight: The flight to record.
+        folder: Output folder; created if missing.
     """
 
     def __init__(self, flight: Flight, folder: Path) -> None:
@@ -38,12 +38,12 @@ class Recorder:
         self._agents = flight.scene.names
         self._columns: dict[str, list[Array]] = {}
         self._save_frames = flight.save_frames
-        self._unknown = {"truth_position", "truth_attitude", "signal"}  # so far, all the time
+        self._unknown = {"truth_position", "truth_attitude", "signal"}  # in all ticks so far
         folder.mkdir(parents=True, exist_ok=True)
         self._write("manifest.json", flight.manifest)
 
     def add(self, tick: Tick) -> None:
-        """Keep one tick."""
+        """Store one tick."""
         row: dict[str, Any] = {
             "time": tick.time,
             "estimate_position": tick.estimate.position,
@@ -68,12 +68,12 @@ class Recorder:
             if value is not None:
                 self._unknown.discard(name)
         if self._save_frames:
-            self._keep(tick.telemetry.frames)
+            self._save_images(tick.telemetry.frames)
         for name, value in row.items():
             self._columns.setdefault(name, []).append(value)
 
-    def _keep(self, frames: Frames) -> None:
-        """Write images; with the first that cannot be written, keep no more of them."""
+    def _save_images(self, frames: Frames) -> None:
+        """Write images; after the first failure, save no more of them."""
         times = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived)
         for row, time, image in zip(frames.agent, times, frames.image, strict=True):
             if time < 0:  # taken before the flight began
@@ -83,14 +83,14 @@ class Recorder:
                 _write_image(path, image)
             except OSError as error:
                 self._save_frames = False
-                log.warning("no more images are kept: %s", error)
+                log.warning("saving of images stopped: %s", error)
                 return
 
     def close(self, summary: Mapping[str, Any]) -> None:
-        """Write what was kept; the summary first, for the disk may be full."""
+        """Write the recorded data; the summary first, since the disk may be full."""
         self._write("summary.json", summary)
         if summary["targets"]["total"]:
-            self._tell_targets(summary["targets"]["list"])
+            self._write_targets(summary["targets"]["list"])
         columns: dict[str, Any] = {
             name: np.array(rows)
             for name, rows in self._columns.items()
@@ -100,14 +100,14 @@ class Recorder:
             self._folder / "trajectory.npz", agents=np.array(self._agents), **columns
         )
 
-    def _tell_targets(self, found: Sequence[Mapping[str, Any]]) -> None:
-        """Write ``targets.csv``: a line for each target that was found."""
+    def _write_targets(self, found: Sequence[Mapping[str, Any]]) -> None:
+        """Write ``targets.csv``: one line for each found target."""
         with (self._folder / "targets.csv").open("w", encoding="utf-8", newline="") as file:
             lines = csv.writer(file)
             lines.writerow(["target", "finder", "time_s", "x_m", "y_m", "z_m", "error_m"])
             for one in found:
-                place = [f"{value:.4f}" for value in (*one["position_m"], one["error_m"])]
-                lines.writerow([one["name"], one["finder"], f"{one['time_s']:.3f}", *place])
+                position = [f"{value:.4f}" for value in (*one["position_m"], one["error_m"])]
+                lines.writerow([one["name"], one["finder"], f"{one['time_s']:.3f}", *position])
 
     def _write(self, name: str, content: Mapping[str, Any]) -> None:
         text = json.dumps(content, indent=2, allow_nan=False)

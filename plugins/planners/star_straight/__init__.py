@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from star_core import Offer, hookimpl
+from star_core import PlannerSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Planner, Scene
@@ -18,10 +18,10 @@ def make(scene: Scene, *, gain: float = 1.5, yaw_rate_deg: float = 90.0) -> Plan
 
 
 @hookimpl
-def star_planners() -> Iterable[Offer[Planner]]:
-    yield Offer(
+def star_planners() -> Iterable[PlannerSpec]:
+    yield PlannerSpec(
         name="straight",
-        summary="Fly straight to the goal and brake in time; sees no obstacles.",
+        summary="Flies straight to the goal and brakes in time; ignores obstacles.",
         make=make,
         options={
             "type": "object",
@@ -29,7 +29,7 @@ def star_planners() -> Iterable[Offer[Planner]]:
                 "gain": {
                     "type": "number",
                     "exclusiveMinimum": 0,
-                    "description": "Speed towards the goal per metre of distance, 1/s.",
+                    "description": "Speed towards the goal per meter of distance, 1/s.",
                     "default": 1.5,
                 },
                 "yaw_rate_deg": {

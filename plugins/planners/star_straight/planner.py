@@ -1,23 +1,23 @@
-"""Velocities that lead straight to a goal and come to rest there."""
+"""Velocities that lead straight to a goal and stop there."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from star_core import Estimate, Goals, Homing, Paths, Plan, Scene, Setpoint
+from star_core import Estimate, Goals, Paths, Plan, PositionController, Scene, Setpoint
 
 
 class Straight:
-    """Flies straight to each goal, as `Homing` does.
+    """Flies straight to each goal, as `PositionController` does.
 
     Args:
         scene: The mission's scene.
-        gain: Speed towards the goal per metre of distance, 1/s.
+        gain: Speed towards the goal per meter of distance, 1/s.
         yaw_rate_deg: Greatest yaw rate, degrees/s.
     """
 
     def __init__(self, scene: Scene, *, gain: float, yaw_rate_deg: float) -> None:
-        self._homing = Homing(scene, gain=gain, yaw_rate_deg=yaw_rate_deg)
+        self._homing = PositionController(scene, gain=gain, yaw_rate_deg=yaw_rate_deg)
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         active = goals.active & estimate.valid

@@ -1,11 +1,11 @@
-"""A planner that flies the shortest way around, over or under obstacles."""
+"""A planner that flies the shortest path around, over or under obstacles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer, hookimpl
+from star_core import PlannerSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Planner, Problem, Scene
@@ -19,41 +19,38 @@ OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
         "clearance": _number(
-            "Distance that agents keep beside obstacles, m. A goal nearer than this cannot be "
-            "reached.",
+            "Horizontal distance to keep to obstacles, m. Goals nearer than this are refused.",
             0.2,
             minimum=0,
         ),
-        "vertical_clearance": _number(
-            "Distance that agents keep above and below obstacles, m.", 0.2, minimum=0
-        ),
+        "vertical_clearance": _number("Vertical distance to keep to obstacles, m.", 0.2, minimum=0),
         "margin": _number(
-            "What paths keep beyond the clearances, m, so that an agent that rounds a corner or is "
-            "a little off its path keeps them still.",
+            "Distance kept beyond the clearances, m, so that an agent that rounds a corner or "
+            "deviates from its path a little still respects them.",
             0.05,
             minimum=0.001,
         ),
         "look_ahead": _number(
-            "How far ahead on its path an agent steers to, m: the more, the rounder the corners.",
+            "Distance along the path to the point an agent steers to, m: larger rounds corners.",
             0.3,
             exclusiveMinimum=0,
         ),
         "replan_distance": _number(
-            "A path is planned anew when its goal has moved so far, m.", 0.1, minimum=0
+            "A path is replanned when its goal has moved this far, m.", 0.1, minimum=0
         ),
         "hold_distance": _number(
-            "An agent whose goal has moved farther than this, m, holds until its path is planned.",
+            "An agent whose goal has moved farther than this, m, hovers until its path is planned.",
             1.0,
             minimum=0,
         ),
         "queries_per_tick": {
             "type": "integer",
             "minimum": 1,
-            "description": "Paths planned in one tick at most; the agents take turns.",
+            "description": "Greatest number of paths planned in one tick; the agents take turns.",
             "default": 16,
         },
         "gain": _number(
-            "Speed towards the goal per metre of distance, 1/s.", 1.5, exclusiveMinimum=0
+            "Speed towards the goal per meter of distance, 1/s.", 1.5, exclusiveMinimum=0
         ),
         "yaw_rate_deg": _number("Greatest yaw rate, degrees/s.", 90.0, exclusiveMinimum=0),
     },
@@ -63,8 +60,19 @@ OPTIONS: dict[str, Any] = {
 def make(scene: Scene, **options: Any) -> Planner:
     from star_visibility.planner import Visibility
 
-    defaults = {name: option["default"] for name, option in OPTIONS["properties"].items()}
-    return Visibility(scene, **(defaults | options))
+    return Visibility(scene, **options)
+
+
+def check_goals(
+    scene: Scene, goals: Sequence[tuple[float, float, float]], **options: Any
+) -> Iterator[Problem]:
+    from star_core import Problem
+    from star_visibility.refusals import refusal
+
+    kept = {name: options[name] for name in ("clearance", "vertical_clearance")}
+    for i, goal in enumerate(goals):
+        if reason := refusal(scene.world, goal, **kept):
+            yield Problem((i,), reason)
 
 
 def check(scene: Scene, **_options: Any) -> Iterator[Problem]:
@@ -80,11 +88,12 @@ def check(scene: Scene, **_options: Any) -> Iterator[Problem]:
 
 
 @hookimpl
-def star_planners() -> Iterable[Offer[Planner]]:
-    yield Offer(
+def star_planners() -> Iterable[PlannerSpec]:
+    yield PlannerSpec(
         name="visibility",
-        summary="Fly the shortest way around, over or under obstacles.",
+        summary="Fly the shortest path around, over or under obstacles.",
         make=make,
         options=OPTIONS,
         check=check,
+        check_goals=check_goals,
     )

@@ -1,4 +1,4 @@
-"""The point that each agent steers to so that it rounds its path's corners and cuts none off."""
+"""The carrot: the point each agent steers to, so that it rounds corners without cutting them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from star_core import Array, Mask, Rows, compiled
 from star_visibility.sight import covered, sees
 from star_visibility.walls import Walls
 
-TRIES = 5  # carrots looked at, each nearer to the next corner than the one before
-ASTRAY = 0.1  # m farther from the way out than it was: it was pushed away
+TRIES = 5  # carrots tried, each nearer to the next corner than the one before
+ASTRAY = 0.1  # m farther from the exit point than before: the agent was pushed away
+ENTERED = 0.05  # m from the beginning of the last segment: the agent is on that segment
 
 
 @compiled
@@ -19,6 +20,7 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     planned: Walls,
     kept: Walls,
     shunned: Walls,
+    solid: Walls,
     here: Array,
     rows: Rows,
     start: Array,
@@ -27,35 +29,44 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     leg: Rows,
     look_ahead: float,
 ) -> tuple[Array, Mask]:
-    """Return what each agent steers to, and whether it lost sight of its path; move its leg on.
+    """Return the carrot of each agent, and whether it lost sight of its path; advance its leg.
 
-    The carrot is the point of the path that lies `look_ahead` ahead, counted along the path, or
-    nearer if that cannot be seen: so the line to it is free, and it turns evenly as the agent comes
-    to a corner. An agent that is in what is to be shunned goes to the first point of a path that
-    begins there: that leads out. It lost its path if it has none such, has gone further than that
-    point, or is pushed away from it. One that only grazes what is to be kept free may go on, also
-    out of sight to the first point of a path that begins there. Who is past a corner may so use up
-    what paths were kept out of beyond that.
+    The carrot is the point of the path `look_ahead` ahead along the path, or nearer if that point
+    is not visible: so the line to it is free, and its direction changes evenly as the agent comes
+    to a corner. An agent inside the avoided region flies to the first point of a path that begins
+    there, which leads out. It has lost its path if it has none, is past that point, or is pushed
+    away from it. An agent that only enters the edge of the kept region may continue, also without
+    sight of the first point of a path that begins there. An agent past a corner may thus use the
+    distance by which paths exceed the kept region. A goal within the kept region is reached by the
+    last segment of its path, which only obstacles block.
 
     Args:
-        planned: What paths were kept out of: who sees beyond a corner without it leaves it out.
-        kept: What lines must not go through.
-        shunned: What they must not go through from within the first: the most of it.
-        here: (N, 3) where the agents are, m.
-        rows: Rows to look at.
-        start: (N, 3) where their paths were planned from, m.
-        path: (N, M, 3) points still to fly to when the path was planned, m.
-        count: (N,) how many of them there are.
-        leg: (N,) the one that each agent flies to; written.
-        look_ahead: How far ahead the carrot is, m.
+        planned: Region that paths stay out of: agents that see past a corner without it skip it.
+        kept: Region that lines must not cross.
+        shunned: The same for lines that begin inside the first: most of it.
+        solid: Obstacles.
+        here: (N, 3) positions of the agents, m.
+        rows: Rows to process.
+        start: (N, 3) positions from which their paths were planned, m.
+        path: (N, M, 3) remaining points when the path was planned, m.
+        count: (N,) their numbers.
+        leg: (N,) index of the point that each agent flies to; updated.
+        look_ahead: Distance of the carrot along the path, m.
 
     Returns:
-        (N, 3) points, m, those of other rows 0; and (N,) True where the next point is not seen.
+        (N, 3) carrots, m, 0 in other rows; and (N,) True where the next point is not visible.
     """
     target = np.zeros(here.shape)
     lost = np.zeros(len(here), np.bool_)
     for i in rows:
         at, last, walls = here[i], count[i] - 1, kept
+        goal = path[i, last]
+        if covered(kept, goal[0], goal[1], goal[2]) and _enters(
+            solid, start[i], path[i], leg[i], last, at
+        ):
+            leg[i] = last
+            _put(target, i, goal)
+            continue
         grazes = covered(kept, at[0], at[1], at[2])
         if grazes:
             walls = shunned
@@ -86,21 +97,32 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
 
 @compiled
 def _put(table: Array, row: int, point: Array) -> None:
-    """Write a point into a table; number by number, which takes seconds less to compile."""
+    """Write a point into a table, element by element, which compiles seconds faster."""
     for k in range(3):
         table[row, k] = point[k]
 
 
 @compiled
 def _leads_out(walls: Walls, start: Array, out: Array, at: Array) -> bool:
-    """Whether a path's first point is the way out of the walls, and still is so from `at`."""
+    """Whether a path's first point is the exit from the walls, and still is from `at`."""
     begins_within = covered(walls, start[0], start[1], start[2])
     return begins_within and _apart(at, out) <= _apart(start, out) + ASTRAY
 
 
 @compiled
+def _enters(walls: Walls, start: Array, path: Array, leg: int, last: int, at: Array) -> bool:
+    """Whether an agent is on the last segment of its path, or at its beginning."""
+    if leg < last - 1:
+        return False
+    goal = path[last]
+    stretch = _apart(path[last - 1] if last > 0 else start, goal)
+    most = stretch + (ASTRAY if leg == last else ENTERED)
+    return _apart(at, goal) <= most and sees(walls, at, goal)
+
+
+@compiled
 def _is_past(walls: Walls, at: Array, path: Array, leg: int) -> bool:
-    """Whether an agent has come round a corner, near it or as far off as others pushed it."""
+    """Whether an agent has rounded a corner, close to it or as far off as others pushed it."""
     corner, following = path[leg], path[leg + 1]
     past = 0.0
     for k in range(3):
@@ -112,7 +134,7 @@ def _is_past(walls: Walls, at: Array, path: Array, leg: int) -> bool:
 
 @compiled
 def _along(path: Array, leg: int, last: int, distance: float) -> Array:
-    """Return the point of a path that lies a distance beyond one of its corners."""
+    """Return the point of a path at a distance beyond one of its corners."""
     while leg < last:
         stretch = _apart(path[leg], path[leg + 1])
         if stretch >= distance:

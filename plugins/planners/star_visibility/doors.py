@@ -1,4 +1,4 @@
-"""Points at which a path can change its height, so that it finds every way there is."""
+"""Points at which a path can change its height, so that every possible path is found."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import shapely
 from star_core import Array, Fence
 from star_visibility.walls import Block
 
-STEP = 1.0  # m between doors on an outline, at most
+STEP = 1.0  # m, greatest distance between doors on an outline
 
 
 def doors(blocks: list[Block], height: tuple[float, float], fence: Fence) -> Array:
-    """Return points on the outlines of what can be flown over or under: (D, 2) m.
+    """Return points on the outlines of what agents can fly over or under: (D, 2) m.
 
-    The outlines and the fence part the plane into cells in which the same is in the way. Every
-    cell between two of which one can change has a door on its edge: where outlines meet each other
-    or the fence, and along them. So two cells that share a height are joined by one.
+    The outlines and the fence divide the plane into cells with the same obstacles. Two adjacent
+    cells between which an agent can cross share a door on their border: where outlines intersect
+    each other or the fence, and along them. So two cells that share a free height are connected.
 
     Args:
-        blocks: What is forbidden.
-        height: Lowest and highest z to fly at, m.
-        fence: Doors are inside of it.
+        blocks: Forbidden regions.
+        height: Lowest and highest flight height z, m.
+        fence: Doors are inside it.
     """
     inside = shapely.box(*fence.low[:2], *fence.high[:2])
     line = [shapely.MultiPolygon(block.ground).boundary for block in blocks]

@@ -1,4 +1,4 @@
-"""The shortest way out of what is forbidden."""
+"""The shortest exit from a forbidden region."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from star_core import Array, Mask, compiled
 from star_visibility.sight import band_of, covered, nearest_on, sees, within
 from star_visibility.walls import Walls
 
-BEYOND = 1e-7  # m past the outline, so that there is no doubt on which side of it one stands
+BEYOND = 1e-7  # m past the outline, so that the point is unambiguously outside
 
 
 @compiled
 def way_out(walls: Walls, passable: Walls, point: Array, low: Array, high: Array) -> Array:
-    """Return the nearest free point to one that is not: (3,) m; all NaN if there is none.
+    """Return the free point nearest to one that is not free: (3,) m; all NaN if there is none.
 
-    It is beside `point`, above it or below it.
+    It is beside, above or below `point`.
 
     Args:
-        walls: What to come out of.
-        passable: What the way out must not go through.
+        walls: Region to leave.
+        passable: Region that the exit must not cross.
         point: (3,) m.
-        low: (3,) least x, y and z to come out at, m.
+        low: (3,) least x, y and z of the exit, m.
         high: (3,) greatest x, y and z, m.
     """
     x, y = point[0], point[1]
@@ -65,9 +65,9 @@ def _nearest(
     least: float,
     candidate: Array,
 ) -> int:
-    """Return the edge that did not fail and is nearest to a point; -1 if all are beyond `least`, m.
+    """Return the nearest edge that has not failed; -1 if all are beyond `least`, m.
 
-    Where one comes out there is written to x and y of `candidate`.
+    The exit point is written to x and y of `candidate`.
     """
     nearest = -1
     first = walls.first_corner[walls.first_ring[band]]
@@ -81,7 +81,7 @@ def _nearest(
             if distance < least and not failed[k - first]:
                 nearest, least = k - first, distance
                 ux, uy = nx - x, ny - y
-                if distance < BEYOND:  # on the outline: straight across it, to its right
+                if distance < BEYOND:  # on the outline: perpendicular to it, to its right
                     ux, uy = qy - py, px - qx
                 length = math.hypot(ux, uy)
                 candidate[0] = nx + BEYOND * ux / length

@@ -1,4 +1,4 @@
-"""The visibility graph of a world, and the shortest path through it."""
+"""The visibility graph of a world, and shortest paths through it."""
 
 from __future__ import annotations
 
@@ -20,45 +20,45 @@ from star_visibility.sight import sees
 from star_visibility.tangents import corners, graph
 from star_visibility.walls import Block, Walls, apart
 
-DETOUR = 1.2  # times the straight way: for paths longer than this doors are tried, too
-STEEP = 1.02  # times what it was taken for: a path longer than this is searched for anew
-BEGIN = 5000  # what it takes to begin a search, in the measure of `Work`
-STRAIGHT = 1e-9  # m; a point nearer than this to the line between its neighbours is no turn
+DETOUR = 1.2  # times the straight distance: doors are tried too for paths longer than this
+STEEP = 1.02  # times the estimated length: a path longer than this is searched again
+BEGIN = 5000  # cost of starting a search, in the unit of `Work`
+STRAIGHT = 1e-9  # m; a point nearer than this to the line between its neighbours is not a turn
 
 
 @dataclass(slots=True)
 class Work:
-    """What may still be done now; who searches takes from it, and waits when it is used up.
+    """The remaining computation budget; searches draw from it, and pause when it is used up.
 
     Attributes:
-        left: How many boxes around rings, and points, may be looked at.
+        left: Number of boxes around rings, and of points, that may still be examined.
     """
 
     left: int
 
 
 Flat: TypeAlias = tuple[Array, Array, Mask]
-"""(M, 2) points of a line in the plane, m; (M - 1,) a height that each stretch is free at, m; and
-(M,) whether the line turns round a corner there."""
+"""(M, 2) points of a polyline in the plane, m; (M - 1,) a free height of each segment, m; and (M,)
+whether the polyline turns around a corner there."""
 
 Found: TypeAlias = tuple[float, Array, Flat]
-"""Length of a path, m; (K, 3) its points, m; and the line that it is above."""
+"""Length of a path, m; (K, 3) its points, m; and its polyline in the plane."""
 
 
 class Network:
-    """Finds paths between free places.
+    """Finds paths between free positions.
 
-    A path is a line in the plane that turns at corners of what is in the way, and heights along it:
-    the least that clear what the line is over and under, climbing as evenly as that allows.
-    It can change from over to under things in between: where the straight line, or a line between
-    two corners of the path, comes upon something; and if that is no way, or a long one, at doors
-    on all outlines. Of the ways that are tried the shortest is taken.
+    A path is a polyline in the plane that turns at corners of obstacles, and heights along it: the
+    smallest that clear what the polyline passes over and under, climbing as evenly as possible. It
+    can change from passing over to passing under where the straight line, or a line between two
+    corners of the path, meets an obstacle; and if that gives no path, or a long one, at doors on
+    all outlines. The shortest of the paths found is returned.
 
     Args:
-        blocks: What paths stay out of.
-        planned: The same, in bands of heights.
-        height: Lowest and highest z to fly at, m.
-        fence: Paths turn inside of it only.
+        blocks: Regions that paths stay out of.
+        planned: The same, in height bands.
+        height: Lowest and highest flight height z, m.
+        fence: Paths turn only inside it.
     """
 
     def __init__(
@@ -80,13 +80,13 @@ class Network:
         self._warm_up(low.astype(np.float64), high.astype(np.float64))
 
     def path(self, start: Array, end: Array, work: Work) -> Generator[None, None, Array | None]:
-        """Return the (K, 3) points of a path with both its ends, m; None if there is none.
+        """Return the (K, 3) points of a path including both ends, m; None if there is none.
 
-        It yields whenever the work is used up.
+        Yields whenever the work is used up.
         """
         if sees(self._planned, start, end):
             return np.array([start, end])
-        there = tuple(start.tolist()) <= tuple(end.tolist())  # the way back is the same
+        there = tuple(start.tolist()) <= tuple(end.tolist())  # the same path in both directions
         way = yield from self._path(*((start, end) if there else (end, start)), work)
         return way if way is None or there else way[::-1].copy()
 
@@ -108,10 +108,10 @@ class Network:
     def _tried(
         self, base: Places, start: Array, end: Array, more: Array, most: float, work: Work
     ) -> Generator[None, None, Found | None]:
-        """Search for the shortest path, by points of one's own; None if none is below `most`, m.
+        """Search for the shortest path, also by extra points; None if none is below `most`, m.
 
-        If it cannot climb as evenly as the search took for granted, it is searched for anew as if
-        no way could, and the shorter of both is taken.
+        If it cannot climb as evenly as the search assumed, the search is repeated as if no path
+        could, and the shorter of both is returned.
         """
         found: Found | None = None
         for steep in (False, True):
@@ -136,7 +136,7 @@ class Network:
         *,
         steep: bool,
     ) -> Generator[None, None, tuple[Flat, float] | None]:
-        """Search for the shortest line, and return it with what the search takes for its length."""
+        """Search for the shortest polyline, and return it with the length the search assumes."""
         start, end = ends
         known = joined(base, self._places(np.concatenate([[start[:2], end[:2]], more])))
         first, z = len(base.place), min(max(float(end[2]), self._height[0]), self._height[1])
@@ -190,7 +190,7 @@ class Network:
         return places(self._parts, self._span, self._height, place, own)
 
     def _met(self, line: Array) -> Array:
-        """(K, 2) where a line comes upon what it can fly over or under, and leaves it, m."""
+        """(K, 2) points where a line enters or leaves what it can fly over or under, m."""
         found = [np.empty((0, 2))]
         for a, b in pairwise(line):
             length = math.dist(a, b)
@@ -201,7 +201,7 @@ class Network:
         return np.concatenate(found)
 
     def _warm_up(self, low: Array, high: Array) -> None:
-        """Have what is called in flight compiled, or fetched from disk, before anybody flies."""
+        """Compile the kernels used in flight, or load them from the cache, before take-off."""
         sees(self._planned, low, high)
         entered(self._parts, 0, *low[:2], *high[:2]) if len(self._span) else None
         for _ in self._path(low, high, Work(10_000)):
@@ -226,7 +226,7 @@ def _longer(search: Search) -> Search:
 
 
 def _turns(way: Array) -> Array:
-    """Return a path without the points that it passes straight."""
+    """Return a path without the points at which it does not turn."""
     kept: list[Array] = [way[0]]
     for point, following in pairwise(way[1:]):
         along, off = following - kept[-1], point - kept[-1]

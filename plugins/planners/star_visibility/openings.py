@@ -1,4 +1,4 @@
-"""The heights at which a point, or the stretch between two, is free."""
+"""The heights at which a point, or the segment between two points, is free."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ def openings(
     heights: tuple[float, float],
     touches: tuple[int, int],
 ) -> Array:
-    """Return the heights at which the stretch from a to b is free: (K, 2) m.
+    """Return the heights at which the segment from a to b is free: (K, 2) m.
 
-    Each row is a least and a greatest height, from the bottom up. To run along an outline is free,
-    to touch a corner between a and b is not: that way is two stretches. If a is b, it is a point.
+    Each row is a least and a greatest height, in ascending order. Running along an outline is free;
+    touching a corner between a and b is not: such a path is two segments. If a is b, it is a point.
 
     Args:
-        parts: Blocks, in place of bands.
+        parts: Blocks, used as bands.
         span: (G, 2) least and greatest height of each, m.
         a: (2,) m.
         b: (2,) m.
-        heights: Least and greatest to look at, m.
-        touches: Blocks that the stretch touches at a and at b, and does not enter there; -1 for
+        heights: Least and greatest height to consider, m.
+        touches: Blocks that the segment touches at a and at b without entering them there; -1 for
             none.
     """
     low, high = heights
@@ -46,7 +46,7 @@ def openings(
         if meets(parts, part, ax, ay, bx, by) or (
             part not in touches and strictly(parts, part, (ax + bx) / 2, (ay + by) / 2)
         ):
-            place = found  # in the order of their feet
+            place = found  # in ascending order of their lower bounds
             while place > 0 and begin[place - 1] > foot:
                 begin[place], end[place] = begin[place - 1], end[place - 1]
                 place -= 1
@@ -67,15 +67,16 @@ def openings(
 
 @compiled
 def strictly(parts: Walls, part: int, x: float, y: float) -> bool:
-    """Whether a point is inside a block, and not as good as on its outline."""
+    """Whether a point is inside a block, and not on its outline within rounding."""
     return within(parts, part, x, y) and not on_outline(parts, part, x, y)
 
 
 @compiled
 def entered(parts: Walls, part: int, ax: float, ay: float, bx: float, by: float) -> Array:
-    """Return between what distances from a the stretch to b is in a block: (2,) m.
+    """Return the interval of distances from a in which the segment to b is in a block: (2,) m.
 
-    Where it comes out and in again counts as inside; from infinity if it is nowhere inside.
+    Gaps between several crossings count as inside; the interval begins at infinity if there is
+    none.
     """
     length = math.hypot(bx - ax, by - ay)
     answer = np.array([np.inf, np.inf])

@@ -1,4 +1,4 @@
-"""The points that a search goes by, and the heights that are free at each."""
+"""The points used by a search, and the free heights at each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from star_visibility.openings import openings
 from star_visibility.search import Places
 from star_visibility.walls import Walls
 
-LEAST = 1e-9  # m; fewer heights than this are none
+LEAST = 1e-9  # m; a smaller range of heights counts as empty
 
 
 def places(
@@ -20,9 +20,9 @@ def places(
     Args:
         parts: Blocks.
         span: (G, 2) least and greatest height of each, m.
-        height: Lowest and highest z to fly at, m.
+        height: Lowest and highest flight height z, m.
         place: (P, 2) the points, m.
-        block: (P,) block that each is a corner of; -1 for none.
+        block: (P,) block whose corner each point is; -1 for none.
     """
     of, free = columns(parts, span, place, *height)
     come = free.copy()
@@ -36,7 +36,7 @@ def places(
 
 
 def joined(some: Places, others: Places) -> Places:
-    """Return the points of both."""
+    """Return the points of both tables."""
     count = len(some.place)
     return Places(
         np.concatenate([some.place, others.place]),
@@ -49,9 +49,9 @@ def joined(some: Places, others: Places) -> Places:
 
 @compiled
 def columns(parts: Walls, span: Array, place: Array, low: float, high: float) -> tuple[Rows, Array]:
-    """Return the heights that are free at each point: (S,) its row, and (S, 2) from where to where.
+    """Return the free height ranges at each point: (S,) its row, and (S, 2) the ranges.
 
-    They are in the order of the rows and of the heights.
+    They are in ascending order of rows and heights.
     """
     rows, least, greatest = [0 for _ in range(0)], [0.0 for _ in range(0)], [0.0 for _ in range(0)]
     for i in range(len(place)):

@@ -1,4 +1,4 @@
-"""The planner `visibility`: who flies straight, who on a path, and whose turn it is."""
+"""The planner `visibility`: direct flights, flights along paths, and the scheduling of searches."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Homing, Mask, Plan, Rows, Scene, Setpoint
+from star_core import Array, Estimate, Goals, Mask, Plan, PositionController, Rows, Scene, Setpoint
 from star_visibility.carrot import steer
 from star_visibility.network import Work
-from star_visibility.routes import Routes
+from star_visibility.routes import THERE, Routes
 from star_visibility.sight import all_see
 from star_visibility.trips import Trips
 
-TURNING = 0.5  # of the greatest acceleration, for turns and braking: the rest is as for `Homing`
+TURNING = 0.5  # share of the acceleration limit for turns and braking, as `PositionController`
 
-WORK = 80_000  # in one tick, in the measure of `Work`
-SHARE = 4  # of agents between which it is shared at least; if more ask, they take turns
+WORK = 80_000  # budget of one tick, in the unit of `Work`
+SHARE = 4  # least number of agents that share it; if more need paths, they take turns
 
 
 class Job(NamedTuple):
     """A path that is being planned.
 
     Attributes:
-        here: (3,) from where, m.
-        goal: (3,) where to, m.
-        work: What may be done for it now.
-        search: Yields when that is done.
+        here: (3,) start position, m.
+        goal: (3,) goal position, m.
+        work: Budget available to it now.
+        search: Yields when that is used up.
     """
 
     here: Array
@@ -38,28 +38,29 @@ class Job(NamedTuple):
 
 
 class Visibility:
-    """Flies each agent the shortest way to its goal that keeps clear of obstacles.
+    """Flies each agent along the shortest path to its goal that keeps clear of obstacles.
 
-    An agent that sees its goal flies to it as with the planner `straight`. Any other flies a path
-    from the visibility graph, which was built when the planner was made. No more than so many
-    paths, and no more than `WORK`, are planned in one tick: agents take turns, and the search for a
-    path goes on in the ticks to come. It is counted what is looked at, not how long it takes: so
-    flights in lock-step are the same on every machine. Until its path is there an agent keeps the
-    one that it is on if its goal moved a little only and the path is in sight; else it holds.
+    An agent with a line of sight to its goal flies to it as with the planner `straight`. Any other
+    agent flies a path from the visibility graph, which is built when the planner is created. The
+    number of paths and the work (`WORK`) per tick are limited: agents take turns, and the search
+    for a path continues in the next ticks. Work is counted in points examined, not in time, so that
+    simulated flights are the same on every machine. Until its path is found, an agent follows its
+    previous path if its goal moved only a little and the path is in sight; otherwise it hovers.
 
-    A goal that cannot be reached is not flown to: the agent holds, and its row of
-    `Plan.unreachable` is True. So it is with one outside the heights to fly at.
+    A goal that cannot be reached, is nearer to an obstacle than the clearances, or is outside the
+    flight heights is refused: the agent hovers, and its row of `Plan.unreachable` is True. An agent
+    sent to its current position may stay there, however near it is to an obstacle.
 
     Args:
         scene: The mission's scene.
-        clearance: Distance to keep beside obstacles, m.
-        vertical_clearance: Distance to keep above and below obstacles, m.
-        margin: What paths keep beyond the clearances, m.
-        look_ahead: How far ahead on its path an agent steers to, m.
-        replan_distance: A path is planned anew when its goal has moved so far, m.
-        hold_distance: An agent whose goal has moved farther holds until its path is planned, m.
-        queries_per_tick: Paths planned in one tick at most.
-        gain: Speed towards the goal per metre of distance, 1/s.
+        clearance: Horizontal distance to keep to obstacles, m.
+        vertical_clearance: Vertical distance to keep to obstacles, m.
+        margin: Distance kept beyond the clearances, m.
+        look_ahead: Distance along the path to the point an agent steers to, m.
+        replan_distance: A path is replanned when its goal has moved this far, m.
+        hold_distance: An agent whose goal has moved farther hovers until its path is planned, m.
+        queries_per_tick: Greatest number of paths planned in one tick.
+        gain: Speed towards the goal per meter of distance, 1/s.
         yaw_rate_deg: Greatest yaw rate, degrees/s.
     """
 
@@ -79,7 +80,7 @@ class Visibility:
     ) -> None:
         n = len(scene.agents)
         self._height = scene.limits.height
-        self._homing = Homing(scene, gain=gain, yaw_rate_deg=yaw_rate_deg)
+        self._homing = PositionController(scene, gain=gain, yaw_rate_deg=yaw_rate_deg)
         self._routes = Routes(
             scene, clearance=clearance, vertical_clearance=vertical_clearance, margin=margin
         )
@@ -89,12 +90,13 @@ class Visibility:
         self._replan_distance = replan_distance
         self._hold_distance = hold_distance
         self._most = queries_per_tick
-        self._next = 0  # row whose turn it is
+        self._next = 0  # row whose path is planned next
         self._jobs: dict[int, Job] = {}
         self._direct = np.zeros(n, np.bool_)
-        nowhere, nobody = np.zeros((n, 3)), np.zeros(n, np.bool_)
-        self._sees_goal(nowhere, nowhere, nobody)  # compiled, as all else, before anybody flies
-        self._steer(nowhere, nobody)
+        self._goal = np.full((n, 3), np.nan)  # m, of the last tick
+        nowhere, no_row = np.zeros((n, 3)), np.zeros(n, np.bool_)
+        self._sees_goal(nowhere, nowhere, no_row)  # compiles the rest before take-off
+        self._steer(nowhere, no_row)
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         active = goals.active & estimate.valid
@@ -102,6 +104,9 @@ class Visibility:
         aim = np.where(active[:, None], goals.position, 0.0)
         off = active & self._routes.too_high_or_low(here, aim)
         aim[:, 2] = np.where(off, aim[:, 2], np.clip(aim[:, 2], *self._height))
+        changed = active & ~off & (goals.position != self._goal).any(axis=1)
+        self._goal = np.where(goals.active[:, None], goals.position, np.nan)
+        self._allow_staying(here, aim, changed & ~goals.velocity.any(axis=1))
         direct = self._direct = self._sees_goal(here, aim, active & ~off)
         trips, on = self._trips, active & ~direct
         trips.forget(~on)
@@ -112,6 +117,7 @@ class Visibility:
         fresh = (moved <= self._replan_distance) & np.where(
             known, ~lost, _far(here, trips.start) <= self._replan_distance
         )
+        fresh &= ~self._doubtful(aim, on & changed)
         asked = self._ask(here, aim, on & ~fresh)
         again, still_lost = self._steer(here, asked & (trips.count > 0))
         target[asked], lost[asked] = again[asked], still_lost[asked]
@@ -126,10 +132,24 @@ class Visibility:
             reasons=dict(trips.fault),
         )
 
-    def _sees_goal(self, here: Array, aim: Array, active: Mask) -> Mask:
-        """Whether nothing stands between agent and goal: (N,).
+    def _allow_staying(self, here: Array, aim: Array, rows: Mask) -> None:
+        """Accept new goals of agents that are already there, within the clearances."""
+        away = np.sqrt(((aim - here)[:, :2] ** 2).sum(axis=1))
+        for row in np.flatnonzero(rows & (away <= THERE)).tolist():
+            self._routes.allow_staying(here[row], aim[row])
 
-        Paths are planned with the margin; one that flies straight already may use it up.
+    def _doubtful(self, aim: Array, rows: Mask) -> Mask:
+        """Whether goals that moved, however little, may now be refused, or accepted: (N,)."""
+        doubtful = np.zeros(len(rows), np.bool_)
+        for row in np.flatnonzero(rows).tolist():
+            stuck = row in self._trips.fault
+            doubtful[row] = stuck or self._routes.refusal(aim[row]) is not None
+        return doubtful
+
+    def _sees_goal(self, here: Array, aim: Array, active: Mask) -> Mask:
+        """Whether there is a line of sight between agent and goal: (N,).
+
+        Paths are planned with the margin; an agent that already flies straight may use it up.
         """
         sees = all_see(self._routes.planned, here, aim, np.flatnonzero(active))
         rest = np.flatnonzero(active & ~sees & self._direct)
@@ -142,6 +162,7 @@ class Visibility:
             self._routes.planned,
             self._routes.kept,
             self._routes.shunned,
+            self._routes.solid,
             here,
             np.flatnonzero(rows),
             trips.start,
@@ -152,7 +173,7 @@ class Visibility:
         )
 
     def _ask(self, here: Array, aim: Array, wanting: Mask) -> Mask:
-        """Plan the paths of those whose turn it is, and return whose are done: (N,)."""
+        """Plan paths of agents in turn, and return which are done: (N,)."""
         self._jobs = {row: job for row, job in self._jobs.items() if wanting[row]}
         rows: Rows = np.flatnonzero(wanting)
         rows = np.roll(rows, -int(np.searchsorted(rows, self._next)))[: self._most]
@@ -199,6 +220,6 @@ class Visibility:
 
 
 def _far(one: Array, other: Array) -> Array:
-    """(N,) distances, m; infinite from what is not known."""
+    """(N,) distances, m; infinite where a position is not known."""
     distance = np.sqrt(((one - other) ** 2).sum(axis=1))
     return np.where(np.isnan(distance), np.inf, distance)

@@ -1,4 +1,4 @@
-"""The heights of a path that flies over and under things: the shortest line that clears them."""
+"""Heights of a path over and under obstacles: the shortest line that clears them."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from star_core import Array, compiled
 from star_visibility.openings import entered
 from star_visibility.walls import Walls
 
-SAME = 1e-9  # m; points nearer than this are one
+SAME = 1e-9  # m; points nearer than this are equal
 
 
 def profile(parts: Walls, span: Array, flat: Array, leg: Array, ends: tuple[float, float]) -> Array:
-    """Return the points of the shortest path over a line in the plane: (K, 3) m.
+    """Return the points of the shortest path over a polyline in the plane: (K, 3) m.
 
-    It is over what the line crosses higher, and under what it crosses lower than that is: where it
-    need not be, it climbs and descends evenly.
+    It passes above blocks where the polyline's free height is above them, and below the others;
+    elsewhere it climbs and descends evenly.
 
     Args:
         parts: Blocks.
         span: (G, 2) least and greatest height of each, m.
-        flat: (M, 2) the line, m.
-        leg: (M - 1,) height at which each of its stretches is free, m.
+        flat: (M, 2) the polyline, m.
+        leg: (M - 1,) free height of each of its segments, m.
         ends: Heights of the path's ends, m.
     """
     passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(flat, axis=0).T))])
@@ -42,7 +42,7 @@ def profile(parts: Walls, span: Array, flat: Array, leg: Array, ends: tuple[floa
 
 
 def _corridor(over: Array, length: float) -> tuple[Array, Array, Array]:
-    """Return where the least and the greatest height change: (K + 1,) m, and both: (K,) m each."""
+    """Return the positions at which the height limits change: (K + 1,) m, and both: (K,) m each."""
     cuts = np.unique(np.concatenate([[0.0, length], np.clip(over[:, :2].ravel(), 0.0, length)]))
     keep = np.concatenate([[True], np.diff(cuts) > SAME])
     at = cuts[keep]
@@ -58,9 +58,9 @@ def _corridor(over: Array, length: float) -> tuple[Array, Array, Array]:
 def _taut(
     at: Array, low: Array, high: Array, ends: tuple[float, float]
 ) -> list[tuple[float, float]]:
-    """Return the turns of a string that is pulled tight through a corridor, its ends with them.
+    """Return the turns of a string pulled tight through a corridor, including its ends.
 
-    Where the corridor leaves no way on but up or down, the string does that.
+    Where the corridor permits only vertical motion, the string is vertical.
     """
     gates: list[tuple[float, float, float]] = []
     for s, (below, above), (least, most) in zip(
@@ -97,8 +97,8 @@ def _taut(
 def _next_turn(
     gates: list[tuple[float, float, float]], k: int, s: float, z: float
 ) -> tuple[int, tuple[float, float]]:
-    """Return the first gate behind the string's next turn, and that turn."""
-    least, greatest = -math.inf, math.inf  # slopes that go through all gates so far
+    """Return the first gate after the string's next turn, and that turn."""
+    least, greatest = -math.inf, math.inf  # slopes that pass all gates so far
     floor = ceiling = k
     for j in range(k, len(gates)):
         at, low, high = gates[j]
@@ -118,10 +118,10 @@ def _next_turn(
 
 @compiled
 def crossed(parts: Walls, span: Array, flat: Array, leg: Array) -> Array:
-    """Return where a line is over or under something, and within what heights it is free there.
+    """Return where a polyline passes over or under a block, and its free heights there.
 
     Returns:
-        (C, 4) from where and to where along the line, least and greatest height, m.
+        (C, 4) begin and end along the polyline, least and greatest height, m.
     """
     found = np.empty((len(span) * len(leg), 4))
     count, passed = 0, 0.0

@@ -1,43 +1,49 @@
-"""Paths through a world from wherever an agent is to wherever it is sent, or why there is none."""
+"""Paths through a world from an agent's position to its goal, or the reason there is none."""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable
 
 import numpy as np
-import shapely
 
-from star_core import Array, Mask, Scene, footprint
+from star_core import Array, Mask, Scene
 from star_visibility.escape import way_out
 from star_visibility.network import Network, Work
+from star_visibility.refusals import refusal
 from star_visibility.sight import covered, sees
 from star_visibility.walls import blocks, walls
 
-SAME = 1e-9  # m; points nearer than this are one
-THERE = 0.1  # m; an agent nearer than this to its goal is there, and may stay
-GRAZED = 0.02  # m: so much nearer than the clearance an agent may fly before it is led out
+SAME = 1e-9  # m; points nearer than this are equal
+THERE = 0.1  # m; an agent nearer than this to its goal, or horizontally to its start, is there
+GRAZED = 0.02  # m: intrusion into the clearance at which an agent is led out
 
 
 class Routes:
     """Finds paths through the world of a scene.
 
-    A path keeps to the clearances and a margin more, so that an agent that rounds a corner or is a
-    little off its path is still clear. A place that is nearer to an obstacle than that is left, or
-    come to, by the shortest way.
+    A path keeps the clearances plus a margin, so that an agent that rounds a corner or deviates
+    from its path a little is still clear. A position nearer to an obstacle than that is left, or
+    reached, by the shortest segment.
+
+    Goals nearer than the clearances are refused (`star_visibility.refusals`), except for: a
+    tolerance of `GRAZED`, so that no goal that passed the mission's check is refused in flight;
+    positions above a start, where agents take off and return to; and goals that an agent held
+    before, see `allow_staying`.
 
     Args:
         scene: World and limits.
-        clearance: Distance to keep beside obstacles, m.
-        vertical_clearance: Distance to keep above and below obstacles, m.
-        margin: What paths keep beyond both, m.
+        clearance: Horizontal distance to keep to obstacles, m.
+        vertical_clearance: Vertical distance to keep to obstacles, m.
+        margin: Distance kept beyond both, m.
 
     Attributes:
-        planned: What paths stay out of.
-        kept: What agents stay out of: all that is nearer than the clearances.
-        shunned: What they are led out of, a little less: an avoider holds them at the clearance, by
-            a millimetre on this side or on that.
+        planned: Region that paths stay out of.
+        kept: Region that agents stay out of: all points nearer than the clearances.
+        shunned: Region that agents are led out of, slightly smaller: an avoider keeps them at the
+            clearance, give or take a millimeter.
+        solid: The obstacles themselves.
     """
 
     def __init__(
@@ -45,8 +51,9 @@ class Routes:
     ) -> None:
         world = scene.world
         self._world = world
-        self._clearance = clearance
-        self._vertical_clearance = vertical_clearance
+        self._starts = [agent.start for agent in scene.agents]
+        self._clearances = {"clearance": clearance, "vertical_clearance": vertical_clearance}
+        self._held: list[Array] = []  # (3,) goals within the clearances at which agents were, m
         low, high = scene.limits.height
         height = (max(low, world.fence.low[2]), min(high, world.fence.high[2]))
         self._height_fault = scene.height_fault
@@ -57,23 +64,50 @@ class Routes:
         self.kept = walls(blocks(world, height, clearance, vertical_clearance), height)
         grazed = (max(one - GRAZED, 0.0) for one in (clearance, vertical_clearance))
         self.shunned = walls(blocks(world, height, *grazed), height)
-        self._solid = walls(blocks(world, height, 0.0, 0.0), height)
+        self.solid = walls(blocks(world, height, 0.0, 0.0), height)
         self._network = Network(avoided, self.planned, height, world.fence)
-        covered(self.planned, *self._low)  # compiled before anybody flies
+        covered(self.planned, *self._low)  # compiles it before take-off
         way_out(self.planned, self.kept, self._low, self._low, self._high)
 
-    def route(self, here: Array, goal: Array) -> Array | str:
-        """Return the points of a path from one place to another, or say why there is none.
+    def allow_staying(self, here: Array, goal: Array) -> None:
+        """Accept a goal within the clearances from now on if an agent is already there.
 
-        An agent within the clearance of an obstacle is led out, unless it is there already and is
-        to stay. No place inside an obstacle can be left, and none within the clearance be come to.
+        An agent gets there without the planner: it starts or lands there, others push it there, or
+        its estimate drifts. If it is sent to its current position, or straight up from the ground,
+        it can hover there, and return if it is pushed away.
 
         Args:
-            here: (3,) where the agent is, m.
-            goal: (3,) where it is to be, m.
+            here: (3,) position of the agent when it receives the goal, m.
+            goal: (3,) m.
+        """
+        if not covered(self.kept, *goal) or not sees(self.solid, here, goal):
+            return
+        on_the_ground = here[2] < self._low[2] and math.dist(here[:2], goal[:2]) <= THERE
+        stays = math.dist(here, goal) <= THERE and covered(self.kept, *here)
+        if (on_the_ground or stays) and not self._is_held(goal):
+            self._held.append(goal.copy())
+
+    def refusal(self, goal: Array) -> str | None:
+        """Return why a goal, (3,) m, is refused, as in `refusal`; None if it is accepted."""
+        if not covered(self.kept, *goal):
+            return None
+        granted = self._is_held(goal) or self._is_above_a_start(goal)
+        if granted and not covered(self.solid, *goal):
+            return None
+        return refusal(self._world, _point(goal), **self._clearances, tolerance=GRAZED)
+
+    def route(self, here: Array, goal: Array) -> Array | str:
+        """Return the points of a path between two positions, or the reason there is none.
+
+        An agent within the clearance of an obstacle is led out, unless it is at its goal or on the
+        last segment to it. Positions inside an obstacle can be neither left nor reached.
+
+        Args:
+            here: (3,) position of the agent, m.
+            goal: (3,) goal position, m.
 
         Returns:
-            (K, 3) points after `here` up to and with `goal`, m; or the reason in words.
+            (K, 3) points after `here` up to and including `goal`, m; or the reason.
         """
         search = self.search(here, goal, Work(sys.maxsize))
         while True:
@@ -84,78 +118,74 @@ class Routes:
                 return found
 
     def search(self, here: Array, goal: Array, work: Work) -> Generator[None, None, Array | str]:
-        """Do as `route` does, but yield whenever the work is used up."""
-        if math.dist(here, goal) <= THERE and self._may_stay(here, goal):
+        """As `route`, but yield whenever the work is used up."""
+        if fault := self._fault(here, goal):
+            return fault
+        end = self._free(goal)
+        if self._flies_in(here, goal, end):
             return goal[None]
-        if self.too_high_or_low(here[None], goal[None])[0]:
-            return f"nobody flies to {_show(goal)}: {self._height_fault(float(goal[2]))}"
-        start = self._left(here)
-        if isinstance(start, str):
-            return start
-        end = self._come_to(goal)
-        if isinstance(end, str):
-            return end
+        start = self._free(here)
+        for leads, free in ((f"out from {_show(here)}", start), (f"to {_show(goal)}", end)):
+            if not np.isfinite(free).all():
+                return f"no path leads {leads}, too near to obstacles all around"
         way = yield from self._network.path(start, end, work)
         if way is None:
-            return f"no way leads from {_show(here)} to {_show(goal)}"
+            return f"no path leads from {_show(here)} to {_show(goal)}"
         return _joined([here, *way, goal])
 
     def too_high_or_low(self, here: Array, goal: Array) -> Mask:
-        """Return whether goals, (N, 3) m, are outside the heights to fly at: (N,).
+        """Return whether goals, (N, 3) m, are outside the flight heights: (N,).
 
-        An agent that is at its goal may stay: the core brings it back to the heights.
+        An agent that is at its goal may stay: the core returns it to the flight heights.
         """
         out = (goal[:, 2] < self._low[2] - SAME) | (goal[:, 2] > self._high[2] + SAME)
         answer: Mask = out & (((goal - here) ** 2).sum(axis=1) > THERE**2)
         return answer
 
-    def _may_stay(self, here: Array, goal: Array) -> bool:
-        """Whether an agent at its goal is within the clearance of an obstacle, but in none."""
-        near = covered(self.kept, *here) and not covered(self._solid, *here)
-        return near and sees(self._solid, here, goal)
+    def _fault(self, here: Array, goal: Array) -> str | None:
+        """Return why no path can be searched; None if one can."""
+        if self.too_high_or_low(here[None], goal[None])[0]:
+            return f"cannot fly to {_show(goal)}: {self._height_fault(float(goal[2]))}"
+        if reason := self.refusal(goal):
+            return f"{_show(goal)} {reason}"
+        if covered(self.solid, *here):
+            nearest = min(self._world.obstacles, key=lambda obstacle: obstacle.gaps(_point(here)))
+            return f"{_show(here)} is inside obstacle {nearest.name!r}"
+        return None
 
-    def _left(self, here: Array) -> Array | str:
-        """Where paths from `here` begin, or why none do."""
-        if not covered(self.planned, *here):
-            return here
-        if covered(self._solid, *here):
-            return f"{_show(here)} is {self._place(here)}"
-        passable = self._solid if covered(self.kept, *here) else self.kept
-        out = way_out(self.planned, passable, here, self._low, self._high)
-        if not np.isfinite(out).all():
-            return f"no way leads out from {_show(here)}, {self._place(here)}"
-        return out
+    def _is_held(self, goal: Array) -> bool:
+        return any(math.dist(held, goal) <= THERE for held in self._held)
 
-    def _come_to(self, goal: Array) -> Array | str:
-        """Where paths to `goal` end, or why none do."""
-        if not covered(self.planned, *goal):
-            return goal
-        if covered(self.kept, *goal):
-            return f"{_show(goal)} is {self._place(goal)}"
-        out = way_out(self.planned, self.kept, goal, self._low, self._high)
-        if not np.isfinite(out).all():
-            return f"no way leads to {_show(goal)}, too near to obstacles all around"
-        return out
-
-    def _place(self, point: Array) -> str:
-        x, y, z = point.tolist()
-        for obstacle in self._world.obstacles:
-            if obstacle.contains((x, y, z)):
-                return f"inside obstacle {obstacle.name!r}"
-        beside, _, name = min(self._gaps(x, y, z))
-        which, kept = (
-            ("", self._clearance) if beside > 0 else ("vertical ", self._vertical_clearance)
+    def _is_above_a_start(self, goal: Array) -> bool:
+        """Whether agents that take off straight up climb to a goal, or close to it."""
+        return any(
+            math.dist(start[:2], goal[:2]) <= THERE
+            and self._world.overhead(start, float(goal[2])) is None
+            for start in self._starts
         )
-        return f"within the {which}clearance of {kept:g} m of obstacle {name!r}"
 
-    def _gaps(self, x: float, y: float, z: float) -> Iterator[tuple[float, float, str]]:
-        """How far a point is beside and above or below obstacles that are near in height, m."""
-        for obstacle in self._world.obstacles:
-            foot, top = obstacle.height
-            above = max(foot - z, z - top, 0.0)
-            if above <= self._vertical_clearance:
-                ground = footprint([obstacle], -math.inf, math.inf)
-                yield float(ground.distance(shapely.Point(x, y))), above, obstacle.name
+    def _flies_in(self, here: Array, goal: Array, end: Array) -> bool:
+        """Whether an agent flies straight to a goal that paths reach via `end`, (3,) m.
+
+        It does if nothing is in between and it is at the goal, or as near to it as `end` is; also
+        along an obstacle to which it and the goal are only a little too near.
+        """
+        near = covered(self.kept, *goal)
+        if not sees(self.solid if near else self.kept, here, goal):
+            return False
+        away, reach = math.dist(here, goal), math.dist(end, goal)
+        if away <= THERE or away <= reach:
+            return True
+        if near:
+            return covered(self.planned, *here) and sees(self.shunned, here, goal)
+        return math.isnan(reach)  # enclosed, where only the margin is missing
+
+    def _free(self, point: Array) -> Array:
+        """Return the nearest position that paths can use, (3,) m; NaN if there is none."""
+        if not covered(self.planned, *point):
+            return point
+        passable = self.solid if covered(self.kept, *point) else self.kept
+        return way_out(self.planned, passable, point, self._low, self._high)
 
 
 def _joined(points: Iterable[Array]) -> Array:
@@ -166,6 +196,11 @@ def _joined(points: Iterable[Array]) -> Array:
         if math.dist(way[-1], point) > SAME:
             way.append(point)
     return np.array(way[1:] or others[-1:])
+
+
+def _point(position: Array) -> tuple[float, float, float]:
+    x, y, z = position.tolist()
+    return x, y, z
 
 
 def _show(point: Array) -> str:

@@ -1,4 +1,4 @@
-"""The shortest way through a visibility graph, searched in portions."""
+"""Shortest paths through a visibility graph, searched in portions."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from star_visibility.tangents import Corners, Graph, passes
 from star_visibility.walls import Walls
 
 MORE, FOUND, NONE, FULL = 0, 1, 2, 3
-"""How far a search is: not through, through, through without a way, in need of a longer queue."""
+"""Status of a search: incomplete, path found, no path exists, queue too short."""
 
-SHORTER = 1e-12  # m; less than this is no gain
-SAME = 1e-9  # m; heights that differ by less are the same
+SHORTER = 1e-12  # m; a smaller improvement is ignored
+SAME = 1e-9  # m; heights that differ by less are equal
 
 
 class Places(NamedTuple):
-    """Points that paths turn or change their height at.
+    """Points at which paths turn or change their height.
 
-    At each point one or more heights are free; each is a state of its own. A search keeps to one.
+    Each point has one or more ranges of free heights; each range is a separate state.
 
     Attributes:
         place: (P, 2) the corners of a `Corners`, then other points, m.
         first: (P + 1,) first state of each point, and one past the last.
-        open: (S, 2) least and greatest height that can be come to there without moving aside, m.
-        come: (S, 2) least and greatest height to come there at, m: at those of its own block.
+        open: (S, 2) least and greatest height reachable there without horizontal motion, m.
+        come: (S, 2) least and greatest height at which to arrive, m: those of the point's block.
         of: (S,) the point.
     """
 
@@ -38,10 +38,10 @@ class Places(NamedTuple):
 
 
 class Net(NamedTuple):
-    """What stands in a world, and the stretches between its corners.
+    """The blocks of a world, and the segments between their corners.
 
     Attributes:
-        parts: Blocks, in place of bands.
+        parts: Blocks, used as bands.
         span: (G, 2) least and greatest height of each, m.
         corner: Their corners.
         graph: The tangents between those.
@@ -54,16 +54,16 @@ class Net(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """Where a search is to come to.
+    """The goal of a search.
 
     Attributes:
-        point: The row of it in `Places`.
+        point: Its row in `Places`.
         x: m.
         y: m.
         z: m.
-        most: Ways that are not shorter than this are left out, m.
-        steep: Whether a way climbs where it is, and no sooner; else it climbs evenly, as if it
-            could. The one takes ways for too long, the other for too short.
+        most: Paths that are not shorter than this are ignored, m.
+        steep: Whether a path climbs only where it is; otherwise it climbs evenly, as if it could.
+            The first overestimates lengths, the second underestimates them.
     """
 
     point: int
@@ -75,20 +75,20 @@ class Goal(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What is known in a search; written by it.
+    """State of a search; updated by it.
 
     Attributes:
-        flat: (S,) shortest way to each state, in the plane, m; with its climbs if `Goal.steep`.
-        climb: (S,) how much it goes up and down, m.
-        z: (S,) height at which it comes there, m.
-        total: (S,) least length by way of it, m.
-        came: (S,) state it comes from; -1 for none.
+        flat: (S,) shortest path to each state, in the plane, m; with its climbs if `Goal.steep`.
+        climb: (S,) total of its climbs and descents, m.
+        z: (S,) height at which it arrives there, m.
+        total: (S,) lower bound of the length via it, m.
+        came: (S,) previous state; -1 for none.
         done: (S,) whether that is final.
-        key: (Q,) queue: least lengths, a heap.
-        who: (Q,) state to go on from.
-        to: (Q,) point to go to; -1 for a state that was come to.
-        by: (Q,) stretch of the graph that leads there; -1 for one that is not looked at yet.
-        size: (2,) entries in the queue, and how many more one step may need.
+        key: (Q,) queue: lower bounds of lengths, a heap.
+        who: (Q,) state to continue from.
+        to: (Q,) point to continue to; -1 for a state that was reached.
+        by: (Q,) segment of the graph that leads there; -1 for one that is not examined yet.
+        size: (2,) entries in the queue, and the number of entries one step may add.
     """
 
     flat: Array
@@ -108,18 +108,18 @@ class Search(NamedTuple):
 def advance(
     net: Net, places: Places, search: Search, goal: Goal, left: int
 ) -> tuple[int, int, int]:
-    """Search on, and return how far it is, the goal's state if it was found, and what is left.
+    """Continue a search; return its status, the goal's state if found, and the remaining work.
 
-    This is A* (Hart, Nilsson and Raphael, IEEE SSC 4(2), 1968). A way that is h long in the plane
-    and climbs by v in all is at least hypot(h, v) long, and as long if its slope is even; so is
-    what is left to the goal. A stretch is looked at when no shorter one is left to look at.
+    This is A* (Hart, Nilsson and Raphael, IEEE SSC 4(2), 1968). A path that is h long in the plane
+    and climbs by v in all is at least hypot(h, v) long, and exactly so if its slope is even; the
+    same holds for the rest to the goal. A segment is examined when no shorter one remains.
 
     Args:
         net: Blocks, corners and tangents.
         places: Corners and other points.
-        search: What is known; written.
-        goal: Where to.
-        left: Work allowed: how many boxes around rings, and points, may be looked at.
+        search: State; updated.
+        goal: Goal.
+        left: Work allowed: number of boxes around rings, and of points, that may be examined.
     """
     while left > 0:
         if search.size[0] == 0:
@@ -145,10 +145,10 @@ def advance(
 
 @compiled
 def _go_on(net: Net, places: Places, search: Search, goal: Goal, i: int) -> int:
-    """Queue what leads on from a state, and return how many points were looked at.
+    """Queue the segments that leave a state, and return how many points were examined.
 
-    From corner to corner lead the tangents of the graph; to and from any other point, whatever
-    leaves a corner on one side.
+    Corners are connected by the tangents of the graph; other points by all segments that leave a
+    corner on one side.
     """
     corner, n, p = net.corner, len(net.corner.place), places.of[i]
     at = places.place[p]
@@ -170,7 +170,7 @@ def _go_on(net: Net, places: Places, search: Search, goal: Goal, i: int) -> int:
 
 @compiled
 def _look(net: Net, places: Places, search: Search, goal: Goal, i: int, to: int) -> int:
-    """Look at the stretch from a state to a point; return how many boxes that took at most."""
+    """Examine the segment from a state to a point; return an upper bound of its work."""
     p, n = places.of[i], len(net.corner.place)
     touches = (
         net.corner.block[p] if p < n else -1,
@@ -185,7 +185,7 @@ def _look(net: Net, places: Places, search: Search, goal: Goal, i: int, to: int)
 
 @compiled
 def _offer(places: Places, search: Search, goal: Goal, i: int, to: int, by: int) -> None:
-    """Put a stretch from a state to a point into the queue, if it may lead to a shorter way."""
+    """Queue the segment from a state to a point if it may lead to a shorter path."""
     a, b = places.place[places.of[i]], places.place[to]
     flat = search.flat[i] + math.hypot(b[0] - a[0], b[1] - a[1])
     ahead = flat - search.flat[i] + math.hypot(goal.x - b[0], goal.y - b[1])
@@ -199,7 +199,7 @@ def _offer(places: Places, search: Search, goal: Goal, i: int, to: int, by: int)
 
 @compiled
 def _beaten(places: Places, search: Search, to: int, key: float) -> bool:
-    """Whether no state of a point has a longer way than this, m."""
+    """Whether no state of a point has a path longer than this, m."""
     for j in range(places.first[to], places.first[to + 1]):
         if not search.done[j] and search.total[j] > key + SHORTER:
             return False
@@ -210,7 +210,7 @@ def _beaten(places: Places, search: Search, to: int, key: float) -> bool:
 def _come(
     places: Places, search: Search, goal: Goal, ends: tuple[int, int], heights: Array
 ) -> None:
-    """Take note of the stretch from a state to a point, which is free at some heights."""
+    """Record the segment from a state to a point, which is free at some heights."""
     i, to = ends
     a, b = places.place[places.of[i]], places.place[to]
     away = math.hypot(b[0] - a[0], b[1] - a[1])
@@ -239,7 +239,7 @@ def _come(
 
 @compiled
 def _ends(places: Places, goal: Goal, j: int) -> bool:
-    """Whether a state is not at the goal's point, or the one from which the goal is come to."""
+    """Whether a state is not at the goal's point, or is the one that reaches the goal."""
     return places.of[j] != goal.point or bool(
         places.open[j, 0] - SAME <= goal.z <= places.open[j, 1] + SAME
     )
@@ -260,7 +260,7 @@ def _push(search: Search, key: float, who: int, to: int, by: int) -> None:
 
 @compiled
 def _pop(search: Search) -> tuple[float, int, int, int]:
-    """Take the entry with the least length out of the queue."""
+    """Remove the entry with the smallest bound from the queue."""
     top = search.key[0], search.who[0], search.to[0], search.by[0]
     search.size[0] -= 1
     last, k = search.size[0], 0

@@ -1,4 +1,4 @@
-"""Whether walls stand between two points, or around one."""
+"""Line of sight between two points, and whether a point is inside walls."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from star_core import Array, Mask, Rows, compiled
 from star_visibility.walls import Walls
 
 TOUCH = 1e-10  # m; nearer than this is on the line
-LEVEL = 1e-9  # m; heights that differ by less are the same
+LEVEL = 1e-9  # m; heights that differ by less are equal
 
 
 @compiled
 def meets(walls: Walls, band: int, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether the stretch from a to b, its ends left out, meets an outline of a band.
+    """Whether the segment from a to b, excluding its ends, meets an outline of a band.
 
-    Touching counts: the way past a corner is two stretches that end there.
+    Touching counts: a path past a corner is two segments that end there.
     """
     return meeting(walls, band, ax, ay, bx, by, True) < math.inf  # noqa: FBT003
 
@@ -32,9 +32,9 @@ def meeting(
     by: float,
     anywhere: bool,  # noqa: FBT001
 ) -> float:
-    """Return how far from a the stretch to b first meets an outline, m; infinity if it does not.
+    """Return the distance from a at which the segment to b first meets an outline, m; or infinity.
 
-    With `anywhere` it is the first meeting found, wherever it is.
+    With `anywhere` it is any meeting, not the first.
     """
     nearest: float = math.inf
     length = math.hypot(bx - ax, by - ay)
@@ -61,7 +61,7 @@ def meeting(
             if abs(beside) <= TOUCH:
                 at = along
             elif abs(before) <= TOUCH or (before > 0) == (beside > 0):
-                continue  # a corner on the line was looked at where its edge ended
+                continue  # a corner on the line was handled where its edge ended
             else:
                 at = passed + (along - passed) * before / (before - beside)
             if TOUCH < at < min(length - TOUCH, nearest):
@@ -73,7 +73,7 @@ def meeting(
 
 @compiled
 def within(walls: Walls, band: int, x: float, y: float) -> bool:
-    """Whether a point is inside what is forbidden in a band; on its outline it may be either."""
+    """Whether a point is inside the forbidden region of a band; on its outline it may be either."""
     odd = False
     for ring in range(walls.first_ring[band], walls.first_ring[band + 1]):
         box = walls.box[ring]
@@ -92,7 +92,7 @@ def within(walls: Walls, band: int, x: float, y: float) -> bool:
 
 @compiled
 def on_outline(walls: Walls, band: int, x: float, y: float) -> bool:
-    """Whether a point is as good as on an outline of a band."""
+    """Whether a point is on an outline of a band, within rounding."""
     near = 10 * TOUCH
     for ring in range(walls.first_ring[band], walls.first_ring[band + 1]):
         box = walls.box[ring]
@@ -114,7 +114,7 @@ def on_outline(walls: Walls, band: int, x: float, y: float) -> bool:
 def nearest_on(
     px: float, py: float, qx: float, qy: float, x: float, y: float
 ) -> tuple[float, float]:
-    """Return the point of the stretch from p to q that is nearest to x, y."""
+    """Return the point of the segment from p to q that is nearest to x, y."""
     ux, uy = qx - px, qy - py
     share = ((x - px) * ux + (y - py) * uy) / max(ux * ux + uy * uy, 1e-300)
     share = min(max(share, 0.0), 1.0)
@@ -123,7 +123,7 @@ def nearest_on(
 
 @compiled
 def band_of(walls: Walls, z: float) -> int:
-    """Return the band that a height is in; on a level it is the one above."""
+    """Return the band that contains a height; on a level it is the one above."""
     band = 0
     while band + 2 < len(walls.level) and z >= walls.level[band + 1]:
         band += 1
@@ -132,7 +132,7 @@ def band_of(walls: Walls, z: float) -> int:
 
 @compiled
 def covered(walls: Walls, x: float, y: float, z: float) -> bool:
-    """Whether a point is inside what is forbidden, or as good as on its outline.
+    """Whether a point is inside a forbidden region, or on its outline within rounding.
 
     On a level it is free if it is free in one of the two bands that meet there.
     """
@@ -148,7 +148,7 @@ def covered(walls: Walls, x: float, y: float, z: float) -> bool:
 
 @compiled
 def open_in(walls: Walls, band: int, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether nothing of a band is on the stretch from a to b."""
+    """Whether no block of a band is on the segment from a to b."""
     if within(walls, band, (ax + bx) / 2, (ay + by) / 2):
         return False
     return not meets(walls, band, ax, ay, bx, by)
@@ -156,7 +156,7 @@ def open_in(walls: Walls, band: int, ax: float, ay: float, bx: float, by: float)
 
 @compiled
 def sees(walls: Walls, a: Array, b: Array) -> bool:
-    """Whether the stretch from `a` to `b`, (3,) m each, is free in every band it goes through."""
+    """Whether the segment from `a` to `b`, (3,) m each, is free in every band it crosses."""
     bottom, top = walls.level[0], walls.level[-1]
     za, zb = min(max(a[2], bottom), top), min(max(b[2], bottom), top)
     if abs(zb - za) <= LEVEL:
@@ -187,7 +187,7 @@ def sees(walls: Walls, a: Array, b: Array) -> bool:
 
 @compiled
 def all_see(walls: Walls, a: Array, b: Array, rows: Rows) -> Mask:
-    """Return for some rows whether the stretch from `a` to `b`, (N, 3) m each, is free: (N,)."""
+    """Return for some rows whether the segment from `a` to `b`, (N, 3) m each, is free: (N,)."""
     answer = np.zeros(len(a), np.bool_)
     for i in rows:
         answer[i] = sees(walls, a[i], b[i])

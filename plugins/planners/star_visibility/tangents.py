@@ -1,4 +1,4 @@
-"""The visibility graph of blocks: their corners, and the tangents between those."""
+"""The visibility graph of blocks: their corners, and the tangents between them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from star_visibility.walls import Walls
 
 
 class Corners(NamedTuple):
-    """Corners that a shortest path can turn at.
+    """Corners at which a shortest path can turn.
 
     Attributes:
         place: (C, 2) m.
-        before: (C, 2) corner before it on its outline, m.
-        after: (C, 2) corner after it, m.
-        block: (C,) block that it is of.
+        before: (C, 2) previous corner on its outline, m.
+        after: (C, 2) next corner, m.
+        block: (C,) block that it belongs to.
     """
 
     place: Array
@@ -30,11 +30,11 @@ class Corners(NamedTuple):
 
 
 class Graph(NamedTuple):
-    """Stretches between corners; one that is free at several heights apart is several.
+    """Segments between corners; one that is free in several height ranges is stored several times.
 
     Attributes:
-        first: (C + 1,) first stretch of each corner, and one past the last.
-        to: (S,) corner that a stretch leads to.
+        first: (C + 1,) first segment of each corner, and one past the last.
+        to: (S,) corner that a segment leads to.
         open: (S, 2) least and greatest height at which it is free, m.
     """
 
@@ -44,10 +44,10 @@ class Graph(NamedTuple):
 
 
 def corners(parts: Walls, fence: Fence) -> Corners:
-    """Return the corners of all blocks that paths turn at.
+    """Return the corners of all blocks at which paths turn.
 
-    A shortest path among polygons turns where they are convex only (Lozano-Pérez and Wesley, CACM
-    22(10), 1979): other corners are left out. So are those outside the fence, which is convex.
+    A shortest path among polygons turns only where they are convex (Lozano-Pérez and Wesley, CACM
+    22(10), 1979): other corners are omitted. So are those outside the fence, which is convex.
     """
     found = [(np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64))]
     for part in range(len(parts.first_ring) - 1):
@@ -67,8 +67,8 @@ def corners(parts: Walls, fence: Fence) -> Corners:
 def graph(parts: Walls, span: Array, corner: Corners) -> Graph:
     """Return the reduced visibility graph of blocks.
 
-    A shortest path touches a block at a corner without cutting in, and does so only at heights at
-    which the block is there: other stretches are left out.
+    A shortest path touches a block at a corner without cutting it, and only at heights at which the
+    block is there: other segments are omitted.
 
     Args:
         parts: The blocks.

@@ -1,4 +1,4 @@
-"""The paths that agents are on, as tables with a row for each agent."""
+"""The current paths of the agents, as tables with one row per agent."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from star_core import Array, Mask, Paths, Rows
 
-SHARP = 1e-6  # rad; less than this is no turn
+SHARP = 1e-6  # rad; a smaller angle is not a turn
 
 
 class Trips:
@@ -17,16 +17,16 @@ class Trips:
     Args:
         n: Number of agents.
         look_ahead: Length over which a corner is rounded, m.
-        acceleration: What a turn may take, m/s².
+        acceleration: Greatest acceleration in turns, m/s².
 
     Attributes:
-        path: (N, M, 3) points of each path after where it was planned from, m.
-        count: (N,) how many they are; 0 for none.
-        leg: (N,) the one that the agent flies to.
-        rest: (N, M) what is left of the path beyond each, m.
-        pace: (N, M) greatest speed there, m/s.
-        start: (N, 3) where the agent was when its path was last asked for, m; NaN if never.
-        goal: (N, 3) the goal it was asked for, m; NaN if never.
+        path: (N, M, 3) points of each path, without its start, m.
+        count: (N,) their numbers; 0 for none.
+        leg: (N,) index of the point that the agent flies to.
+        rest: (N, M) remaining length of the path beyond each point, m.
+        pace: (N, M) speed limit there, m/s.
+        start: (N, 3) position of the agent when its path was last requested, m; NaN if never.
+        goal: (N, 3) goal for which it was requested, m; NaN if never.
         fault: Why there is no path, by row.
     """
 
@@ -43,14 +43,14 @@ class Trips:
         self.fault: dict[int, str] = {}
 
     def forget(self, rows: Mask) -> None:
-        """Drop what is known of some agents."""
+        """Clear the paths of some agents."""
         self.count[rows] = 0
         self.start[rows] = self.goal[rows] = np.nan
         for row in [row for row in self.fault if rows[row]]:
             del self.fault[row]
 
     def put(self, row: int, here: Array, goal: Array, found: Array | str) -> None:
-        """Keep what was found for an agent: (K, 3) points, m, or why there is no path."""
+        """Store the result of a search for an agent: (K, 3) points, m, or why there is no path."""
         self.start[row], self.goal[row] = here, goal
         self.leg[row] = self.count[row] = 0
         self.fault.pop(row, None)
@@ -70,14 +70,14 @@ class Trips:
         self.pace[row, :k] = self._paces(stretch, length)
 
     def aim(self, rows: Mask, goal: Array) -> None:
-        """Let the paths of some agents end at `goal` (N, 3), m, which is near where they ended."""
+        """Move the ends of some paths to `goal` (N, 3), m, which is close to them."""
         self.path[rows, self.count[rows] - 1] = goal[rows]
 
     def left(self, here: Array) -> tuple[Array, Array]:
-        """Return (N,) what is left of each path, m, and (N,) the speed that it allows, m/s.
+        """Return (N,) the remaining length of each path, m, and (N,) its speed limit, m/s.
 
-        The speed is such that the agent, braking as it does at a goal, is slow enough at the
-        corner that comes next.
+        The speed limit is such that the agent, braking as it does at a goal, is slow enough at the
+        next corner.
         """
         every = np.arange(len(here))
         corner = self.path[every, self.leg]
@@ -86,7 +86,7 @@ class Trips:
         return away + self.rest[every, self.leg], np.sqrt(pace**2 + 2 * self._acceleration * away)
 
     def paths(self, here: Array, direct: Mask, goal: Array, on: Mask) -> Paths:
-        """Return what is left to fly: straight to the goal if `direct`, of the path if `on`."""
+        """Return the remaining paths: straight to the goal if `direct`, the path if `on`."""
         n, m = self.count.shape[0], self.path.shape[1]
         point = np.concatenate([here[:, None], self.path], axis=1)
         place = np.arange(1, m + 1)
@@ -97,10 +97,10 @@ class Trips:
         return Paths(agent=np.nonzero(shown)[0], point=point[shown])
 
     def _paces(self, stretch: Array, length: Array) -> Array:
-        """(K,) greatest speed at each point.
+        """(K,) speed limit at each point.
 
         A path that turns by an angle within `look_ahead` is rounded to an arc of that length, which
-        takes the acceleration v² angle / length. What is slow later is braked for in time.
+        requires the acceleration v² angle / length. The agent brakes in time for slower points.
         """
         k = len(length)
         along = stretch / np.maximum(length, SHARP)[:, None]

@@ -1,4 +1,4 @@
-"""Where no agent may be, as arrays that kernels read: in bands of heights, and by what is there."""
+"""Forbidden regions as arrays for kernels: in height bands, and by block."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from scipy.sparse.csgraph import connected_components
 
 from star_core import Array, Obstacle, Rows, World, footprint
 
-THIN = 1e-9  # m, less than this between two heights is no band
+THIN = 1e-9  # m: a smaller height difference is not a band
 
 
 class Walls(NamedTuple):
-    """The outlines of what is forbidden, one set for each band of heights between two levels.
+    """Outlines of the forbidden regions, one set per band of heights between two levels.
 
-    In one band the same obstacles are in the way at all heights. Below the lowest and above the
-    highest level the nearest band goes on.
+    The forbidden region is the same at all heights of a band. Below the lowest and above the
+    highest level the nearest band applies.
 
     Attributes:
-        level: (B + 1,) heights between which the bands lie, ascending, m.
+        level: (B + 1,) heights that separate the bands, ascending, m.
         first_ring: (B + 1,) first ring of each band, and one past the last.
         box: (R, 4) least x and y, greatest x and y of each ring, m.
         first_corner: (R + 1,) first corner of each ring, and one past the last.
-        corner: (C, 2) corners of the rings, m. What is forbidden lies to the left of the way from
-            one to the next.
+        corner: (C, 2) corners of the rings, m. The forbidden region lies to the left of the
+            direction from one to the next.
     """
 
     level: Array
@@ -39,13 +39,13 @@ class Walls(NamedTuple):
 
 
 class Block(NamedTuple):
-    """What is forbidden between two heights; all that is so between the same two is one.
+    """A region that is forbidden between two heights; regions with equal heights are merged.
 
     Attributes:
-        low: Where it begins, m.
-        high: Where it ends, m.
-        ground: Where it is in the x-y plane, in pieces that do not touch.
-        rings: Those of each piece, (K, 2) m, as in `Walls`.
+        low: Lower bound, m.
+        high: Upper bound, m.
+        ground: Its area in the x-y plane, in pieces that do not touch.
+        rings: Rings of each piece, (K, 2) m, as in `Walls`.
     """
 
     low: float
@@ -57,13 +57,13 @@ class Block(NamedTuple):
 def blocks(
     world: World, height: tuple[float, float], clearance: float, vertical_clearance: float
 ) -> list[Block]:
-    """Return where no agent may be that keeps a clearance to the obstacles of a world.
+    """Return the regions in which an agent would be nearer to an obstacle than its clearances.
 
     Args:
-        world: For its obstacles.
-        height: Lowest and highest z to look at, m.
-        clearance: Distance to keep beside an obstacle, m.
-        vertical_clearance: Distance to keep below and above an obstacle, m.
+        world: World with the obstacles.
+        height: Lowest and highest z to consider, m.
+        clearance: Horizontal distance to keep to an obstacle, m.
+        vertical_clearance: Vertical distance to keep to an obstacle, m.
     """
     low, high = height
     alike: dict[tuple[float, float], list[Obstacle]] = {}
@@ -80,10 +80,10 @@ def blocks(
 
 
 def walls(parts: list[Block], height: tuple[float, float]) -> Walls:
-    """Return what is forbidden in bands; blocks that overlap in one are one outline there.
+    """Return forbidden regions in bands; blocks that overlap in a band are merged there.
 
     Args:
-        parts: What is forbidden.
+        parts: Forbidden regions.
         height: Lowest and highest z, m.
     """
     level = _levels(parts, height)
@@ -111,7 +111,7 @@ def apart(parts: Iterable[Block]) -> Walls:
 
 
 def _crowds(ground: list[shapely.Polygon]) -> Iterator[list[int]]:
-    """Yield which polygons touch, over others or not: the rows of each such crowd."""
+    """Yield groups of polygons that touch, directly or through others: the rows of each group."""
     if not ground:
         return
     one, other = shapely.STRtree(ground).query(ground, predicate="intersects")
@@ -136,7 +136,7 @@ def _tables(level: Array, bands: Iterable[list[Array]]) -> Walls:
 
 
 def _rings(ground: shapely.Geometry) -> list[Array]:
-    """The rings of all polygons in something flat."""
+    """The rings of all polygons of a planar geometry."""
     return [
         _ring(line, turn)
         for part in shapely.get_parts(ground)
@@ -156,7 +156,7 @@ def _levels(parts: Iterable[Block], height: tuple[float, float]) -> list[float]:
 
 
 def _ring(line: shapely.LinearRing, turn: int) -> Array:
-    """Corners of a closed line, each once, anticlockwise (1) or clockwise (-1): (K, 2) m."""
+    """Corners of a closed ring, each once, anticlockwise (1) or clockwise (-1): (K, 2) m."""
     closed = np.asarray(shapely.get_coordinates(line), np.float64)
     (x, y), (next_x, next_y) = closed[:-1].T, closed[1:].T
     ring = closed[:-1]

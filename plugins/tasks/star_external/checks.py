@@ -1,4 +1,4 @@
-"""What is wrong with the options of ``external`` that a schema cannot see."""
+"""Checks of the options of ``external`` beyond the schema."""
 
 from __future__ import annotations
 
@@ -7,47 +7,47 @@ from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import PluginError, Problem
-from star_external.choice import chosen
+from star_external.planner_registry import chosen
 from star_external.rates import ticks_between
 
 if TYPE_CHECKING:
     from star_core import Scene
 
-OF_ANOTHER: Final = ("port", "listen", "silence", "then", "patience", "lockstep")
-"""Options that say how another process is dealt with."""
+PROCESS_OPTIONS: Final = ("port", "listen", "silence", "then", "response_timeout", "lockstep")
+"""Options that apply only to another process."""
 
 
 def check(
     scene: Scene, _rows: tuple[int, ...], *, planner: str | None = None, **options: Any
 ) -> Iterator[Problem]:
-    """Yield why these options cannot be flown with."""
+    """Yield problems with these options."""
     yield from _other_process(scene, options) if planner is None else _planner(planner, options)
 
 
 def _planner(name: str, options: dict[str, Any]) -> Iterator[Problem]:
-    """Yield that a planner is not installed, and what is said of another process beside it."""
+    """Yield a planner that is not installed, and options that apply only to another process."""
     try:
         chosen(name)
     except PluginError as error:
         yield Problem(("planner",), str(error))
-    for option in OF_ANOTHER:
+    for option in PROCESS_OPTIONS:
         if option in options:
             yield Problem(
                 (option,),
-                f"planner {name!r} runs in this process and answers whenever it is asked; "
-                f"{option!r} is for another process: leave out one of the two",
+                f"{option!r} applies to another process, but planner {name!r} runs in this one; "
+                "remove one of the two",
             )
 
 
 def _other_process(scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
-    """Yield an address that is none, and a silence that is over before the next state line."""
+    """Yield an invalid address, and a silence shorter than the period of state lines."""
     if "listen" in options:
         try:
             IPv4Address(options["listen"])
         except AddressValueError:
             yield Problem(
                 ("listen",),
-                f"{options['listen']!r} is no IPv4 address, expected one like 127.0.0.1",
+                f"{options['listen']!r} is not an IPv4 address, expected one like 127.0.0.1",
             )
     apart = ticks_between(options.get("rate"), scene.period) * scene.period
     silence = options.get("silence", 2.0)
@@ -55,6 +55,5 @@ def _other_process(scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
         path = ("silence",) if "silence" in options else ("rate",)
         yield Problem(
             path,
-            f"a silence of {silence:g} s is not longer than from one state line to the next, "
-            f"{apart:g} s",
+            f"a silence of {silence:g} s is not longer than the period of state lines, {apart:g} s",
         )

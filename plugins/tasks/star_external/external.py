@@ -1,4 +1,4 @@
-"""The task ``external``: agents fly to goals that another process or an installed planner gives."""
+"""The task ``external``: agents fly to goals from another process or an installed planner."""
 
 from __future__ import annotations
 
@@ -6,57 +6,58 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from star_core import Estimate, Goals, Health, Scene, Status, Step
-from star_external.offer import TIME_OUT
+from star_core import Estimate, Goals, Health, Scene, Status, TaskOutput
+from star_external.offer import DEFAULT_TIMEOUT
 from star_external.planner import Done, Failed, Goal
 from star_external.source import Hold, Source
 
 
 class External:
-    """Sends agents to the goals that they are given.
+    """Sends agents to the goals of a source.
 
-    An agent keeps the goal it has until it is given one. Who takes another's place takes its goal.
+    An agent keeps its goal until it receives another. A replacement inherits the goal of the agent
+    it replaces.
 
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
-        source: Who gives the goals.
+        source: Source of the goals.
     """
 
     def __init__(self, scene: Scene, rows: tuple[int, ...], source: Source) -> None:
         n = len(scene.agents)
         self._scene = scene
         self._source = source
-        self.join(rows)
+        self.on_agents_added(rows)
         self._position, self._velocity = np.zeros((n, 3)), np.zeros((n, 3))
         self._yaw, self._speed = np.zeros(n), np.zeros(n)
         self._active = np.zeros(n, np.bool_)
 
     def begin(self, estimate: Estimate, health: Health) -> float:
-        return TIME_OUT
+        return DEFAULT_TIMEOUT
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         for answer in self._source.ask(estimate, health, self._row_of):
             match answer:
                 case Done():
-                    return Step(status=Status.SUCCESS)
+                    return TaskOutput(status=Status.SUCCESS)
                 case Failed(why):
-                    return Step(status=Status.FAILURE, reason=why)
+                    return TaskOutput(status=Status.FAILURE, reason=why)
                 case Hold():
                     self._stop(estimate)
                 case goals:
                     self._aim(goals, estimate)
-        return Step(self._goals() if self._active.any() else None)
+        return TaskOutput(self._goals() if self._active.any() else None)
 
-    def stay(self, rows: tuple[int, ...]) -> None:
-        self.join(rows)
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        self.on_agents_added(rows)
         self._active &= np.isin(np.arange(len(self._active)), rows)
 
-    def join(self, rows: tuple[int, ...]) -> None:
+    def on_agents_added(self, rows: tuple[int, ...]) -> None:
         self._row_of = {self._scene.agents[row].name: row for row in rows}
 
-    def swap(self, old: int, new: int) -> None:
-        self.join(tuple(new if row == old else row for row in self._row_of.values()))
+    def on_agent_replaced(self, old: int, new: int) -> None:
+        self.on_agents_added(tuple(new if row == old else row for row in self._row_of.values()))
         for table in (self._position, self._velocity, self._yaw, self._speed, self._active):
             table[new] = table[old]
         self._active[old] = False
@@ -76,7 +77,7 @@ class External:
             self._active[row] = True
 
     def _stop(self, estimate: Estimate) -> None:
-        """Make the place where each agent is its goal; one that is not located keeps its own."""
+        """Make each agent's position its goal; an agent without an estimate keeps its goal."""
         self._velocity[:] = 0.0
         rows = [row for row in self._row_of.values() if estimate.valid[row]]
         self._position[rows], self._yaw[rows] = estimate.position[rows], estimate.yaw[rows]

@@ -1,4 +1,4 @@
-"""What is wrong with goals, whoever gives them. Nothing here imports numpy."""
+"""Validation of goals from any source. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Final
 
 from star_external.planner import Goal, Point
-from star_external.words import listed, quoted, refuse
+from star_external.text import listed, quoted, refuse
 
 if TYPE_CHECKING:
     from star_core import Scene
@@ -18,16 +18,15 @@ GOAL_KEYS: Final = ("position", "velocity", "yaw", "speed")
 
 
 def checked(given: Mapping[str, Any], scene: Scene, names: Collection[str]) -> dict[str, Goal]:
-    """Return the goals of agents, by name.
+    """Return the validated goals, by agent name.
 
     Args:
-        given: What is to be a goal of each agent: a map with a ``position`` and perhaps others of
-            `GOAL_KEYS`.
-        scene: Fence, obstacles and limits, within which goals are to be.
+        given: Goal of each agent: a mapping with a ``position`` and optionally other `GOAL_KEYS`.
+        scene: Fence, obstacles and limits, which goals must respect.
         names: Agents that goals may be for.
 
     Raises:
-        InputError: One of them is none, or cannot be flown to.
+        InputError: A goal is invalid or cannot be flown to.
 
     Example:
         >>> from star_core.testing import scene
@@ -61,7 +60,7 @@ def _goal(name: str, given: Any, scene: Scene, names: Collection[str]) -> Goal:
 
 
 def _fault(scene: Scene, point: Point) -> str | None:
-    """Say why no agent can fly at `point` (map frame, m), or return None if one can."""
+    """Return why no agent can fly at `point` (map frame, m), None if one can."""
     low, high = scene.limits.height
     if not low <= point[2] <= high:
         x, y, z = point
@@ -84,8 +83,8 @@ def _point(what: str, given: Any) -> Point:
 
 def _number(what: str, given: Any) -> float:
     value = math.nan
-    if isinstance(given, Real) and not isinstance(given, bool):  # numpy's are, too
-        with suppress(OverflowError):  # a whole number beyond all floats
+    if isinstance(given, Real) and not isinstance(given, bool):  # also numpy's numbers
+        with suppress(OverflowError):  # an integer too large for a float
             value = float(given)
     if not math.isfinite(value):
         refuse(f"{what} has {quoted(given)}, expected a finite number")

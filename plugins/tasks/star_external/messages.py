@@ -1,11 +1,11 @@
-"""What the other process may say, one JSON object a line, and what is wrong with it.
+"""Messages from the other process, one JSON object per line, and their validation.
 
-    {"goals": {"cf1": {"position": [x, y, z]}}}    goals; those not named keep theirs
-    {"done": true}                                 the step is over, and a success
+    {"goals": {"cf1": {"position": [x, y, z]}}}    goals; agents not listed keep theirs
+    {"done": true}                                 the step succeeded
     {"fail": "why"}                                the step failed
 
 A goal has a ``position``, m in the map, and may have a ``velocity`` (of the goal, m/s), a ``yaw``
-(rad) and a ``speed`` (greatest on the way, m/s). Nothing here imports numpy.
+(rad) and a ``speed`` (maximum on the way, m/s). Does not import numpy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from star_external.goals import checked
 from star_external.planner import Answer, Done, Failed
-from star_external.words import listed, quoted, reason, refuse
+from star_external.text import listed, quoted, reason, refuse
 
 if TYPE_CHECKING:
     from star_core import Scene
@@ -25,32 +25,32 @@ KEYS: Final = ("goals", "done", "fail")
 
 
 def read(line: bytes, scene: Scene, names: Collection[str]) -> Answer:
-    """Return what a line says: goals by agent, that the step is over, or that it failed.
+    """Return the content of a line: goals by agent, success or failure of the step.
 
     Args:
         line: One line.
-        scene: Fence, obstacles and limits, within which goals are to be.
+        scene: Fence, obstacles and limits, which goals must respect.
         names: Agents that goals may be for.
 
     Raises:
-        InputError: It says nothing that it may, or one of its goals cannot be flown to.
+        InputError: The line is invalid, or one of its goals cannot be flown to.
 
     Example:
         >>> from star_core.testing import scene
         >>> read(b'{"fail": "no way"}', scene(1), ["cf1"])
         Failed(why='no way')
     """
-    said = _json(line)
-    if not isinstance(said, dict) or len(said) != 1 or next(iter(said)) not in KEYS:
-        refuse(f"expected an object with one of {listed(KEYS)}, got {quoted(said)}")
-    ((key, given),) = said.items()
+    content = _json(line)
+    if not isinstance(content, dict) or len(content) != 1 or next(iter(content)) not in KEYS:
+        refuse(f"expected an object with one of {listed(KEYS)}, got {quoted(content)}")
+    ((key, given),) = content.items()
     if key == "done":
         if given is not True:
             refuse(f"done is {quoted(given)}, expected true")
         return Done()
     if key == "fail":
         if not isinstance(given, str):
-            refuse(f"fail is {quoted(given)}, expected why, in words")
+            refuse(f"fail is {quoted(given)}, expected the reason as a string")
         return Failed(reason(given))
     if not isinstance(given, dict):
         refuse(f"goals are {quoted(given)}, expected an object of goals by agent")
@@ -61,18 +61,18 @@ def _json(line: bytes) -> Any:
     try:
         return json.loads(line.decode(), parse_constant=_no_number, object_pairs_hook=_once)
     except RecursionError:
-        refuse("no JSON: too deep")
+        refuse("invalid JSON: too deeply nested")
     except ValueError as error:  # of JSON, of UTF-8, and of integers with thousands of digits
-        refuse(f"no JSON: {error}")
+        refuse(f"invalid JSON: {error}")
 
 
 def _no_number(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number")
+    raise ValueError(f"{name} is not a number")
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make an object of what is in it, if every name is there once."""
+    """Return the object with these pairs; duplicate names are an error."""
     made = dict(pairs)
     if len(made) < len(pairs):
-        raise ValueError(f"a name stands twice in {quoted([name for name, _ in pairs])}")
+        raise ValueError(f"duplicate name in {quoted([name for name, _ in pairs])}")
     return made

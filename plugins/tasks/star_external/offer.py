@@ -1,4 +1,4 @@
-"""What ``external`` takes, as JSON Schema, and how its task is made."""
+"""Specification of the verb ``external``: its options as JSON Schema, and its factory."""
 
 from __future__ import annotations
 
@@ -7,98 +7,94 @@ from functools import partial
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Offer
+from star_core import Exclusive, TaskSpec
 from star_external.checks import check
-from star_external.choice import GROUP, chosen, names
+from star_external.planner_registry import GROUP, chosen, names
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
-    from star_external.door import Door
+    from star_external.tcp_server import TcpServer
 
 log = logging.getLogger(__name__)
 
 PORT: Final = 5799
-"""The port if the mission names none."""
+"""Default port."""
 
 LOOPBACK: Final = "127.0.0.1"
 
-TIME_OUT: Final = 60.0
-"""How long the step may take if the mission does not say, s."""
+DEFAULT_TIMEOUT: Final = 60.0
+"""Default timeout of the step, s."""
 
 
-def offer() -> Offer[Task]:
-    """Return the verb, with every planner that is installed.
+def offer() -> TaskSpec:
+    """Return the verb, with all installed planners in its schema.
 
-    Steps of one flight that name the same port share its door.
+    Steps of one flight with the same port share its server.
     """
-    installed = {"enum": list(names())} if names() else {}  # an enum of nothing is no schema
-    return Offer(
+    installed = {"enum": list(names())} if names() else {}  # an empty enum is not a valid schema
+    return TaskSpec(
         name="external",
         before="air",
-        summary="Fly to goals that another process sends through a socket, or that an installed "
-        "planner gives.",
+        summary="Fly to goals sent by another process through a socket, or by an installed "
+        "planner.",
         make=partial(make, {}),
         check=check,
+        exclusive=Exclusive(options=("listen", "port"), unless="planner", timeout=DEFAULT_TIMEOUT),
         options={
             "type": "object",
-            "outside": {
-                "holds": ["listen", "port"],
-                "unless": "planner",
-                "timeout": TIME_OUT,
-            },
             "properties": {
                 "planner": {
                     "type": "string",
                     **installed,
-                    "description": "Planner that gives the goals, in this process and in place of "
-                    f"another one; entry points of {GROUP}: {', '.join(names()) or 'none'}; if not "
-                    "given another process gives them.",
+                    "description": "Planner in this process that provides the goals; entry points "
+                    f"of {GROUP}: {', '.join(names()) or 'none'}. If not given, another "
+                    "process provides them.",
                 },
                 "port": {
                     "type": "integer",
                     "minimum": 0,
                     "maximum": 65535,
-                    "description": "TCP port to listen on; with 0 any that is free, which is told.",
+                    "description": "TCP port to listen on; 0 selects a free port, which is logged.",
                     "default": PORT,
                 },
                 "listen": {
                     "type": "string",
-                    "description": "IPv4 address to listen on. The default is reached from this "
-                    "computer only; from another one whoever reaches the port can steer.",
+                    "description": "IPv4 address to listen on. The default accepts connections "
+                    "from this computer only; otherwise any host that reaches the port can control "
+                    "the agents.",
                     "default": LOOPBACK,
                     "examples": ["0.0.0.0"],  # noqa: S104 -- what an editor shows, not the default
                 },
                 "rate": {
                     "type": "number",
                     "exclusiveMinimum": 0,
-                    "description": "State lines a second, or questions to the planner, 1/s, to "
-                    "whole ticks; one a tick at most and if not given.",
+                    "description": "Rate of state lines, or of calls to the planner, 1/s, rounded "
+                    "to whole ticks; at most, and if not given, once per tick.",
                     "examples": [10],
                 },
                 "silence": {
                     "type": "number",
                     "exclusiveMinimum": 0,
-                    "description": "For how long the other process may say nothing, s.",
+                    "description": "Maximum time without a line from the other process, s.",
                     "default": 2.0,
                 },
                 "then": {
                     "enum": ["hold", "fail"],
-                    "description": "What to do when it has said nothing for so long: hold the "
-                    "agents where they are until it says something, or fail the step.",
+                    "description": "What to do after that time: hold the agents' positions until "
+                    "a line arrives, or fail the step.",
                     "default": "hold",
                 },
-                "patience": {
+                "response_timeout": {
                     "type": "number",
                     "minimum": 0,
-                    "description": "How long to wait until it has connected, and in lock-step for "
-                    "each answer, s; in lock-step of the computer's time, else of the mission's.",
+                    "description": "Time to wait for the connection, and in lock-step for each "
+                    "answer, s; wall time in lock-step, else mission time.",
                     "default": 10.0,
                 },
                 "lockstep": {
                     "type": "boolean",
                     "description": "Whether a simulation waits for one line in answer to each "
-                    "state line, so that a flight is the same every time; on hardware nothing "
-                    "waits.",
+                    "state line, so that flights are reproducible; on hardware it never waits.",
                     "default": True,
                 },
             },
@@ -108,7 +104,7 @@ def offer() -> Offer[Task]:
 
 
 def make(
-    doors: dict[tuple[str, int], Door],
+    servers: dict[tuple[str, int], TcpServer],
     scene: Scene,
     rows: tuple[int, ...],
     *,
@@ -117,41 +113,42 @@ def make(
     listen: str = LOOPBACK,
     **options: Any,
 ) -> Task:
-    """Return the task, its planner made or its port open: what is wrong shows before a take-off.
+    """Return the task, with its planner created or its port open, so that errors precede takeoff.
 
     Args:
-        doors: Those that are open, by address.
+        servers: Open servers, by address.
         scene: The mission's scene.
         rows: Rows of the agents.
-        planner: Gives the goals; None for another process.
-        port: To listen on.
-        listen: To listen on.
-        options: What `Manner` takes; beside a planner its `rate` only.
+        planner: Name of the planner; None for another process.
+        port: Port to listen on.
+        listen: Address to listen on.
+        options: Fields of `ConnectionOptions`; with a planner only `rate`.
 
     Raises:
-        PluginError: The planner cannot be made, or the port cannot be opened.
+        PluginError: The planner cannot be created, or the port cannot be opened.
     """
     from star_external.external import External
 
     if planner is not None:
-        from star_external.consultation import Consultation
+        from star_external.planner_source import PlannerSource
 
-        return External(scene, rows, Consultation(scene, rows, chosen(planner), **options))
+        rate: float | None = options.get("rate")
+        return External(scene, rows, PlannerSource(scene, rows, chosen(planner), rate))
 
-    from star_external.conversation import Conversation, Manner
-    from star_external.door import Door
+    from star_external.process_source import ConnectionOptions, ProcessSource
+    from star_external.tcp_server import TcpServer
 
-    door = doors.get((listen, port))
-    if door is None or door.closed:
-        door = doors[listen, port] = Door(listen, port)
-        _tell(door, asked=port)
-    return External(scene, rows, Conversation(scene, door, Manner(**options)))
+    server = servers.get((listen, port))
+    if server is None or server.closed:
+        server = servers[listen, port] = TcpServer(listen, port)
+        _log_address(server, asked=port)
+    return External(scene, rows, ProcessSource(scene, server, ConnectionOptions(**options)))
 
 
-def _tell(door: Door, asked: int) -> None:
-    """Say what the mission's author should know of a door: its port, and who can come in."""
-    host, port = door.address
+def _log_address(server: TcpServer, asked: int) -> None:
+    """Log a port that was chosen automatically, and warn if other hosts can connect."""
+    host, port = server.address
     if asked == 0:
         log.warning("external: listens on %s:%d", host, port)
     if not IPv4Address(host).is_loopback:
-        log.warning("external: whoever reaches %s:%d can steer the agents", host, port)
+        log.warning("external: any host that reaches %s:%d can control the agents", host, port)

@@ -1,7 +1,8 @@
-"""What an external planner is: in every tick it says where its agents are to fly.
+"""Interface of external planners, which set goals for their agents in every tick.
 
-It runs in this process, made by what an entry point names (`star_external.choice.GROUP`); what
-another process says through the socket comes to the same. Nothing here imports numpy.
+They run in this process and are created through an entry point
+(`star_external.planner_registry.GROUP`). The messages of another process are equivalent. Does not
+import numpy.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where one agent is wanted.
+    """Goal of one agent.
 
     Attributes:
         position: In the map, m.
-        velocity: Of the goal, m/s: fed forward, it leads nowhere by itself.
-        yaw: rad; None leaves it.
-        speed: Greatest on the way, m/s; None for the mission's limit.
+        velocity: Of the goal, m/s; feed-forward only, it does not move the goal.
+        yaw: rad; None keeps the current one.
+        speed: Maximum on the way, m/s; None for the mission's limit.
     """
 
     position: Point
@@ -35,38 +36,38 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """The step is over, and a success."""
+    """The step succeeded."""
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The step failed, and why."""
+    """The step failed, with the reason."""
 
     why: str
 
 
 Answer: TypeAlias = Mapping[str, Goal] | Done | Failed
-"""Goals by agent's name, an agent that is not named keeps its goal; or how the step ended."""
+"""Goals by agent name (agents not listed keep their goals), or the outcome of the step."""
 
 
 @runtime_checkable
 class ExternalPlanner(Protocol):
-    """Gives the agents of a step goals; it is made with the scene and the rows of those agents.
+    """Sets goals for the agents of a step; created with the scene and the rows of those agents.
 
-    One that has ``close()`` is closed once, however the mission ended.
+    If it has a ``close()`` method, that is called once, however the mission ended.
     """
 
     def plan(self, estimate: Estimate, health: Health, rows: tuple[int, ...]) -> Answer:
-        """Return what is wanted now; it is not waited for longer than the call takes.
+        """Return the current goals; the tick waits for this call.
 
-        A goal must be finite, inside the fence and the heights to fly at, in no obstacle, within
-        ``limits.speed``, and for one of `rows`: anything else, like an exception, ends the mission
-        in the planner's name.
+        A goal must be finite, inside the fence and the flight heights, clear of obstacles, within
+        ``limits.speed``, and for one of `rows`. Anything else, like an exception, ends the mission
+        with an error that names the planner.
 
         Args:
-            estimate: Where everybody is.
-            health: How everybody is.
-            rows: The agents in the step now. Some may have left since the last call, or joined, or
-                taken another's place and with it the goal.
+            estimate: State of all agents.
+            health: Health of all agents.
+            rows: The agents currently in the step. Since the last call some may have been removed,
+                added, or have replaced another agent and inherited its goal.
         """
         ...

@@ -1,14 +1,14 @@
-"""How often state lines are sent, or a planner is asked. Nothing here imports numpy."""
+"""Rate of state lines and of calls to a planner. Does not import numpy."""
 
 from __future__ import annotations
 
 
 def ticks_between(rate: float | None, period: float) -> int:
-    """Return how many ticks there are from one state line, or question, to the next.
+    """Return the number of ticks between two state lines, or two calls to a planner.
 
     Args:
-        rate: How many a second are wanted, 1/s; None for one a tick.
-        period: From one tick to the next, s.
+        rate: Wanted rate, 1/s; None for every tick.
+        period: Duration of a tick, s.
 
     Example:
         >>> ticks_between(10, 0.05), ticks_between(None, 0.05), ticks_between(1000, 0.05)

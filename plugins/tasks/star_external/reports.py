@@ -1,4 +1,4 @@
-"""What the other process is told, one JSON object a line."""
+"""Messages to the other process, one JSON object per line."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any, Final
 from star_core import AgentPhase, Estimate, Health, Scene
 
 VERSION: Final = 1
-"""Of the protocol."""
+"""Version of the protocol."""
 
 
 def greeting(scene: Scene, rows: Sequence[int], rate: float, *, lockstep: bool) -> bytes:
-    """Return the line that says who is to be steered, and within what.
+    """Return the greeting: the agents to control, limits and fence.
 
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
-        rate: State lines a second, 1/s.
-        lockstep: Whether each state line waits for a line in answer.
+        rate: State lines per second, 1/s.
+        lockstep: Whether the simulation waits for an answer to each state line.
     """
     limits, fence = scene.limits, scene.world.fence
     return _line(
@@ -41,7 +41,7 @@ def greeting(scene: Scene, rows: Sequence[int], rate: float, *, lockstep: bool) 
 
 
 def state(scene: Scene, rows: Sequence[int], estimate: Estimate, health: Health) -> bytes:
-    """Return the line that says where agents are; what is not known of them is null.
+    """Return the state line of the agents; unknown values are null.
 
     Args:
         scene: The mission's scene.
@@ -63,7 +63,7 @@ def state(scene: Scene, rows: Sequence[int], estimate: Estimate, health: Health)
 
 
 def refusal(why: str, number: int) -> bytes:
-    """Return the line that says why a line was refused, and which, counted from 1."""
+    """Return the error line for an invalid line: the reason and its number, from 1."""
     return _line({"error": why, "line": number})
 
 

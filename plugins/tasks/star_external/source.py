@@ -1,4 +1,4 @@
-"""Where the goals of a step come from: another process, or a planner in this one."""
+"""Interface of the sources of a step's goals: another process, or a planner in this one."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from star_external.planner import Answer
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """The agents are to hold the places where they are."""
+    """The agents should hold their positions."""
 
 
 class Source(Protocol):
-    """What a step asks in every tick."""
+    """Source of goals, polled in every tick."""
 
     def ask(
         self, estimate: Estimate, health: Health, agents: Mapping[str, int]
     ) -> Iterable[Answer | Hold]:
-        """Yield what is wanted since the last tick, in order; nothing comes after an end.
+        """Yield the answers since the last tick, in order; none follows `Done` or `Failed`.
 
         Args:
             estimate: Of this tick.
             health: Of this tick.
-            agents: The row of each agent in the step, by its name.
+            agents: Row of each agent in the step, by name.
         """
         ...
 
     def close(self) -> None:
-        """Let go of what it holds."""
+        """Release all resources."""
         ...

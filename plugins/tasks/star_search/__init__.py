@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
-from star_core import Offer, hookimpl
-
-if TYPE_CHECKING:
-    from star_core import Task
+from star_core import TaskSpec, hookimpl
 
 
 @hookimpl
-def star_tasks() -> Iterable[Offer[Task]]:
+def star_tasks() -> Iterable[TaskSpec]:
     from star_search.offer import offer
 
     yield offer()

@@ -122,7 +122,7 @@ class Field:
         Args:
             wanted: (2,) where it should be, m.
             here: (3,) where the agent is, m; it stays in that part of the field.
-            taken: (2,) places that are somebody else's, m.
+            taken: (2,) positions taken by other agents, m.
             apart: How far to stay away from those, m.
         """
         part = self.part_of(here)

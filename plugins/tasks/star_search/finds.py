@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from star_core import AgentPhase, Array, Command, Estimate, Health, Order
+from star_core import AgentPhase, Array, Command, Estimate, Health, Order, timeout
 from star_search.field import Field
 from star_search.pattern import Aim
-from star_search.timing import NEAR, patience
+from star_search.timing import NEAR
 
 SLOW: Final = 0.15  # m/s: an agent that is slower has stopped, as far as its estimate can tell
 LAND_SPEED: Final = 0.2  # m/s, as the verb `land` descends
@@ -42,7 +42,7 @@ class Finds:
     """Keeps where targets seem to be, and takes their finders to them.
 
     A finder is taken to one target; which it finds on its way it has found, no more. With ``mark``
-    it is free again afterwards. A target that was found before the search began is nobody's.
+    it is free again afterwards. A target found before the search began is assigned to no agent.
 
     Args:
         field: Where to search.
@@ -61,7 +61,7 @@ class Finds:
         self._weight = np.zeros(len(self.names))
         self._known = np.zeros(len(self.names), np.bool_)
         self._visits: dict[int, Visit] = {}
-        self._taken: list[Array] = []  # (2,) where somebody landed or stays, m
+        self._taken: list[Array] = []  # (2,) where agents landed or stay, m
 
     def begin(self, health: Health) -> float:
         """Take in what was found before; return how long visits may take in all, s."""
@@ -74,7 +74,7 @@ class Finds:
         return across + each.get(self._then, 0.0) * max(1, int((~self._known).sum()))
 
     def see(self, estimate: Estimate, health: Health, rows: tuple[int, ...]) -> None:
-        """Take in what was sighted, and send who found something to it."""
+        """Process sightings, and send each finder to its target."""
         sightings = estimate.sightings
         for k, tag in enumerate(sightings.tag.tolist()):
             target = self._of.get(tag)
@@ -154,7 +154,7 @@ class Finds:
 
     def _deadline(self, place: Array, estimate: Estimate, row: int) -> float:
         way = math.dist(estimate.position[row, :2], place)
-        return estimate.time + patience(way / self._field.speed)
+        return estimate.time + timeout(way / self._field.speed)
 
     def _fly(self, visit: Visit, estimate: Estimate, row: int) -> Aim:
         x, y = visit.place.tolist()

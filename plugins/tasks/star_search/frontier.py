@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Rows
+from star_core import Array, Estimate, Mask, Rows, timeout, wrap_angle
 from star_search.field import Field
 from star_search.pattern import Aim
-from star_search.timing import NEAR, TURN_RATE, patience
+from star_search.timing import NEAR, TURN_RATE
 from star_search.view import LOOKS
 from star_search.viewpoints import Viewpoints
 
@@ -159,12 +159,12 @@ class Frontier:
             return None
         best = int(np.argmax(worth))
         cells = np.unique(points.cells[best])
-        return Trip(best, cells[left[cells]], estimate.time + patience(float(time[best])))
+        return Trip(best, cells[left[cells]], estimate.time + timeout(float(time[best])))
 
     def _time(self, row: int, points: Viewpoints, estimate: Estimate) -> Array:
         """(V,) how long a scout takes to each viewpoint, s."""
         way = points.distance(estimate.position[row])
-        turn = np.abs((points.pose[:, 2] - estimate.yaw[row] + math.pi) % math.tau - math.pi)
+        turn = np.abs(wrap_angle(points.pose[:, 2] - estimate.yaw[row]))
         time: Array = way / self._field.speed + turn / TURN_RATE
         return time
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Offer, PluginError
+from star_core import PluginError, TaskSpec
 from star_search.area import Area
 from star_search.checks import check
 from star_search.choice import names
@@ -49,7 +49,7 @@ def make(  # noqa: PLR0913 -- a mission's own options
     return Search(field, made(pattern, field), finds, targets=enough, coverage=coverage)
 
 
-def offer() -> Offer[Task]:
+def offer() -> TaskSpec:
     """Return the verb, with every pattern that is installed."""
     corner = {
         "type": "array",
@@ -125,7 +125,7 @@ def offer() -> Offer[Task]:
             "default": 0.99,
         },
     }
-    return Offer(
+    return TaskSpec(
         name="search",
         before="air",
         summary="Cover an area until targets are found.",

@@ -30,7 +30,7 @@ class Pattern(Protocol):
         """Plan, and return the longest time that a scout should take if nothing is in the way, s.
 
         Args:
-            estimate: Where everybody is.
+            estimate: Positions of all agents.
             rows: The scouts, all of them located.
         """
         ...
@@ -41,7 +41,7 @@ class Pattern(Protocol):
         What the scouts see is on the field's chart already.
 
         Args:
-            estimate: Where everybody is.
+            estimate: Positions of all agents.
             rows: The scouts that search now, all of them located. The share of one that is not
                 among them any more goes to the others; it may come back. One that was never
                 among them takes another's place, or a part of all.

@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from star_core import AgentPhase, Estimate, Health, Status, Step
+from star_core import AgentPhase, Estimate, Health, Status, TaskOutput, timeout
 from star_search.field import Field
 from star_search.finds import Finds
 from star_search.pattern import Pattern
-from star_search.timing import patience
 
 FLYING: Final = int(AgentPhase.FLYING)
 GROUNDED: Final = "nobody flies; take off first"
@@ -53,11 +52,15 @@ class Search:
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         visits = self._finds.begin(health)
-        return patience((self._start(estimate, health) or self._roughly()) + visits)
+        return timeout((self._start(estimate, health) or self._roughly()) + visits)
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if not self._begun and self._start(estimate, health) is None:
-            return Step() if self._able(health) else Step(status=Status.FAILURE, reason=GROUNDED)
+            return (
+                TaskOutput()
+                if self._able(health)
+                else TaskOutput(status=Status.FAILURE, reason=GROUNDED)
+            )
         scouts = tuple(row for row in self._flying(health) if estimate.valid[row])
         self._finds.see(estimate, health, self._rows)
         self._field.look(estimate, scouts)
@@ -66,22 +69,22 @@ class Search:
         free = tuple(row for row in scouts if row not in busy)
         led = self._pattern.lead(estimate, free)
         status, reason = self._judge(health, free, led=bool(led))
-        return Step(self._field.goals({**led, **aims}), tuple(orders), status, reason)
+        return TaskOutput(self._field.goals({**led, **aims}), tuple(orders), status, reason)
 
-    def stay(self, rows: tuple[int, ...]) -> None:
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
         self._rows = tuple(row for row in rows if row in self._field.views)
 
-    join = stay
+    on_agents_added = on_agents_removed
 
-    def swap(self, old: int, new: int) -> None:
+    def on_agent_replaced(self, old: int, new: int) -> None:
         self._finds.swap(old, new)
-        self.stay(tuple(new if row == old else row for row in self._rows))
+        self.on_agents_removed(tuple(new if row == old else row for row in self._rows))
 
     def _judge(self, health: Health, free: tuple[int, ...], *, led: bool) -> tuple[Status, str]:
         """Say whether the search is over, and why it failed if it did.
 
         Args:
-            health: Of everybody.
+            health: Of all agents.
             free: Scouts that search.
             led: Whether one of them has somewhere to go.
         """
@@ -98,7 +101,7 @@ class Search:
         return Status.FAILURE, f"nobody is left to search; {covered:.0%} of the area was seen"
 
     def _start(self, estimate: Estimate, health: Health) -> float | None:
-        """Plan, once all who fly are located; return how long it should take, s."""
+        """Plan, once all flying agents are located; return how long it should take, s."""
         scouts = self._flying(health)
         if not scouts or not all(estimate.valid[row] for row in scouts):
             return None
@@ -115,6 +118,6 @@ class Search:
         return tuple(row for row in self._rows if health.phase[row] == FLYING)
 
     def _able(self, health: Health) -> bool:
-        """Whether somebody flies, or may be found again, who is at no target."""
+        """Whether an agent that is at no target flies, or may be located again."""
         busy = self._finds.busy(self._rows)
         return any(health.phase[row] in ABLE and row not in busy for row in self._rows)

@@ -15,7 +15,7 @@ from star_search.lanes import SHORTEST, Lane, length
 def cut(lanes: Sequence[Lane], shares: int) -> list[list[Lane]]:
     """Return a tour in so many pieces of one length; a lane may be cut in two.
 
-    The way from one piece to the next is flown by nobody, so the pieces that begin with one come
+    No agent flies the way from one piece to the next, so the pieces that begin with one come
     out a little shorter.
 
     Args:

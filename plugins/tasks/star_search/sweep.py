@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Rows
+from star_core import Array, Estimate, Mask, Rows, timeout
 from star_search.field import Field
 from star_search.frontier import Frontier
 from star_search.lanes import Lane, angles, length, strips, tour
 from star_search.pattern import Aim
 from star_search.sharing import cut, hand_out, turned
-from star_search.timing import NEAR, TURN_RATE, patience
+from star_search.timing import NEAR, TURN_RATE
 
 ANGLES: Final = 8  # directions that are tried: of the area's longest sides
 STEADY: Final = math.radians(30)  # rad off its lane's direction a scout sets out on it
@@ -200,7 +200,7 @@ class Sweep:
         trimmed = Lane(lane.start + max(0.0, first) * ahead, lane.end)
         way = math.dist(estimate.position[row, :2], trimmed.start) + trimmed.length
         takes = way / self._field.speed + math.tau / TURN_RATE
-        return Leg(trimmed, cells, along[cells] - max(0.0, first), estimate.time + patience(takes))
+        return Leg(trimmed, cells, along[cells] - max(0.0, first), estimate.time + timeout(takes))
 
 
 SHORT: Final = 0.02  # m that is left of a lane at least

@@ -1,4 +1,4 @@
-"""What of the floor a camera makes out from a height. Nothing here imports numpy."""
+"""What of the floor a camera makes out from a height."""
 
 from __future__ import annotations
 
@@ -83,18 +83,25 @@ def view(camera: Camera, height: float, size: float, cell: float) -> View:
         size: Edge of the tag's black square, m.
         cell: Edge of the cells that the floor is cut into, m.
     """
+    import numpy as np
+
+    from star_core import CameraModel
+
+    model = CameraModel(camera)
     x, y, z = camera.position
     eye = (x, y, z + height)
     focal = min(camera.matrix[:2])
     far = math.sqrt(max(0.0, focal * size * eye[2] / (MODULES * SHARP)))  # m, from slant and size
     steps = math.ceil((far + math.hypot(x, y)) / cell)
-    points = tuple(
-        (i * cell, j * cell)
-        for i in range(-steps, steps + 1)
-        for j in range(-steps, steps + 1)
-        if _made_out(camera, (i * cell - x, j * cell - y, -eye[2]), size, far)
+    cells = np.mgrid[-steps : steps + 1, -steps : steps + 1].reshape(2, -1).T * cell
+    offset = np.column_stack([cells, np.zeros(len(cells))]) - eye
+    ahead = offset @ model.mounting.rotation
+    near = (np.linalg.norm(offset, axis=1) <= far) & (ahead[:, 2] > 0)
+    cells, ahead = cells[near], ahead[near]
+    border = BORDER + max(camera.matrix[:2]) * (
+        math.tan(TILT) + size * math.sqrt(0.5) / ahead[:, 2]
     )
-    return View(eye, points, cell)
+    return View(eye, tuple(map(tuple, cells[model.sees(ahead, border)].tolist())), cell)
 
 
 def swath(seen: View, speed: float, rate: float) -> float:
@@ -133,33 +140,3 @@ def swaths(
         camera = scene.agents[row].camera
         if camera is not None:
             yield row, swath(view(camera, height, size, FINE), speed, camera.rate)
-
-
-def _made_out(camera: Camera, offset: tuple[float, float, float], size: float, far: float) -> bool:
-    distance = math.hypot(*offset)
-    if distance > far:
-        return False
-    x, y, z = _turned_back(camera.rotation, offset)
-    if z <= 0:
-        return False
-    fx, fy, cx, cy = camera.matrix
-    a, b = x / z, y / z
-    square = a * a + b * b
-    k1, k2, p1, p2, k3 = camera.distortion
-    if 1 + 3 * k1 * square + 5 * k2 * square**2 + 7 * k3 * square**3 <= 0:
-        return False  # beyond where the polynomial folds the image over
-    radial = 1 + k1 * square + k2 * square**2 + k3 * square**3
-    u = fx * (a * radial + 2 * p1 * a * b + p2 * (square + 2 * a * a)) + cx
-    v = fy * (b * radial + p1 * (square + 2 * b * b) + 2 * p2 * a * b) + cy
-    room = BORDER + max(fx, fy) * (math.tan(TILT) + size * math.sqrt(0.5) / z)
-    return room <= u <= camera.width - 1 - room and room <= v <= camera.height - 1 - room
-
-
-def _turned_back(
-    rotation: tuple[float, float, float, float], vector: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Turn a vector by the inverse of a unit quaternion x, y, z, w."""
-    x, y, z, w = -rotation[0], -rotation[1], -rotation[2], rotation[3]
-    a, b, c = vector
-    p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return (a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p)

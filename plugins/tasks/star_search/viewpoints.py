@@ -64,7 +64,7 @@ def _lattice(field: Field) -> tuple[Array, csr_array]:
         return np.zeros((0, 2)), csr_array((0, 0))
     west, south, east, north = shapely.total_bounds(field.parts)
     x, y = np.arange(west, east, step) + 1e-6, np.arange(south, north, step) + 1e-6
-    free = np.zeros((len(x) + 2, len(y) + 2), np.bool_)  # with a rim where nobody may be
+    free = np.zeros((len(x) + 2, len(y) + 2), np.bool_)  # with a border that is not free
     for part in field.parts:
         shapely.prepare(part)
         free[1:-1, 1:-1] |= shapely.contains_xy(part, *np.meshgrid(x, y, indexing="ij"))

@@ -1,18 +1,14 @@
-"""The verbs that every mission knows: those that take off, fly, wait and land."""
+"""The basic verbs of missions: take off, fly, wait and land."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
-from star_core import Offer, hookimpl
-
-if TYPE_CHECKING:
-    from star_core import Task
+from star_core import TaskSpec, hookimpl
 
 
 @hookimpl
-def star_tasks() -> Iterable[Offer[Task]]:
+def star_tasks() -> Iterable[TaskSpec]:
     from star_verbs.offers import OFFERS
 
     return OFFERS

@@ -1,4 +1,4 @@
-"""A flight of some agents to one point each: what ``goto`` and ``hold`` share."""
+"""A flight of some agents to one point each, used by ``goto``, ``hold`` and ``leave``."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Scene
+from star_core import Array, Estimate, Goals, Scene, timeout
 from star_verbs.assignment import assign
-from star_verbs.crew import Crew
 from star_verbs.places import fault
 from star_verbs.slots import slots
-from star_verbs.timeouts import time_out
+from star_verbs.step_agents import StepAgents
 
 
 class Approach:
@@ -21,12 +20,12 @@ class Approach:
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
-        speed: Greatest speed, m/s; the scene's limit at most, and if None.
+        speed: Speed limit, m/s; at most the scene's limit, and that if None.
         yaw_deg: Heading to turn to, degrees; None keeps each agent's own.
-        within: How near to its point each agent must come, m.
+        within: Distance to its point that each agent must reach, m.
 
     Attributes:
-        crew: The agents.
+        agents: The agents.
         goals: Their goals; None until `aim`.
     """
 
@@ -39,7 +38,7 @@ class Approach:
         yaw_deg: float | None,
         within: float,
     ) -> None:
-        self.crew = Crew(scene, rows)
+        self.agents = StepAgents(scene, rows)
         self.goals: Goals | None = None
         self._speed = min(speed or math.inf, scene.limits.speed)
         self._yaw = None if yaw_deg is None else math.radians(yaw_deg)
@@ -48,55 +47,55 @@ class Approach:
         self._yaws: Array = np.zeros(len(rows))
         self._fault: str | None = None
 
-    def stay(self, rows: tuple[int, ...]) -> None:
-        """Go on with some of the agents, each to the point it had."""
-        kept = self.crew.stay(rows)
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        """Continue with some of the agents, each to its previous point."""
+        kept = self.agents.keep(rows)
         if self._target is not None:
             self._yaws, self._target = self._yaws[kept], self._target[kept]
-            self.goals = self.crew.goals(self._target, self._yaws, self._speed)
+            self.goals = self.agents.goals(self._target, self._yaws, self._speed)
 
-    def swap(self, old: int, new: int) -> None:
-        """Let another agent fly to the point that one had."""
-        self.crew.swap(old, new)
+    def on_agent_replaced(self, old: int, new: int) -> None:
+        """Send another agent to the point of one."""
+        self.agents.replace(old, new)
         if self._target is not None:
-            self.goals = self.crew.goals(self._target, self._yaws, self._speed)
+            self.goals = self.agents.goals(self._target, self._yaws, self._speed)
 
     def spread(self, estimate: Estimate, centre: Sequence[float], spacing: float) -> Array:
-        """Return (K, 3) places around `centre`, each agent's the one that suits all best, m."""
-        here = estimate.position[self.crew.rows]
+        """Return (K, 3) positions around `centre`, assigned for the least total distance, m."""
+        here = estimate.position[self.agents.rows]
         place = np.array(slots(len(here), centre, spacing))
         return place[assign(here, place)]
 
     def aim(self, estimate: Estimate, target: Array) -> None:
         """Send the agents to `target` (K, 3), m."""
         self._yaws = (
-            estimate.yaw[self.crew.rows] if self._yaw is None else np.full(len(target), self._yaw)
+            estimate.yaw[self.agents.rows] if self._yaw is None else np.full(len(target), self._yaw)
         )
         self._target = target
-        self.goals = self.crew.goals(target, self._yaws, self._speed)
+        self.goals = self.agents.goals(target, self._yaws, self._speed)
 
     def fault(self) -> str:
-        """Say which agents were sent where no agent can be, and why not; empty if none were.
+        """Return which agents have goals that are not flyable, and why; empty if none.
 
-        A mission's check has seen places for all agents of a step, but not those for the agents
-        that are left, nor where an offset leads.
+        The check of the mission covers the positions for all agents of a step, but not those for
+        the remaining agents, nor the results of offsets.
         """
         if self._fault is None and self._target is not None:
             self._fault = "; ".join(
-                f"{self.crew.scene.agents[row].name} cannot be there: {message}"
-                for row, point in zip(self.crew.rows, self._target.tolist(), strict=True)
-                if (message := fault(self.crew.scene, point)) is not None
+                f"{self.agents.scene.agents[row].name} cannot be there: {message}"
+                for row, point in zip(self.agents.rows, self._target.tolist(), strict=True)
+                if (message := fault(self.agents.scene, point)) is not None
             )
         return self._fault or ""
 
     def arrived(self, estimate: Estimate) -> bool:
         """Whether all of them are at their points and have stopped."""
-        return (
-            self._target is not None
-            and self.crew.farthest(estimate, self._target) <= self._within
-            and self.crew.slow(estimate)
-        )
+        return self.away(estimate) <= self._within and self.agents.slow(estimate)
 
-    def time_out(self, estimate: Estimate, extra: float = 0.0) -> float:
-        """Return how long the flight, and `extra` seconds besides, may take, s."""
-        return time_out(self.crew.journey(estimate, self._target) / self._speed + extra)
+    def away(self, estimate: Estimate) -> float:
+        """Return the greatest distance of an agent from its point, m; infinite if not known."""
+        return math.inf if self._target is None else self.agents.farthest(estimate, self._target)
+
+    def timeout(self, estimate: Estimate, extra: float = 0.0) -> float:
+        """Return the timeout of the flight and `extra` seconds, s."""
+        return timeout(self.agents.journey(estimate, self._target) / self._speed + extra)

@@ -1,4 +1,4 @@
-"""Which agent goes to which place."""
+"""Assignment of agents to positions."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from scipy.optimize import linear_sum_assignment
 
 from star_core import Array, Rows
 
-TIE = 1e-6  # 1/m: makes one long and one short way dearer than two of the same total
+TIE = 1e-6  # 1/m: cost of squared distances, which decides between assignments of equal total
 
 
 def assign(position: Array, place: Array) -> Rows:
-    """Return for each agent the place it should take, so that the distances flown add up to least.
+    """Return the position each agent takes, so that the total distance flown is minimal.
 
-    Straight ways of the least total do not cross: uncrossed, two ways that cross are shorter by the
-    triangle inequality. Of assignments with one total, the one with the least sum of squares is
-    taken, so that agents in a row do not overtake each other.
+    Straight paths of minimal total length do not cross: uncrossing two paths shortens them, by the
+    triangle inequality. Of assignments with equal totals, the one with the smallest sum of squares
+    is taken, so that agents in a row do not overtake each other.
 
     Args:
-        position: (K, 3) where the agents are, m.
-        place: (P, 3) where one agent each can go, m; at least K of them.
+        position: (K, 3) positions of the agents, m.
+        place: (P, 3) available positions, one agent each, m; at least K of them.
 
     Returns:
         (K,) row in `place` for each row in `position`.

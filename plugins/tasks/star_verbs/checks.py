@@ -1,11 +1,11 @@
-"""What is wrong with a verb's options that a schema cannot see. Nothing here imports numpy."""
+"""Checks of a verb's options that a schema cannot express. Does not import numpy."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import Problem
+from star_core import Problem, StepGoal
 from star_verbs.places import rooms, slot_faults, too_fast
 from star_verbs.slots import slots
 
@@ -37,8 +37,16 @@ def goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Proble
         yield from _span(scene, options["by"])
 
 
+def hold_goals(_scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepGoal]:
+    yield from _slot_goals(len(rows), "at", options)
+
+
+def goto_goals(_scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepGoal]:
+    yield from _slot_goals(len(rows), "to", options)
+
+
 def one_of(one: str, other: str, options: dict[str, Any]) -> Iterable[Problem]:
-    """Neither, or both, of two options of which one is needed."""
+    """Check that exactly one of two options is given."""
     given = (one in options) + (other in options)
     if given == 0:
         yield Problem((), f"expected {one!r} or {other!r}")
@@ -56,8 +64,17 @@ def _spread(scene: Scene, agents: int, key: str, options: dict[str, Any]) -> Ite
         yield from (Problem((key,), message) for message in slot_faults(scene, places))
 
 
+def _slot_goals(agents: int, key: str, options: dict[str, Any]) -> Iterator[StepGoal]:
+    """The positions of several agents sent around one point."""
+    if key in options:
+        places = slots(agents, options[key], options.get("spacing", SPACING))
+        for number, place in enumerate(places, start=1):
+            label = f"place {number} of {agents}" if agents > 1 else ""
+            yield StepGoal((key,), place, label)
+
+
 def near(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem]:
-    """A spacing at which the core would keep the agents from their places."""
+    """Check that the spacing is not less than the separation that the core enforces."""
     spacing, least = options.get("spacing", SPACING), scene.limits.separation
     if agents > 1 and spacing < least:
         path = ("spacing",) if "spacing" in options else ()
@@ -67,7 +84,7 @@ def near(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem
 
 
 def _span(scene: Scene, offset: Sequence[float]) -> Iterable[Problem]:
-    """An offset that is too long for the room, wherever it begins."""
+    """Check that an offset is not too long for the room, wherever it begins."""
     for axis, by, room in zip("xyz", offset, rooms(scene), strict=True):
         if abs(by) > room:
             where = "the heights to fly at are" if axis == "z" else "the fence is"

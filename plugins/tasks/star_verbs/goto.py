@@ -6,19 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from star_core import Estimate, Health, Status, Step
+from star_core import Estimate, Health, Status, TaskOutput
 from star_verbs.approach import Approach
 
 
 class Goto:
     """Sends agents to a point, spread around it, or each of them by an offset.
 
-    It waits until all its agents are located, and fails if one is sent where no agent can be.
+    It waits until all its agents are located, and fails if a goal is not flyable.
 
     Args:
         approach: The flight there.
         to: Point to fly to, map frame, m.
-        by: Offset from where each agent is when the step begins, along the map's axes, m.
+        by: Offset from each agent's position when the step begins, along the map's axes, m.
         spacing: Least distance between agents sent to one point, m.
     """
 
@@ -37,28 +37,30 @@ class Goto:
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         self._aim(estimate)
-        return self._approach.time_out(estimate)
+        return self._approach.timeout(estimate)
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._approach.goals is None:
             self._aim(estimate)
         if why := self._approach.fault():
-            return Step(status=Status.FAILURE, reason=why)
+            return TaskOutput(status=Status.FAILURE, reason=why)
         arrived = self._approach.arrived(estimate)
-        return Step(self._approach.goals, status=Status.SUCCESS if arrived else Status.RUNNING)
+        return TaskOutput(
+            self._approach.goals, status=Status.SUCCESS if arrived else Status.RUNNING
+        )
 
-    def stay(self, rows: tuple[int, ...]) -> None:
-        self._approach.stay(rows)
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        self._approach.on_agents_removed(rows)
 
-    def swap(self, old: int, new: int) -> None:
-        self._approach.swap(old, new)
+    def on_agent_replaced(self, old: int, new: int) -> None:
+        self._approach.on_agent_replaced(old, new)
 
     def _aim(self, estimate: Estimate) -> None:
-        crew = self._approach.crew
-        if not crew.located(estimate):
+        agents = self._approach.agents
+        if not agents.located(estimate):
             return
         if self._to is not None:
             target = self._approach.spread(estimate, self._to, self._spacing)
         else:
-            target = estimate.position[crew.rows] + np.array(self._by, np.float64)
+            target = estimate.position[agents.rows] + np.array(self._by, np.float64)
         self._approach.aim(estimate, target)

@@ -1,4 +1,4 @@
-"""The verb ``join``: agents in reserve take off and are in the mission from then on."""
+"""The verb ``join``: agents in reserve take off and take part in the mission from then on."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import math
 
 import numpy as np
 
-from star_core import Estimate, Health, Scene, Status, Step
+from star_core import Estimate, Health, Scene, Status, TaskOutput
 from star_verbs.takeoff import Takeoff
 
-CLEAR = 0.5  # m, in the plane: nobody may fly nearer to the place of one that takes off
+CLEAR = 0.5  # m: least horizontal distance of flying agents from one that takes off
 
 
 class Join(Takeoff):
-    """A take-off of agents that are fit for it: heard, charged, and with nobody above them.
+    """A take-off of agents that are ready: connected, charged, and with no agent above them.
 
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
         height: z to climb to, map frame, m.
         speed: Mean speed of the climb, m/s.
-        battery: Voltage on the ground that each needs, V.
+        battery: Battery voltage on the ground that each agent needs, V.
     """
 
     def __init__(
@@ -31,24 +31,26 @@ class Join(Takeoff):
         self._battery = battery
         self._fit = False
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if not self._fit:
             if why := self._unfit(estimate, health):
-                return Step(status=Status.FAILURE, reason=why)
+                return TaskOutput(status=Status.FAILURE, reason=why)
             self._fit = True
         return super().step(estimate, health)
 
     def _unfit(self, estimate: Estimate, health: Health) -> str:
-        """Say which agents cannot take off, and why; empty if all can."""
-        said = []
-        for row in self._crew.rows.tolist():
+        """Return which agents cannot take off, and why; empty if all can."""
+        problems = []
+        for row in self._agents.rows.tolist():
             name = self._scene.agents[row].name
             volt = float(health.battery[row])
             if math.isnan(volt) or volt < self._battery:
-                said.append(f"the battery of {name} is at {volt:.2f} V, {self._battery:g} V needed")
+                problems.append(
+                    f"the battery of {name} is at {volt:.2f} V, {self._battery:g} V needed"
+                )
             near = np.hypot(*(estimate.position - estimate.position[row])[:, :2].T) < CLEAR
             near &= estimate.position[:, 2] > estimate.position[row, 2] + CLEAR
             if near.any():
                 above = self._scene.named(np.flatnonzero(near).tolist())
-                said.append(f"{above} is above {name}")
-        return "; ".join(said)
+                problems.append(f"{above} is above {name}")
+        return "; ".join(problems)

@@ -1,11 +1,11 @@
-"""What each verb takes, as JSON Schema, and how its task is made."""
+"""The options of each verb, as JSON Schema, and the factory of its task."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from star_core import Offer
+from star_core import TaskSpec
 from star_verbs import checks
 from star_verbs.follow.offer import OFFER as FOLLOW
 from star_verbs.formation.offer import OFFER as FORMATION
@@ -92,7 +92,7 @@ def _wait(_scene: Scene, _rows: tuple[int, ...]) -> Task:
 
 
 _TRAVEL_SPEED = positive(
-    "Greatest speed on the way, m/s; limits.speed at most and if not given.", examples=[0.3]
+    "Speed limit on the way, m/s; at most limits.speed, and that if not given.", examples=[0.3]
 )
 _YAW = {
     "type": "number",
@@ -100,12 +100,12 @@ _YAW = {
     "each agent keeps its own if not given.",
     "examples": [90],
 }
-OFFERS: tuple[Offer[Task], ...] = (
-    Offer(
+OFFERS: tuple[TaskSpec, ...] = (
+    TaskSpec(
         name="takeoff",
         before="ground",
         after="air",
-        summary="Climb straight up and hold there.",
+        summary="Climb straight up and hover there.",
         make=_takeoff,
         check=checks.takeoff,
         options={
@@ -117,7 +117,7 @@ OFFERS: tuple[Offer[Task], ...] = (
             "examples": [{"height": 0.8}],
         },
     ),
-    Offer(
+    TaskSpec(
         name="land",
         after="ground",
         summary="Descend straight down and stop the motors.",
@@ -128,25 +128,26 @@ OFFERS: tuple[Offer[Task], ...] = (
             "examples": [{}],
         },
     ),
-    Offer(
+    TaskSpec(
         name="hold",
         after="same",
-        summary="Stay in one place for a time.",
+        summary="Hover in place for a time.",
         make=_hold,
         check=checks.hold,
+        goals=checks.hold_goals,
         options={
             "type": "object",
             "properties": {
                 "for": {
                     "type": "number",
                     "minimum": 0,
-                    "description": "How long to stay, counted from arrival, s.",
+                    "description": "Duration, counted from arrival, s.",
                     "default": 0.0,
                     "examples": [5],
                 },
                 "at": point(
-                    "Where to stay, [x, y, z] in the map, m; several agents spread around it; "
-                    "each agent stays where it is if not given.",
+                    "Where to hover, [x, y, z] in the map, m; several agents spread around it; "
+                    "each agent stays in place if not given.",
                     [0.0, 0.0, 1.2],
                 ),
                 "yaw_deg": _YAW,
@@ -156,12 +157,12 @@ OFFERS: tuple[Offer[Task], ...] = (
             "examples": [{"for": 5}],
         },
     ),
-    Offer(
+    TaskSpec(
         name="join",
         before="ground",
         after="air",
-        summary="Take off from reserve, and be in the mission from then on; needs 'agents', "
-        "except in 'each'.",
+        summary="Take off from reserve and take part in the mission from then on; needs "
+        "'agents', except in 'each'.",
         make=_join,
         check=checks.takeoff,
         options={
@@ -173,18 +174,18 @@ OFFERS: tuple[Offer[Task], ...] = (
                     "type": "number",
                     "minimum": 0,
                     "maximum": 17,
-                    "description": "Voltage on the ground that each agent needs, V.",
+                    "description": "Battery voltage on the ground that each agent needs, V.",
                     "default": 3.8,
                 },
             },
             "examples": [{"agents": "cf3", "height": 0.8}],
         },
     ),
-    Offer(
+    TaskSpec(
         name="leave",
         before="air",
         after="ground",
-        summary="Fly to where one started, land, and be in the mission no more.",
+        summary="Fly back to the start, land, and leave the mission.",
         make=_leave,
         check=checks.leave,
         options={
@@ -196,10 +197,10 @@ OFFERS: tuple[Offer[Task], ...] = (
             "examples": [{"agents": "cf1"}],
         },
     ),
-    Offer(
+    TaskSpec(
         name="wait",
         after="same",
-        summary="Stay where everybody is until a condition holds; for 60 s at most if not said.",
+        summary="Hover until a condition holds; the default timeout is 60 s.",
         make=_wait,
         options={
             "type": "object",
@@ -208,30 +209,31 @@ OFFERS: tuple[Offer[Task], ...] = (
             "examples": [{"until": {"elapsed": 10}}],
         },
     ),
-    Offer(
+    TaskSpec(
         name="goto",
         before="air",
         after="air",
         summary="Fly to a point, or by an offset, and stop there.",
         make=_goto,
         check=checks.goto,
+        goals=checks.goto_goals,
         options={
             "type": "object",
             "properties": {
                 "to": point(
-                    "Where to, [x, y, z] in the map, m; several agents spread around it. "
+                    "Goal, [x, y, z] in the map, m; several agents spread around it. "
                     "Give this or 'by'.",
                     [1.0, 0.5, 0.8],
                 ),
                 "by": point(
-                    "How far from where each agent is, [x, y, z] along the map's axes, m. "
+                    "Offset from each agent's position, [x, y, z] along the map's axes, m. "
                     "Give this or 'to'.",
                     [0.5, 0.0, 0.0],
                 ),
                 "yaw_deg": _YAW,
                 "speed": _TRAVEL_SPEED,
                 "spacing": SPACING,
-                "within": positive("How near to its goal each agent must come, m.", default=0.1),
+                "within": positive("Distance to its goal each agent must reach, m.", default=0.1),
             },
             "examples": [{"agents": "cf1", "to": [1.0, 0.5, 0.8]}],
         },

@@ -1,4 +1,4 @@
-"""Whether an agent can be at a place, or fly so fast. Nothing here imports numpy."""
+"""Whether an agent can be at a position, or fly at a speed. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def fault(scene: Scene, point: Sequence[float]) -> str | None:
-    """Say why no agent can fly at `point` (map frame, m), or return None if one can."""
+    """Return why no agent can fly at `point` (map frame, m); None if one can."""
     x, y, z = (float(value) for value in point)
     low, high = scene.limits.height
     if not low <= z <= high:
@@ -21,14 +21,14 @@ def fault(scene: Scene, point: Sequence[float]) -> str | None:
 
 
 def rooms(scene: Scene) -> tuple[float, float, float]:
-    """Return how far one can fly along x, y and z inside the fence and the heights, m."""
+    """Return the extent of the fence and the flight heights along x, y and z, m."""
     fence, (low, high) = scene.world.fence, scene.limits.height
     x, y, _ = (b - a for a, b in zip(fence.low, fence.high, strict=True))
     return x, y, min(fence.high[2], high) - max(fence.low[2], low)
 
 
 def slot_faults(scene: Scene, places: Sequence[Sequence[float]]) -> Iterable[str]:
-    """Say of each place that no agent can be at why, and which of the agents' places it is."""
+    """Report positions that are not flyable, why, and their numbers."""
     for number, place in enumerate(places, start=1):
         message = fault(scene, place)
         if message is not None:
@@ -37,7 +37,7 @@ def slot_faults(scene: Scene, places: Sequence[Sequence[float]]) -> Iterable[str
 
 
 def too_fast(scene: Scene, options: Mapping[str, Any], *path: str) -> Iterator[Problem]:
-    """Say that the option ``speed``, which stands at `path`, is above what an agent may fly."""
+    """Report that the option ``speed``, at `path`, exceeds the speed limit."""
     most = scene.limits.speed
     if options.get("speed", 0.0) > most:
         yield Problem(

@@ -1,4 +1,4 @@
-"""JSON Schemas of the quantities that verbs take: points, and numbers above zero."""
+"""JSON Schemas of the quantities used by verbs: points, and positive numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 FARTHEST: Final = 1000
-"""Greatest number that a verb takes, in its own unit: metres of it are far more than a room."""
+"""Greatest value of a verb's option, in its own unit: in meters, far more than a room."""
 
 
 def point(description: str, example: Sequence[float]) -> Mapping[str, Any]:
@@ -22,11 +22,9 @@ def point(description: str, example: Sequence[float]) -> Mapping[str, Any]:
 
 
 def positive(description: str, **more: Any) -> Mapping[str, Any]:
-    """Return the schema of a number above zero."""
+    """Return the schema of a positive number."""
     above_zero = {"exclusiveMinimum": 0, "maximum": FARTHEST}
     return {"type": "number", **above_zero, "description": description, **more}
 
 
-SPACING = positive(
-    "Least distance between the agents where several are sent to one place, m.", default=0.6
-)
+SPACING = positive("Least distance between agents sent to one point, m.", default=0.6)

@@ -1,4 +1,4 @@
-"""Where to put several agents that are sent to one place. Nothing here imports numpy."""
+"""Positions for several agents sent to one point. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Sequence
 
 Point = tuple[float, float, float]
 
-# Where the middle of a compact pattern can lie on a hexagonal lattice of unit spacing: on a point,
-# midway between two, and amid three.
+# Possible centers of a compact pattern on a hexagonal lattice of unit spacing: a point, the
+# midpoint of two, and the center of three.
 _MIDDLES = ((0.0, 0.0), (0.5, 0.0), (0.5, math.sqrt(3) / 6))
 
 
 def slots(n: int, centre: Sequence[float], spacing: float) -> list[Point]:
-    """Return `n` places around `centre`, all at its height, none nearer to another than `spacing`.
+    """Return `n` positions around `centre`, all at its height, at least `spacing` apart.
 
-    The places are the `n` points of a hexagonal lattice that lie nearest to its middle, moved so
-    that their mean is `centre`: one agent gets the centre, two a line along x, three a triangle,
-    seven a ring around one. Of the lattice's three possible middles the most compact is taken.
+    They are the `n` points of a hexagonal lattice nearest to its center, moved so that their mean
+    is `centre`: one agent gets the center, two a line along x, three a triangle, seven a ring
+    around one. Of the lattice's three possible centers the most compact is taken.
 
     Args:
-        n: How many.
+        n: Number of agents.
         centre: x, y, z, m.
         spacing: Distance between neighbours, m.
 
@@ -33,15 +33,27 @@ def slots(n: int, centre: Sequence[float], spacing: float) -> list[Point]:
     return [(x + spacing * u, y + spacing * v, float(z)) for u, v in pattern]
 
 
+def shifted_by(shift: Point, agents: int) -> str:
+    """Return the suffix of a message about a point that is shifted for one of several agents.
+
+    >>> shifted_by((0.3, 0.0, 0.0), 2)
+    ', shifted by [0.3, 0, 0] for one of 2 agents'
+    """
+    x, y, z = shift
+    if agents == 1 or not any(shift):
+        return ""
+    return f", shifted by [{x:g}, {y:g}, {z:g}] for one of {agents} agents"
+
+
 def _compact(n: int, middle: tuple[float, float]) -> tuple[float, list[tuple[float, float]]]:
-    """The `n` lattice points nearest to `middle` about their mean, after their mean square."""
-    reach = math.isqrt(n) + 2  # rows and columns that hold more than n points around the middle
+    """The `n` lattice points nearest to `middle` relative to their mean, and their mean square."""
+    reach = math.isqrt(n) + 2  # rows and columns that contain more than n points around the center
     lattice = (
         (i + j / 2 - middle[0], j * math.sqrt(3) / 2 - middle[1])
         for i in range(-2 * reach, 2 * reach + 1)
         for j in range(-reach, reach + 1)
     )
-    # Rounded, so that points at one distance are told apart by their place and not by noise.
+    # Rounded, so that points at equal distances are ordered by their position and not by noise.
     nearest = sorted(lattice, key=lambda p: (round(math.hypot(*p), 6), round(p[1], 6), p[0]))[:n]
     x, y = (math.fsum(values) / n for values in zip(*nearest, strict=True))
     pattern = [(u - x, v - y) for u, v in nearest]

@@ -1,23 +1,23 @@
-"""The verb ``wait``: stay where one is until the step's condition holds."""
+"""The verb ``wait``: hover until the step's condition holds."""
 
 from __future__ import annotations
 
-from star_core import Estimate, Health, Step
+from star_core import Estimate, Health, TaskOutput
 
-PATIENCE = 60.0  # s: how long a condition is waited for if the mission does not say
+PATIENCE = 60.0  # s, default timeout of the condition
 
 
 class Wait:
-    """Wants nothing of its agents, which keep the goals they have; the core knows the condition."""
+    """Leaves the goals of its agents unchanged; the core evaluates the condition."""
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         return PATIENCE
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
-        return Step()
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        return TaskOutput()
 
-    def stay(self, rows: tuple[int, ...]) -> None:
-        """Whoever is left waits on."""
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        """The remaining agents keep waiting."""
 
-    def swap(self, old: int, new: int) -> None:
-        """Whoever comes waits too."""
+    def on_agent_replaced(self, old: int, new: int) -> None:
+        """The new agent waits too."""

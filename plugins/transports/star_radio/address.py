@@ -1,4 +1,4 @@
-"""Addresses of links: what a Crazyflie is reached by."""
+"""Link addresses of Crazyflies."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ _RADIO = re.compile(
 )
 _LAST_CHANNEL = 125
 _FIRST_ADDRESS = "E7E7E7E7E7"
-_SERIAL = 10  # digits, at least, of a dongle's serial
+_SERIAL = 10  # minimum number of digits of a dongle's serial
 
 
 @dataclass(frozen=True, slots=True)
 class RadioAddress:
-    """Where a Crazyflie listens on the air.
+    """Radio address of a Crazyflie.
 
     Attributes:
-        dongle: Number or serial of the Crazyradio; ten digits are a serial, as cflib has it.
+        dongle: Number or serial of the Crazyradio; ten digits are a serial, as in cflib.
         channel: 0 to 125, 1 MHz each from 2400 MHz.
         rate: 250K, 1M or 2M.
         address: Ten hexadecimal digits.
-        most: Its ``rate_limit``, 1/s, whose inverse it waits after each exchange; None: no limit.
+        most: Its ``rate_limit``, 1/s, whose inverse is the pause after each exchange; None: none.
     """
 
     dongle: str
@@ -44,7 +44,7 @@ class RadioAddress:
 
     @classmethod
     def of(cls, uri: str) -> RadioAddress | None:
-        """Return the parts of a radio's URI, None if it is none.
+        """Return the components of a radio URI, None if `uri` is not one.
 
         >>> RadioAddress.of("radio://0/80/2M/E701")
         RadioAddress(dongle='0', channel=80, rate='2M', address='000000E701', most=None)
@@ -61,29 +61,29 @@ class RadioAddress:
 
 
 def faults(agents: Iterable[Agent]) -> Iterator[str]:
-    """Say which agents have no address, a wrong one, or one of another's drone."""
+    """Yield a message for each missing, invalid or duplicate address."""
     seen: dict[tuple[str | int, ...], Agent] = {}
     for agent in agents:
         if agent.uri is None:
             yield f"agent {agent.name!r} has no 'uri': the address of its link"
-        elif wrong := fault(agent.uri):
-            yield f"agent {agent.name!r}: {wrong}"
+        elif problem := fault(agent.uri):
+            yield f"agent {agent.name!r}: {problem}"
         elif (other := seen.setdefault(drone(agent.uri), agent)) is agent:
             pass
         elif other.uri == agent.uri:
             yield f"agents {other.name!r} and {agent.name!r} have the same uri {agent.uri!r}"
         else:
             yield (
-                f"agents {other.name!r} and {agent.name!r} are one drone: {other.uri!r} and "
-                f"{agent.uri!r} reach the same"
+                f"agents {other.name!r} and {agent.name!r} are the same drone: {other.uri!r} and "
+                f"{agent.uri!r}"
             )
 
 
 def drone(uri: str) -> tuple[str | int, ...]:
-    """Return what a sound address says of who is reached, and nothing of how.
+    """Return the identity of the drone at a valid address.
 
-    Whichever dongle calls, and however often, who listens on a channel at a rate to an address is
-    the same; so is who listens at a host's port.
+    It is channel, data rate and address for a radio, whatever the dongle and its rate limit, and
+    host and port for UDP and TCP.
 
     >>> drone("radio://0/80/2M/e7e7e7e701") == drone("radio://1/80/2M/E7E7E7E701?rate_limit=100")
     True
@@ -100,7 +100,7 @@ def drone(uri: str) -> tuple[str | int, ...]:
 
 
 def fault(uri: str) -> str | None:
-    """Say what is wrong with the address of a link, None if nothing is.
+    """Return what is wrong with a link address, None if nothing is.
 
     >>> fault("udp://127.0.0.1:19850")
     >>> fault("udp://127.0.0.1")
@@ -121,4 +121,4 @@ def fault(uri: str) -> str | None:
             wrong = True
     else:
         wrong = True
-    return f"{uri!r} is no address of a link; expected {FORMS}" if wrong else None
+    return f"{uri!r} is not a link address; expected {FORMS}" if wrong else None

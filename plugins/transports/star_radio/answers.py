@@ -1,34 +1,38 @@
-"""Questions that wait for their answers: who asked, how the answer begins, when to ask again."""
+"""Questions to a drone: matching of their answers, and retries."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Self, TypeAlias
 
-AGAIN_AFTER: Final = 0.2  # s without an answer; a radio's round trip takes some 10 ms
-TIMES: Final = 10  # that something is asked before it is given up
+from star_radio import packets
+from star_radio.round_trip import RoundTrip
+
+MIN_RETRY_PERIOD: Final = 0.2  # s; a radio round trip takes about 10 ms
+ATTEMPTS: Final = 10  # after which a question is given up
 
 
 @dataclass(eq=False, slots=True)
 class Question:
-    """A packet that is to be answered.
+    """A packet that requires an answer.
 
     Attributes:
-        packet: What is sent.
-        place: Port and channel that the answer comes on.
-        start: How the answer begins.
-        about: What it is for, in words.
-        topic: A newer question of the same topic takes its place; empty for none.
-        accepts: Whether an answer is the last word; one that is not is asked for again.
-        answer: The answer's payload; None as long as there is none.
-        refused: The payload of the last answer that was not accepted.
-        due: When to ask again, s of the computer's clock.
-        left: How often that may still be done.
-        sendings: How often it was sent.
-        answers: How often it was answered.
+        packet: Packet to send.
+        place: Port and channel of the answer.
+        start: First bytes of the answer.
+        about: Subject, for messages.
+        topic: A newer question of the same topic replaces it; empty for none.
+        on_answer: Called with the accepted answer, in the receiving thread.
+        accepts: Whether an answer is final; otherwise the question is repeated.
+        answer: Payload of the answer; None until then.
+        refused: Payload of the last answer that was not accepted.
+        due: Time of the next retry, s of the computer's clock.
+        left: Number of retries left.
+        sendings: Number of transmissions.
+        answers: Number of answers.
         done: Set when it is answered.
     """
 
@@ -37,52 +41,76 @@ class Question:
     start: bytes
     about: str
     topic: str = ""
+    on_answer: Callable[[bytes], object] = lambda _payload: None
     accepts: Callable[[bytes], bool] = lambda _payload: True
     answer: bytes | None = None
     refused: bytes | None = None
     due: float = 0.0
-    left: int = TIMES
+    left: int = ATTEMPTS
     sendings: int = 0
     answers: int = 0
     done: threading.Event = field(default_factory=threading.Event)
 
+    @classmethod
+    def of(cls, packet: bytes, start: bytes, about: str) -> Self:
+        """Return a question whose answer comes on the same port and channel."""
+        return cls(packet, packets.address(packet[0]), start, about)
+
     @property
     def unheard(self) -> bool:
-        """Whether it may have been carried out before it was answered: an answer is missing."""
+        """Whether an earlier transmission may have been executed: an answer is missing."""
         return self.sendings > self.answers
 
 
+Ask: TypeAlias = Callable[[Sequence[Question]], list[bytes]]
+"""Asks questions, blocking; returns the answers or raises `PluginError`."""
+
+
 class Answers:
-    """The questions of one link that are open; safe to use from several threads."""
+    """Open questions of one link; thread-safe.
+
+    Attributes:
+        round_trip: Round-trip times of the link.
+    """
 
     def __init__(self) -> None:
+        self.round_trip = RoundTrip()
         self._lock = threading.Lock()
         self._open: list[Question] = []
         self._ended: list[Question] = []
 
+    @property
+    def timeout(self) -> float:
+        """Time without an answer after which to retry, s."""
+        return max(MIN_RETRY_PERIOD, self.round_trip.timeout)
+
     def add(self, question: Question) -> None:
-        """Wait for the answer of a question that is being sent now."""
-        question.due = time.monotonic() + AGAIN_AFTER
+        """Register a question that is being sent."""
+        self.repeat(question)
         question.left -= 1
-        question.sendings += 1
         with self._lock:
             if question.topic:
                 self._open = [other for other in self._open if other.topic != question.topic]
             self._open.append(question)
 
+    def repeat(self, question: Question) -> None:
+        """Register another transmission of a question."""
+        question.due = time.monotonic() + self.timeout
+        question.sendings += 1
+
     def drop(self, question: Question) -> None:
-        """Wait no longer for an answer."""
+        """Drop a question."""
         with self._lock:
             if question in self._open:
                 self._open.remove(question)
 
     def forget(self, topic: str) -> None:
-        """Wait no longer for an answer about a topic."""
+        """Drop the questions of a topic."""
         with self._lock:
             self._open = [question for question in self._open if question.topic != topic]
 
     def take(self, place: tuple[int, int], payload: bytes) -> bool:
-        """Give a packet to the oldest question it answers; return whether there was one."""
+        """Match a packet to the oldest question it answers; return whether there was one."""
         with self._lock:
             for question in self._open:
                 if question.place == place and payload.startswith(question.start):
@@ -91,18 +119,21 @@ class Answers:
                         question.answer = payload
                         self._open.remove(question)
                         self._ended.append(question)
-                        question.done.set()
-                    else:
-                        question.refused = payload
+                        break
+                    question.refused = payload
                     return True
-        return False
+            else:
+                return False
+        question.on_answer(payload)
+        question.done.set()
+        return True
 
     def overdue(self, now: float) -> list[Question]:
-        """Return the questions to ask again; one that was asked often enough is given up."""
+        """Return the questions to repeat; a question without retries left is given up."""
         with self._lock:
             late = [question for question in self._open if question.due <= now and question.topic]
             for question in late:
-                question.due = now + AGAIN_AFTER
+                question.due = now + self.timeout
                 question.left -= 1
                 if question.left < 0:
                     self._open.remove(question)
@@ -112,7 +143,7 @@ class Answers:
         return [question for question in late if question.left >= 0]
 
     def ended(self) -> list[Question]:
-        """Return the questions of any topic that were answered or given up since the last call."""
+        """Return the questions with a topic that were answered or given up since the last call."""
         with self._lock:
             ended, self._ended = self._ended, []
         return [question for question in ended if question.topic]

@@ -1,8 +1,8 @@
-"""Packets to all drones of a channel at once, over a Crazyradio of their own.
+"""Broadcast of packets to all drones of a channel, over a dedicated Crazyradio.
 
-Nobody acknowledges a broadcast, so an order is repeated. cflib has no broadcast and keeps a dongle
-to itself, so this needs another one. Not tried on hardware: the bytes are tested, and the order in
-which the dongle is told things.
+Broadcasts are not acknowledged, so commands are repeated. cflib does not support broadcasts and
+claims its dongles exclusively, so this needs another dongle. Not tried on hardware: tests cover the
+bytes and the order of the dongle's settings.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import Any, Final
 
 from star_core import PluginError
 from star_radio.address import RadioAddress
-from star_radio.packed import PLACES, POSES, Kind
+from star_radio.packed_poses import POSES, POSITIONS, Kind
 
 log = logging.getLogger(__name__)
 
-EVERYBODY: Final = bytes.fromhex("FFE7E7E7E7")  # the address that every Crazyflie listens to
-TIMES: Final = 15  # that an order is sent, as Crazyswarm2 repeats it
-PAUSE: Final = 0.001  # s between two of them
-SOON: Final = 0.1  # s that an order may wait; links give it again after 0.2 s
+BROADCAST_ADDRESS: Final = bytes.fromhex("FFE7E7E7E7")  # received by every Crazyflie
+REPEATS: Final = 15  # transmissions of a command, as in Crazyswarm2
+REPEAT_PERIOD: Final = 0.001  # s
+MAX_QUEUE_TIME: Final = 0.1  # s that a command may wait; links repeat it after 0.2 s
 _VENDOR, _PRODUCT = 0x1915, 0x7777  # of a Crazyradio
 _CHANNEL, _ADDRESS, _RATE, _RETRIES, _ACKNOWLEDGE = 0x01, 0x02, 0x03, 0x06, 0x10  # USB requests
 _RATES: Final = {"250K": 0, "1M": 1, "2M": 2}
@@ -36,7 +36,7 @@ _TIMEOUT: Final = 1000  # ms
 
 @dataclass(eq=False, slots=True)
 class _Call:
-    """A packet that is to be sent, to whom, and how often on each channel."""
+    """A packet to send, the rows it is for, and the number of transmissions per channel."""
 
     packet: bytes
     rows: AbstractSet[int] = frozenset()
@@ -45,14 +45,14 @@ class _Call:
 
 
 class Broadcaster:
-    """Sends packets to every drone on some channels, in a thread of its own.
+    """Sends packets to every drone on some channels, in its own thread.
 
     Args:
-        dongle: Number of the Crazyradio, which no link uses.
+        dongle: Number of the Crazyradio; no link may use it.
         on: An address on each channel and data rate to send on.
 
     Attributes:
-        broken: Whether the dongle has failed: then nothing is sent any more.
+        broken: Whether the dongle has failed; then nothing more is sent.
 
     Raises:
         PluginError: There is no such dongle, or it cannot be used.
@@ -68,9 +68,9 @@ class Broadcaster:
         except OSError as error:
             raise PluginError(f"Crazyradio {dongle} cannot broadcast: {error}") from error
         self.broken = False
-        self._orders: deque[_Call] = deque()  # the first of them may be on the air
-        # the newest of each drone, by the last byte of its address
-        self._shown: dict[Kind, dict[int, bytes]] = {PLACES: {}, POSES: {}}
+        self._orders: deque[_Call] = deque()  # the first one may be in transmission
+        # newest entry of each drone, by the last byte of its address
+        self._shown: dict[Kind, dict[int, bytes]] = {POSITIONS: {}, POSES: {}}
         self._changed = threading.Condition()
         self._tuned: tuple[int, str] | None = None
         self._ended = False
@@ -78,49 +78,49 @@ class Broadcaster:
         self._thread.start()
 
     def order(self, packet: bytes, rows: AbstractSet[int] = frozenset()) -> bool:
-        """Send a packet to everybody, several times, without waiting.
+        """Queue a packet for repeated transmission to all drones, without blocking.
 
         Args:
-            packet: What to send.
-            rows: Of those whom it is for, for `void`.
+            packet: Packet to send.
+            rows: Rows of the drones it is for, for `void`.
 
         Returns:
-            Whether it is sent; not if the dongle has failed, or if many orders wait for it.
+            Whether it was queued; not if the dongle has failed or the queue is too long.
         """
         with self._changed:
-            takes = TIMES * PAUSE * len(self._on)  # s, at least
+            duration = REPEATS * REPEAT_PERIOD * len(self._on)  # s, at least
             waiting = sum(not call.void for call in self._orders)
-            if self.broken or takes * waiting > SOON:
+            if self.broken or duration * waiting > MAX_QUEUE_TIME:
                 return False
-            self._orders.append(_Call(packet, rows, TIMES))
+            self._orders.append(_Call(packet, rows, REPEATS))
             self._changed.notify_all()
         return True
 
     def void(self, rows: AbstractSet[int]) -> None:
-        """Send no more of the orders to any of these; a packet that is being sent still goes."""
+        """Cancel queued commands to any of these rows; a packet in transmission still goes out."""
         with self._changed:
             for call in self._orders:
                 call.void |= not rows.isdisjoint(call.rows)
 
     def wait(self) -> None:
-        """Wait until every order is sent, or the dongle has failed."""
+        """Wait until all commands are sent, or the dongle has failed."""
         with self._changed:
             self._changed.wait_for(lambda: self.broken or not self._orders)
 
-    def show(self, kind: Kind, last: int, part: bytes) -> None:
-        """Tell a drone where it is, once, without waiting; in place of what still waits.
+    def show(self, kind: Kind, last: int, entry: bytes) -> None:
+        """Queue a pose correction for one transmission; it replaces one that is still queued.
 
         Args:
-            kind: What it is told.
-            last: Last byte of its address.
-            part: What `star_radio.packed` made of it.
+            kind: Type of packet.
+            last: Last byte of the drone's address.
+            entry: Entry made by `star_radio.packed_poses`.
         """
         with self._changed:
-            self._shown[kind][last] = part
+            self._shown[kind][last] = entry
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Send what waits, and release the dongle. Safe to call twice."""
+        """Send what is queued, and release the dongle. Safe to call twice."""
         with self._changed:
             if self._ended:
                 return
@@ -134,26 +134,26 @@ class Broadcaster:
             while (call := self._next()) is not None:
                 self._send(call)
                 self._end(call)
-        except Exception as error:  # noqa: BLE001 -- drivers raise what they like
+        except Exception as error:  # noqa: BLE001 -- drivers raise any type
             with self._changed:
                 self.broken = True
                 self._changed.notify_all()
-            log.warning("radio: no broadcasts any more, links take over: %s", error)
+            log.warning("radio: broadcasting failed, using the links instead: %s", error)
 
     def _next(self) -> _Call | None:
-        """Wait for something to send, orders first; None at the end."""
+        """Wait for the next packet to send, commands first; None at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._orders or self._waiting() or self._ended)
             if self._orders:
                 return self._orders[0]
             if (kind := self._waiting()) is None:
                 return None
-            parts = self._shown[kind]
-            return _Call(kind.packet([parts.pop(last) for last in list(parts)[: kind.most]]))
+            entries = self._shown[kind]
+            return _Call(kind.packet([entries.pop(last) for last in list(entries)[: kind.most]]))
 
     def _waiting(self) -> Kind | None:
-        """Return what drones are to be told of where they are, if any."""
-        return next((kind for kind, parts in self._shown.items() if parts), None)
+        """Return a type of correction that is queued, if any."""
+        return next((kind for kind, entries in self._shown.items() if entries), None)
 
     def _end(self, call: _Call) -> None:
         with self._changed:
@@ -166,16 +166,16 @@ class Broadcaster:
             if self._tuned != (channel, rate):
                 self._tell(_RATE, _RATES[rate])
                 self._tell(_CHANNEL, channel)
-                self._tell(_ADDRESS, 0, EVERYBODY)
+                self._tell(_ADDRESS, 0, BROADCAST_ADDRESS)
                 self._tuned = channel, rate
             for _time in range(call.times):
                 if call.void:
                     return
                 self._device.write(_OUT, call.packet, _TIMEOUT)
-                time.sleep(PAUSE)
+                time.sleep(REPEAT_PERIOD)
 
     def _tell(self, request: int, value: int, data: bytes = b"") -> None:
-        """Set the dongle up: a USB request of the vendor's own kind."""
+        """Configure the dongle by a vendor-specific USB request."""
         self._device.ctrl_transfer(0x40, request, value, 0, data, _TIMEOUT)
 
 
@@ -183,14 +183,14 @@ def _dongle(number: int) -> Any:
     """Return a Crazyradio's USB device.
 
     Raises:
-        PluginError: There is none of this number.
+        PluginError: There is no dongle of this number.
     """
     usb = import_module("usb.core")
     backend = import_module("libusb_package").get_libusb1_backend()
     found = list(usb.find(idVendor=_VENDOR, idProduct=_PRODUCT, find_all=True, backend=backend))
     if number >= len(found):
         raise PluginError(
-            f"no Crazyradio of number {number} to broadcast with; found {len(found)}: it needs one "
-            "beside those of the links"
+            f"no Crazyradio number {number} for broadcasts; found {len(found)}: it needs one in "
+            "addition to those of the links"
         )
     return found[number]

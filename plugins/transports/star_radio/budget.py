@@ -1,8 +1,8 @@
-"""How many packets a Crazyradio carries, and whether that is enough for a swarm.
+"""Packet budget of Crazyradios: whether their capacity is enough for a swarm.
 
-A Crazyradio asks: each packet up may bring one packet down. So an agent takes as many exchanges as
-it is sent setpoints or as it sends reports, whichever are more. Half of what a dongle carries is
-left for retries, orders and parameters.
+A Crazyradio polls: each packet sent may bring one packet back. So an agent needs as many exchanges
+as it is sent setpoints or sends reports, whichever are more. Half of a dongle's capacity is kept
+for retries, commands and parameters.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from collections.abc import Iterable, Iterator, Mapping
 from star_radio.address import RadioAddress
 
 CAPACITY: Mapping[str, int] = {"legacy": 300, "inline": 1370}
-"""Exchanges with several agents in 1 s. Legacy: 2.5 ms to tune and 0.7 ms to exchange, as told in
-issue 9 of bitcraze/crazyradio2-firmware; inline: what its issue 23 has for three drones with
-firmware 5.1. Nothing of this was measured here."""
+"""Exchanges per second with several agents. Legacy: 2.5 ms to tune and 0.7 ms to exchange (issue 9
+of bitcraze/crazyradio2-firmware); inline: three drones with firmware 5.1 (its issue 23). These
+figures were not measured here."""
 
 SLOWER: Mapping[str, float] = {"2M": 0.0, "1M": 0.33e-3, "250K": 2.3e-3}
-"""By how much an exchange takes longer than at 2M, s: two packets of at most 329 bits each
+"""Extra duration of an exchange compared to 2M, s: two packets of at most 329 bits each
 (preamble, address, control field, 32 bytes, CRC: Enhanced ShockBurst)."""
 
-SHARE = 0.5  # of the capacity that may be planned with
-FASTEST = 0.01  # s, between two reports: the estimator's own period
-SLOWEST = 0.1  # s, between two reports: five are to be lost before an agent counts as lost
+SHARE = 0.5  # of the capacity
+MIN_REPORT_PERIOD = 0.01  # s: the period of the on-board estimator
+MAX_REPORT_PERIOD = 0.1  # s: an agent counts as lost after five missing reports
 
 
 def shared(uris: Iterable[str]) -> Counter[str]:
-    """Return how many agents each dongle serves.
+    """Return the number of agents that share each dongle.
 
     >>> shared(["radio://0/80/2M/E7E7E7E701", "udp://127.0.0.1:19850"])
     Counter({'0': 1})
@@ -38,7 +38,7 @@ def shared(uris: Iterable[str]) -> Counter[str]:
 
 
 def report_period(uris: Iterable[str], mode: str) -> float:
-    """Return how often agents can report, as the time between two reports, s.
+    """Return the shortest report period that all dongles can carry, s.
 
     >>> report_period([f"radio://0/80/2M/E7E7E7E70{i}" for i in range(4)], "legacy")
     0.03
@@ -46,22 +46,22 @@ def report_period(uris: Iterable[str], mode: str) -> float:
     uris = list(uris)
     shared_out = max(_rounds(uris, mode).values(), default=0.0) / SHARE
     alone = max((pause for _uri, pause in _limited(uris, mode)), default=0.0)
-    tens = max(shared_out, alone) / FASTEST
-    return round(max(1, math.ceil(tens - 1e-9)) * FASTEST, 2)
+    tens = max(shared_out, alone) / MIN_REPORT_PERIOD
+    return round(max(1, math.ceil(tens - 1e-9)) * MIN_REPORT_PERIOD, 2)
 
 
 def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None) -> Iterator[str]:
-    """Say which dongles and which links cannot serve their agents, with the arithmetic.
+    """Yield a message with the arithmetic for each overloaded dongle or link.
 
     Args:
-        uris: Of every agent.
-        mode: Of the dongles: a key of `CAPACITY`.
+        uris: Addresses of all agents.
+        mode: Mode of the dongles: a key of `CAPACITY`.
         tick: Time between two setpoints, s.
-        report: Time between two reports, s; None as often as can be.
+        report: Time between two reports, s; None for the shortest possible.
     """
     uris = list(uris)
     rounds = _rounds(uris, mode)
-    between = report or min(SLOWEST, report_period(uris, mode))
+    between = report or min(MAX_REPORT_PERIOD, report_period(uris, mode))
     each = max(1 / tick, 1 / between)
     for uri, pause in _limited(uris, mode):
         if 1 / pause < each * (1 - 1e-9):
@@ -86,9 +86,9 @@ def overloads(uris: Iterable[str], mode: str, tick: float, report: float | None)
 
 
 def _limited(uris: Iterable[str], mode: str) -> Iterator[tuple[str, float]]:
-    """Yield each link with a ``rate_limit``, and the time from one of its exchanges to the next, s.
+    """Yield each link with a ``rate_limit``, and the time between its exchanges, s.
 
-    cflib 0.1.34 waits for so long after each exchange (``radiodriver.py``).
+    cflib 0.1.34 pauses for the inverse of the limit after each exchange (``radiodriver.py``).
     """
     for uri in uris:
         radio = RadioAddress.of(uri)
@@ -97,7 +97,7 @@ def _limited(uris: Iterable[str], mode: str) -> Iterator[tuple[str, float]]:
 
 
 def _rounds(uris: Iterable[str], mode: str) -> Mapping[str, float]:
-    """Return how long each dongle takes for one exchange with every one of its agents, s."""
+    """Return the time each dongle takes for one exchange with each of its agents, s."""
     found: Counter[str] = Counter()
     for radio in filter(None, map(RadioAddress.of, uris)):
         found[radio.dongle] += 1 / CAPACITY[mode] + SLOWER[radio.rate]  # type: ignore[assignment]
@@ -105,18 +105,18 @@ def _rounds(uris: Iterable[str], mode: str) -> Mapping[str, float]:
 
 
 def _advice(tick: float, between: float) -> str:
-    """Say what takes most of a dongle's time, and what can be done about that."""
+    """Return what takes most of a dongle's time, and how to reduce it."""
     ways = []
     if tick < between:
         most = "setpoints take"
         ways.append("lower the mission's rate")
     elif between < tick:
         most = "reports take"
-        if between < SLOWEST:
+        if between < MAX_REPORT_PERIOD:
             ways.append("report less often")
     else:
         most = "setpoints and reports alike take"
-        if tick < SLOWEST:
+        if tick < MAX_REPORT_PERIOD:
             ways.append("lower the mission's rate and report less often")
     ways.append("share the agents among more dongles")
     return f"{most} the most: {', or '.join(ways)}"

@@ -1,152 +1,191 @@
-"""One link to a Crazyflie: packets out, and what comes in sorted into answers and reports.
+"""Link to one Crazyflie: sends packets and sorts received ones into answers and reports.
 
-Questions are asked again on every kind of link (cflib does so over radios without safelink only).
+Requests are retried on every kind of link (cflib does so only over radios without safelink).
 """
 
 from __future__ import annotations
 
 import logging
+import math
+import threading
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from star_core import PluginError
 from star_radio import packets
-from star_radio.answers import AGAIN_AFTER, Answers, Question
-from star_radio.datagrams import SCHEME, Datagrams
-from star_radio.driven import Driven
+from star_radio.answers import ATTEMPTS, Answers, Question
+from star_radio.cflib_link import CflibLink
+from star_radio.link_protocol import LinkDriver
 from star_radio.quality import Quality
-from star_radio.wire import Wire
+from star_radio.round_trip import RoundTrip
+from star_radio.udp_links import SCHEME, UdpLinks
 
 log = logging.getLogger(__name__)
 
-BEAT: Final = 0.5  # s without a packet, after which an echo tells the drone that we listen
+ECHO_PERIOD: Final = 0.5  # s without a sent packet, after which an echo keeps the link alive
+WINDOW: Final = 12  # simultaneously open requests; the firmware queues 16 packets per port
 
 
 class Link:
     """Packets to and from one Crazyflie.
 
     Args:
-        uri: Its address, of any kind that cflib has.
-        name: Of the agent, for messages.
-        datagrams: Where links over UDP are heard; if not given they are cflib's, as the others.
+        uri: Its address, of any kind that cflib supports.
+        name: Name of the agent, for messages.
+        udp_links: Handler of UDP links; if not given, cflib handles them as it does the others.
 
     Attributes:
         uri: As given.
-        broken: The wire's last complaint; empty without one. A link may well recover.
-        report: Called with every report, and when it arrived, in the thread that hears it.
+        broken: The driver's last error message; empty without one. A link may recover.
+        report: Called with every report and its arrival time, in the receiving thread.
     """
 
-    def __init__(self, uri: str, name: str, datagrams: Datagrams | None = None) -> None:
+    def __init__(self, uri: str, name: str, udp_links: UdpLinks | None = None) -> None:
         self.uri = uri
         self.broken = ""
         self._name = name
         self._quality = Quality(name)
-        self._datagrams = datagrams
-        self._wire: Wire | None = None
+        self._udp_links = udp_links
+        self._driver: LinkDriver | None = None
         self._answers = Answers()
         self.report: Callable[[bytes, float], object] = lambda _payload, _arrived: None
-        self._last = 0.0  # s of the computer's clock, when something was sent
+        self._last = 0.0  # s of the computer's clock, of the last sent packet
+        self._measured = 0.0  # s of the computer's clock, of the last echo request
         self._closing = False
 
-    def open(self, patience: float) -> None:
-        """Begin to carry packets.
+    def open(self, timeout: float) -> None:
+        """Open the link.
 
         Args:
-            patience: How long it may take, s.
+            timeout: s.
 
         Raises:
-            PluginError: The address cannot be had, or nobody is there.
+            PluginError: The address cannot be used, or nothing answers there.
         """
-        if self._datagrams is not None and self.uri.startswith(SCHEME):
+        if self._udp_links is not None and self.uri.startswith(SCHEME):
             try:
-                self._wire = self._datagrams.open(self.uri, self)
+                self._driver = self._udp_links.open(self.uri, self)
             except OSError as error:
                 raise PluginError(f"{self.uri}: {error}") from error
         else:
-            self._wire = Driven(self.uri, self._name, self, patience)
+            self._driver = CflibLink(self.uri, self._name, self, timeout)
 
     def post(self, packet: bytes) -> None:
-        """Send a packet after those before it, without waiting; a setpoint that waits is void."""
-        wire = self._wire
-        if wire is not None:
-            wire.send(packet)
+        """Queue a packet, without blocking; this drops a setpoint that is still queued."""
+        driver = self._driver
+        if driver is not None:
+            driver.send(packet)
             self._last = time.monotonic()
 
     def steer(self, setpoint: bytes) -> None:
-        """Send a setpoint without waiting; it takes the place of one that could not be sent yet."""
-        wire = self._wire
-        if wire is not None:
-            wire.steer(setpoint)
+        """Queue a setpoint, without blocking; it replaces one that is still queued."""
+        driver = self._driver
+        if driver is not None:
+            driver.steer(setpoint)
             self._last = time.monotonic()
 
-    def ask(
-        self,
-        packet: bytes,
-        start: bytes,
-        about: str,
-        *,
-        patience: float,
-        channel: int | None = None,
-    ) -> bytes:
+    @property
+    def round_trip(self) -> RoundTrip:
+        """Measured while requests are open and while the link is idle."""
+        return self._answers.round_trip
+
+    def ask(self, packet: bytes, start: bytes, about: str, *, timeout: float) -> bytes:
         """Send a packet until it is answered, and return the answer's payload.
 
         Args:
-            packet: What to ask.
-            start: How the answer begins; it comes on the same port.
-            about: What for, in words.
-            patience: How long to wait in all, s.
-            channel: That the answer comes on; None is the question's own.
+            packet: Request.
+            start: First bytes of the answer, which comes on the same port and channel.
+            about: Subject, for messages.
+            timeout: s.
 
         Raises:
             PluginError: There is no answer.
         """
-        question = self._question(packet, start, about, channel)
-        until = time.monotonic() + patience
-        self._answers.add(question)
-        try:
-            while not self._closing:
-                self.post(packet)
-                if question.done.wait(min(AGAIN_AFTER, max(0.0, until - time.monotonic()))):
-                    return question.answer or b""
-                if time.monotonic() >= until:
-                    break
-        finally:
-            self._answers.drop(question)
-        why = f" ({self.broken})" if self.broken else ""
-        raise PluginError(f"no answer about {about} from {self.uri} in {patience:g} s{why}")
+        (answer,) = self.ask_all([Question.of(packet, start, about)], timeout=timeout)
+        return answer
 
-    def assure(self, question: Question, *, sent: bool = False) -> None:
-        """Send a question that has a topic, and again in `chase` until it is answered.
+    def ask_all(
+        self, questions: Sequence[Question], *, timeout: float, deadline: float = math.inf
+    ) -> list[bytes]:
+        """Ask several questions, up to `WINDOW` at a time, until all are answered.
+
+        Answers that a question does not accept, such as late ones to an earlier question, are
+        ignored.
 
         Args:
-            question: What to ask.
-            sent: Whether it has just been sent in another way.
+            questions: Independent of each other.
+            timeout: For each question, s; longer on links with a long round trip, so that a
+                question is asked `ATTEMPTS` times.
+            deadline: For all of them, s of the computer's clock.
+
+        Returns:
+            The payload of each answer.
+
+        Raises:
+            PluginError: There is no answer.
+        """
+        waiting = deque(questions)
+        begun: dict[Question, float] = {}  # s, when each open question was asked first
+        answered = threading.Event()
+        try:
+            while waiting or begun:
+                now = time.monotonic()
+                self._measure(now)
+                while waiting and len(begun) < WINDOW:
+                    question = waiting.popleft()
+                    question.done = answered
+                    begun[question] = now
+                    self._answers.add(question)
+                    self.post(question.packet)
+                wait = max(timeout, ATTEMPTS * self.round_trip.timeout)
+                for question, first in begun.items():
+                    if now >= min(first + wait, deadline) or self._closing:
+                        raise self._unanswered(question, wait, late=now >= deadline)
+                    if now >= question.due:
+                        self._answers.repeat(question)
+                        self.post(question.packet)
+                wake = min(min(question.due, first + wait) for question, first in begun.items())
+                answered.wait(max(0.0, min(wake, deadline) - time.monotonic()))
+                answered.clear()
+                begun = {one: first for one, first in begun.items() if one.answer is None}
+        finally:
+            for question in begun:
+                self._answers.drop(question)
+        return [question.answer or b"" for question in questions]
+
+    def assure(self, question: Question, *, sent: bool = False) -> None:
+        """Send a question that has a topic, and repeat it in `retry` until it is answered.
+
+        Args:
+            question: Question to ask.
+            sent: Whether it has already been sent by other means.
         """
         self._answers.add(question)
         if not sent:
             self.post(question.packet)
 
     def forget(self, topic: str) -> None:
-        """Ask no more about a topic."""
+        """Drop open questions of a topic."""
         self._answers.forget(topic)
 
-    def chase(self, now: float) -> list[Question]:
-        """Ask again what is not answered at `now`, s of the computer's clock.
+    def retry(self, now: float) -> list[Question]:
+        """Repeat questions that are overdue at `now`, s of the computer's clock.
 
         Returns:
-            What was answered since the last call, and what is given up: it has no answer.
+            The questions answered since the last call, and those given up (without an answer).
         """
         for question in self._answers.overdue(now):
             self.post(question.packet)
         return self._answers.ended()
 
     def close(self) -> None:
-        """Carry no more. Safe to call twice."""
+        """Close the link. Safe to call twice."""
         self._closing = True
-        wire, self._wire = self._wire, None
-        if wire is not None:
-            wire.close()
+        driver, self._driver = self._driver, None
+        if driver is not None:
+            driver.close()
 
     def hear(self, packet: bytes, arrived: float) -> None:
         place = packets.address(packet[0])
@@ -156,20 +195,35 @@ class Link:
         if packets.is_null(packet[0]):
             return
         payload = packet[1:]
+        if place == (packets.LINK, 0):
+            if (sent := packets.echoed(payload)) is not None:
+                self._answers.round_trip.note(arrived - sent)
+            return
         if not self._answers.take(place, payload) and place[0] == packets.CONSOLE:
-            log.debug("%s says %r", self._name, payload.decode("utf-8", "replace"))
+            log.debug("%s: console: %r", self._name, payload.decode("utf-8", "replace"))
 
     def idle(self, now: float) -> None:
-        if now - self._last > BEAT:
-            self.post(packets.echo())
+        if now - self._last > ECHO_PERIOD:
+            self.post(packets.echo(now))
 
     def complain(self, message: str) -> None:
         self.broken = message.strip().splitlines()[-1] if message.strip() else "unknown"
-        log.debug("%s: %s", self.uri, self.broken)  # cflib's have tracebacks
+        log.debug("%s: %s", self.uri, self.broken)  # last line only: cflib adds tracebacks
 
     def note_quality(self, quality: dict[str, float]) -> None:
         self._quality.note(quality, time.monotonic())
 
-    def _question(self, packet: bytes, start: bytes, about: str, channel: int | None) -> Question:
-        port, own = packets.address(packet[0])
-        return Question(packet, (port, own if channel is None else channel), start, about)
+    def _measure(self, now: float) -> None:
+        """Measure the round trip if the last measurement is old at `now`, s."""
+        if now - self._measured > ECHO_PERIOD:
+            self._measured = now
+            self.post(packets.echo(now))
+
+    def _unanswered(self, question: Question, wait: float, *, late: bool) -> PluginError:
+        if late:
+            return PluginError(f"{self.uri} is too slow: it is not connected in time")
+        why = f" ({self.broken})" if self.broken else ""
+        if question.refused is not None:
+            why = f", but {question.refused.hex()!r}"
+        about = f"no answer about {question.about}"
+        return PluginError(f"{about} from {self.uri} in {wait:.3g} s{why}")

@@ -3,99 +3,137 @@
 from __future__ import annotations
 
 import logging
+import os
+import subprocess
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from importlib import import_module
-from typing import Any, Final
+from contextlib import suppress
+from importlib.util import find_spec
+from multiprocessing import Pipe
+from typing import Final
 
 import numpy as np
 
-from star_core import Array, PluginError, Scene, Truth
+from star_core import PluginError, Scene, Truth
+from star_radio.mocap_process import Frame
 
 log = logging.getLogger(__name__)
 
-SPAN: Final = 0.05  # s, over which velocity is a difference of positions
-OLD: Final = 0.1  # s: of a frame that is older nobody knows where its bodies are now
-KEPT: Final = 64  # frames: 0.13 s at 500 Hz, the fastest systems
+VELOCITY_INTERVAL: Final = 0.05  # s, over which velocity is a difference of positions
+MAX_FRAME_AGE: Final = 0.1  # s: older frames are not used as ground truth
+MAX_FRAMES: Final = 64  # 0.13 s at 500 Hz, the fastest systems
+CONNECT_TIMEOUT: Final = 10.0  # s
+EXIT_TIMEOUT: Final = 2.0  # s, for a process that was killed
+ENDED: Final = "its process has ended"
+SERVE: Final = "from star_radio.mocap_process import serve; serve"
 
 
 class MotionCapture:
-    """Listens to a motion-capture system in a thread of its own.
+    """Receives frames of a motion-capture system through a separate process.
 
     Args:
         scene: The agents.
-        kind: The system, as ``motioncapture.connect`` names it: ``optitrack``, ``vicon``, ...
-        hostname: Where it runs.
-        names: The rigid body of each agent, by the agent's name; its own name if not given.
+        kind: Type of the system, as in ``motioncapture.connect``: ``optitrack``, ``vicon``, ...
+        hostname: Its host.
+        names: Rigid-body names by agent name; the agent's name if not given.
+        timeout: For connecting, s.
 
     Raises:
         PluginError: The package is not installed, or the system cannot be reached.
     """
 
     def __init__(
-        self, scene: Scene, *, kind: str, hostname: str, names: Mapping[str, str] | None = None
+        self,
+        scene: Scene,
+        *,
+        kind: str,
+        hostname: str,
+        names: Mapping[str, str] | None = None,
+        timeout: float = CONNECT_TIMEOUT,
     ) -> None:
-        try:
-            package = import_module("motioncapture")
-        except ImportError as error:
-            raise PluginError(
-                "mocap needs the package 'motioncapture': pip install motioncapture"
-            ) from error
-        try:
-            self._system: Any = package.connect(kind, {"hostname": hostname})
-        except Exception as error:  # what a system's own library raises
-            raise PluginError(f"mocap: no {kind!r} at {hostname!r}: {error}") from error
-        self._bodies = [(names or {}).get(name, name) for name in scene.names]
-        self._frames: deque[tuple[float, Array]] = deque(maxlen=KEPT)
-        self._ended = False
-        self._old = False
+        if find_spec("motioncapture") is None:
+            raise PluginError("mocap needs the package 'motioncapture': pip install motioncapture")
+        self._frames: deque[Frame] = deque(maxlen=MAX_FRAMES)
+        self._closing = False
+        self._stale = False
         self._thread = threading.Thread(target=self._listen, name="star-radio-mocap", daemon=True)
+        self._connection, theirs = Pipe()
+        with theirs:
+            self._process = subprocess.Popen(  # noqa: S603 -- this very interpreter
+                [sys.executable, "-c", f"{SERVE}({theirs.fileno()})"],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                process_group=0,  # the flight handles a keyboard interrupt
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )
+        bodies = [(names or {}).get(name, name) for name in scene.names]
+        self._connection.send((kind, hostname, bodies, timeout))
+        if (problem := self._connected(timeout)) is not None:
+            self._end()
+            raise PluginError(f"mocap: no {kind!r} at {hostname!r}: {problem}")
         self._thread.start()
 
     def truth(self, began: float) -> Truth | None:
-        """Return the newest frame; None before the first. A body that is not seen is NaN.
+        """Return the newest frame; None before the first. Bodies that are not seen are NaN.
 
-        So is every body where the newest is older than `OLD`, of which a warning tells once.
+        All bodies are NaN if the newest frame is older than `MAX_FRAME_AGE`; a warning is logged
+        once.
 
         Args:
-            began: When mission time was 0, s of the computer's clock.
+            began: Mission time 0, s of the computer's clock.
         """
         frames = list(self._frames)
         if not frames:
             return None
         newest, poses = frames[-1]
         silent = time.monotonic() - newest
-        if silent > OLD:
+        if silent > MAX_FRAME_AGE:
             poses = np.full_like(poses, np.nan)
-            if not self._old:
-                log.warning("radio: mocap says nothing: truth is unknown until it does")
-        self._old = silent > OLD
+            if not self._stale:
+                log.warning("radio: mocap sends no frames: no ground truth until it does")
+        self._stale = silent > MAX_FRAME_AGE
         velocity = np.full((len(poses), 3), np.nan)
-        before = [frame for frame in frames if frame[0] <= newest - SPAN] or frames[:1]
+        before = [frame for frame in frames if frame[0] <= newest - VELOCITY_INTERVAL] or frames[:1]
         then, earlier = before[-1]
         if newest > then:
             velocity = (poses[:, :3] - earlier[:, :3]) / (newest - then)
         return Truth(newest - began, poses[:, :3], velocity, poses[:, 3:])
 
     def close(self) -> None:
-        """End the thread with the next frame, or leave it to wait for one."""
-        self._ended = True
+        """End the process and the thread. Safe to call twice."""
+        self._closing = True
+        self._end()
+
+    def _connected(self, timeout: float) -> str | None:
+        """Wait for the connection; return the error, None for success."""
+        try:
+            if self._connection.poll(timeout):
+                return self._connection.recv() or None
+        except (EOFError, OSError):
+            return ENDED
+        return f"no answer in {timeout:g} s"
 
     def _listen(self) -> None:
-        while not self._ended:
-            try:
-                self._system.waitForNextFrame()
-                bodies = self._system.rigidBodies
-            except Exception as error:  # noqa: BLE001 -- recorders only: nobody falls without it
-                log.warning("radio: mocap ended: %s", error)
-                return
-            arrived = time.monotonic()
-            poses = np.full((len(self._bodies), 7), np.nan)
-            for row, name in enumerate(self._bodies):
-                if name in bodies:
-                    turn = bodies[name].rotation
-                    poses[row, :3] = bodies[name].position
-                    poses[row, 3:] = turn.x, turn.y, turn.z, turn.w
-            self._frames.append((arrived, poses))
+        """Receive frames until the process ends, which closes the connection."""
+        problem = ENDED
+        try:
+            while not isinstance(answer := self._connection.recv(), str):
+                self._frames.append(answer)
+            problem = answer
+        except (EOFError, OSError):
+            pass
+        if not self._closing:
+            log.warning("radio: mocap ended: %s", problem)
+
+    def _end(self) -> None:
+        """Kill the process, which ends the thread."""
+        self._process.kill()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(EXIT_TIMEOUT)
+        if self._thread.ident is not None:
+            self._thread.join(EXIT_TIMEOUT)
+        self._connection.close()

@@ -1,4 +1,4 @@
-"""What a mission can say of the transport ``radio``."""
+"""Schema of the options of the transport ``radio``."""
 
 from __future__ import annotations
 
@@ -11,61 +11,62 @@ OPTIONS: dict[str, Any] = {
             "enum": ["refuse", "fly-without"],
             "default": "refuse",
             "description": "What to do when an agent cannot be reached: refuse to fly, or fly "
-            "without it, in a mission whose safety has the rule link_lost: that takes it out.",
+            "without it (needs the safety rule link_lost, which removes it from the mission).",
         },
-        "patience": {
+        "response_timeout": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 2.0,
-            "description": "After which time without any answer an agent is absent, and a camera "
-            "is told to be, s.",
+            "description": "Time to wait for an answer before an agent or a camera counts as "
+            "absent, s.",
         },
-        "deadline": {
+        "connect_timeout": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 30.0,
-            "description": "After which time an agent that answers, but slowly, is absent, s.",
+            "description": "Time within which an agent must be fully connected; after it, an "
+            "agent that answers slowly counts as absent, s.",
         },
         "setpoints": {
             "enum": ["velocity", "full-state"],
             "default": "velocity",
-            "description": "What agents are steered with: 'velocity' is a velocity and a yaw rate; "
-            "'full-state' adds a position that moves along, at most 0.15 m from where the agent "
-            "is, and a heading, for on-board controllers that track them (Mellinger: parameters: "
-            "{stabilizer.controller: 2}); the firmware's PID flies to the position only, slowly.",
+            "description": "Type of setpoint: 'velocity' sends a velocity and a yaw rate; "
+            "'full-state' adds a moving position, at most 0.15 m from the agent, and a heading, "
+            "for on-board controllers that track them (Mellinger: parameters: "
+            "{stabilizer.controller: 2}). The firmware's PID tracks only the position, slowly.",
         },
-        "report": {
+        "report_period": {
             "type": ["number", "null"],
             "minimum": 0.01,
             "maximum": 0.1,
             "default": None,
-            "description": "Time between two reports of an agent's state, s, in steps of 0.01; "
-            "null is 0.01, or as often as its dongle can carry.",
+            "description": "Period of an agent's state reports, s, in steps of 0.01; null selects "
+            "0.01, or the shortest period that its dongle can carry.",
         },
         "mode": {
             "enum": ["legacy", "inline"],
             "default": "legacy",
-            "description": "How Crazyradios are driven, for the budget of packets: 'legacy' as by "
-            "cflib up to 0.1.34, 'inline' where a later one and the dongles' firmware (5.1) can.",
+            "description": "Crazyradio mode that the packet budget assumes: 'legacy' (cflib up to "
+            "0.1.34) or 'inline' (later cflib and dongle firmware 5.1).",
         },
         "udp": {
             "enum": ["sockets", "cflib"],
             "default": "sockets",
-            "description": "How links over UDP are driven: 'sockets' by one thread for all of "
-            "them, 'cflib' as the other kinds of links are, by a driver and two threads each.",
+            "description": "Driver of UDP links: 'sockets' uses one thread for all of them; "
+            "'cflib' uses cflib's driver, with two threads per link.",
         },
         "cache": {
             "type": ["string", "null"],
             "minLength": 1,
             "default": None,
-            "description": "Folder for the tables of contents of firmwares, so that the next "
-            "flight connects sooner; null is star-swarm/radio in the user's cache folder.",
+            "description": "Folder in which firmware tables of contents are cached, so that the "
+            "next flight connects sooner; null is star-swarm/radio in the user's cache folder.",
         },
         "reset": {
             "type": "boolean",
             "default": True,
-            "description": "Whether estimators start anew when the links are opened, so that "
-            "odometry begins where the agents stand.",
+            "description": "Whether to reset the on-board estimators when the links are opened, "
+            "so that odometry starts at the agents' initial positions.",
         },
         "parameters": {
             "type": "object",
@@ -75,38 +76,38 @@ OPTIONS: dict[str, Any] = {
             },
             "additionalProperties": {"type": "number"},
             "default": {},
-            "description": "Parameters of the firmware to set in every agent, by 'group.name', in "
-            "the firmware's own units.",
+            "description": "Firmware parameters to set on every agent, by 'group.name', in the "
+            "firmware's units.",
         },
         "stop": {
             "enum": ["motors", "lock"],
             "default": "motors",
-            "description": "What a stop does: switch the motors off, or also lock the agent until "
-            "it is switched off and on (the firmware's emergency stop).",
+            "description": "Effect of a stop: 'motors' switches the motors off; 'lock' also locks "
+            "the agent until it is power-cycled (the firmware's emergency stop).",
         },
         "watchdog": {
             "type": "boolean",
             "default": False,
-            "description": "Whether an agent that hears nothing for 1 s switches its motors off "
-            "and locks (the firmware's emergency-stop watchdog). After a flight with it each agent "
-            "has to be switched off and on.",
+            "description": "Whether an agent that receives nothing for 1 s switches its motors "
+            "off and locks (the firmware's emergency-stop watchdog). Each agent must be "
+            "power-cycled after a flight with it.",
         },
         "cameras": {
             "type": "object",
             "additionalProperties": {
                 "type": "string",
                 "pattern": r"^[A-Za-z0-9.-]+(:[0-9]{1,5})?$",
-                "description": "Host, or host and port, of one AI-deck.",
+                "description": "Address of one AI-deck: host or host:port.",
             },
             "default": {},
-            "description": "Where the AI-decks' images come from, by agent: host:port; without a "
-            "port, 5000.",
+            "description": "Addresses of the AI-decks by agent: host or host:port; the default "
+            "port is 5000.",
         },
         "camera_latency": {
             "type": "number",
             "minimum": 0,
             "default": 0.15,
-            "description": "Time from an exposure to the first packet of its image, s.",
+            "description": "Latency from an exposure to the first packet of its image, s.",
         },
         "mocap": {
             "type": ["object", "null"],
@@ -114,30 +115,31 @@ OPTIONS: dict[str, Any] = {
             "properties": {
                 "type": {
                     "type": "string",
-                    "description": "The system, as the package motioncapture names it: "
-                    "'optitrack', 'vicon', 'qualisys', 'nokov', 'vrpn', ...",
+                    "description": "Type of the system, as named by the package motioncapture: "
+                    "'optitrack', 'vicon', 'qualisys', 'vrpn', 'mock', ...",
                 },
-                "hostname": {"type": "string", "description": "Where it runs."},
+                "hostname": {"type": "string", "description": "Its host."},
                 "names": {
                     "type": "object",
                     "additionalProperties": {"type": "string"},
                     "default": {},
-                    "description": "Its name for each agent, where that is not the agent's own.",
+                    "description": "Rigid-body name of each agent, if not the agent's own name.",
                 },
             },
             "additionalProperties": False,
             "default": None,
-            "description": "Motion capture that tells recorders where the agents really are.",
+            "description": "Motion-capture system that provides ground truth for recording.",
         },
         "broadcast": {
             "type": ["integer", "null"],
             "minimum": 0,
             "default": None,
-            "description": "Number of a Crazyradio, beside those of the links, with which orders "
-            "that are the same for all or for one of the mission's groups (take off, land, stop, "
-            "go to a place, follow a trajectory), and corrections, are sent to them at once; null "
-            "sends to each, as velocities always are. Nobody else may broadcast on these channels: "
-            "it takes their drones out of their groups. Not tried on hardware.",
+            "description": "Number of an additional Crazyradio for broadcasts: commands that are "
+            "the same for all agents or for one of the mission's groups (take off, land, stop, go "
+            "to a position, follow a trajectory) and position corrections. null sends everything "
+            "to each agent, as velocities always are. Broadcasts remove other drones on these "
+            "channels from their groups, so share them with no other swarm. Not tried on "
+            "hardware.",
         },
     },
 }

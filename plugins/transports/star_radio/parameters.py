@@ -1,4 +1,4 @@
-"""Parameters of the firmware: how one is set, and how one knows that it is."""
+"""Setting of firmware parameters, with confirmation."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from typing import Final
 
 from star_core import PluginError
 from star_radio import packets
-from star_radio.answers import Question
-from star_radio.tables import Ask, Table
+from star_radio.answers import Ask, Question
+from star_radio.tables import Table
 
 FORMATS: Final = {
     0x0: "<b", 0x1: "<h", 0x2: "<i", 0x3: "<q", 0x8: "<B", 0x9: "<H", 0xA: "<I", 0xB: "<Q",
     0x5: "<e", 0x6: "<f", 0x7: "<d",
 }  # fmt: skip
 REAL: Final = {0x5, 0x6, 0x7}
-READ_ONLY: Final = 0x40  # a bit beside the type
+READ_ONLY: Final = 0x40  # a bit next to the type
 _TYPE = 0x0F
 
 
 def setting(table: Table, name: str, value: float) -> Question:
-    """Return the question that sets a parameter; it is accepted when the drone repeats the value.
+    """Return the question that sets a parameter; its answer must contain the value.
 
     Args:
         table: The drone's parameters.
         name: ``group.name``.
-        value: To set; a whole number where the parameter is one.
+        value: Value; an integer if the parameter has an integer type.
 
     Raises:
-        PluginError: There is no such parameter, it is read-only, or it cannot have this value.
+        PluginError: There is no such parameter, it is read-only, or the value does not fit.
     """
     if name not in table:
         raise PluginError(f"its firmware has no parameter {name!r}")
@@ -53,12 +53,9 @@ def setting(table: Table, name: str, value: float) -> Question:
 
 
 def set_now(table: Table, name: str, value: float, ask: Ask) -> None:
-    """Set a parameter, and wait until the drone has it.
+    """Set a parameter, and wait for the confirmation.
 
     Raises:
-        PluginError: As `setting`, or the drone does not answer, or answers another value.
+        PluginError: As `setting`, or the drone does not confirm the value.
     """
-    question = setting(table, name, value)
-    answer = ask(question.packet, question.start, question.about)
-    if not question.accepts(answer):
-        raise PluginError(f"parameter {name!r} was set to {value!r} and reads {answer[2:].hex()!r}")
+    ask([setting(table, name, value)])

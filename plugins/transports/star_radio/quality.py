@@ -1,4 +1,4 @@
-"""The quality of a link over a Crazyradio: told once when it stays low."""
+"""Link quality of a Crazyradio: warns once when it stays low."""
 
 from __future__ import annotations
 
@@ -8,35 +8,35 @@ from typing import Final
 
 log = logging.getLogger(__name__)
 
-LOW: Final = 70.0  # %: three of ten tries to send a packet are in vain; chosen, not measured
-LASTS: Final = 2.0  # s
-_NAME: Final = "link_quality"  # cflib's: 100 less ten times the retries of a packet, mean of 100
+MIN_QUALITY: Final = 70.0  # %: three of ten transmissions fail; chosen, not measured
+MIN_DURATION: Final = 2.0  # s below it, before the warning
+_NAME: Final = "link_quality"  # in cflib: 100 minus ten times the retries per packet, mean of 100
 
 
 class Quality:
-    """What a dongle says of one link.
+    """Monitors the quality of one link.
 
     Args:
-        name: Of the agent.
+        name: Name of the agent.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._since = math.inf  # s, since when it is low
-        self._told = False
+        self._since = math.inf  # s, time since which it is low
+        self._warned = False
 
     def note(self, quality: dict[str, float], now: float) -> None:
-        """Take what cflib says of a link at `now`, s; in the thread of its driver."""
+        """Add cflib's link statistics at `now`, s; runs in the thread of the driver."""
         percent = quality.get(_NAME)
-        if percent is None or self._told:
+        if percent is None or self._warned:
             return
-        self._since = min(self._since, now) if percent < LOW else math.inf
-        if now - self._since >= LASTS:
-            self._told = True
+        self._since = min(self._since, now) if percent < MIN_QUALITY else math.inf
+        if now - self._since >= MIN_DURATION:
+            self._warned = True
             log.warning(
                 "radio: the link of %s is weak: its quality is %.0f %%, below %g %% for %g s",
                 self._name,
                 percent,
-                LOW,
-                LASTS,
+                MIN_QUALITY,
+                MIN_DURATION,
             )

@@ -1,4 +1,4 @@
-"""How setpoints are put to drones: as velocities, or as whole states that move along with them."""
+"""Encoding of setpoints: as velocities, or as full states that advance with time."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from star_core import Array, Mask, Setpoint
+from star_core import Array, Mask, Setpoint, wrap_angle
 from star_radio import orders, report
 from star_radio.heading import yaw_rate
 from star_radio.packets import FARTHEST
 
-LEASH: Final = 0.15  # m: how far a state may be from where its drone reports to be
-TWIST: Final = 0.5  # rad: how far its heading may be from the drone's
-PAUSE: Final = 0.5  # s without a setpoint, after which the firmware levels out
+MAX_LEAD: Final = 0.15  # m, between the commanded and the reported position
+MAX_YAW_LEAD: Final = 0.5  # rad, between the commanded and the reported heading
+SETPOINT_TIMEOUT: Final = 0.5  # s without a setpoint, after which the firmware levels out
 _STILL: Final = (0.0, 0.0, 0.0)
 
 
@@ -30,14 +30,14 @@ class Steering(Protocol):
 
         Args:
             setpoint: Velocities and headings in odometry frames, finite where active.
-            reported: (N, 13) what drones reported last: columns of `star_radio.report`.
-            versions: Of the protocol that each speaks.
+            reported: (N, 13) newest reports: columns of `star_radio.report`.
+            versions: Protocol version of each drone.
         """
         ...
 
 
 class Velocities:
-    """Each drone is sent a velocity, and a yaw rate that turns it to its heading."""
+    """Sends each drone a velocity and a yaw rate that turns it to its heading."""
 
     def packets(
         self, setpoint: Setpoint, reported: Array, versions: Sequence[int]
@@ -51,17 +51,18 @@ class Velocities:
 
 
 class WholeStates:
-    """Each drone is sent a position that moves at its velocity, and that; a heading and its rate.
+    """Sends each drone a position that moves at its velocity, the velocity, a heading and its rate.
 
-    The position begins where the drone is and stays within `LEASH` of it, so that one who cannot
-    keep up is not called to where it should have been; the heading, which turns as `yaw_rate` has
-    it, within `TWIST`. The acceleration is 0: until the next tick a velocity is constant. Who is
-    left out of a setpoint begins anew, and everybody after a `PAUSE` without one. A state that
-    cannot be sent, for a drone reports no place or one too far, goes as a velocity.
+    The position starts at the drone's and stays within `MAX_LEAD` of it, so that a drone that
+    lags does not rush to catch up; the heading, which turns as in `yaw_rate`, stays within
+    `MAX_YAW_LEAD`. The acceleration is 0: the velocity is constant until the next tick. The state
+    is reset for a row that is inactive in a setpoint, and for all rows after `SETPOINT_TIMEOUT`
+    without one. A state that cannot be encoded, because the reported position is missing or too
+    far away, is sent as a velocity.
 
     Args:
-        n: Agents.
-        now: Says what time it is, s.
+        n: Number of agents.
+        now: Clock, s.
     """
 
     def __init__(self, n: int, now: Callable[[], float] = time.monotonic) -> None:
@@ -91,17 +92,17 @@ class WholeStates:
         return packed
 
     def _advance(self, setpoint: Setpoint, reported: Array) -> Array:
-        """Move every state on to now; return the (N,) yaw rates from here, rad/s."""
+        """Advance all states to the present; return their (N,) yaw rates, rad/s."""
         here, heading = reported[:, [report.X, report.Y, report.Z]], reported[:, report.YAW]
         now = self._now()
         passed, self._then = now - self._then, now
         lead = self._position + passed * self._velocity - here
-        away = np.linalg.norm(lead, axis=1, keepdims=True)
-        lead *= LEASH / np.maximum(away, LEASH)
+        distance = np.linalg.norm(lead, axis=1, keepdims=True)
+        lead *= MAX_LEAD / np.maximum(distance, MAX_LEAD)
         ahead = self._yaw + passed * yaw_rate(setpoint.yaw, self._yaw) - heading
-        twist = np.clip(np.remainder(ahead + math.pi, math.tau) - math.pi, -TWIST, TWIST)
-        goes_on = self._flown & np.isfinite(lead).all(axis=1) & (passed < PAUSE)
-        self._position = np.where(goes_on[:, None], here + lead, here)
-        self._yaw = np.where(goes_on, heading + twist, heading)
+        yaw_lead = np.clip(wrap_angle(ahead), -MAX_YAW_LEAD, MAX_YAW_LEAD)
+        continues = self._flown & np.isfinite(lead).all(axis=1) & (passed < SETPOINT_TIMEOUT)
+        self._position = np.where(continues[:, None], here + lead, here)
+        self._yaw = np.where(continues, heading + yaw_lead, heading)
         self._velocity = setpoint.velocity
         return yaw_rate(setpoint.yaw, self._yaw)

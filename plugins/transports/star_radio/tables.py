@@ -1,4 +1,4 @@
-"""Tables of contents: number and type of every log variable and parameter, and their cache."""
+"""Tables of contents (number and type of log variables and parameters) and their cache."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 import os
 import struct
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -15,20 +15,18 @@ from typing import Any, NamedTuple, TypeAlias
 
 from star_core import PluginError
 from star_radio import packets
+from star_radio.answers import Ask, Question
 
 log = logging.getLogger(__name__)
-
-Ask: TypeAlias = Callable[[bytes, bytes, str], bytes]
-"""Sends a packet until an answer that begins so comes, and returns it; raises `PluginError`."""
 
 KINDS: Mapping[int, str] = {packets.LOG: "log", packets.PARAMETER: "parameter"}
 
 
 class Entry(NamedTuple):
-    """One variable.
+    """One variable or parameter.
 
     Attributes:
-        number: What packets call it.
+        number: Its id in packets.
         kind: Its type, in the numbering of its table.
     """
 
@@ -41,10 +39,10 @@ Table: TypeAlias = Mapping[str, Entry]
 
 
 class Tables:
-    """Tables of contents by their checksum: each firmware's is read once, from one drone.
+    """Tables of contents by checksum: each firmware's is read once, from one drone.
 
     Args:
-        folder: Where they are kept from one flight to the next; None keeps them nowhere.
+        folder: Cache folder; None disables the cache.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -54,7 +52,7 @@ class Tables:
         self._reading: dict[str, threading.Lock] = {}
 
     def of(self, port: int, ask: Ask) -> Table:
-        """Return a drone's table; drones of one firmware may ask at the same time.
+        """Return a drone's table; safe to call from several threads.
 
         Args:
             port: `packets.LOG` or `packets.PARAMETER`.
@@ -65,20 +63,22 @@ class Tables:
         """
         about = f"its {KINDS[port]} table"
         question = packets.packet(port, packets.TABLE, packets.TABLE_SIZE)
-        count, checksum = struct.unpack_from("<HI", ask(question, packets.TABLE_SIZE, about), 1)
+        (answer,) = ask([Question.of(question, packets.TABLE_SIZE, about)])
+        count, checksum = struct.unpack_from("<HI", answer, 1)
         key = f"{KINDS[port]}-{checksum:08X}-{count}"
         with self._lock:
             reading = self._reading.setdefault(key, threading.Lock())
-        with reading:  # whoever is first reads it; if that fails, the next one tries
+        with reading:  # the first thread reads the table; if that fails, the next one tries
             table = self._known.get(key) or self._load(key, count)
             if table is None:
-                table = dict(_item(port, number, ask) for number in range(count))
+                answers = ask([_question(port, number) for number in range(count)])
+                table = dict(_entry(port, *one) for one in enumerate(answers))
                 self._store(key, table)
             self._known[key] = table
         return table
 
     def _load(self, key: str, count: int) -> Table | None:
-        """Return a table from the folder; None if there is none, or none that can be used."""
+        """Return a cached table; None if there is none or it is invalid."""
         if self._folder is None:
             return None
         try:
@@ -89,12 +89,12 @@ class Tables:
         except FileNotFoundError:
             return None
         except (OSError, ValueError, TypeError, AttributeError) as error:
-            log.debug("%s is read anew: %s", key, error)
+            log.debug("cannot read the cached %s: %s", key, error)
             return None
         return table if len(table) == count else None
 
     def _store(self, key: str, table: Table) -> None:
-        """Keep a table, whole or not at all: several processes may do so at once."""
+        """Cache a table, atomically: several processes may do so at once."""
         if self._folder is None:
             return
         try:
@@ -108,20 +108,26 @@ class Tables:
                     Path(file.name).unlink()
                 raise
         except OSError as error:
-            log.warning("radio: tables of contents are not kept in %s: %s", self._folder, error)
+            log.warning("radio: cannot cache tables of contents in %s: %s", self._folder, error)
 
 
 def user_cache() -> Path:
-    """Return the folder where this user's tables are kept."""
+    """Return the user's cache folder for tables."""
     above = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(above) / "star-swarm" / "radio"
 
 
-def _item(port: int, number: int, ask: Ask) -> tuple[str, Entry]:
-    question = packets.table_item(port, number)
-    about = f"entry {number} of its {KINDS[port]} table"
-    answer = ask(question, question[1:4], about)
+def _about(port: int, number: int) -> str:
+    return f"entry {number} of its {KINDS[port]} table"
+
+
+def _question(port: int, number: int) -> Question:
+    packet = packets.table_item(port, number)
+    return Question.of(packet, packet[1:4], _about(port, number))
+
+
+def _entry(port: int, number: int, answer: bytes) -> tuple[str, Entry]:
     group, name, *_ = *answer[4:].split(b"\0"), b""
     if len(answer) < 5 or not name:  # noqa: PLR2004 -- command, number, type, and a name
-        raise PluginError(f"{about} cannot be read: {answer.hex()!r}")
+        raise PluginError(f"{_about(port, number)} cannot be read: {answer.hex()!r}")
     return f"{group.decode('latin-1')}.{name.decode('latin-1')}", Entry(number, answer[3])

@@ -1,4 +1,4 @@
-"""Gathers the reports of all drones into one `Telemetry`."""
+"""Collects the reports of all drones into one `Telemetry`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from star_core import Array, Detections, Frames, Odometry, Refusal, Rows, Telemetry
+from star_core import (
+    Array,
+    Detections,
+    Frames,
+    Odometry,
+    Refusal,
+    Rows,
+    Telemetry,
+    quaternion_from_euler,
+)
 from star_radio import report
 from star_radio.report import Layout
 from star_radio.vehicle import Vehicle
@@ -16,7 +25,7 @@ from star_radio.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Reports of several drones: a long table in the order of the drones and of time.
+    """Reports of several drones, ordered by drone and time.
 
     Attributes:
         agent: (K,) row of the drone.
@@ -29,11 +38,11 @@ class Samples:
     values: Array
 
 
-class Gatherer:
-    """What every drone reported last.
+class TelemetryBuffer:
+    """Newest reports of all drones.
 
     Args:
-        vehicles: The drone of each row; one that is not connected reports nothing.
+        vehicles: The drone of each row; one that is not connected has no reports.
     """
 
     def __init__(self, vehicles: Sequence[Vehicle]) -> None:
@@ -45,13 +54,13 @@ class Gatherer:
         """Return what arrived since the last call.
 
         Args:
-            began: When mission time was 0, s of the computer's clock.
-            frames: What the cameras sent.
-            refusals: What was refused.
+            began: Mission time 0, s of the computer's clock.
+            frames: Images of the cameras.
+            refusals: Refused commands.
         """
         samples = self._read()
         if len(samples.agent):
-            self.last[samples.agent] = samples.values  # of one drone's rows the newest is last
+            self.last[samples.agent] = samples.values  # the newest row of each drone is last
             self._newest = max(self._newest, float(samples.time.max()) - began)
         now = time.monotonic()
         state = self.last[:, report.STATE]
@@ -59,7 +68,9 @@ class Gatherer:
             time=self._newest,
             position=self.last[:, [report.X, report.Y, report.Z]],
             velocity=self.last[:, [report.VX, report.VY, report.VZ]],
-            attitude=quaternion(*self.last[:, [report.ROLL, report.PITCH, report.YAW]].T),
+            attitude=quaternion_from_euler(
+                *self.last[:, [report.ROLL, report.PITCH, report.YAW]].T
+            ),
             battery=self.last[:, report.BATTERY],
             state=np.where(np.isnan(state), 0, state).astype(np.int64),
             age=np.array([now - vehicle.heard for vehicle in self._vehicles]),
@@ -68,10 +79,11 @@ class Gatherer:
             detections=Detections.none(),
             refusals=refusals,
             signal=self.last[:, report.SIGNAL],
+            rebooted=np.array([vehicle.rebooted for vehicle in self._vehicles]),
         )
 
     def _read(self) -> Samples:
-        """Read what arrived: drones with the same layout together."""
+        """Decode the reports that arrived, together for drones with the same layout."""
         agents: list[int] = []
         times: list[float] = []
         by_layout: dict[Layout, tuple[list[int], list[bytes]]] = {}
@@ -107,26 +119,4 @@ def odometry(samples: Samples, began: float) -> Odometry:
         roll=values[:, report.ROLL],
         pitch=values[:, report.PITCH],
         height=values[:, report.Z],
-    )
-
-
-def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """Return (N, 4) unit quaternions x, y, z, w that turn by roll, then pitch, then yaw, rad.
-
-    Right-handed about x, y and z of the odometry frame, in this order.
-
-    >>> quaternion(np.zeros(1), np.zeros(1), np.array([np.pi])).round(6) + 0.0
-    array([[0., 0., 1., 0.]])
-    """
-    half = np.stack([roll, pitch, yaw]) / 2
-    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
-    straight, turned, nodding, panned = cp * cy, sp * sy, sp * cy, cp * sy
-    return np.stack(
-        [
-            sr * straight - cr * turned,
-            cr * nodding + sr * panned,
-            cr * panned - sr * nodding,
-            cr * straight + sr * turned,
-        ],
-        axis=1,
     )

@@ -1,4 +1,4 @@
-"""The transport ``radio``: a swarm of Crazyflies, each over its own link."""
+"""The transport ``radio``: a swarm of Crazyflies, one link each."""
 
 from __future__ import annotations
 
@@ -26,56 +26,57 @@ from star_core import (
     Truth,
 )
 from star_radio import commands, orders, report
-from star_radio.carried import Carried, misfit
-from star_radio.datagrams import Datagrams
+from star_radio.cflib_silencing import silence_cflib
+from star_radio.connection_options import ConnectionOptions
 from star_radio.link import Link
-from star_radio.manner import Manner
-from star_radio.quiet import hush
+from star_radio.parallel import faults
 from star_radio.steering import Steering
-from star_radio.telemetry import Gatherer
-from star_radio.together import faults
+from star_radio.telemetry import TelemetryBuffer
+from star_radio.trajectory_memory import TrajectoryMemory, rotation_error
+from star_radio.udp_links import UdpLinks
 from star_radio.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from star_radio.decks import Decks
+    from star_radio.ai_decks import AiDecks
+    from star_radio.broadcast_commands import BroadcastCommands
     from star_radio.mocap import MotionCapture
-    from star_radio.shouts import Shouts
 
 log = logging.getLogger(__name__)
 
-ON_ITS_WAY: Final = int(Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED)
-FEED: Final = 0.2  # s between two packets that keep the emergency-stop watchdog, of 1 s, asleep
+COMMANDER_STATES: Final = int(Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED)
+CLOSING_POLL_PERIOD: Final = 0.02  # s, between checks whether the last commands are confirmed
+KEEP_ALIVE_PERIOD: Final = 0.2  # s, between resets of the emergency-stop watchdog, which is 1 s
 
 
 class Rules(NamedTuple):
-    """What to do when something is wrong.
+    """Failure handling.
 
     Attributes:
-        without: Whether to fly without those that are absent.
-        latch: Whether a stop locks the drone until it is switched off and on.
-        watchdog: Whether drones lock when they hear nothing for 1 s.
+        fly_without_absent: Whether to fly without agents that cannot be reached.
+        latch: Whether a stop locks the drone until it is power-cycled.
+        watchdog: Whether drones lock when they receive nothing for 1 s.
     """
 
-    without: bool = False
+    fly_without_absent: bool = False
     latch: bool = False
     watchdog: bool = False
 
 
 class Radio:
-    """Crazyflies over whatever links cflib has drivers for.
+    """Crazyflies over any link that cflib has a driver for.
 
-    No call waits for a drone but `connect`, `upload` and `close`: what has to be confirmed is asked
-    again in `wait`, and what stays unconfirmed is logged.
+    Only `connect`, `upload` and `close` block on a drone: packets that need a confirmation are
+    repeated in `wait`, and unconfirmed ones are logged.
 
     Args:
         scene: Agents, each with the address of its link.
-        manner: How drones are to be connected.
-        rules: What to do when something is wrong.
-        steering: How setpoints are put to them.
-        decks: Cameras.
+        options: Options for connecting drones.
+        rules: Failure handling.
+        steering: Encoder of setpoints.
+        ai_decks: Cameras.
         mocap: Ground truth.
-        shouts: Broadcasts.
-        datagrams: Where links over UDP are heard; cflib hears them if not given.
+        broadcasts: Broadcast commands and corrections.
+        udp_links: Handler of UDP links; cflib handles them if not given.
 
     Attributes:
         vehicles: The drone of each row.
@@ -84,67 +85,67 @@ class Radio:
     def __init__(
         self,
         scene: Scene,
-        manner: Manner,
+        options: ConnectionOptions,
         rules: Rules,
         steering: Steering,
         *,
-        decks: Decks | None = None,
+        ai_decks: AiDecks | None = None,
         mocap: MotionCapture | None = None,
-        shouts: Shouts | None = None,
-        datagrams: Datagrams | None = None,
+        broadcasts: BroadcastCommands | None = None,
+        udp_links: UdpLinks | None = None,
     ) -> None:
-        hush()
+        silence_cflib()
         self._scene = scene
-        self._manner, self._rules, self._steering = manner, rules, steering
-        self._decks, self._mocap, self._shouts = decks, mocap, shouts
-        self._datagrams = datagrams
+        self._options, self._rules, self._steering = options, rules, steering
+        self._ai_decks, self._mocap, self._broadcasts = ai_decks, mocap, broadcasts
+        self._udp_links = udp_links
         self.vehicles = tuple(
-            Vehicle(agent.name, Link(agent.uri or "", agent.name, datagrams))
+            Vehicle(agent.name, Link(agent.uri or "", agent.name, udp_links))
             for agent in scene.agents
         )
-        self._carried = Carried()
-        self._setting_out: set[int] = set()  # rows told to follow, that have not said they do
-        self._there = np.zeros(len(self.vehicles), np.bool_)
+        self._memory = TrajectoryMemory()
+        self._awaiting_start: set[int] = set()  # rows commanded to follow, not yet reported active
+        self._connected = np.zeros(len(self.vehicles), np.bool_)
         self._refusals: list[Refusal] = []
-        self._gatherer = Gatherer(self.vehicles)
+        self._telemetry = TelemetryBuffer(self.vehicles)
         self._began: float | None = None  # s of the computer's clock, at mission time 0
-        self._fed = -np.inf  # s, when the watchdog was fed
+        self._kept_alive = -np.inf  # s, last reset of the watchdog
 
     def connect(self) -> None:
-        """Open every link, all at the same time.
+        """Open all links in parallel.
 
         Raises:
-            PluginError: Agents cannot be reached; the message names every one and says why.
+            PluginError: Agents cannot be reached; the message lists each with its reason.
         """
-        if self._shouts is not None:
-            self._shouts.disband()
+        if self._broadcasts is not None:
+            self._broadcasts.clear_groups()
         absent = faults(dict(enumerate(self.vehicles)), self._connect)
-        self._there[:] = [row not in absent for row in range(len(self.vehicles))]
-        if self._decks is not None and (self._rules.without or not absent):
-            self._decks.greet(self._manner.patience)
+        self._connected[:] = [row not in absent for row in range(len(self.vehicles))]
+        if self._ai_decks is not None and (self._rules.fly_without_absent or not absent):
+            self._ai_decks.connect(self._options.response_timeout)
         if not absent:
             return
         count = f"{len(absent)} of {len(self.vehicles)}"
-        said = f"cannot reach {count} agents: {'; '.join(absent.values())}"
-        if not self._there.any():
-            raise PluginError(said)
-        if not self._rules.without:
+        text = f"cannot reach {count} agents: {'; '.join(absent.values())}"
+        if not self._connected.any():
+            raise PluginError(text)
+        if not self._rules.fly_without_absent:
             raise PluginError(
-                f"{said}; 'absent: fly-without' flies without them in a mission that has "
+                f"{text}; to fly without them, set 'absent: fly-without' in a mission with "
                 "'safety: {link_lost: {}}'"
             )
-        log.warning("radio: %s: flying without", said)
+        log.warning("radio: %s: flying without them", text)
 
     def upload(self, trajectories: Sequence[Trajectory]) -> None:
-        """Upload trajectories to every drone, all drones at the same time.
+        """Upload trajectories to all drones in parallel.
 
         Raises:
-            PluginError: They do not fit, or drones refuse; the message names every one.
+            PluginError: They do not fit, or drones refuse; the message lists each such drone.
         """
-        self._carried = Carried(trajectories)
-        present = {row: self.vehicles[row] for row in np.flatnonzero(self._there).tolist()}
+        self._memory = TrajectoryMemory(trajectories)
+        present = {row: self.vehicles[row] for row in np.flatnonzero(self._connected).tolist()}
         agents = self._scene.agents
-        refused = faults(present, lambda row, one: self._carried.upload(one, agents[row].yaw))
+        refused = faults(present, lambda row, one: self._memory.upload(one, agents[row].yaw))
         if refused:
             raise PluginError(
                 f"cannot upload trajectories to {len(refused)} of {len(present)} agents: "
@@ -155,16 +156,19 @@ class Radio:
         now = time.monotonic()
         if self._began is None:
             self._began = now
-        for row in np.flatnonzero(self._there).tolist():
-            if row in self._setting_out and self._follows(row):
-                self._setting_out.discard(row)
-                self.vehicles[row].confirm()  # told again, it would begin again from where it is
-            for trouble in self.vehicles[row].chase(now):
-                log.warning("radio: %s %s", self.vehicles[row].name, trouble.words)
-                if trouble.refused:
-                    self._refusals.append(Refusal(row, trouble.words))
-        if self._rules.watchdog and now - self._fed >= FEED:
-            self._fed = now
+        for row in np.flatnonzero(self._connected).tolist():
+            if row in self._awaiting_start and self._follows(row):
+                self._awaiting_start.discard(row)
+                self.vehicles[row].confirm()  # a repeated command would restart it from here
+            for failure in self.vehicles[row].retry(now):
+                log.warning("radio: %s %s", self.vehicles[row].name, failure.text)
+                if failure.refused:
+                    self._refusals.append(Refusal(row, failure.text))
+            if self.vehicles[row].rebooted:
+                log.warning("radio: %s rebooted", self.vehicles[row].name)
+                self._connected[row] = False
+        if self._rules.watchdog and now - self._kept_alive >= KEEP_ALIVE_PERIOD:
+            self._kept_alive = now
             for vehicle in self._present():
                 vehicle.link.post(orders.keep_alive(vehicle.version))
         time.sleep(max(0.0, self._began + until - time.monotonic()))
@@ -172,80 +176,82 @@ class Radio:
 
     def receive(self) -> Telemetry:
         began = time.monotonic() if self._began is None else self._began
-        frames = Frames.none() if self._decks is None else self._decks.frames(began)
+        frames = Frames.none() if self._ai_decks is None else self._ai_decks.frames(began)
         refusals, self._refusals = tuple(self._refusals), []
-        return self._gatherer.gather(began, frames, refusals)
+        return self._telemetry.gather(began, frames, refusals)
 
     def command(self, command: Command) -> None:
-        """Give an order to those that are there, and see to it that it is confirmed.
+        """Send a command to the connected agents and repeat it until it is confirmed.
 
-        A trajectory begins where the drone is when the order comes, and turned as it was uploaded:
-        what the drone is off its beginning stays, and its heading's drift.
+        A trajectory starts at the drone's position when the command arrives, with the orientation
+        it was uploaded with: an initial offset and the heading drift are not corrected.
 
         Raises:
             ContractError: A trajectory was not uploaded.
         """
-        rows = [(i, row) for i, row in enumerate(command.agent.tolist()) if self._there[row]]
-        self._setting_out.difference_update(command.agent.tolist())
+        rows = [(i, row) for i, row in enumerate(command.agent.tolist()) if self._connected[row]]
+        self._awaiting_start.difference_update(command.agent.tolist())
         if command.trajectory is not None:
             rows = [(i, row) for i, row in rows if self._can_follow(row, float(command.yaw[i]))]
-            self._setting_out.update(row for _i, row in rows if not self._follows(row))
+            self._awaiting_start.update(row for _i, row in rows if not self._follows(row))
         if command.order is Order.ARM:
             for _i, row in rows:
                 self.vehicles[row].arm()
             return
         packets = {
-            row: commands.packet(command, i, self.vehicles[row].version, self._carried)
+            row: commands.packet(command, i, self.vehicles[row].version, self._memory)
             for i, row in rows
         }
-        calm = not any(self.vehicles[row].steered for row in packets)
-        if self._shouts is not None:
-            self._shouts.void(packets)
+        steered = any(self.vehicles[row].steered for row in packets)
+        if self._broadcasts is not None:
+            self._broadcasts.void(packets)
         for row in packets:
             if command.order is Order.TAKEOFF:
                 self.vehicles[row].arm()
-            self.vehicles[row].let_go()
-        # another dongle may overtake a setpoint, which would cancel what it orders, but not a stop
-        loud = calm or command.order is Order.STOP
-        shouted = self._shouts.order(packets) if self._shouts and loud else {}
-        for row, packet in (packets | shouted).items():
+        # A broadcast, sent by another dongle, may overtake a setpoint, which would then cancel the
+        # command; only a stop cannot be cancelled.
+        may_broadcast = not steered or command.order is Order.STOP
+        broadcast = self._broadcasts.order(packets) if self._broadcasts and may_broadcast else {}
+        for row, packet in (packets | broadcast).items():
             vehicle = self.vehicles[row]
-            vehicle.order(packet, commands.WORDS[command.order], sent=row in shouted)
+            vehicle.order(packet, commands.NAMES[command.order], sent=row in broadcast)
             if command.order is Order.STOP and self._rules.latch:
                 vehicle.lock()
 
     def correct(self, corrections: Corrections) -> None:
-        """Tell estimators where they are, each after the deviations that it is to weigh it with."""
-        rows = [(i, row) for i, row in enumerate(corrections.agent.tolist()) if self._there[row]]
+        """Send pose corrections to the estimators, preceded by changed standard deviations."""
+        rows = [
+            (i, row) for i, row in enumerate(corrections.agent.tolist()) if self._connected[row]
+        ]
         deviations = corrections.position_deviation, corrections.attitude_deviation
         for i, row in rows:
-            self.vehicles[row].weigh(*(float(deviation[i]) for deviation in deviations))
-        shouted = self._shouts.correct(corrections) if self._shouts else ()
-        turned = np.isfinite(corrections.attitude_deviation)
+            self.vehicles[row].set_noise(*(float(deviation[i]) for deviation in deviations))
+        broadcast = self._broadcasts.correct(corrections) if self._broadcasts else ()
+        has_attitude = np.isfinite(corrections.attitude_deviation)
         for i, row in rows:
-            if row not in shouted:
-                attitude = corrections.attitude[i].tolist() if turned[i] else None
+            if row not in broadcast:
+                attitude = corrections.attitude[i].tolist() if has_attitude[i] else None
                 self.vehicles[row].correct(corrections.position[i].tolist(), attitude)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
-        """Fly the active rows that are there; the answer has no others active.
+        """Send the active rows that are connected; only these are active in the return value.
 
         Raises:
-            ContractError: A velocity or a yaw that should be flown is not finite.
+            ContractError: A velocity or yaw of an active row is not finite.
         """
         finite = np.isfinite(setpoint.velocity).all(axis=1) & np.isfinite(setpoint.yaw)
         if not finite[setpoint.active].all():
             rows = np.flatnonzero(setpoint.active & ~finite)
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
-        active = setpoint.active & self._there
+        active = setpoint.active & self._connected
         sent = setpoint
         if active.sum() != setpoint.active.sum():
             sent = Setpoint(setpoint.velocity, setpoint.yaw, active)
         versions = [vehicle.version for vehicle in self.vehicles]
-        packets = self._steering.packets(sent, self._gatherer.last, versions)
-        if self._shouts is not None:
-            self._shouts.void(row for row in packets if not self.vehicles[row].steered)
-        for row, packet in packets.items():  # all at once, as nearly as can be
+        packets = self._steering.packets(sent, self._telemetry.last, versions)
+        if self._broadcasts is not None:
+            self._broadcasts.void(row for row in packets if not self.vehicles[row].steered)
+        for row, packet in packets.items():  # in quick succession
             self.vehicles[row].steer(packet)
         return sent
 
@@ -255,34 +261,41 @@ class Radio:
         return self._mocap.truth(self._began)
 
     def close(self) -> None:
-        """Let every drone go, all at the same time."""
+        """Land flying drones, end the reports and close the links, all drones in parallel."""
+        for begin in (Vehicle.begin_closing, Vehicle.end_reports):
+            for vehicle in self.vehicles:
+                begin(vehicle)
+            while any(vehicle.is_closing(time.monotonic()) for vehicle in self.vehicles):
+                time.sleep(CLOSING_POLL_PERIOD)
+                for vehicle in self.vehicles:
+                    vehicle.retry(time.monotonic())
         with ThreadPoolExecutor(len(self.vehicles)) as pool:
-            list(pool.map(Vehicle.close, self.vehicles))
-        for part in (self._datagrams, self._decks, self._mocap, self._shouts):
-            if part is not None:
-                part.close()
+            list(pool.map(Link.close, [vehicle.link for vehicle in self.vehicles]))
+        for resource in (self._udp_links, self._ai_decks, self._mocap, self._broadcasts):
+            if resource is not None:
+                resource.close()
 
     def _present(self) -> list[Vehicle]:
-        return [self.vehicles[row] for row in np.flatnonzero(self._there).tolist()]
+        return [self.vehicles[row] for row in np.flatnonzero(self._connected).tolist()]
 
     def _can_follow(self, row: int, yaw: float) -> bool:
-        """Whether a trajectory turned by `yaw`, rad, lies as uploaded; if not, it is refused."""
-        words = misfit(yaw, self._scene.agents[row].yaw)
-        if words:
-            log.warning("radio: %s %s", self.vehicles[row].name, words)
-            self._refusals.append(Refusal(row, words))
-        return not words
+        """Whether a trajectory turned by `yaw`, rad, matches the uploaded one; else refuse it."""
+        text = rotation_error(yaw, self._scene.agents[row].yaw)
+        if text:
+            log.warning("radio: %s %s", self.vehicles[row].name, text)
+            self._refusals.append(Refusal(row, text))
+        return not text
 
     def _follows(self, row: int) -> bool:
-        """Whether a drone has reported that its commander is on the way."""
-        state = self._gatherer.last[row, report.STATE]
-        return not np.isnan(state) and int(state) & ON_ITS_WAY == Supervisor.COMMANDER_ACTIVE
+        """Whether a drone has reported that its high-level commander is active."""
+        state = self._telemetry.last[row, report.STATE]
+        return not np.isnan(state) and int(state) & COMMANDER_STATES == Supervisor.COMMANDER_ACTIVE
 
     def _connect(self, row: int, vehicle: Vehicle) -> None:
-        """Connect one drone, or leave no link to it open."""
-        groups = None if self._shouts is None else self._shouts.masks.get(row)
+        """Connect one drone; close its link on failure."""
+        masks = {} if self._broadcasts is None else self._broadcasts.masks
         try:
-            vehicle.connect(self._manner, groups)
+            vehicle.connect(self._options, masks.get(row, orders.MISSION))
         except Exception:
             vehicle.link.close()
             raise

@@ -1,4 +1,4 @@
-"""One Crazyflie: how it is connected, told what to do, and let go."""
+"""One Crazyflie: connection, commands, reports and disconnection."""
 
 from __future__ import annotations
 
@@ -6,43 +6,51 @@ import math
 import time
 from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import partial
 from typing import Final, NamedTuple
 
-from star_core import PluginError, Supervisor
-from star_radio import orders, packets
+from star_core import PluginError, Supervisor, Trajectory
+from star_radio import log_blocks, orders, packets
 from star_radio.answers import Question
 from star_radio.clock import Clock
-from star_radio.deviations import Deviations
-from star_radio.estimator import Settling, start_anew
+from star_radio.connection_options import ConnectionOptions
+from star_radio.estimator import ConvergenceWait, reset_estimator
+from star_radio.estimator_noise import EstimatorNoise
+from star_radio.handover import Handover, Repeat, Report
 from star_radio.link import Link
-from star_radio.manner import Manner
 from star_radio.parameters import set_now
+from star_radio.reboot import TOPIC as REBOOT
+from star_radio.reboot import RebootWatch
 from star_radio.report import BLOCK, STATE, Layout, Z, stamp
 from star_radio.tables import Table
-from star_radio.trajectory import Piece, upload
+from star_radio.trajectory import upload
 
-OLDEST: Final = 4  # protocol version with tables of more than 255 entries
-LOOK: Final = 0.005  # s between two looks for the first report
-GOODBYE: Final = 0.3  # s, for which a drone may confirm that it reports no more
-LOW: Final = 0.1  # m: who is no higher and has finished its plan stands
-DESCENT: Final = 3.0  # s, of a landing that nobody waits for
-KEPT: Final = 1000  # reports that are kept for a reader that is late: 10 s of them
-_ALREADY: Final = 1  # what an order to do what is being done is answered: a plan is in the way
-_BUSY: Final = 16  # errno of an order that the supervisor blocks for now
-_WORDS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: "it is wrong"}
+MIN_PROTOCOL_VERSION: Final = 4  # supports tables of more than 255 entries
+POLL_PERIOD: Final = 0.005  # s, between checks for the first report
+REPORT_TIMEOUT: Final = 0.5  # s without a report while connecting, then the log block is recreated
+END_OF_REPORTS_TIMEOUT: Final = 0.3  # s, for the confirmation that reports ended
+LINK_LOST_TIMEOUT: Final = 1.0  # s without a report, after which a drone may be unreachable
+LAST_ORDER_TIMEOUT: Final = 2.0  # s, for which closing waits for a landing or stop to be confirmed
+LOST_ORDER_TIMEOUT: Final = 0.5  # s, the same for a drone that may be unreachable
+LANDED_HEIGHT: Final = 0.1  # m: a drone below it that has finished its plan is on the ground
+MAX_SETPOINT_DELAY: Final = 0.15  # s; a setpoint that arrives after a command would cancel it
+MIN_DESCENT_TIME: Final = 3.0  # s, of the landing on closing
+DESCENT_SPEED: Final = 0.3  # m/s, mean of a longer landing
+MAX_BUFFERED_REPORTS: Final = 1000  # 10 s of reports, for a reader that is late
+_ALREADY: Final = 1  # error if the drone already executes the command: another plan is active
+_BUSY: Final = 16  # errno of a command that the supervisor blocks for now
+_ERRORS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: "it is invalid"}
 
 
-class Trouble(NamedTuple):
-    """What is wrong with something that a drone was told.
+class CommandFailure(NamedTuple):
+    """A packet that a drone refused or did not confirm.
 
     Attributes:
-        words: They follow its name.
-        refused: It is an order, and the drone says no.
+        text: Message, to be preceded by the drone's name.
+        refused: Whether it is a command that the drone refused.
     """
 
-    words: str
+    text: str
     refused: bool
 
 
@@ -50,17 +58,19 @@ class Vehicle:
     """A Crazyflie over its link.
 
     Args:
-        name: Of the agent.
-        link: To it; not open yet.
+        name: Name of the agent.
+        link: Its link; not open yet.
 
     Attributes:
-        version: Of the protocol that its firmware speaks.
-        layout: Of its reports; None before it is connected.
+        version: Protocol version of its firmware.
+        layout: Layout of its reports; None before it is connected.
         parameters: Its table of parameters.
-        clock: Of its reports.
-        heard: When its last report arrived, s of the computer's clock; before the first, when it
-            was made.
-        steered: Whether setpoints fly it.
+        clock: Clock of its reports.
+        heard: Arrival of its last report, s of the computer's clock; before the first report, the
+            creation time of this object.
+        steered: Whether it is flown by setpoints.
+        rebooted: Whether it rebooted since it was connected. It is not flown any more: it is on
+            the floor, and its estimator has been reset.
     """
 
     def __init__(self, name: str, link: Link) -> None:
@@ -72,94 +82,108 @@ class Vehicle:
         self.clock = Clock()
         self.heard = time.monotonic()
         self.steered = False
-        self._deviations = Deviations()
-        self._settling = Settling()
-        self._until = self._patience = 0.0
-        self._samples: deque[tuple[float, bytes]] = deque(maxlen=KEPT)
+        self.rebooted = False
+        self._period = 0.0  # s, of reports
+        self._groups = orders.ALL_GROUPS  # groups it was assigned to, a bit each
+        self._handover: Handover | None = None  # of the last command
+        self._order: Question | None = None  # the last command, until it is confirmed
+        self._stopped = False  # whether the last command was to stop the motors
+        self._steered_at = -math.inf  # s, when the last setpoint was sent
+        self._reboot_watch = RebootWatch()
+        self._end_of_reports: Question | None = None
+        self._close_by = 0.0  # s, deadline of closing
+        self._noise = EstimatorNoise()
+        self._convergence = ConvergenceWait()
+        self._deadline = self._response_timeout = 0.0
+        self._samples: deque[tuple[float, bytes]] = deque(maxlen=MAX_BUFFERED_REPORTS)
         self._newest = b""  # report
+        self._wrong_size = False  # whether a report of the wrong size has arrived
 
-    def connect(self, manner: Manner, groups: int | None = None) -> None:
-        """Open the link, have it report, and put it into groups, a bit each, unless that is None.
+    def connect(self, options: ConnectionOptions, groups: int = orders.MISSION) -> None:
+        """Open the link, start the reports, and assign the drone to groups, a bit each.
+
+        Commands are addressed to these groups: a drone that reboots leaves them and ignores
+        commands.
 
         Raises:
-            PluginError: It cannot be reached, is too old, or refuses; says why.
+            PluginError: It cannot be reached, its firmware is too old, or it refuses.
         """
-        self._until = time.monotonic() + manner.deadline
-        self._patience = manner.patience
-        self.link.open(manner.patience)
+        self._deadline = time.monotonic() + options.connect_timeout
+        self._response_timeout = options.response_timeout
+        self._period = options.report_period
+        self.link.open(options.response_timeout)
         question = packets.packet(packets.PLATFORM, packets.VERSION, packets.PROTOCOL)
-        self.version = self._ask(question, packets.PROTOCOL, "its protocol version")[1]
-        if self.version < OLDEST:
+        (answer,) = self._ask([Question.of(question, packets.PROTOCOL, "its protocol version")])
+        self.version = answer[1]
+        if self.version < MIN_PROTOCOL_VERSION:
             raise PluginError(
-                f"{self.link.uri} speaks protocol version {self.version}, expected {OLDEST} or "
-                "later: update its firmware"
+                f"{self.link.uri} has protocol version {self.version}, expected "
+                f"{MIN_PROTOCOL_VERSION} or later: update its firmware"
             )
-        variables = manner.tables.of(packets.LOG, self._ask)
+        variables = options.tables.of(packets.LOG, self._ask)
         layout = Layout.of(variables)
-        self.parameters = manner.tables.of(packets.PARAMETER, self._ask)
-        for name, value in manner.parameters.items():
+        self.parameters = options.tables.of(packets.PARAMETER, self._ask)
+        for name, value in options.parameters.items():
             set_now(self.parameters, name, value, self._ask)
-        if manner.reset:
-            start_anew(self.parameters, self._ask)
-        self.link.post(orders.no_more_setpoints())  # a client before may have left some
+        if options.reset:
+            reset_estimator(self.parameters, self._ask)
+        self.link.post(orders.no_more_setpoints())  # an earlier client may have sent some
         self.layout = layout
         self.link.report = partial(self._take, layout.size)
-        for _attempt in range(2):
-            layout.begin(variables, manner.period, self._ask)
-            if self._reported(manner.patience):
-                break
-        else:
-            raise PluginError(f"{self.link.uri} does not report its state")
-        if manner.reset:
-            self._settling.wait(variables, self._ask)
-        if groups is not None:  # last: who is in a group has been connected
-            packet = orders.set_groups(groups)
-            if error := _error(self._ask(packet, packet[1:], "its groups")):
-                why = _WORDS.get(error, f"error {error}")
-                raise PluginError(f"{self.link.uri} refuses to be put into groups: {why}")
+        packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
+        self._ask([Question.of(packet, packets.RESET, "the end of earlier reports")])
+        self._begin_reports(layout.variables(variables), options)
+        if options.reset:
+            self._convergence.wait(variables, self._ask)
+        if time.monotonic() - self.heard > REPORT_TIMEOUT:  # a late copy of a packet ended them
+            self._begin_reports(layout.variables(variables), options)
+        packet = orders.set_groups(groups)  # last: a drone in a group has been connected
+        (answer,) = self._ask([Question.of(packet, packet[1:], "its groups")])
+        if error := _error(answer):
+            why = _ERRORS.get(error, f"error {error}")
+            raise PluginError(f"{self.link.uri} refuses to be put into groups: {why}")
+        self._groups = groups
 
     def reports(self) -> list[tuple[float, bytes]]:
-        """Return what was reported since the last call: when, by the computer's clock, and what."""
+        """Return the reports since the last call: time, s of the computer's clock, and payload."""
         samples = self._samples
         return [samples.popleft() for _ in range(len(samples))]
 
     def steer(self, setpoint: bytes) -> None:
-        """Fly what `orders.velocity`, `orders.position` or `orders.full_state` packed."""
+        """Send a setpoint made by `orders.velocity`, `orders.position` or `orders.full_state`."""
         if not self.steered:
             self.steered = True
-            self.confirm()  # it takes over: an order that is given again would take back
+            self._stopped = False
+            self.confirm()  # a repeated command would take control back from the setpoint
+            self._handover = None
+        self._steered_at = time.monotonic()
         self.link.steer(setpoint)
 
-    def let_go(self) -> None:
-        """End setpoints: else an order would be heard and not flown."""
-        self.steered = False
-        self.link.post(orders.no_more_setpoints())
-
     def order(self, packet: bytes, what: str, *, sent: bool = False) -> None:
-        """Give a high-level order, and again until it is confirmed; a newer one takes its place.
+        """Send a high-level command and make sure that it takes over from setpoints.
 
-        Setpoints are to be ended first: see `let_go`.
+        It is repeated until it is confirmed, and longer: see `Handover`. Unless it stops the
+        motors, it is delayed until the last setpoint has arrived. A newer command replaces it.
 
         Args:
-            packet: The order, for whichever groups.
+            packet: The command, for all groups unless it has been broadcast.
             what: Its name, for messages.
-            sent: Whether this very packet has just been broadcast.
+            sent: Whether this packet has just been broadcast.
         """
-        self.link.assure(
-            Question(
-                packet,
-                (orders.HIGH_LEVEL, 0),
-                packet[1:4],  # comes back, and then an error number
-                f"the order to {what}",
-                topic="order",
-                accepts=lambda payload: _error(payload) != _BUSY,
-                sendings=int(sent),  # a broadcast is repeated, and each time answered
-            ),
-            sent=sent,
-        )
+        now = time.monotonic()
+        self._stopped = packet[1] == orders.STOP
+        if not (sent or self._stopped):
+            packet = orders.only_for(self._groups, packet)
+        at = now if self._stopped else max(now, self._steered_at + MAX_SETPOINT_DELAY)
+        self._handover = Handover(packet, what, at, steered=self.steered)
+        self.steered = False
+        self.link.forget("order")
+        self._order = None
+        if self._handover.repeat(now, None) is Repeat.ORDER:
+            self._ask_order(self._handover, sent=sent)
 
     def arm(self) -> None:
-        """Let the motors be started."""
+        """Arm the drone."""
         packet = orders.arm(self.version)
         if self.version >= orders.SUPERVISOR_FROM:
             place = (orders.SUPERVISOR, 1)
@@ -168,121 +192,228 @@ class Vehicle:
             self.link.post(packet)  # older firmware does not answer
 
     def lock(self) -> None:
-        """Stop the motors until the drone is switched off and on; nobody confirms it."""
+        """Stop the motors and lock the drone until a power cycle; this is not confirmed."""
         for _time in range(3):
             self.link.post(orders.emergency_stop(self.version))
 
-    def weigh(self, position_deviation: float, attitude_deviation: float) -> None:
-        """Tell the estimator how sure positions and attitudes are that follow, m and rad.
+    def set_noise(self, position_std: float, attitude_std: float) -> None:
+        """Set the standard deviations of the corrections that follow, m and rad.
 
-        What has an infinite deviation does not follow.
+        An infinite value means that no such correction follows.
 
         Raises:
-            PluginError: The firmware cannot be told that.
+            PluginError: The firmware lacks the parameters.
         """
-        sure = self._deviations.changed(self.parameters, position_deviation, attitude_deviation)
         try:
-            for question in sure:
+            for question in self._noise.changed(self.parameters, position_std, attitude_std):
                 self.link.assure(question)
         except PluginError as error:
             raise PluginError(f"{self.name}: {error}") from error
 
     def correct(self, position: Sequence[float], attitude: Sequence[float] | None) -> None:
-        """Tell the estimator where the drone is, in the odometry frame.
+        """Send the estimator a measured position or pose in the odometry frame.
 
         Args:
             position: m.
-            attitude: Unit quaternion x, y, z, w, if that is told too.
+            attitude: Unit quaternion x, y, z, w, if measured.
         """
         at = orders.seen_at(position) if attitude is None else orders.seen_as(position, attitude)
         self.link.post(at)
 
-    def upload(self, number: int, pieces: Sequence[Piece], *, at: int = 0) -> None:
-        """Upload a trajectory to byte `at` of the memory; not for use in a tick.
+    def upload(self, number: int, trajectory: Trajectory, *, at: int = 0) -> None:
+        """Upload a trajectory to byte `at` of the memory; this blocks: not for use in a tick.
 
         Raises:
             ContractError: It does not fit.
-            PluginError: The drone refuses, or does not answer.
+            PluginError: The drone refuses or does not answer.
         """
-        self._until = math.inf
-        upload(number, pieces, self._ask, at=at)
+        self._deadline = math.inf
+        upload(number, trajectory, self._ask, at=at)
 
     def follow(self, number: int, *, stretch: float = 1.0, relative: bool = False) -> None:
-        """Fly a trajectory that was uploaded, `stretch` times slower; `relative` is from here."""
+        """Fly an uploaded trajectory `stretch` times slower; from here if it is `relative`."""
         packet = orders.start_trajectory(number, self.version, stretch=stretch, relative=relative)
-        self.let_go()
         self.order(packet, f"follow trajectory {number}")
 
     def confirm(self) -> None:
-        """Take it that the last order was heard: it is not given again."""
+        """Treat the last command as confirmed, so that it is not repeated."""
         self.link.forget("order")
+        self._order = None
+        if self._handover is not None:
+            self._handover.confirmed = time.monotonic()
 
-    def chase(self, now: float) -> list[Trouble]:
-        """Ask again what is not confirmed; say what was refused, or never confirmed."""
-        troubles = []
-        for question in self.link.chase(now):
+    def retry(self, now: float) -> list[CommandFailure]:
+        """Repeat unconfirmed packets; return those that were refused or never confirmed."""
+        failures = []
+        for question in self.link.retry(now):
+            if question.topic == REBOOT:
+                self.rebooted |= self._reboot_watch.shows(question)
+                continue
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
-            if error == _ALREADY and question.unheard:
-                continue  # it does what it was told before
-            if self._deviations.given_up(question):
-                continue  # that was said
+            if question is self._order and self._ends_order(now, answer, error):
+                continue
+            if self._noise.given_up(question):
+                continue  # already logged
             if error:
-                why = _WORDS.get(error, f"error {error}")
-                troubles.append(Trouble(f"refuses {question.about}: {why}", refused=True))
+                why = _ERRORS.get(error, f"error {error}")
+                failures.append(CommandFailure(f"refuses {question.about}: {why}", refused=True))
             elif question.answer is None:
-                troubles.append(Trouble(f"does not confirm {question.about}", refused=False))
-        return troubles
+                failures.append(CommandFailure(f"does not confirm {question.about}", refused=False))
+        self._check_for_reboot(now)
+        self._hand_over(now)
+        return failures
 
-    def close(self) -> None:
-        """Let the drone go, and never lock it.
+    def begin_closing(self) -> None:
+        """Land the drone if it flies.
 
-        The high-level commander may be used again by whoever connects next. A drone that flies is
-        told to land: if setpoints fly it its own time-out would stop its motors in the air and lock
-        it, and if its commander does, it would stay up there.
+        If it is flown by setpoints, the firmware's timeout would otherwise stop its motors in the
+        air and lock it; if by its high-level commander, it would stay airborne. A drone whose
+        motors were stopped is not landed: although it reports to be flying for another 2 s, a
+        landing would restart them. Nor is one that rebooted, which is on the floor.
         """
-        if self.layout is not None:
-            self.link.post(orders.no_more_setpoints())
-            if self.steered or self._flies(self.layout):
-                land = orders.land(0.0, DESCENT)
-                with suppress(PluginError):  # it may be gone
-                    self.link.ask(land, land[1:4], "the order to land", patience=GOODBYE)
-            reset = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
-            with suppress(PluginError):  # it may be gone
-                self.link.ask(reset, packets.RESET, "the end of reports", patience=GOODBYE)
-        self.link.close()
+        if self.layout is None:
+            return
+        now = time.monotonic()
+        lost = now - self.heard > LINK_LOST_TIMEOUT
+        self._close_by = now + (LOST_ORDER_TIMEOUT if lost else LAST_ORDER_TIMEOUT)
+        lands = self._handover is not None and self._handover.lands
+        if self._stopped or lands or self.rebooted:
+            return
+        if self.steered or self._flies():
+            height = self._report().height
+            duration = max(MIN_DESCENT_TIME, height / DESCENT_SPEED)  # `max` drops a NaN here
+            self.order(orders.land(0.0, duration), "land")
 
-    def _flies(self, layout: Layout) -> bool:
-        """Whether its newest report says so; one that has just landed does not."""
-        if not self._newest:
+    def end_reports(self) -> None:
+        """Stop the reports and leave the high-level commander usable for the next client."""
+        if self.layout is None:
+            return
+        self._close_by = time.monotonic() + END_OF_REPORTS_TIMEOUT
+        if self._handover is None or self._handover.confirmed is not None:
+            self.link.post(orders.no_more_setpoints())  # which without a plan stops the motors
+        self._handover = None
+        packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
+        place = (packets.LOG, packets.SETTINGS)
+        about = "the end of reports"
+        self._end_of_reports = Question(packet, place, packets.RESET, about, topic="reports")
+        self.link.assure(self._end_of_reports)
+
+    def is_closing(self, now: float) -> bool:
+        """Whether `begin_closing` or `end_reports` still waits for a confirmation at `now`, s."""
+        handover, ending = self._handover, self._end_of_reports
+        ordered = handover is not None and (handover.lands or handover.stops) and not handover.over
+        leaves = ending is not None and ending.answer is None
+        return now < self._close_by and (ordered or leaves)
+
+    def _ask_order(self, handover: Handover, *, sent: bool = False) -> None:
+        """Send a command until it is confirmed, and let it take over from setpoints."""
+        packet = handover.packet
+        self._order = Question(
+            packet,
+            (orders.HIGH_LEVEL, 0),
+            packet[1:4],  # echoed, followed by an error number
+            f"the order to {handover.what}",
+            topic="order",
+            on_answer=self._notify,
+            accepts=lambda payload: _error(payload) != _BUSY,
+            sendings=int(sent),  # a broadcast is repeated, and answered each time
+        )
+        self.link.assure(self._order, sent=sent)
+        if handover.stops:
+            self.link.post(orders.no_more_setpoints())
+
+    def _notify(self, answer: bytes) -> None:
+        """Let an accepted command take over from setpoints."""
+        if _error(answer) in {0, _ALREADY}:
+            self.link.post(orders.no_more_setpoints())
+
+    def _ends_order(self, now: float, answer: bytes | None, error: int) -> bool:
+        """Record the outcome of the last command; return whether it was accepted."""
+        order, handover = self._order, self._handover
+        self._order = None
+        if order is None or handover is None or handover.confirmed is not None:
+            return True
+        if answer is None:  # no more retries here; `_hand_over` may send it again
             return False
-        (values,) = layout.read([self._newest])
-        bits = 0 if math.isnan(values[STATE]) else int(values[STATE])
-        under_way = not bits & Supervisor.COMMANDER_FINISHED
-        return bool(bits & Supervisor.FLYING) and (under_way or bool(values[Z] > LOW))
+        # an earlier copy of the command is already being executed
+        already = error == _ALREADY and (order.unheard or handover.lands)
+        if error and not already:
+            self._handover = None
+            return False
+        handover.confirmed = now
+        return True
+
+    def _check_for_reboot(self, now: float) -> None:
+        """Detect a reboot; pending commands are then dropped."""
+        if self.layout is None:
+            return
+        if probe := self._reboot_watch.question(now, self.heard, self._period):
+            self.link.assure(probe)
+        self.rebooted |= self.clock.restarted
+        if self.rebooted:
+            self.link.forget("order")
+            self._handover = self._order = None
+            self.steered = False
+
+    def _hand_over(self, now: float) -> None:
+        """Send the packets that the handover to the last command needs now."""
+        handover = self._handover
+        if handover is None or handover.over:
+            return
+        if self._order is not None and handover.confirmed is None:
+            return  # the link repeats it
+        match handover.repeat(now, self._report()):
+            case Repeat.ORDER:
+                self._ask_order(handover)
+            case Repeat.NOTIFICATION:
+                self.link.post(orders.no_more_setpoints())
+
+    def _report(self) -> Report:
+        """Return the newest report."""
+        if self.layout is None or not self._newest:
+            return Report(self.heard, math.nan, 0)
+        (values,) = self.layout.read([self._newest])
+        state = 0 if math.isnan(values[STATE]) else int(values[STATE])
+        return Report(self.heard, float(values[Z]), state)
+
+    def _flies(self) -> bool:
+        """Whether the drone flies by its newest report; a drone that has just landed does not."""
+        _heard, height, state = self._report()
+        under_way = not state & Supervisor.COMMANDER_FINISHED
+        return bool(state & Supervisor.FLYING) and (under_way or height > LANDED_HEIGHT)
 
     def _take(self, size: int, payload: bytes, arrived: float) -> None:
-        """Keep a report; here, where no tick waits for it, it is also told when it was made."""
+        """Store a report with its time; runs in the receiving thread, so outside the tick."""
         if len(payload) == size and payload[0] == BLOCK:
             self._samples.append((self.clock.time(stamp(payload), arrived), payload))
             self._newest, self.heard = payload, arrived
         else:
-            self._settling.hear(payload)
+            self._wrong_size |= payload[:1] == bytes([BLOCK])
+            self._convergence.hear(payload)
 
-    def _reported(self, patience: float) -> bool:
-        """Wait for the first report; say whether it came."""
-        until = min(self._until, time.monotonic() + patience)
-        while not self._samples and time.monotonic() < until:
-            time.sleep(LOOK)
-        return bool(self._samples)
+    def _begin_reports(self, variables: bytes, options: ConnectionOptions) -> None:
+        """Start the state reports.
 
-    def _ask(self, packet: bytes, start: bytes, about: str) -> bytes:
-        patience = min(self._patience, self._until - time.monotonic())
-        if patience <= 0:
-            raise PluginError(f"{self.link.uri} is too slow: it is not connected in time")
-        return self.link.ask(packet, start, about, patience=patience)
+        Raises:
+            PluginError: The drone refuses or sends none.
+        """
+
+        def reported() -> bool | None:
+            began, self._wrong_size = time.monotonic(), False
+            while self.heard < began:
+                if self._wrong_size or time.monotonic() > began + options.response_timeout:
+                    return False if self._wrong_size else None
+                time.sleep(POLL_PERIOD)
+            return True
+
+        log_blocks.begin(BLOCK, variables, options.report_period, self._ask, "its state", reported)
+
+    def _ask(self, questions: Sequence[Question]) -> list[bytes]:
+        """Ask questions, blocking; for connecting and uploading."""
+        return self.link.ask_all(questions, timeout=self._response_timeout, deadline=self._deadline)
 
 
 def _error(payload: bytes) -> int:
-    """Return the error number of an order's confirmation; 0 is none."""
+    """Return the error number in the confirmation of a command; 0 means success."""
     return payload[3] if len(payload) > 3 else 0  # noqa: PLR2004

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer, Problem, hookimpl
+from star_core import CommandSpec, Problem, TransportSpec, hookimpl
 from star_sim import camera_options
 
 if TYPE_CHECKING:
@@ -17,35 +17,35 @@ OPTIONS: dict[str, Any] = {
         "noise": {
             "type": "boolean",
             "default": True,
-            "description": "Whether the on-board estimators err and drift as a Flow deck's do; "
-            "without noise they know the truth.",
+            "description": "Whether on-board estimates have the errors and drift of a Flow deck; "
+            "without noise they equal the ground truth.",
         },
         "battery": {
             "type": "number",
             "minimum": 0,
             "maximum": 1,
             "default": 1.0,
-            "description": "Charge of every battery at the start, as a fraction of full.",
+            "description": "Initial charge of every battery, as a fraction of full.",
         },
         "endurance": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 420.0,
-            "description": "How long a full battery lets a drone hover, s.",
+            "description": "Hover time with a full battery, s.",
         },
         "swap_time": {
             "type": ["number", "null"],
             "minimum": 0,
             "default": None,
-            "description": "How long a drone stands after a flight before somebody has changed its "
-            "battery, s; null changes none.",
+            "description": "Time on the ground after a flight until the battery is replaced, s; "
+            "null never replaces it.",
         },
         "speed": {
             "type": ["number", "null"],
             "exclusiveMinimum": 0,
             "default": None,
-            "description": "Mission seconds per second of the clock on the wall: 1 is real time; "
-            "null is as fast as possible.",
+            "description": "Simulation speed: mission seconds per second of wall time, 1 is real "
+            "time; null is as fast as possible.",
         },
         "camera": camera_options.OPTIONS,
     },
@@ -80,26 +80,26 @@ def make(
 def check(
     scene: Scene, *, camera: Mapping[str, Any] | None = None, **_others: Any
 ) -> Iterable[Problem]:
-    """Say which landmarks and targets that should be covered there are not."""
+    """Yield covered landmarks and targets that the world does not have."""
     from difflib import get_close_matches
 
     known = {tag.of for tag in (*scene.world.landmarks, *scene.world.targets)}
     for i, name in enumerate((camera or {}).get("covered", ())):
         if name not in known:
-            meant = "".join(
+            suggestion = "".join(
                 f"; did you mean {near!r}?" for near in get_close_matches(name, known, 1)
             )
             yield Problem(
                 ("camera", "covered", i),
-                f"world {scene.world.name!r} has no landmark {name!r}{meant}",
+                f"world {scene.world.name!r} has no landmark {name!r}{suggestion}",
             )
 
 
 @hookimpl
-def star_transports() -> Iterable[Offer[Transport]]:
-    yield Offer(
+def star_transports() -> Iterable[TransportSpec]:
+    yield TransportSpec(
         name="sim",
-        summary="Simulated Crazyflies with Flow decks that drift as real ones do.",
+        summary="Simulated Crazyflies with Flow decks, with realistic drift.",
         make=make,
         options=OPTIONS,
         check=check,
@@ -107,11 +107,12 @@ def star_transports() -> Iterable[Offer[Transport]]:
 
 
 @hookimpl
-def star_commands() -> Iterable[Offer[int]]:
-    yield Offer(
+def star_commands() -> Iterable[CommandSpec]:
+    yield CommandSpec(
         name="fleet",
         summary="Serve a mission's drones as simulated Crazyflies over UDP, for any client.",
         make=_fleet,
+        group="Hardware",
     )
 
 

@@ -22,11 +22,11 @@ THRUST_MIN = 0.0128  # N, of a motor that is on
 THRUST_MAX = 0.12  # N, of one motor
 THRUST_OF_VOLTAGE = (-0.024765, 0.065238, -0.026793, 0.0067768)  # N, N/V, N/V², N/V³: one motor
 
-# drone-models gives 0.03 s for this set in an earlier version, which it calls not yet fitted.
+# From an earlier version of drone-models, which describes the value for this set as not yet fitted.
 MOTOR_LAG = 0.03  # s
 
-# Propellers of two drones touch when their centres are 0.12 m apart: that is a collision. They give
-# way; what bounces is the frames, whose motor mounts reach 4 mm beyond the motors' axes.
+# Propellers of two drones touch when their centres are 0.12 m apart: that is a collision. They
+# yield; the frames bounce, whose motor mounts extend 4 mm beyond the motor axes.
 FRAME_RADIUS = 0.05  # m
 HEIGHT = 0.029  # m from the foot, where its position is counted, to the top
 

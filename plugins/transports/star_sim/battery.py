@@ -1,4 +1,4 @@
-"""The battery: charge that thrust uses up, and voltage that sags under load."""
+"""Battery model: discharge by thrust, and voltage sag under load."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def open_voltage(charge: float) -> float:
 
 @compiled
 def thrust_at(voltage: float) -> float:
-    """Return the most that one motor can give at a voltage, N (``platform_defaults_cf2.h``)."""
+    """Return the maximum thrust of one motor at a voltage, N (``platform_defaults_cf2.h``)."""
     a, b, c, d = THRUST_OF_VOLTAGE
     return min(max(a + voltage * (b + voltage * (c + voltage * d)), 0.0), THRUST_MAX)
 
 
 @compiled
 def drain(drone: Record) -> None:
-    """Take one cycle's charge from one drone, and set its voltage and the limit of its motors.
+    """Discharge one drone's battery by one cycle, and set its voltage and motor limit.
 
     The power of a propeller goes with its thrust to the power of 1.5 (momentum theory), and its
     current with its power. An empty battery gives no thrust at all.

@@ -1,7 +1,7 @@
-"""The rigid body with its four motors: semi-implicit Euler steps of 2 ms, eight drones abreast.
+"""Rigid body with four motors: semi-implicit Euler steps of 2 ms, eight drones at a time.
 
-Eight drones are laid out number by number, so that the compiler can step four of them with each
-instruction; the loop over them has no branch. That makes a step of one drone several times cheaper.
+The data of eight drones is interleaved, so that the compiler can step four of them with each SIMD
+instruction; the loop over them has no branch. This makes a step several times cheaper.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ _GYROSCOPIC = (INERTIA_XY - INERTIA_Z) / INERTIA_XY
 
 @compiled
 def fly(drones: Record, first: int, steps: int, abreast: Record) -> None:
-    """Move eight drones, or as many as there are from row `first` on, by `steps` steps.
+    """Step up to eight drones from row `first` on by `steps` steps.
 
-    Newton and Euler with the thrust of each motor following what is asked with a first-order lag,
-    drag linear in the velocity along each body axis, and a floor at z = 0 that stops what falls on
-    it, holds its feet and stands it level if it is upright. Momentum is stepped first and the pose
-    with the new momentum.
+    Newton-Euler dynamics with a first-order lag of each motor's thrust, drag linear in the velocity
+    along each body axis, and a floor at z = 0 that stops falling drones, holds their feet by
+    friction and levels upright ones. Momentum is stepped first, then the pose with the new
+    momentum.
 
     Args:
         drones: (N,) records.
@@ -67,7 +67,7 @@ def fly(drones: Record, first: int, steps: int, abreast: Record) -> None:
 
 @compiled
 def _step(s: Record) -> None:
-    """Take one step with the eight drones laid out in `s`."""
+    """Take one step of the eight drones interleaved in `s`."""
     for i in range(ABREAST):
         vx, vy, vz = s[_VX + i], s[_VY + i], s[_VZ + i]
         qx, qy, qz, qw = s[_QX + i], s[_QY + i], s[_QZ + i], s[_QW + i]
@@ -113,8 +113,8 @@ def _step(s: Record) -> None:
         z = s[_Z + i] + STEP * vz
         below = z < 0.0
         grip = GRIP if below else 1.0
-        settle = SETTLE if below and bz > 0.0 else 1.0  # without tilt x and y are 0
-        qx, qy = settle * qx, settle * qy
+        settled = SETTLE if below and bz > 0.0 else 1.0  # without tilt x and y are 0
+        qx, qy = settled * qx, settled * qy
         unit = 1.0 / math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
 
         s[_X + i] += STEP * vx
@@ -129,7 +129,7 @@ def _step(s: Record) -> None:
 
 @compiled
 def _lay_out(drone: Record, s: Record, i: int) -> None:
-    """Write one drone's numbers into the layout, as drone number `i`."""
+    """Write one drone's data into the layout, as drone number `i`."""
     s[_X + i], s[_Y + i], s[_Z + i] = drone.position[0], drone.position[1], drone.position[2]
     s[_VX + i], s[_VY + i], s[_VZ + i] = drone.velocity[0], drone.velocity[1], drone.velocity[2]
     s[_QX + i], s[_QY + i] = drone.attitude[0], drone.attitude[1]
@@ -147,7 +147,7 @@ def _lay_out(drone: Record, s: Record, i: int) -> None:
 
 @compiled
 def _put_back(drone: Record, s: Record, i: int) -> None:
-    """Read what a step changes of drone number `i` of the layout."""
+    """Copy the data changed by a step from drone number `i` of the layout."""
     drone.position[0], drone.position[1], drone.position[2] = s[_X + i], s[_Y + i], s[_Z + i]
     drone.velocity[0], drone.velocity[1], drone.velocity[2] = s[_VX + i], s[_VY + i], s[_VZ + i]
     drone.attitude[0], drone.attitude[1] = s[_QX + i], s[_QY + i]

@@ -1,4 +1,4 @@
-"""How cameras, their links and the survey of the tags err: options of the transport ``sim``."""
+"""Error model of cameras, their links and the tag survey: options of the transport ``sim``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MODES = ("rendered", "geometric", "off")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraOptions:
-    """What `OPTIONS` describes, in radians."""
+    """The values of `OPTIONS`, with angles in radians."""
 
     mode: str = "rendered"
     latency: float = 0.15
@@ -30,7 +30,7 @@ class CameraOptions:
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> CameraOptions:
-        """Take over what a mission says."""
+        """Return the options given in a mission."""
         values = {
             name.removesuffix("_deg"): math.radians(value) if name.endswith("_deg") else value
             for name, value in given.items()
@@ -52,46 +52,49 @@ def _number(default: float, description: str, most: float | None = None) -> dict
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
-    "description": "How the agents' cameras, their links and the survey of the tags err; each as "
-    "below if not given.",
+    "description": "Camera, link and tag-survey error model; defaults apply if not given.",
     "examples": [{"mode": "geometric"}],
     "properties": {
         "mode": {
             "enum": list(MODES),
             "default": "rendered",
-            "description": "rendered sends images; geometric sends the tags' corners without an "
-            "image, as a camera that detects on board; off sends nothing.",
+            "description": "rendered sends images; geometric sends tag corners without images, "
+            "like a camera with on-board detection; off sends nothing.",
         },
         "latency": _number(0.15, "From the middle of the exposure to the arrival, s.", 5),
-        "jitter": _number(0.015, "Deviation of the latency, s.", 1),
-        "drops": _number(0.0, "Share of the images that never arrive.", 1),
+        "jitter": _number(0.015, "Standard deviation of the latency, s.", 1),
+        "drops": _number(0.0, "Fraction of images that are lost.", 1),
         "wrong_ids": _number(
             0.0,
-            "Share of the tags that are taken for another one in an image; where images are "
-            "rendered they bear its pattern there.",
+            "Fraction of tags in an image that get the id of another tag; rendered images show "
+            "the pattern of that tag.",
             1,
         ),
         "stamped": {
             "type": "boolean",
             "default": True,
-            "description": "Whether images say when they were taken.",
+            "description": "Whether images carry the time of their exposure.",
         },
-        "noise": _number(4.0, "Deviation of a pixel's grey value, of 255.", 64),
+        "noise": _number(4.0, "Standard deviation of a pixel's grey value, of 255.", 64),
         "corner_noise": _number(
-            0.2, "Deviation of a corner in u and in v, px; with mode: geometric.", 10
+            0.2, "Standard deviation of a corner in u and in v, px; with mode: geometric.", 10
         ),
-        "survey": _number(0.005, "Deviation of a sheet's place along each of its axes, m.", 1),
-        "survey_yaw_deg": _number(0.5, "Deviation of a sheet's heading, degrees.", 45),
+        "survey": _number(
+            0.005, "Standard deviation of a sheet's position along each of its axes, m.", 1
+        ),
+        "survey_yaw_deg": _number(0.5, "Standard deviation of a sheet's heading, degrees.", 45),
         "mounting_deg": _number(
-            0.5, "Deviation of a camera's attitude about each of its axes, degrees.", 45
+            0.5, "Standard deviation of a camera's attitude about each of its axes, degrees.", 45
         ),
-        "lever": _number(0.002, "Deviation of a camera's place along each axis, m.", 0.1),
+        "lever": _number(
+            0.002, "Standard deviation of a camera's position along each axis, m.", 0.1
+        ),
         "covered": {
             "type": "array",
             "items": {"type": "string"},
             "uniqueItems": True,
             "default": [],
-            "description": "Landmarks and targets that nobody can see.",
+            "description": "Landmarks and targets that are covered, so that no camera sees them.",
         },
     },
 }

@@ -1,4 +1,4 @@
-"""The agents' cameras: when they take images, and when those arrive."""
+"""The agents' cameras: exposure and arrival of their images."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _STREAM, _SURVEY_STREAM, _MOUNTING_STREAM = 7341, 7342, 7343
 
 
 class Cameras:
-    """Every camera of the swarm.
+    """All cameras of the swarm.
 
-    Cameras take images at their own rate from mission time 0 on, one agent's after another's.
+    Each camera takes images at its own rate from mission time 0 on, staggered by agent.
 
     Args:
         scene: Agents with their cameras, tags, obstacles, seed.
-        options: How they err.
-        wanted: Whether anybody wants the images of the agent in a row; others are not made.
+        options: Error model.
+        wanted: Whether the images of the agent in a row are needed; others are not rendered.
 
     Attributes:
         next_step: The simulator's step at which the next image is due.
@@ -81,12 +81,12 @@ class Cameras:
         return self._queue[0][0] if self._queue else NEVER
 
     def compile(self, drones: Drones) -> None:
-        """Take an image for nobody, so that the first one for somebody is not late."""
-        for row in list(self._eyes)[:1]:  # what one is compiled for does for the others
+        """Render and discard an image, so that compilation does not delay the first one."""
+        for row in list(self._eyes)[:1]:  # the compiled code serves all cameras
             self._see(drones, row, np.random.default_rng(0))
 
     def take(self, drones: Drones, step: int) -> None:
-        """Take the images that are due at `step`, from where the drones really are."""
+        """Take the images that are due at `step`, at the drones' true poses."""
         while self._queue and self._queue[0][0] <= step:
             _, row = heapq.heappop(self._queue)
             stream = self._streams[row]
@@ -101,7 +101,7 @@ class Cameras:
                 self._flying.append((step * STEP + max(0.0, late), row, step * STEP, what))
 
     def _see(self, drones: Drones, row: int, stream: np.random.Generator) -> Any:
-        """Return an agent's image, or the tags in it and their corners."""
+        """Return an agent's image, or the visible tags and their corners."""
         drone = drones[row]
         shot = Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])
         eye = self._eyes[row]
@@ -111,11 +111,11 @@ class Cameras:
         return self._mistaken(tags, stream), points
 
     def _due(self, row: int) -> int:
-        """The step nearest to when an agent's next image is due: rates hold on average."""
+        """The step nearest to an agent's next image, so that rates hold on average."""
         return round(self._periods[row] / self._cameras[row].rate / STEP)
 
     def _misprinted(self, stream: np.random.Generator) -> Rows | None:
-        """Let some tags of an image bear others' patterns: rows of those tags, or None."""
+        """Return the rows of the tags whose patterns some tags of an image show, or None."""
         if not self._options.wrong_ids:
             return None
         bearing = self._mistaken(self._tags, stream)
@@ -124,7 +124,7 @@ class Cameras:
         return found
 
     def _mistaken(self, tags: Rows, stream: np.random.Generator) -> Rows:
-        """Take some tags for others."""
+        """Replace the ids of some tags by those of others."""
         n = len(self._numbers)
         wrong = stream.random(len(tags)) < self._options.wrong_ids
         further = stream.integers(1, max(n, 2), len(tags))
@@ -132,7 +132,7 @@ class Cameras:
         return np.where(wrong, others, tags)
 
     def arrived(self, now: float) -> tuple[Frames, Detections]:
-        """Return what arrived up to `now`, s, since the last call."""
+        """Return the images or detections that arrived since the last call, up to `now`, s."""
         here = sorted(
             (one for one in self._flying if one[0] <= now), key=lambda one: (one[0], one[1])
         )

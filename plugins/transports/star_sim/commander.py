@@ -1,18 +1,18 @@
 """The on-board commander: take-off, landing, go-to, stop, and velocity setpoints.
 
-What a runner can rely on, as the firmware has it:
+Guaranteed behavior, as in the firmware:
 
-* An order starts a trajectory at once, and COMMANDER_FINISHED is clear until it is over. An order
-  takes over from setpoints, and a setpoint from an order, without asking.
-* A take-off is over when COMMANDER_FINISHED is set. The drone then hovers for as long as it can.
-* A landing is over when COMMANDER_FINISHED is set, and with it the motors stop; the drone is down
-  for good when FLYING is clear as well, 2 s later. A new take-off may follow at any time.
-* A trajectory that was uploaded is flown piece by piece, and over when COMMANDER_FINISHED is set.
-  Whatever takes over from it drops what is left of it.
-* STOP stops the motors at once and locks nothing. ARM does nothing: a brushed Crazyflie is armed.
+* A command starts a trajectory at once, and COMMANDER_FINISHED is clear until it ends. Commands
+  override setpoints, and setpoints override commands, immediately.
+* A take-off ends when COMMANDER_FINISHED is set. The drone then hovers until its battery is empty.
+* A landing ends when COMMANDER_FINISHED is set, at which the motors stop; the drone counts as
+  landed when FLYING is clear as well, 2 s later. A new take-off may follow at any time.
+* An uploaded trajectory is flown piece by piece, and ends when COMMANDER_FINISHED is set. Any
+  command or setpoint that overrides it drops its remaining pieces.
+* STOP stops the motors at once without locking. ARM has no effect: brushed Crazyflies are armed.
 * 0.5 s after the last setpoint the drone brakes and levels; after 2 s its motors stop and it is
   LOCKED until the end of the simulation (``COMMANDER_WDT`` in the firmware's ``supervisor.c``).
-* A locked or crashed drone takes no order.
+* A locked or crashed drone ignores commands.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from star_core import Array, Command, Order, Rows, Setpoint
+from star_core import Array, Command, Order, Rows, Setpoint, polynomial, wrap_angle
 from star_sim.airframe import CYCLE
 from star_sim.compiled import Record, compiled
 from star_sim.drone import DEMAND, OFF, TRAJECTORY, VELOCITY, Drones
@@ -40,6 +40,8 @@ MOST_TURN = 1.5  # rad, by which the yaw that is wanted may run ahead of the dro
 _ENDING = np.linalg.inv(
     np.array([[1, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]], float)
 )
+
+_polynomial = compiled(polynomial)
 
 
 @compiled
@@ -61,7 +63,7 @@ def follow(drone: Record, now: float) -> None:
 
 @compiled
 def _follow_demand(drone: Record) -> None:
-    """Carry a demand's angles on by its rates, and turn its velocity with the drone."""
+    """Advance a demand's angles by its rates, and rotate its velocity with the drone."""
     if drone.turn_rate != 0.0:
         ahead = wrap(drone.reference_yaw + drone.turn_rate * CYCLE - drone.believed_yaw)
         ahead = min(max(ahead, -MOST_TURN), MOST_TURN)
@@ -81,17 +83,13 @@ def _follow_trajectory(drone: Record, passed: float) -> None:
     u = min(passed, 1.0)
     rate = 1.0 / drone.trajectory_duration
     for axis in range(4):
-        value = slope = curve = 0.0  # value, first derivative, half the second one
-        for power in range(7, -1, -1):
-            curve = curve * u + slope
-            slope = slope * u + value
-            value = value * u + drone.trajectory[axis, power]
+        value, slope, curve = _polynomial(drone.trajectory[axis], u)
         if axis == 3:  # noqa: PLR2004 -- yaw
             drone.reference_yaw = value
         else:
             drone.reference_position[axis] = value
             drone.reference_velocity[axis] = slope * rate
-            drone.reference_acceleration[axis] = 2 * curve * rate * rate
+            drone.reference_acceleration[axis] = curve * rate * rate
     if passed >= 1.0:
         for axis in range(3):
             drone.reference_velocity[axis] = drone.reference_acceleration[axis] = 0.0
@@ -131,15 +129,15 @@ def ending_at_rest(
 
 
 def can_fly(drones: Drones, rows: Rows) -> Mask:
-    """Return (K,) which of some drones take orders, by their (K,) rows."""
+    """Return the (K,) mask of drones that accept commands, by their (K,) rows."""
     able: Mask = (drones["locked"][rows] == 0) & (drones["crashed"][rows] == 0)
     return able
 
 
 def obey(drones: Drones, command: Command, now: float) -> None:
-    """Start what `command` says at mission time `now`, s, on the drones that can fly.
+    """Start a command at mission time `now`, s, on the drones that can fly.
 
-    Trajectories that were uploaded are flown by `star_sim.pieces`.
+    Uploaded trajectories are handled by `star_sim.pieces`.
     """
     able = can_fly(drones, command.agent)
     rows = command.agent[able]
@@ -153,7 +151,7 @@ def obey(drones: Drones, command: Command, now: float) -> None:
         start, velocity, acceleration, yaw = _reference(drones, rows)
         if not turning:
             target[:, :2] = start[:, :2]
-        turn = np.remainder(command.yaw[able] - yaw + np.pi, 2 * np.pi) - np.pi
+        turn = wrap_angle(command.yaw[able] - yaw)
         end_yaw = yaw + turn if turning else yaw
         duration = command.duration[able]
         for axis in range(3):
@@ -183,7 +181,7 @@ def take(drones: Drones, setpoint: Setpoint, now: float) -> None:
 def _reference(drones: Drones, rows: Rows) -> tuple[Array, Array, Array, Array]:
     """Return position, velocity, acceleration and yaw that a trajectory starts from.
 
-    On a trajectory they are its own; otherwise what the estimator believes.
+    They are the trajectory's if the drone is on one, otherwise the estimate's.
     """
     some = drones[rows]
     planned: Mask = some["mode"] == TRAJECTORY

@@ -1,4 +1,4 @@
-"""How the functions of the simulator's inner loop are compiled."""
+"""Decorators that compile the functions of the simulator's inner loop."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from star_core import compiled as compiled_by_star
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# Lets the compiler fuse and reorder sums, but keep infinities and what is not a number.
+# Lets the compiler fuse and reorder sums, but preserve infinities and NaN.
 FAST = {"contract", "arcp", "reassoc", "nsz"}
 
 Record: TypeAlias = Any  # one row of a table of `star_sim.drone.DRONE`; mypy cannot know its fields

@@ -1,9 +1,9 @@
-"""Contacts between drones, and of drones with obstacles: no torque, no damage, a short bounce.
+"""Contacts of drones with each other and with obstacles: no torque, no damage, a short bounce.
 
-A drone is an upright can of `FRAME_RADIUS` and `HEIGHT`. What overlaps is moved apart and keeps
-`BOUNCE` of its closing speed. The propellers reach 1 cm further, so drones that meet are nearer
-than a span for longer than a tick, and a record that looks once per tick counts the collision.
-Real collisions mostly end on the floor. Downwash is not modelled.
+A drone is an upright cylinder of `FRAME_RADIUS` and `HEIGHT`. Overlapping drones are separated and
+keep `BOUNCE` of their closing speed. The propellers reach 1 cm further, so colliding drones are
+closer than a propeller span for longer than a tick, and a metric sampled once per tick counts the
+collision. Real collisions mostly end on the floor. Downwash is not modelled.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MARGIN = 0.002  # m, more than a drone can gain on its speed in one cycle
 
 
 def prisms(world: World) -> tuple[Array, Rows, Array]:
-    """Return the obstacles of a world as arrays that the kernel reads.
+    """Return the obstacles of a world as arrays for the kernel.
 
     Returns:
         (P, 6) for each upright prism least x and y, greatest x and y, foot and top, m; (P, 2) its
@@ -56,7 +56,7 @@ def separate(drones: Record, order: Record, keys: Record) -> None:
     Args:
         drones: (N,) records.
         order: (N,) rows, sorted; kept.
-        keys: (N,) room for the place of each row along `SWEEP`.
+        keys: (N,) buffer for the position of each row along `SWEEP`.
     """
     n = len(drones)
     for i in range(n):
@@ -112,8 +112,8 @@ def _bounce(one: Record, other: Record) -> None:
 def keep_out(drone: Record, boxes: Record, spans: Record, edges: Record) -> None:
     """Push one drone out of every prism it touches.
 
-    After each look the distance to the nearest prism is kept, and no prism is looked at again
-    before the drone can have flown that far.
+    The distance to the nearest prism is stored, and the prisms are not checked again before the
+    drone can have flown that far.
     """
     speed = math.sqrt(drone.velocity[0] ** 2 + drone.velocity[1] ** 2 + drone.velocity[2] ** 2)
     drone.clearance -= speed * CYCLE + MARGIN
@@ -157,7 +157,7 @@ def _push_out(drone: Record, box: Record, edges: Record) -> None:
 
 @compiled
 def _stand(drone: Record, top: float) -> None:
-    """Hold one drone on top of a prism, and stand it level if it is upright, as the floor does."""
+    """Hold one drone on top of a prism, and level it if it is upright, like the floor."""
     drone.position[2] = top
     drone.velocity[2] = max(0.0, drone.velocity[2])
     drone.velocity[0] *= GRIP

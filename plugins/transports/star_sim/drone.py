@@ -1,7 +1,7 @@
-"""All there is to know of each simulated drone: one record per agent.
+"""Complete state of each simulated drone: one record per agent.
 
-One table instead of forty arrays keeps a call of the kernel cheap (each array that is passed costs
-as much as a step of one drone) and the numbers of one drone together in the cache.
+One table instead of forty arrays keeps kernel calls cheap (each array argument costs as much as a
+step of one drone) and the data of one drone together in the cache.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from star_sim import airframe, battery
 # What flies a drone: nothing, its commander, velocity setpoints, or a setpoint of `star_sim.fleet`.
 OFF, TRAJECTORY, VELOCITY, DEMAND = 0, 1, 2, 3
 
-FREE, SPEED, PLACE = 0, 1, 2  # what a demand says of an axis: nothing, a velocity, a position
+FREE, SPEED, PLACE = 0, 1, 2  # control of an axis by a demand: none, velocity, position
 
 DRONE = np.dtype(
     [
@@ -26,15 +26,16 @@ DRONE = np.dtype(
         ("attitude", "f8", 4),  # unit quaternion x, y, z, w from the body to the map
         ("rates", "f8", 3),  # rad/s, about the body's axes
         ("thrust", "f8", 4),  # N, of each motor: front right, rear right, rear left, front left
-        # What the position loop asks of the attitude loop.
+        # Input of the attitude loop, from the position loop.
         ("push", "f8", 3),  # N, force of the propellers, in the map
         ("yaw_rate", "f8"),  # rad/s
         ("windup", "f8", 3),  # m/s², integral of the velocity loop
-        # What the commander asks of the position loop, in the odometry frame.
+        # Input of the position loop, from the commander, in the odometry frame.
         ("reference_position", "f8", 3),  # m
         ("reference_velocity", "f8", 3),  # m/s
         ("reference_acceleration", "f8", 3),  # m/s²
         ("reference_yaw", "f8"),  # rad
+        ("feed_forward", "f8"),  # of a reference's velocity and acceleration: 1, or 0 for none
         ("mode", "i8"),  # OFF, TRAJECTORY, VELOCITY or DEMAND
         ("setpoint_time", "f8"),  # s, when the last setpoint came
         ("trajectory", "f8", (4, 8)),  # x, y, z, yaw over the fraction of time passed
@@ -42,7 +43,7 @@ DRONE = np.dtype(
         ("trajectory_duration", "f8"),  # s
         ("landing", "i8"),  # whether the motors stop when the trajectory is over
         ("finished", "i8"),  # whether the last trajectory is over
-        # What the supervisor knows.
+        # State of the supervisor.
         ("motors_time", "f8"),  # s, when the motors were last on
         ("tilted_for", "f8"),  # s
         ("inverted_for", "f8"),  # s
@@ -54,14 +55,14 @@ DRONE = np.dtype(
         ("capacity", "f8"),  # A s
         ("voltage", "f8"),  # V, under load
         ("thrust_limit", "f8"),  # N, of one motor
-        # What the estimator believes, in the odometry frame.
+        # Output of the estimator, in the odometry frame.
         ("believed_position", "f8", 3),  # m
         ("believed_velocity", "f8", 3),  # m/s
         ("believed_roll", "f8"),  # rad
         ("believed_pitch", "f8"),  # rad
         ("believed_yaw", "f8"),  # rad
         ("slip", "f8", 2),  # cosine and sine of the believed yaw less the true yaw in the map
-        # What the estimator does not know, drawn once per flight.
+        # Sensor and start errors, unknown to the estimator, drawn once per flight.
         ("origin", "f8", 3),  # m, of the odometry frame in the map
         ("origin_yaw", "f8"),  # rad
         ("scale", "f8"),  # of the flow sensor, as a fraction
@@ -69,14 +70,14 @@ DRONE = np.dtype(
         ("velocity_bias", "f8", 2),  # m/s, in the body
         ("gyro_bias", "f8"),  # rad/s, about z
         ("level_error", "f8", 2),  # rad, of roll and of pitch
-        # What the estimator keeps from one cycle to the next.
+        # State of the estimator between cycles.
         ("seen_position", "f8", 3),  # m, true
         ("seen_velocity", "f8", 3),  # m/s, true
         ("seen_yaw", "f8"),  # rad, true
         ("flow_rest", "f8", 2),  # counts that were not whole
         # Contacts.
         ("clearance", "f8"),  # m, no obstacle is nearer
-        # What a demand asks for beside the references above.
+        # A demand, in addition to the references above.
         ("axes", "i8", 3),  # FREE, SPEED or PLACE along x, y and z; x and y FREE hold the tilt
         ("tilt", "f8", 2),  # rad, roll and pitch (nose down positive)
         ("tilt_rate", "f8", 2),  # rad/s, at which the tilt that is wanted changes
@@ -92,7 +93,7 @@ Drones: TypeAlias = NDArray[np.void]
 
 
 def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: float) -> Drones:
-    """Return drones that stand level with their motors off and know where they are.
+    """Return drones level on the ground, with motors off and exact estimates.
 
     Args:
         position: (N, 3) in the map, m.
@@ -110,6 +111,7 @@ def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: fl
     drones["seen_yaw"] = drones["origin_yaw"] = yaw
     drones["slip"] = np.stack([np.cos(yaw), -np.sin(yaw)], axis=1)
     drones["misalignment"][:, 0] = 1.0
+    drones["feed_forward"] = 1.0
     drones["motors_time"] = -np.inf
     drones["charge"] = charge
     drones["capacity"] = battery.CAPACITY

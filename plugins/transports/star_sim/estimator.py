@@ -1,8 +1,8 @@
-"""The on-board estimator: what a drone with a Flow deck believes of itself, at 100 Hz.
+"""The on-board state estimator of a drone with a Flow deck, at 100 Hz.
 
-A constant-gain filter in place of the firmware's Kalman filter: velocity follows the accelerometer
-and is drawn to what the flow sensor sees, height likewise to the ranger, yaw integrates the gyro,
-and position integrates velocity. How much each sensor errs is in `star_sim.sensors`.
+A constant-gain filter instead of the firmware's Kalman filter: velocity integrates the
+accelerometer and is corrected by the flow sensor, height by the ranger, yaw integrates the gyro,
+and position integrates velocity. `star_sim.sensors` models the sensor errors.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ def believe(
     noisy: bool,  # noqa: FBT001 -- a kernel's arguments have no names
     sample: Record,
 ) -> None:
-    """Update what one drone believes after cycle number `cycle`, and write it into `sample`.
+    """Update the estimate of one drone after cycle number `cycle`, and write it into `sample`.
 
     Args:
         drone: The drone.
         cycle: Cycles since the start.
         normal: (4,) standard normal numbers: flow ahead, flow aside, gyro, ranger.
         texture: (M, M) scale error of the flow sensor over the floor, as a fraction.
-        noisy: False believes the truth.
-        sample: (8,) what is streamed: time s, velocity m/s in the level body frame, yaw rate rad/s,
+        noisy: False copies the ground truth.
+        sample: (8,) output: time s, velocity m/s in the level body frame, yaw rate rad/s,
             roll rad, pitch rad, height m.
     """
     qx, qy = drone.attitude[0], drone.attitude[1]
@@ -87,14 +87,14 @@ def believe(
 
 @compiled
 def _rests(drone: Record) -> bool:
-    """Whether a drone stands with its motors off, so that nothing drifts."""
+    """Whether a drone is at rest with its motors off, so that its estimate does not drift."""
     speed = drone.velocity[0] ** 2 + drone.velocity[1] ** 2 + drone.velocity[2] ** 2
     return bool(drone.mode == OFF and drone.thrust[0] < THRUST_MIN and speed < RESTING**2)
 
 
 @compiled
 def _know(drone: Record) -> None:
-    """Believe the true position and velocity, in the odometry frame."""
+    """Set the estimate to the true position and velocity, in the odometry frame."""
     x, y = drone.position[0] - drone.origin[0], drone.position[1] - drone.origin[1]
     cos, sin = drone.slip[0], drone.slip[1]
     drone.believed_position[0], drone.believed_position[1] = cos * x - sin * y, sin * x + cos * y
@@ -113,7 +113,7 @@ def _dead_reckon(
     heading: tuple[float, float],
     upright: float,
 ) -> None:
-    """Move the believed position and velocity by one cycle's measurements."""
+    """Update the estimated position and velocity with the measurements of one cycle."""
     cos, sin = drone.slip[0], drone.slip[1]
     dx = drone.velocity[0] - drone.seen_velocity[0]
     dy = drone.velocity[1] - drone.seen_velocity[1]

@@ -1,4 +1,4 @@
-"""Trajectories in pieces: what a piece is, and which of them drones have still to fly."""
+"""Piecewise trajectories: pieces, and the queue of pieces that drones have yet to fly."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Rows, Trajectory
+from star_core import Array, Rows, Trajectory, polynomial, transformed
 from star_sim.airframe import STEP
 from star_sim.compiled import Record
 from star_sim.drone import TRAJECTORY, Drones
@@ -46,18 +46,15 @@ class Piece:
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """Return value, first and second derivative (each (4,)) `time` seconds after its start."""
         u = min(max(time / self.duration, 0.0), 1.0)
-        powers = u ** np.arange(ORDER + 1)
-        once = np.arange(1, ORDER + 1)
-        slope = (self.coefficients[:, 1:] * once) @ powers[:-1]
-        curve = (self.coefficients[:, 2:] * (once[1:] * once[:-1])) @ powers[:-2]
-        return self.coefficients @ powers, slope / self.duration, curve / self.duration**2
+        value, slope, curve = polynomial(self.coefficients.T, u)
+        return value, slope / self.duration, curve / self.duration**2
 
     def slower(self, factor: float) -> Piece:
-        """Return it, taking `factor` times as long."""
+        """Return the piece stretched to `factor` times its duration."""
         return replace(self, duration=self.duration * factor)
 
     def backwards(self) -> Piece:
-        """Return it from its end to its start."""
+        """Return the piece reversed in time."""
         turned = np.zeros_like(self.coefficients)
         for k in range(ORDER + 1):  # (1 - u)^k
             for j in range(k + 1):
@@ -65,12 +62,8 @@ class Piece:
         return replace(self, coefficients=turned)
 
     def moved(self, shift: Array, turn: float = 0.0) -> Piece:
-        """Return it turned by `turn`, rad, about the origin, and then moved by `shift`, (4,)."""
-        cos, sin = math.cos(turn), math.sin(turn)
-        x, y, z, yaw = self.coefficients
-        moved = np.stack([cos * x - sin * y, sin * x + cos * y, z, yaw])
-        moved[:, 0] += shift
-        return replace(self, coefficients=moved)
+        """Return the piece rotated about the origin by `turn`, rad, then shifted by (3,) m."""
+        return replace(self, coefficients=transformed(self.coefficients, turn, shift))
 
 
 def pieces_of(trajectory: Trajectory) -> tuple[Piece, ...]:
@@ -79,7 +72,7 @@ def pieces_of(trajectory: Trajectory) -> tuple[Piece, ...]:
 
 
 def enter(drone: Record, piece: Piece, began: float, *, lands: bool = False) -> None:
-    """Have a drone follow a piece that began at `began`, s; at its end its motors stop or not."""
+    """Make a drone follow a piece that began at `began`, s; its motors may stop at its end."""
     drone["trajectory"] = piece.coefficients
     drone["trajectory_start"] = began
     drone["trajectory_duration"] = piece.duration
@@ -89,9 +82,9 @@ def enter(drone: Record, piece: Piece, began: float, *, lands: bool = False) -> 
 
 
 class Queue:
-    """Pieces that drones have still to fly; the kernel knows the one of each that is flown now.
+    """Pieces that drones have yet to fly; the kernel holds only the current piece of each drone.
 
-    A drone that flies something else when its next piece is due has lost the rest.
+    The remaining pieces of a drone are dropped if it flies something else when the next is due.
 
     Args:
         drones: All of them.
@@ -106,7 +99,7 @@ class Queue:
         self.next_step = NEVER
 
     def fly(self, row: int, pieces: Sequence[Piece], now: float) -> None:
-        """Have a drone fly pieces one after the other from mission time `now`, s, on."""
+        """Make a drone fly pieces in sequence from mission time `now`, s, on."""
         begins = accumulate((piece.duration for piece in pieces[:-1]), initial=now)
         waiting = deque(zip(begins, pieces, strict=True))
         waiting.popleft()
@@ -116,14 +109,14 @@ class Queue:
             self.next_step = min(self.next_step, _step(waiting[0][0]))
 
     def drop(self, rows: Rows) -> None:
-        """Forget what some drones have still to fly."""
+        """Drop the remaining pieces of some drones."""
         if self._waiting:
             for row in rows.tolist():
                 self._waiting.pop(row, None)
             self._look_ahead()
 
     def advance(self, step: int) -> None:
-        """Go on to the pieces that are due at a step."""
+        """Start the pieces that are due at a step."""
         for row, waiting in self._waiting.items():
             if self._drones["mode"][row] != TRAJECTORY:
                 waiting.clear()

@@ -1,13 +1,13 @@
-"""The position and velocity loops: from the commander's reference to a push, at 100 Hz.
+"""Position and velocity control: from the commander's reference to a thrust vector, at 100 Hz.
 
-They act on what the estimator believes, never on the truth, so a drone whose estimate drifts flies
-away with it.
+The loops use the estimate, never the ground truth, so a drone drifts with its estimate.
 """
 
 from __future__ import annotations
 
 import math
 
+from star_core import wrap_angle
 from star_sim.airframe import CYCLE, GRAVITY, MASS
 from star_sim.compiled import Record, compiled
 from star_sim.drone import DEMAND, FREE, OFF, PLACE, TRAJECTORY
@@ -25,21 +25,17 @@ MOST_LIFT = 1.5 * MASS * GRAVITY  # N
 YAW_GAIN = 3.0  # 1/s
 YAW_RATE_LIMIT = 2.0  # rad/s
 
-
-@compiled
-def wrap(angle: float) -> float:
-    """Return the same angle between -pi and pi, rad."""
-    return angle - 2 * math.pi * math.floor((angle + math.pi) / (2 * math.pi))
+wrap = compiled(wrap_angle)  # callable from kernels
 
 
 @compiled
 def aim(drone: Record) -> None:
     """Set the push and the yaw rate that take one drone to its reference.
 
-    Position P onto velocity, velocity PI onto acceleration, in the odometry frame; then the push
-    that gives this acceleration, within the limits of lift and of tilt, turned into the map by the
-    true heading: what the body does when it holds the roll and pitch that were worked out with the
-    believed one.
+    A P controller from position to velocity and a PI controller from velocity to acceleration, in
+    the odometry frame; then the push for this acceleration, within the limits of lift and tilt,
+    rotated to the map by the true heading: this is the effect of the body holding a roll and pitch
+    that were computed with the estimated heading.
     """
     if drone.mode == OFF:
         drone.windup[0] = drone.windup[1] = drone.windup[2] = 0.0
@@ -61,7 +57,7 @@ def aim(drone: Record) -> None:
 
 @compiled
 def _tilt(drone: Record, lift: float) -> None:
-    """Set the push along the body's z axis at the tilt that a demand wants.
+    """Set the push along the body's z axis at the tilt of a demand.
 
     Args:
         drone: Its horizontal axes are FREE.
@@ -82,12 +78,18 @@ def _tilt(drone: Record, lift: float) -> None:
 
 @compiled
 def _acceleration(drone: Record, axis: int, gain: float) -> float:
-    """Return the acceleration wanted along one axis of the odometry frame, m/s²."""
-    wanted = drone.reference_velocity[axis]
+    """Return the commanded acceleration along one axis of the odometry frame, m/s².
+
+    Without feed-forward a drone in position control tracks the position only, as with the
+    firmware's default controller (``position_controller_pid.c``): it lags by 1/`POSITION_GAIN`.
+    """
+    wanted, ahead = drone.reference_velocity[axis], drone.reference_acceleration[axis]
     if drone.mode == TRAJECTORY or (drone.mode == DEMAND and drone.axes[axis] == PLACE):
         way = POSITION_GAIN * (drone.reference_position[axis] - drone.believed_position[axis])
+        wanted *= drone.feed_forward
+        ahead *= drone.feed_forward
         wanted += min(max(way, -POSITION_SPEED), POSITION_SPEED)
     missing = wanted - drone.believed_velocity[axis]
     windup = drone.windup[axis] + INTEGRAL_GAIN * CYCLE * missing
     drone.windup[axis] = windup = min(max(windup, -INTEGRAL_LIMIT), INTEGRAL_LIMIT)
-    return float(drone.reference_acceleration[axis] + gain * missing + windup)
+    return float(ahead + gain * missing + windup)

@@ -1,4 +1,4 @@
-"""What the drones report at a tick, gathered from their records in one call."""
+"""State reports of all drones at a tick, in one kernel call."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from star_sim.supervisor import bits
 
 @kernel
 def report(drones: Record, now: float, attitude: Record, state: Record) -> None:
-    """Write what each drone believes of its attitude, and the bits of its state.
+    """Write each drone's estimated attitude and the bits of its state.
 
     Args:
         drones: (N,) records.

@@ -1,8 +1,8 @@
-"""The Flow deck's sensors: how they err, and the random numbers behind it.
+"""Error models of the Flow deck's sensors, and their random numbers.
 
-Deviations are those that give the drift of a real Crazyflie over three laps of a box, a circle and
-a figure of eight; the counts of the flow sensor and the noise of the ranger are modelled as the
-firmware's own measurement models (``mm_flow.c``, ``zranger2.c``) have them.
+Standard deviations are fitted to the drift of a real Crazyflie over three laps of a box, a circle
+and a figure of eight; flow-sensor counts and ranger noise follow the firmware's measurement models
+(``mm_flow.c``, ``zranger2.c``).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ FLOW_NOISE = 1.0  # counts
 GYRO_NOISE = math.radians(0.14)  # rad/s: 0.014 °/s/√Hz of a BMI088 over 100 Hz
 
 # The floor.
-TEXTURE = 0.045  # deviation of the flow sensor's scale from place to place
-TEXTURE_LENGTH = 0.7  # m, over which it is alike
+TEXTURE = 0.045  # standard deviation of the flow sensor's scale over the floor
+TEXTURE_LENGTH = 0.7  # m, correlation length
 TEXTURE_PITCH = 0.2  # m between the points of its lattice
 TEXTURE_POINTS = 128  # of its lattice along each axis, a power of two; then it repeats (25.6 m)
 
@@ -46,8 +46,8 @@ _TEXTURE_STREAM, _ERROR_STREAM, _NOISE_STREAM = 7331, 7332, 7333
 def draw_texture(seed: int) -> Array:
     """Return the flow sensor's scale error over the floor, as a fraction: (M, M), x first.
 
-    A Gaussian random field with deviation `TEXTURE` and correlation ``exp(-d²/2l²)`` over a
-    distance d, l being `TEXTURE_LENGTH`; it repeats itself in x and in y.
+    A Gaussian random field with standard deviation `TEXTURE` and correlation ``exp(-d²/2l²)`` over
+    a distance d, with l = `TEXTURE_LENGTH`; periodic in x and y.
     """
     white = np.random.default_rng([seed, _TEXTURE_STREAM]).standard_normal((TEXTURE_POINTS,) * 2)
     step = np.fft.fftfreq(TEXTURE_POINTS, 1 / TEXTURE_POINTS) * TEXTURE_PITCH  # m, from the origin
@@ -58,9 +58,9 @@ def draw_texture(seed: int) -> Array:
 
 
 def draw_errors(drones: Drones, seed: int) -> None:
-    """Give each drone its errors of this flight, and start it beside where it should stand.
+    """Draw each drone's constant sensor errors and the offset of its start position.
 
-    Each agent has its own stream, so its errors do not depend on how many others there are.
+    Each agent has its own random stream, so its errors do not depend on the number of agents.
     """
     draws = np.stack(
         [
@@ -96,19 +96,19 @@ def flow(
     height: float,
     upright: float,
 ) -> tuple[float, float]:
-    """Return the velocity ahead and aside that the flow sensor shows over one cycle, m/s.
+    """Return the forward and lateral velocity measured by the flow sensor over one cycle, m/s.
 
-    The sensor counts tenths of a pixel, ``dt * 35 / 0.71674 * v * R22 / z``, carries what is not a
-    whole count over to the next sample, and is read back with the height that the drone believes.
-    Its scale is wrong by a constant, and by a field over the floor. What the turning of the body
-    adds is taken to be removed by the gyro.
+    The sensor counts tenths of a pixel, ``dt * 35 / 0.71674 * v * R22 / z``, carries fractions of a
+    count over to the next sample, and is converted back with the estimated height. Its scale has a
+    constant error and one that varies over the floor. Rotation of the body is assumed to be
+    compensated with the gyro.
 
     Args:
         drone: The drone; moved by one cycle since `seen_position`.
         normal: (4,) standard normal numbers, of which the first two are used.
         texture: (M, M) scale error over the floor.
         heading: Cosine and sine of the believed yaw.
-        height: Over the floor, believed, m.
+        height: Estimated height over the floor, m.
         upright: z component of the body's z axis.
     """
     east = (drone.position[0] - drone.seen_position[0]) / CYCLE
@@ -127,14 +127,14 @@ def flow(
 
 @compiled
 def ranged(height: float, normal: float) -> float:
-    """Return what the VL53L1x shows of a height, m: whole millimetres, noisier from 2.5 m on."""
+    """Return the height measured by the VL53L1x, m, to 1 mm; its noise grows from 2.5 m on."""
     deviation = 0.0025 * (1 + math.exp(2.92 * (height - 2.5)))
     return math.floor((height + deviation * normal) * 1000 + 0.5) / 1000
 
 
 @compiled
 def _count(drone: Record, axis: int, flow: float) -> float:
-    """Return the whole counts of a flow, within what the sensor takes for real."""
+    """Return the integer counts of a flow, clipped to the sensor's outlier limit."""
     flow += drone.flow_rest[axis]
     whole = math.floor(flow + 0.5)
     drone.flow_rest[axis] = flow - whole
@@ -143,7 +143,7 @@ def _count(drone: Record, axis: int, flow: float) -> float:
 
 @compiled
 def _texture_at(texture: Record, x: float, y: float) -> float:
-    """Return the scale error at a point of the map, between the lattice's points linearly."""
+    """Return the scale error at a point of the map, interpolated linearly on the lattice."""
     x, y = x / TEXTURE_PITCH, y / TEXTURE_PITCH
     i, j = math.floor(x), math.floor(y)
     u, v = x - i, y - j

@@ -1,4 +1,4 @@
-"""The on-board supervisor: what a drone may do, and when its motors must stop."""
+"""The on-board supervisor: flight states, and when the motors must stop."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _CAN_ARM, _ARMED, _AUTO_ARM, _CAN_FLY, _FLYING, _TUMBLED, _LOCKED, _CRASHED, _AC
 
 @compiled
 def supervise(drone: Record, now: float) -> None:
-    """Note when the motors are on, and stop those of one drone that has tumbled.
+    """Record when the motors are on, and stop them if the drone has tumbled.
 
     Tumbled is 1 s beyond 60° of tilt, or 0.1 s upside down (firmware, ``supervisor.c``; it measures
     the acceleration along the body's z axis, which is taken to be gravity's here). A drone that

@@ -1,4 +1,4 @@
-"""The simulator behind the transport ``sim``: its clock, its links and its ground truth."""
+"""The simulator of the transport ``sim``: its clock, links and ground truth."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.report import report
 from star_sim.sensors import TEXTURE_POINTS, draw_errors, draw_texture, noise_streams
 
-FULL = 0.95  # of its charge: a battery that has more is not changed
+MIN_SWAP_CHARGE = 0.95  # fraction of full: batteries with more are not replaced
 
 
 class Simulator:
     """Simulated Crazyflies, in lock-step: the same scene and options give the same numbers.
 
-    What the drones do on an order, on a setpoint, and on neither, is told in `star_sim.commander`.
-    Telemetry holds what each drone believes in its own odometry frame, at the end of the last whole
-    cycle of 10 ms; nothing in it is the truth unless `noise` is off.
+    `star_sim.commander` documents the reaction to commands, setpoints, and their absence. Telemetry
+    contains each drone's on-board estimate in its odometry frame, at the end of the last complete
+    cycle of 10 ms; it equals the ground truth only if `noise` is off.
 
     Args:
         scene: Agents, world and seed.
-        noise: Whether the estimators err; then a drone also starts a little beside its place.
-        battery: Charge at the start, as a fraction of full.
-        endurance: How long a full battery lets a drone hover, s.
-        swap_time: How long a drone stands before it has a new battery, s; None changes none.
-        speed: Mission seconds per second of real time; None is as fast as possible.
-        camera: How cameras err; None switches them off.
-        wanted: Whether anybody wants the images of the agent in a row; others are not made.
+        noise: Whether estimates have errors; drones then also start slightly off their positions.
+        battery: Initial charge, as a fraction of full.
+        endurance: Hover time with a full battery, s.
+        swap_time: Time on the ground until a battery is replaced, s; None never replaces one.
+        speed: Mission seconds per second of wall time; None is as fast as possible.
+        camera: Camera error model; None disables cameras.
+        wanted: Whether the images of the agent in a row are needed; others are not rendered.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Simulator:
         self._scene = scene
         self._noise = noise
         self._speed = speed
-        self._began: float | None = None  # s of the clock on the wall, at mission time 0
+        self._began: float | None = None  # s of wall time, at mission time 0
         self._step = 0
         self.drones = standing(
             np.array([agent.start for agent in scene.agents], float).reshape(n, 3),
@@ -86,7 +86,7 @@ class Simulator:
         )
         self.drones["capacity"] = HOVER_CURRENT * endurance
         self._swap_time = swap_time
-        self._stands_since = np.full(n, np.nan)  # s, of those that flew
+        self._grounded_since = np.full(n, np.nan)  # s, of drones that have flown
         self._texture = np.zeros((TEXTURE_POINTS, TEXTURE_POINTS))
         self._streams: list[np.random.Generator] = []
         if noise:
@@ -110,19 +110,19 @@ class Simulator:
 
     @property
     def sample(self) -> Array:
-        """(N, 8) what the estimators streamed last, as `star_sim.estimator.believe` says."""
+        """(N, 8) latest output of the estimators; columns as in `star_sim.estimator.believe`."""
         row: Array = self._samples[(self._step // STEPS_PER_CYCLE - 1) % BLOCK]
         return row
 
     def connect(self) -> None:
-        """Compile the inner loop, so that the first tick is not late."""
+        """Compile the inner loop before the first tick."""
         self._advance(0)
         if self._cameras is not None:
             self._cameras.compile(self.drones)
         self.receive()
 
     def upload(self, trajectories: Sequence[Trajectory]) -> None:
-        """Take trajectories that may be ordered."""
+        """Store trajectories for later commands."""
         self._uploaded = {trajectory: pieces_of(trajectory) for trajectory in trajectories}
 
     def wait(self, until: float) -> float:
@@ -149,7 +149,7 @@ class Simulator:
                 self._arrived.append(self._samples[first : first + rows].copy())
         now = self._step * STEP
         if self._swap_time is not None:
-            self._change_batteries(now, self._swap_time)
+            self._replace_batteries(now, self._swap_time)
         if self._speed is not None:
             self._keep_pace(now / self._speed)
         return now
@@ -176,22 +176,22 @@ class Simulator:
 
     def command(self, command: Command) -> None:
         if command.trajectory is not None:
-            self._set_out(command, command.trajectory)
+            self._follow(command, command.trajectory)
             return
         if command.order is not Order.ARM:
             self._queue.drop(command.agent)
         commander.obey(self.drones, command, self._step * STEP)
 
     def correct(self, corrections: Corrections) -> None:
-        """Let the drones' estimators take poses in; without noise they know better."""
+        """Pass poses to the on-board estimators; without noise they are ignored."""
         if self._noise:
             self.fusion.take(self.drones, corrections, self._step * STEP)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
-        """Fly the active rows; nothing is clipped, as the firmware clips no velocity setpoint.
+        """Fly the active rows; like the firmware, without clipping velocity setpoints.
 
         Raises:
-            ContractError: A velocity or a yaw that should be flown is not finite.
+            ContractError: A velocity or yaw of an active row is not finite.
         """
         finite = np.isfinite(setpoint.velocity).all(axis=1) & np.isfinite(setpoint.yaw)
         if not finite[setpoint.active].all():
@@ -207,8 +207,8 @@ class Simulator:
     def close(self) -> None:
         """Nothing to release."""
 
-    def _set_out(self, command: Command, trajectory: Trajectory) -> None:
-        """Have drones fly a trajectory from where the order says that its frame lies.
+    def _follow(self, command: Command, trajectory: Trajectory) -> None:
+        """Start a trajectory whose origin is at the position and yaw in the command.
 
         Raises:
             ContractError: It was not uploaded.
@@ -216,11 +216,10 @@ class Simulator:
         if trajectory not in self._uploaded:
             raise ContractError("Command.trajectory was not uploaded")
         able = commander.can_fly(self.drones, command.agent)
-        places = np.column_stack([command.position, command.yaw])  # (K, 4)
         stretch = command.duration / trajectory.duration.sum()
         for i in np.flatnonzero(able).tolist():
             pieces = [
-                piece.slower(float(stretch[i])).moved(places[i], float(command.yaw[i]))
+                piece.slower(float(stretch[i])).moved(command.position[i], float(command.yaw[i]))
                 for piece in self._uploaded[trajectory]
             ]
             self._queue.fly(int(command.agent[i]), pieces, self._step * STEP)
@@ -239,14 +238,14 @@ class Simulator:
             self._noise,
         )
 
-    def _change_batteries(self, now: float, takes: float) -> None:
-        """Give full batteries to drones that have stood since a flight for so long, s."""
+    def _replace_batteries(self, now: float, duration: float) -> None:
+        """Give full batteries to drones that have been on the ground for `duration`, s."""
         drones = self.drones
-        stands = (drones["mode"] == OFF) & (drones["charge"] < FULL)
-        self._stands_since = np.where(stands, np.fmin(self._stands_since, now), np.nan)
-        changed = now - self._stands_since >= takes
-        drones["charge"][changed] = 1.0
-        drones["voltage"][changed] = VOLTAGE_OF_CHARGE[-1]
+        grounded = (drones["mode"] == OFF) & (drones["charge"] < MIN_SWAP_CHARGE)
+        self._grounded_since = np.where(grounded, np.fmin(self._grounded_since, now), np.nan)
+        replaced = now - self._grounded_since >= duration
+        drones["charge"][replaced] = 1.0
+        drones["voltage"][replaced] = VOLTAGE_OF_CHARGE[-1]
 
     def _odometry(self) -> Odometry:
         if not self._arrived:
@@ -266,7 +265,7 @@ class Simulator:
         )
 
     def _keep_pace(self, due: float) -> None:
-        """Sleep until `due` seconds after the first tick was asked for."""
+        """Sleep until `due` seconds after the first tick."""
         clock = time.monotonic()
         if self._began is None:
             self._began = clock

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from star_core import Offer, hookimpl
+from star_core import AvoiderSpec, hookimpl
 
 if TYPE_CHECKING:
-    from star_core import Avoider, Estimate, Scene, Setpoint
+    from star_core import Estimate, Scene, Setpoint
 
 
 class Gentle:
@@ -21,5 +21,5 @@ class Gentle:
 
 
 @hookimpl
-def star_avoiders() -> Iterable[Offer[Avoider]]:
-    yield Offer(name="gentle", summary="Another of that name.", make=Gentle)
+def star_avoiders() -> Iterable[AvoiderSpec]:
+    yield AvoiderSpec(name="gentle", summary="Another of that name.", make=Gentle)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from star_core import Array
@@ -44,7 +44,6 @@ def way_out(away: Vector, mine: Vector, theirs: Vector) -> tuple[Array, float]:
     return np.array([a, b]), 2 * (c - a * mine[0] - b * mine[1])
 
 
-@settings(deadline=None)
 @given(vectors, vectors, vectors)
 def test_the_whole_change_makes_agents_that_are_apart_pass_at_the_radii(
     away: Vector, mine: Vector, theirs: Vector
@@ -55,7 +54,6 @@ def test_the_whole_change_makes_agents_that_are_apart_pass_at_the_radii(
     assert nearest_approach(np.array(away), closing, HORIZON) == pytest.approx(APART, abs=1e-6)
 
 
-@settings(deadline=None)
 @given(vectors, vectors, vectors)
 def test_no_lesser_change_in_any_direction_would_do(
     away: Vector, mine: Vector, theirs: Vector
@@ -70,7 +68,6 @@ def test_no_lesser_change_in_any_direction_would_do(
         assert collides == (length > 0)
 
 
-@settings(deadline=None)
 @given(vectors, vectors, vectors)
 def test_agents_that_overlap_are_apart_after_one_period(
     away: Vector, mine: Vector, theirs: Vector
@@ -82,7 +79,6 @@ def test_agents_that_overlap_are_apart_after_one_period(
     assert np.linalg.norm(near - PERIOD * closing) == pytest.approx(APART, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(vectors, vectors, vectors)
 def test_the_normal_has_length_one(away: Vector, mine: Vector, theirs: Vector) -> None:
     assume(abs(np.hypot(*away) - APART) > 1e-6)

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from star_core import Array
@@ -74,7 +74,6 @@ def least_bad(planes: Array) -> float:
     return min((worst(planes, velocity) for velocity in inside), default=-np.inf)
 
 
-@settings(deadline=None)
 @given(planes_of, wishes)
 def test_no_velocity_breaks_the_worst_half_plane_less_when_none_is_free(
     planes: Array, wish: tuple[float, float]
@@ -82,7 +81,6 @@ def test_no_velocity_breaks_the_worst_half_plane_less_when_none_is_free(
     assert worst(planes, solved(planes, wish)) <= max(least_bad(planes), 0.0) + 1e-7
 
 
-@settings(deadline=None)
 @given(planes_of, planes_of, wishes)
 def test_no_hard_half_plane_is_broken_for_the_sake_of_the_others(
     hard: Array, soft: Array, wish: tuple[float, float]
@@ -97,7 +95,6 @@ def test_where_hard_half_planes_leave_nothing_free_they_are_broken_like_the_othe
     assert solved(closing, (0.0, 0.4), hard=2)[0] == pytest.approx(0.05)
 
 
-@settings(deadline=None)
 @given(planes_of, wishes)
 def test_no_free_velocity_is_nearer_to_the_wish_cut_to_the_speed(
     planes: Array, wanted: tuple[float, float]
@@ -114,7 +111,6 @@ def test_no_free_velocity_is_nearer_to_the_wish_cut_to_the_speed(
     assert np.linalg.norm(answer - wish) == pytest.approx(nearest, abs=1e-6)
 
 
-@settings(deadline=None)
 @given(planes_of, wishes)
 def test_no_answer_is_faster_than_allowed(planes: Array, wish: tuple[float, float]) -> None:
     assert np.linalg.norm(solved(planes, wish)) <= SPEED + 1e-12

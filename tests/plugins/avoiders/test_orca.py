@@ -61,7 +61,6 @@ def turned(vectors: Array, angle: float) -> Array:
     return np.asarray(vectors @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]]))
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds, st.floats(0, 2 * np.pi))
 def test_turning_the_room_turns_the_answer(seed: int, angle: float) -> None:
     state = crowd(20, seed)
@@ -69,7 +68,6 @@ def test_turning_the_room_turns_the_answer(seed: int, angle: float) -> None:
     assert answer == pytest.approx(turned(ask(*state), angle), abs=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds, st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)))
 def test_it_does_not_matter_where_the_origin_is(seed: int, shift: tuple[float, ...]) -> None:
     position, velocity, wish = crowd(60, seed)
@@ -77,7 +75,6 @@ def test_it_does_not_matter_where_the_origin_is(seed: int, shift: tuple[float, .
     assert answer == pytest.approx(ask(position, velocity, wish), abs=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_it_does_not_matter_which_row_an_agent_has(seed: int) -> None:
     state = crowd(60, seed)
@@ -85,7 +82,6 @@ def test_it_does_not_matter_which_row_an_agent_has(seed: int) -> None:
     assert ask(*(table[order] for table in state)) == pytest.approx(ask(*state)[order], abs=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_two_agents_seen_from_between_them_answer_alike(seed: int) -> None:
     one = np.random.default_rng(seed).uniform(-0.8, 0.8, (3, 3)) * [1, 1, 0]
@@ -93,7 +89,6 @@ def test_two_agents_seen_from_between_them_answer_alike(seed: int) -> None:
     assert answer[0] == pytest.approx(-answer[1], abs=1e-12)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_agents_that_fly_the_answer_do_not_meet_within_the_horizon(seed: int) -> None:
     # Few enough, and far enough apart, that there is always a way.
@@ -120,7 +115,6 @@ def test_a_lone_agent_that_wants_too_much_flies_as_fast_as_it_may() -> None:
     assert answer == pytest.approx(np.array([[3.0, 4.0, 12.0]]) / 13)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_nobody_is_sent_faster_than_allowed_in_space(seed: int) -> None:
     position, velocity, wish = crowd(40, seed)
@@ -180,7 +174,6 @@ def test_one_that_crosses_behind_to_the_right_is_passed_ahead() -> None:
     assert meeting(0.5, 1.5, (0.0, -0.2)) == pytest.approx(0.1)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds, st.floats(0, 2 * np.pi))
 def test_the_rule_of_the_road_turns_with_the_room(seed: int, angle: float) -> None:
     state = crowd(20, seed)
@@ -188,7 +181,6 @@ def test_the_rule_of_the_road_turns_with_the_room(seed: int, angle: float) -> No
     assert answer == pytest.approx(turned(ask(*state, turn=0.1), angle), abs=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_lanes_do_not_depend_on_rows_nor_on_cells(seed: int) -> None:
     state = crowd(60, seed)
@@ -217,7 +209,6 @@ def test_one_that_is_far_outside_is_brought_back_at_half_its_speed() -> None:
     assert ask(here, wish, wish, fence=ROOM) == pytest.approx(np.array([[SPEED / 2, 0.0, 0.0]]))
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_nobody_makes_room_by_leaving_the_fence(seed: int) -> None:
     position, velocity, wish = crowd(20, seed)
@@ -384,7 +375,7 @@ def test_rvo2_answers_the_same_among_obstacles(seed: int) -> None:
     assert (together <= 1e-3).mean() >= 0.999
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seed=seeds, angle=st.floats(0, 2 * np.pi), virtual=st.booleans())
 def test_turning_the_room_with_its_obstacles_turns_the_answer(
     seed: int, angle: float, *, virtual: bool
@@ -401,7 +392,7 @@ def test_turning_the_room_with_its_obstacles_turns_the_answer(
     assert (np.linalg.norm(answer - expected, axis=1) <= 1e-5).mean() >= 0.8
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seed=seeds, virtual=st.booleans())
 def test_among_obstacles_answers_are_finite_and_no_faster_than_allowed(
     seed: int, *, virtual: bool

@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import star_orca
-from star_core import Array, Limits, Offer, Setpoint
+from star_core import Array, AvoiderSpec, Limits, Problem, Setpoint, fill_defaults
 from star_core.testing import check_avoider, estimate, scene
 from star_orca.avoider import Orca
-from star_orca.doubt import doubt
+from star_orca.position_uncertainty import position_uncertainty
 
 SPEED = 0.5
 HEAD_ON = np.array([[-0.4, 0.0, 0.8], [0.4, 0.0, 0.8]])
@@ -70,7 +70,7 @@ def test_a_wider_radius_keeps_agents_further_apart() -> None:
 
 
 def unsure(spread: Array, turn: float = 0.0) -> Array:
-    """(1, 3, 3) covariance with those deviations along x, y and z, turned about z."""
+    """(1, 3, 3) covariance with these standard deviations along x, y and z, turned about z."""
     turned = Rotation.from_euler("z", turn).as_matrix()
     covariance: Array = (turned @ np.diag(np.square(spread)) @ turned.T)[None]
     return covariance
@@ -81,29 +81,31 @@ def test_an_agent_is_wider_by_what_its_place_is_unsure_along_its_worst_direction
     turn: float,
 ) -> None:
     covariance = unsure(np.array([0.05, 0.02, 0.9]), turn)
-    assert doubt(covariance, 2.0, np.full(1, 0.2)) == pytest.approx([0.1])
+    assert position_uncertainty(covariance, 2.0, np.full(1, 0.2)) == pytest.approx([0.1])
 
 
 @pytest.mark.parametrize("value", [1.0, np.inf, np.nan])
 def test_no_agent_is_more_than_twice_as_wide_for_it(value: float) -> None:
-    assert doubt(np.full((1, 3, 3), value), 2.0, np.full(1, 0.2)) == pytest.approx([0.2])
+    assert position_uncertainty(np.full((1, 3, 3), value), 2.0, np.full(1, 0.2)) == pytest.approx(
+        [0.2]
+    )
 
 
 @pytest.mark.parametrize("value", [1.0, np.nan])
-def test_without_deviations_no_agent_is_wider(value: float) -> None:
-    assert doubt(np.full((1, 3, 3), value), 0.0, np.full(1, 0.2)).tolist() == [0.0]
+def test_without_a_margin_no_agent_is_wider(value: float) -> None:
+    assert position_uncertainty(np.full((1, 3, 3), value), 0.0, np.full(1, 0.2)).tolist() == [0.0]
 
 
 def test_unsure_agents_are_avoided_as_wider_ones() -> None:
     spread = unsure(np.array([0.06, 0.06, 0.0]))
     now = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER)
-    doubted = replace(now, covariance=np.concatenate([spread, 0 * spread]))
+    uncertain = replace(now, covariance=np.concatenate([spread, 0 * spread]))
     wish = wanted(TOWARDS_EACH_OTHER)
-    by_doubt = Orca(scene(2), radius=0.2, deviations=2.0).avoid(doubted, wish)
+    enlarged = Orca(scene(2), radius=0.2, uncertainty_margin=2.0).avoid(uncertain, wish)
     wider = Orca(scene(2), radius=0.2 + 0.06).avoid(now, wish)  # each by half of what one is off
-    assert by_doubt.velocity == pytest.approx(wider.velocity)
-    exact = Orca(scene(2), radius=0.2).avoid(doubted, wish)
-    assert not np.allclose(exact.velocity, by_doubt.velocity)
+    assert enlarged.velocity == pytest.approx(wider.velocity)
+    exact = Orca(scene(2), radius=0.2).avoid(uncertain, wish)
+    assert not np.allclose(exact.velocity, enlarged.velocity)
 
 
 def test_an_agent_gets_round_one_that_is_in_the_way_but_does_not_avoid() -> None:
@@ -208,7 +210,7 @@ def test_a_swarm_of_nobody_is_no_trouble() -> None:
     assert len(Orca(scene(0)).avoid(estimate(nobody), wanted(nobody)).velocity) == 0
 
 
-def offer() -> Offer[object]:
+def offer() -> AvoiderSpec:
     (only,) = star_orca.star_avoiders()
     return only
 
@@ -232,24 +234,27 @@ def test_every_option_says_what_it_is() -> None:
     for name, schema in offer().options["properties"].items():
         assert schema["description"], name
         unit = schema["description"].endswith((", m", ", s", "m; null is the radius"))
-        assert unit or name in {"max_neighbours", "obstacles", "deviations"}, name
+        assert unit or name in {"max_neighbours", "obstacles", "uncertainty_margin"}, name
+
+
+def checked(**given: float) -> list[Problem]:
+    """What the avoider's own check finds wrong with these options, and its defaults."""
+    spec = offer()
+    assert spec.check is not None
+    return list(spec.check(scene(2), **fill_defaults(given, spec.options)))
 
 
 def test_neighbours_must_be_seen_though_everybody_is_unsure() -> None:
-    check = offer().check
-    assert check is not None
-    assert not list(check(scene(2), radius=0.2, communication_radius=0.7))
-    (problem,) = check(scene(2), radius=0.2, communication_radius=0.7, deviations=1.0)
+    assert not checked(radius=0.2, communication_radius=0.7)
+    (problem,) = checked(radius=0.2, communication_radius=0.7, uncertainty_margin=1.0)
     assert "0.8 m" in problem.message
 
 
 def test_a_communication_radius_within_the_radii_is_refused() -> None:
-    check = offer().check
-    assert check is not None
-    (problem,) = check(scene(2), radius=0.5, communication_radius=0.9)
+    (problem,) = checked(radius=0.5, communication_radius=0.9)
     assert problem.path == ("communication_radius",)
     assert problem.message == (
-        "0.9 m is not more than 1 m, which two agents may keep apart: "
-        "neighbours would be seen too late"
+        "0.9 m is not more than 1 m, the distance to keep between two agents: "
+        "neighbours would be detected too late"
     )
-    assert not list(check(scene(2)))
+    assert not checked()

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from star_apriltag.feedback import JUMP, LEAST, LEAST_YAW, Feedback
+from star_apriltag.feedback import LEAST, LEAST_YAW, RETURN, RETURN_YAW, Feedback
 from star_apriltag.reckoning import Belief
 from star_core import (
     Array,
@@ -26,49 +28,73 @@ from star_core import (
 from star_sim.drone import standing
 from star_sim.fusion import POSITION_GROWTH, Fusion
 
-MISSION = Path(__file__).parents[3] / "missions" / "paper_circle.yaml"
-SEEDS = (0, 1)
+MISSIONS = Path(__file__).parents[3] / "missions"
+PATHS = ("box", "circle", "figure8")  # the paper's
 AT_HOME = Transform(np.array([math.pi / 2]), np.array([[1.0, 2.0, 0.0]]))
 
 
 class OnBoard:
-    """An observer that keeps how far off each drone's own estimate is, put where it started."""
+    """An observer of the error of an on-board estimate, in the odometry frame of the start."""
 
     def __init__(self) -> None:
-        self.squares: list[float] = []
+        self.start = AT_HOME
+        self.squares: list[float] = []  # m²
 
     @hookimpl
     def star_ticked(self, tick: Tick) -> None:
         assert tick.truth is not None
-        start = Transform(np.array([math.pi / 2]), np.array([[1.97, 0.0, 0.0]]))
-        off = start.apply(tick.telemetry.position) - tick.truth.position
+        off = self.start.apply(tick.telemetry.position) - tick.truth.position
         self.squares.append(float((off**2).sum()))
 
 
 @cache
-def flown(feedback: str, seed: int) -> tuple[dict[str, Any], float]:
-    """Fly 25 s; return the summary, and the mean square error of the drone's own estimate, m²."""
+def flown(path: str, feedback: str, seed: int, *changes: str) -> tuple[dict[str, Any], float]:
+    """Fly one of the paper's paths; return the summary and the mean square on-board error, m²."""
     watcher = OnBoard()
     registry = Registry(watcher)
-    options = f"localizer={{use: apriltag, feedback: {feedback}}}"
-    changes = [
-        f"seed={seed}",
-        "transport.camera.mode=geometric",
-        "mission.1.follow.until={elapsed: 25}",
+    mission = load(
+        MISSIONS / f"paper_{path}.yaml",
+        registry,
+        [
+            f"seed={seed}",
+            "transport.camera.mode=geometric",
+            f"localizer={{use: apriltag, feedback: {feedback}}}",
+            *changes,
+        ],
+    )
+    (agent,) = mission.scene.agents
+    watcher.start = Transform(np.array([agent.yaw]), np.array([agent.start]))
+    return fly(mission, registry), float(np.mean(watcher.squares))
+
+
+def flown_briefly(path: str, feedback: str, seed: int = 0) -> tuple[dict[str, Any], float]:
+    return flown(path, feedback, seed, "mission.1.follow.until={elapsed: 45}")
+
+
+@pytest.mark.parametrize(
+    ("path", "feedback", "share"),
+    [*((path, "extpos", 0.2) for path in PATHS), ("circle", "extpose", 0.1)],
+)
+def test_corrections_reduce_the_drift_of_the_on_board_estimate(
+    path: str, feedback: str, share: float
+) -> None:
+    assert flown_briefly(path, feedback)[1] < share * flown_briefly(path, "none")[1]
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("path", PATHS)
+def test_positions_alone_bound_the_drift_of_the_on_board_estimate(path: str) -> None:
+    errors = [
+        np.mean([flown(path, feedback, seed)[1] for seed in range(5)])
+        for feedback in ("none", "extpos", "extpose")
     ]
-    summary = fly(load(MISSION, registry, [*changes, options]), registry)
-    return summary, float(np.mean(watcher.squares))
+    print(path, "RMS m, none, extpos, extpose:", np.sqrt(errors).round(3))  # noqa: T201
+    assert errors[1] < 0.25**2
+    assert errors[1] < errors[0] / 10
 
 
-@pytest.mark.parametrize(("feedback", "share"), [("extpos", 0.5), ("extpose", 0.25)])
-def test_a_drone_that_is_told_where_it_is_drifts_less_itself(feedback: str, share: float) -> None:
-    alone = np.mean([flown("none", seed)[1] for seed in SEEDS])
-    told = np.mean([flown(feedback, seed)[1] for seed in SEEDS])
-    assert told < share * alone
-
-
-def test_what_a_drone_is_told_is_not_counted_twice() -> None:
-    summaries = [flown("extpose", seed)[0] for seed in SEEDS]
+def test_corrections_are_not_counted_twice() -> None:
+    summaries = [flown_briefly("circle", "extpose", seed)[0] for seed in (0, 1)]
     assert np.mean([summary["position_nees"] for summary in summaries]) < 2.0
     assert np.mean([summary["position_mse_m2"]["mean"] for summary in summaries]) < 0.005
 
@@ -84,6 +110,11 @@ def telemetry(position: list[float]) -> Telemetry:
     return Telemetry(1.0, np.array([position]), np.zeros((1, 3)), attitude, one, state, one)
 
 
+def heading(corrections: Corrections) -> float:
+    x, y, z, w = corrections.attitude[0].tolist()
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
 def told(found: Belief, reported: list[float]) -> Corrections:
     return Feedback(AT_HOME).corrections([0], [found], AT_HOME, telemetry(reported))
 
@@ -94,8 +125,9 @@ def test_a_place_is_told_in_the_frame_in_which_the_drone_started() -> None:
 
 
 def test_an_attitude_has_the_drones_own_tilt_and_the_heading_that_was_found() -> None:
-    x, y, z, w = told(belief([1.0, 2.0, 0.8], yaw=math.pi / 2 + 0.1), [0.0, 0.0, 0.8]).attitude[0]
-    assert math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) == pytest.approx(0.1)
+    answer = told(belief([1.0, 2.0, 0.8], yaw=math.pi / 2 + 0.1), [0.0, 0.0, 0.8])
+    x, y, z, w = answer.attitude[0]
+    assert heading(answer) == pytest.approx(0.1)
     assert math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) == pytest.approx(0.05)
     assert math.asin(2 * (w * y - z * x)) == pytest.approx(-0.02)
 
@@ -120,12 +152,26 @@ def test_a_fix_is_told_to_be_less_sure_than_it_is() -> None:
     assert unsure.attitude_deviation[0] == pytest.approx(0.15)
 
 
-def test_a_jump_moves_the_frame_and_not_the_drone() -> None:
-    feedback = Feedback(AT_HOME)
-    lies = Transform(np.array([math.pi / 2]), np.array([[1.0, 3.0, 0.0]]))
-    far, here = belief([1.0, 2.0 + JUMP + 0.7, 0.8]), telemetry([0.0, 0.0, 0.8])
+@pytest.mark.parametrize(("turns", "yaw"), [(True, RETURN_YAW), (False, 0.3)])
+def test_a_jump_moves_the_frame_which_then_returns(*, turns: bool, yaw: float) -> None:
+    feedback = Feedback(AT_HOME, turns=turns)
+    lies = Transform(np.array([math.pi / 2 + 0.3]), np.array([[1.0, 3.0, 0.0]]))
+    far, here = belief([1.0, 3.0, 0.8], yaw=math.pi / 2 + 0.3), telemetry([0.0, 0.0, 0.8])
     assert len(feedback.corrections([0], [far], lies, here).agent) == 0
-    assert feedback.corrections([0], [far], lies, here).position[0, :2] == pytest.approx([0.0, 0.0])
+
+    answer = feedback.corrections([0], [far], lies, here)
+    assert math.hypot(*answer.position[0, :2]) == pytest.approx(RETURN)
+    assert heading(answer) == pytest.approx(yaw)
+    for _fix in range(20):
+        answer = feedback.corrections([0], [far], lies, here)
+    assert math.hypot(*answer.position[0, :2]) == pytest.approx(21 * RETURN)
+
+
+def test_a_jump_of_a_drone_that_has_not_reported_leaves_its_frame_finite() -> None:
+    feedback = Feedback(AT_HOME)
+    found = belief([1.0, 2.0, 0.8])
+    assert not len(feedback.corrections([0], [found], AT_HOME, telemetry([math.nan] * 3)).agent)
+    assert len(feedback.corrections([0], [found], AT_HOME, telemetry([0.0, 0.0, 0.8])).agent)
 
 
 def corrections(position: list[float], deviation: float) -> Corrections:
@@ -155,3 +201,44 @@ def test_a_velocity_turns_with_the_heading() -> None:
     assert drones["believed_yaw"][0] == pytest.approx(0.2, abs=1e-3)
     expected = [math.cos(0.2), math.sin(0.2), 0.3]
     assert drones["believed_velocity"][0] == pytest.approx(expected, abs=1e-3)
+
+
+def fix(position: list[float], std: float) -> Corrections:
+    one = np.array([std])
+    level = np.array([[0.0, 0.0, 0.0, 1.0]])
+    return Corrections(np.array([0]), np.array([position]), level, one, np.array([math.inf]))
+
+
+def test_a_position_fix_after_motion_corrects_the_heading() -> None:
+    drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
+    fusion = Fusion(1)
+    for way in range(1, 31):  # along x by its own heading, and in truth 0.1 rad to the left
+        drones["believed_position"][0, 0] += math.cos(drones["believed_yaw"][0] - 0.1)
+        drones["believed_position"][0, 1] += math.sin(drones["believed_yaw"][0] - 0.1)
+        fusion.take(drones, fix([float(way), 0.0, 0.0], 0.01), 1.0 * way)
+    assert drones["believed_yaw"][0] == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_position_fix_without_motion_leaves_the_heading() -> None:
+    drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
+    Fusion(1).take(drones, fix([0.1, 0.1, 0.0], 0.01), 10.0)
+    assert drones["believed_position"][0, :2] == pytest.approx([0.1, 0.1], rel=0.05)
+    assert drones["believed_yaw"][0] == 0.0
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0.01, 20), *[st.floats(-5, 5)] * 2, st.floats(1e-3, 1)), min_size=1
+    )
+)
+def test_a_covariance_stays_a_covariance(fixes: list[tuple[float, float, float, float]]) -> None:
+    drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
+    fusion = Fusion(1)
+    now = 0.0
+    for passed, x, y, std in fixes:
+        now += passed
+        drones["believed_position"][0, :2] += [y, x]
+        fusion.take(drones, fix([x, y, 0.0], std), now)
+        covariance = fusion.covariance(drones, now)[0]
+        assert np.allclose(covariance, covariance.T, rtol=1e-6)
+        assert np.linalg.eigvalsh(covariance)[0] >= -1e-9 * np.trace(covariance)

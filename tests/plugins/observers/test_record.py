@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Flight, Offer, Telemetry, Tick, Truth, hookimpl
+from star_core import AgentPhase, Array, Flight, Telemetry, Tick, TransportSpec, Truth, hookimpl
 from star_core.mission import load
 from star_core.registry import Registry, Source
 from star_core.runner import fly
@@ -87,8 +87,8 @@ class Blinds:
     """A plugin that offers the transport ``blind``."""
 
     @hookimpl
-    def star_transports(self) -> Iterable[Offer[Any]]:
-        return [Offer(name="blind", summary="Knows no truth.", make=_blind)]
+    def star_transports(self) -> Iterable[TransportSpec]:
+        return [TransportSpec(name="blind", summary="Knows no truth.", make=_blind)]
 
 
 def _blind(scene: Any, **options: Any) -> Blind:

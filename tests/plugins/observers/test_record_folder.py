@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from star_core import Flight, cli, hookimpl
-from star_core.cli import main
+from star_core import Flight, hookimpl
+from star_core.cli import main as cli
+from star_core.cli.main import main
 from star_core.registry import Registry, Source
 
 Said: TypeAlias = pytest.CaptureFixture[str]
@@ -54,7 +55,7 @@ def test_a_run_is_recorded_below_runs_by_time_and_name(said: Said) -> None:
     (folder,) = Path("runs").iterdir()
     assert folder.name[10] == "T"
     assert folder.name.endswith("-hop")
-    assert said.readouterr().out.endswith(f"  record      {folder}\n")
+    assert said.readouterr().out.endswith(f"  record            {folder}\n")
 
 
 def test_runs_of_one_second_are_recorded_apart(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,7 +103,7 @@ def test_a_record_that_was_not_written_is_not_told(
 ) -> None:
     registry = Registry()
     registry.add(Thief(), Source("their-dist:thief"))
-    monkeypatch.setattr(cli, "_registry", lambda: registry)
+    monkeypatch.setattr(cli, "installed", lambda: registry)
     main(["run", "hop.yaml", "--out", "a/b"])
     assert "a/b\n" not in said.readouterr().out
 

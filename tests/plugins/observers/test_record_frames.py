@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import Flight, Frames, Image, Registry, load
-from star_core.cli import main
+from star_core.cli.main import main
 from star_record.recorder import Recorder
 
 WORLD = """\
@@ -58,7 +58,7 @@ def test_an_image_of_before_the_flight_is_not_kept(tmp_path: Path) -> None:
     recorder = Recorder(Flight("look", scene, {}, tmp_path, save_frames=True), tmp_path)
     image: Image = np.zeros((4, 4), np.uint8)
     times = np.array([-0.978, 0.0])
-    recorder._keep(Frames(np.zeros(2, np.int64), times, times, (image, image)))
+    recorder._save_images(Frames(np.zeros(2, np.int64), times, times, (image, image)))
     assert [file.name for file in Path("frames/cf1").iterdir()] == ["0000000.png"]
 
 
@@ -78,6 +78,6 @@ def test_images_that_cannot_be_kept_cost_one_warning_and_no_record(
         monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
     assert main(["run", "m.yaml", "--json", "--out", "out", "--save-frames"]) == 0
     (warning,) = [one.getMessage() for one in caplog.records if "images" in one.getMessage()]
-    assert warning.startswith("no more images are kept: ")
+    assert warning.startswith("saving of images stopped: ")
     with np.load("out/trajectory.npz") as file:
         assert len(file["time"]) > 20

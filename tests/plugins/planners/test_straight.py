@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import subprocess
-import sys
 from dataclasses import replace
 from typing import Any
 
@@ -93,7 +91,7 @@ def test_at_the_goal_it_flies_with_the_goal() -> None:
     assert plan.setpoint.velocity[0] == pytest.approx([0.1, -0.2, 0.0])
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(tables, tables, st.floats(0.5, 3.0))
 def test_a_goal_that_stands_is_reached(here: Array, there: Array, gain: float) -> None:
     room = scene(N)
@@ -165,8 +163,3 @@ def test_the_schema_is_a_schema_with_the_defaults_of_the_factory() -> None:
     for name, option in offer.options["properties"].items():
         assert given[name].default == option["default"]
         assert option["description"]
-
-
-def test_announcing_it_imports_no_numpy() -> None:
-    code = "import sys, star_straight; list(star_straight.star_planners()); "
-    subprocess.run([sys.executable, "-c", code + "assert 'numpy' not in sys.modules"], check=True)

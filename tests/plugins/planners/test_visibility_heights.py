@@ -14,7 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from star_core import Array, Fence, Limits, Obstacle, Scene, World
-from star_core.outline import box
+from star_core.geometry.polygons import box
 from star_core.testing import scene
 from star_core.world import wall
 from star_visibility.network import Work
@@ -118,7 +118,7 @@ def test_what_is_closed_at_every_height_stays_closed() -> None:
     across = barrier(0.0, (0.0, 1.5))  # 1.75 m to fly over it, 1.3 m to fly under what hangs there
     above = barrier(0.2, (1.55, 2.5))
     why = routes(across, above).route(np.array([-2.0, 0, 0.5]), np.array([2.0, 0, 0.5]))
-    assert why == "no way leads from [-2, 0, 0.5] to [2, 0, 0.5]"
+    assert why == "no path leads from [-2, 0, 0.5] to [2, 0, 0.5]"
 
 
 @st.composite
@@ -203,7 +203,6 @@ def both_agree(crowd: list[Obstacle], start: Sequence[float], goal: Sequence[flo
     return True
 
 
-@settings(max_examples=40, deadline=None)
 @given(crowds(), places, places)
 def test_every_way_is_free_and_none_is_missed_that_a_coarse_grid_finds(
     crowd: list[Obstacle], start: tuple[float, ...], goal: tuple[float, ...]
@@ -213,7 +212,7 @@ def test_every_way_is_free_and_none_is_missed_that_a_coarse_grid_finds(
 
 
 @pytest.mark.campaign
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=1500)
 @given(crowds(), places, places)
 def test_the_same_at_length(
     crowd: list[Obstacle], start: tuple[float, ...], goal: tuple[float, ...]

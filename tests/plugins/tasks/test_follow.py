@@ -183,6 +183,23 @@ def test_a_good_path_is_no_problem(problems: Any) -> None:
     assert problems("follow", scene(2), (0, 1), **EIGHT, laps=2) == []
 
 
+def test_a_point_that_is_shifted_into_an_obstacle_is_reported_with_its_shift(
+    problems: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "path.csv").write_text("x,y,z\n0.5,-1,0.8\n0.5,1,0.8\n0,2,0.8\n")
+    pillar = Obstacle("pillar", (((0.7, 0.9), (1.1, 0.9), (1.1, 1.1), (0.7, 1.1)),), (0.0, 2.0))
+    room = replace(scene(2), folder=tmp_path)
+    room = replace(room, world=replace(room.world, obstacles=(pillar,)))
+    found = problems("follow", room, (0, 1), file="path.csv")
+    assert found == [
+        (
+            ("file",),
+            "path.csv:3, shifted by [0.3, 0, 0] for one of 2 agents: "
+            "[0.8, 1, 0.8] is inside obstacle 'pillar'",
+        )
+    ]
+
+
 def test_a_path_through_an_obstacle_between_its_corners_is_a_problem(problems: Any) -> None:
     pillar = Obstacle("pillar", (((-0.1, -1.1), (0.1, -1.1), (0.1, -0.9), (-0.1, -0.9)),), (0, 3))
     room = scene(1)

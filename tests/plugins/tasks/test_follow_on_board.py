@@ -113,7 +113,7 @@ def test_they_look_where_it_begins_before_they_set_out(make: Any, fly: Any, tmp_
 def test_who_takes_over_a_place_is_led_there(make: Any, fly: Any, room: Scene) -> None:
     task = make("follow", room, (0,), **ON_BOARD)
     fly(task, room, HERE, longest=2.0)
-    task.swap(0, 1)
+    task.on_agent_replaced(0, 1)
     flown = fly(task, room, HERE, longest=0.2)
     assert flown.commands == []
     assert flown.goals[0].active.tolist() == [False, True]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Offer, Order, Registry, Status, Telemetry, hookimpl, load
+from star_core import AgentPhase, Order, Registry, Status, Telemetry, TransportSpec, hookimpl, load
 from star_core import fly as fly_mission
 from star_core.registry import Source
 from star_core.testing import estimate, health, scene
@@ -68,8 +68,8 @@ class Deafness:
     """A plugin that offers the transport ``deaf``."""
 
     @hookimpl
-    def star_transports(self) -> list[Offer[Any]]:
-        return [Offer(name="deaf", summary="Hears one.", make=Deaf)]
+    def star_transports(self) -> list[TransportSpec]:
+        return [TransportSpec(name="deaf", summary="Hears one.", make=Deaf)]
 
 
 def test_who_is_not_heard_does_not_join_and_the_others_land(tmp_path: Path) -> None:
@@ -119,3 +119,29 @@ def test_whoever_leaves_has_time_for_the_way_and_the_descent(make: Any, fly: Any
     room = scene(1)
     flown = fly(make("leave", room, (0,), speed=0.3), room, [[3.0, 0.0, 1.0]])
     assert flown.time < flown.limit
+
+
+def lands(make: Any, *away: float, ticks: int = 60) -> bool:
+    """Whether a leave lands an agent that is so far from its home, m, tick after tick."""
+    task = make("leave", scene(1), (0,))
+    for tick in range(ticks):
+        here = estimate(np.array([[away[min(tick, len(away) - 1)], 0.0, 1.0]]), time=tick / 20)
+        if tick == 0:
+            task.begin(here, health(1))
+        if task.step(here, health(1)).commands:
+            return True
+    return False
+
+
+def test_an_agent_that_is_kept_from_its_home_lands_near_it(make: Any) -> None:
+    assert lands(make, 0.3)
+    assert not lands(make, 0.3, ticks=40)
+
+
+def test_an_agent_that_is_kept_far_from_its_home_does_not_land(make: Any) -> None:
+    assert not lands(make, 0.6)
+
+
+def test_an_agent_that_comes_nearer_to_its_home_does_not_land_yet(make: Any) -> None:
+    slowly = np.linspace(0.5, 0.15, 100)  # 7 cm a second
+    assert not lands(make, *slowly, ticks=100)

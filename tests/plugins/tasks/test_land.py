@@ -55,7 +55,7 @@ def test_who_takes_the_place_of_one_that_lands_is_landed_too(make: Any) -> None:
     task, here = make("land", room, (0, 1)), estimate(np.full((3, 3), 0.8))
     task.begin(here, health(3))
     task.step(here, health(3))
-    task.swap(1, 2)
+    task.on_agent_replaced(1, 2)
     phase = np.array([AgentPhase.LANDING, AgentPhase.LANDING, AgentPhase.FLYING])
     (command,) = task.step(here, replace(health(3), phase=phase)).commands
     assert command.agent.tolist() == [2]

@@ -47,13 +47,13 @@ def test_columns_may_stand_in_any_order_with_a_heading(tmp_path: Path) -> None:
             "path.csv:3: z is 'inf', expected a finite number",
         ]),
         ("x,y,z\n0,0\n1,1,1\n", ["path.csv:2: has 2 values, expected 3"]),
-        ("x,y\n0,0\n", ["path.csv:1: no column 'z', expected x, y, z and, if wanted, yaw_deg"]),
+        ("x,y\n0,0\n", ["path.csv:1: no column 'z', expected x, y, z and, optionally, yaw_deg"]),
         ("x,y,z,yaw\n", [
-            "path.csv:1: unknown column 'yaw', expected x, y, z and, if wanted, yaw_deg"
+            "path.csv:1: unknown column 'yaw', expected x, y, z and, optionally, yaw_deg"
         ]),
-        ("x,y,z,x\n", ["path.csv:1: column 'x' stands there 2 times"]),
+        ("x,y,z,x\n", ["path.csv:1: column 'x' is given 2 times"]),
         ("", [
-            "path.csv: is empty, expected a header with columns x, y, z and, if wanted, yaw_deg"
+            "path.csv: is empty, expected a header with columns x, y, z and, optionally, yaw_deg"
         ]),
         ("x,y,z\n0,0,1\n", ["path.csv: has 1 points, expected at least 2 that differ"]),
         ("x,y,z\n0,0,1\n0,0,1\n", ["path.csv: has 2 points, expected at least 2 that differ"]),

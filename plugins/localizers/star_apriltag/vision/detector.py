@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 
 from star_apriltag.vision.edge_fit import refine
-from star_apriltag.vision.lens import Lens
-from star_core import Array, Image, Rows
+from star_core import Array, CameraModel, Image, Rows
 
 WINDOW: Final = 5
 """Edge of the square whose mean a pixel is compared with, px. One size is quicker than OpenCV's
@@ -50,7 +49,7 @@ class Detector:
         lens: Of the camera whose images are looked at.
     """
 
-    def __init__(self, lens: Lens) -> None:
+    def __init__(self, lens: CameraModel) -> None:
         parameters = cv2.aruco.DetectorParameters()
         parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = WINDOW
         parameters.perspectiveRemovePixelPerCell = CELL
@@ -67,7 +66,7 @@ class Detector:
         Raises:
             ValueError: It is no grey image of the camera's size.
         """
-        image = self._lens.checked(image)
+        image = checked(image, self._lens)
         corners, ids, _ = self._detector.detectMarkers(image)
         if not len(corners):
             return Found(np.zeros(0, np.int64), np.zeros((0, 4, 2)), np.zeros(0))
@@ -75,3 +74,16 @@ class Detector:
         fine = refine(image, rough, self._lens)
         clear = np.isfinite(fine.misfit)
         return Found(np.ravel(ids).astype(np.int64)[clear], fine.pixels[clear], fine.misfit[clear])
+
+
+def checked(image: Image, lens: CameraModel) -> Image:
+    """Return an image whose rows are contiguous in memory.
+
+    Raises:
+        ValueError: It is no grey image of the camera's size.
+    """
+    if image.shape != lens.shape or image.dtype != np.uint8:
+        raise ValueError(
+            f"image is {image.shape!r} of {image.dtype}, expected {lens.shape!r} of uint8"
+        )
+    return np.ascontiguousarray(image)

@@ -7,8 +7,7 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from star_apriltag.vision.lens import Lens
-from star_core import Array, Image
+from star_core import Array, CameraModel, Image
 
 POINTS: Final = 24  # along each side
 STEP: Final = 0.25  # px, between samples across a side
@@ -35,7 +34,7 @@ class Corners(NamedTuple):
     misfit: Array
 
 
-def refine(image: Image, corners: Array, lens: Lens) -> Corners:
+def refine(image: Image, corners: Array, lens: CameraModel) -> Corners:
     """Return the corners of tags.
 
     Brightness is sampled across each side at many points; the edge lies at the mean of the places

@@ -10,11 +10,9 @@ from typing import Final
 import numpy as np
 
 from star_apriltag.vision.landmark import Place
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.pose import HEIGHT_DEVIATION, NEAREST
 from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.rigid import Pose, cross
-from star_core import Array
+from star_core import Array, CameraModel, Pose, perspective, skew
 
 FARTHEST: Final = 3.0
 """How far away a tag of 0.168 m may be, m. On the floor, seen from 0.8 m above it, its code fills
@@ -22,7 +20,6 @@ about thirty pixels then."""
 
 LEAST_SLANT: Final = 0.15  # cosine between a tag's normal and the way to the camera
 MOST: Final = 6  # tags of an image, so that it does not take long
-SAME: Final = 1e-3  # between a ray and itself, through the lens and back
 
 TURN_DEVIATION: Final = math.radians(1.0)
 """What tilt and the camera's mounting are good for together, about each axis, rad. It is less than
@@ -56,7 +53,7 @@ class Foresight:
         places: The map.
     """
 
-    def __init__(self, lens: Lens, places: Sequence[Place]) -> None:
+    def __init__(self, lens: CameraModel, places: Sequence[Place]) -> None:
         self._lens = lens
         self._places = tuple(places)
         self._numbers = np.array([place.tag for place in places], np.int64)
@@ -88,20 +85,17 @@ class Foresight:
         """Return how a tag should be seen whose row is about that of (2,) `pixel`."""
         lens, mounting = self._lens, prediction.camera(self._lens.mounting)
         moving = np.concatenate([prediction.rates, prediction.velocity])
-        body = prediction.pose.moved(float(lens.delay(pixel)) * moving)
+        body = prediction.pose.moved(float(lens.row_delay(pixel)) * moving)
         tag = (body @ mounting).inverse() @ place.pose
-        x, y, z = tag.position
-        if not z > NEAREST:
+        if not (tag.position[2] > NEAREST and lens.in_reach(tag.position)):
             return None
-        ray = np.array([x / z, y / z])
-        pixel = lens.project(tag.position[None])[0]
-        if not np.abs(lens.undistort(pixel) - ray).max() < SAME:  # beyond what the lens shows
-            return None
-        by_camera = np.array([[1, 0, -x / z], [0, 1, -y / z]]) / z * float(lens.magnification(ray))
-        by_body = np.hstack([cross(mounting.apply(tag.position)), -np.eye(3)])
+        pixel = lens.project(tag.position)
+        ray, by_camera = perspective(tag.position)
+        by_camera *= float(lens.magnification(ray))
+        by_body = np.hstack([skew(mounting.apply(tag.position)), -np.eye(3)])
         by_step = by_camera @ mounting.rotation.T @ by_body
         covariance = by_step @ _spread(prediction) @ by_step.T
-        return Expected(place, tag, pixel, covariance, math.sqrt(x * x + y * y + z * z))
+        return Expected(place, tag, pixel, covariance, math.hypot(*tag.position))
 
 
 def _spread(prediction: Prediction) -> Array:

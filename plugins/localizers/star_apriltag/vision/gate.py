@@ -7,8 +7,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from star_apriltag.vision.pose import Fix
-from star_apriltag.vision.rigid import Pose, cross
-from star_core import Array
+from star_core import Array, Pose, skew
 
 MOST_SURPRISE: Final = 25.0  # squared deviations in x, y and yaw
 MOST_MISFIT: Final = 6.0  # deviations of a corner
@@ -75,5 +74,5 @@ def judge(fix: Fix, distance: float, expected: Pose, covariance: Array) -> Judge
 
 def tilt(pose: Pose, up: Array) -> float:
     """Return the angle between a body pose's up and `up` (3,) in the body frame, rad."""
-    across = cross(pose.rotation[2]) @ up
+    across = skew(pose.rotation[2]) @ up
     return math.atan2(math.sqrt(across @ across), float(pose.rotation[2] @ up))

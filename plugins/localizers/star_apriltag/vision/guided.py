@@ -9,15 +9,14 @@ import cv2
 import numpy as np
 
 from star_apriltag.vision.expected import Expected
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.pose import NEAREST, View
 from star_apriltag.vision.template import Picture, Region, Template, template
-from star_core import Array, Image, Mask
+from star_core import Array, CameraModel, Image, Mask
 
 DEVIATIONS: Final = 3.0  # of the expected place, within which a tag is looked for
 MARGIN: Final = 3.0  # px, beyond that
 WIDEST: Final = 40.0  # px, but no further
-UNSURE: Final = 20.0  # px, deviation of the expected place past which nobody is guided
+UNSURE: Final = 20.0  # px, deviation of the expected place beyond which matching is not guided
 LEAST_SHARE: Final = 0.4  # of a tag with its rim that is in the image
 LEAST_EDGE: Final = 6  # px, of the part that is compared
 MOST_PIXELS: Final = 10_000  # of that; what is larger is near, and takes long
@@ -57,7 +56,7 @@ class Match(NamedTuple):
     likeness: float
 
 
-def find(image: Image, expected: Expected, lens: Lens) -> Match | None:
+def find(image: Image, expected: Expected, lens: CameraModel) -> Match | None:
     """Return where an expected tag is in an image, or None if it is not clearly seen there.
 
     What it should look like is compared with the image at every place near the expected one, by
@@ -102,12 +101,12 @@ def find(image: Image, expected: Expected, lens: Lens) -> Match | None:
         place.pose.position[None],
         ray[None],
         deviation / float(lens.magnification(ray)),
-        lens.delay(pixel)[None],
+        lens.row_delay(pixel)[None],
     )
     return Match(place.tag, pixel, view, float(likeness[row, column]))
 
 
-def _region(expected: Expected, lens: Lens, spread: Array) -> Region | None:
+def _region(expected: Expected, lens: CameraModel, spread: Array) -> Region | None:
     """The part of the image that is compared, or None if too little of the tag is in it.
 
     It leaves room at the image's edges for the tag to be a deviation further out.

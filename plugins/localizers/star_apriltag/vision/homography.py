@@ -7,9 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.vision.rigid import Pose
-from star_apriltag.vision.square import HALVES
-from star_core import Array
+from star_core import Array, Pose, square_corners
 
 SINGULAR: Final = 1e-9
 
@@ -28,7 +26,7 @@ def flat_pose(rays: Array, size: float) -> Pose | None:
     """
     if not np.isfinite(rays).all():
         return None
-    x, y = (HALVES[:, :2] * size).T
+    x, y = square_corners(size)[:, :2].T
     u, v = rays.T
     one, zero = np.ones(4), np.zeros(4)
     rows = np.concatenate(

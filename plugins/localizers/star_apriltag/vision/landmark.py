@@ -10,12 +10,10 @@ from typing import Final
 import numpy as np
 
 from star_apriltag.vision.gate import MOST_SURPRISE, Verdict, judge, surprise, tilt
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.pose import LEVEL_DEVIATION, Fix, View, refine
 from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.rigid import Pose, matrix
-from star_apriltag.vision.square import HALVES, Square, solve
-from star_core import Array, Tag
+from star_apriltag.vision.square import Square, solve
+from star_core import Array, CameraModel, Pose, Tag, rotation_from_quaternion, square_corners
 
 MODULES: Final = 8  # of a tag of family 36h11 along one side, its black border included
 CELLS: Final = MODULES + 2  # with its white rim
@@ -44,9 +42,9 @@ class Place:
     def __init__(self, tag: Tag) -> None:
         self.tag = tag.id
         self.size = tag.size
-        self.pose = Pose(matrix(tag.rotation), np.array(tag.position))
-        self.corners = self.pose.apply(HALVES * tag.size)
-        self.outline = HALVES * tag.size * CELLS / MODULES
+        self.pose = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
+        self.corners = self.pose.apply(square_corners(tag.size))
+        self.outline = square_corners(tag.size) * CELLS / MODULES
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +71,7 @@ class SeenLandmark:
 
 
 def seen_landmark(
-    place: Place, pixels: Array, rays: Array, lens: Lens, prediction: Prediction
+    place: Place, pixels: Array, rays: Array, lens: CameraModel, prediction: Prediction
 ) -> SeenLandmark:
     """Return what a tag of the map says about the body, and whether it is to be believed.
 
@@ -84,10 +82,10 @@ def seen_landmark(
         lens: What it was seen through.
         prediction: Of the body.
     """
-    square = solve(pixels, rays, place.size, lens)
+    square = solve(rays, place.size, lens)
     if square is None:
         return SeenLandmark(place.tag, pixels, Verdict.UNSOLVED)
-    view = View(place.corners, rays, square.deviation, lens.delay(pixels))
+    view = View(place.corners, rays, square.deviation, lens.row_delay(pixels))
     camera = prediction.camera(lens.mounting)
     pose = _likeliest(square, place, camera, prediction)
     if pose is None:
@@ -99,7 +97,7 @@ def seen_landmark(
     return SeenLandmark(place.tag, pixels, verdict, view, square.distance, far, fix)
 
 
-def together(seen: Sequence[SeenLandmark], lens: Lens, prediction: Prediction) -> Fix | None:
+def together(seen: Sequence[SeenLandmark], lens: CameraModel, prediction: Prediction) -> Fix | None:
     """Return the body's pose from several tags of one image, or None if there is none."""
     solved = [(s.fix, s.view) for s in seen if s.fix is not None and s.view is not None]
     if len(solved) == 1:

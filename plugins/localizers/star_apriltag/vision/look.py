@@ -10,11 +10,10 @@ from star_apriltag.vision.expected import Foresight
 from star_apriltag.vision.gate import MOST_ODDS, Verdict
 from star_apriltag.vision.guided import Match, find
 from star_apriltag.vision.landmark import Place, SeenLandmark, seen_landmark, together
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.pose import Fix, View
 from star_apriltag.vision.prediction import Prediction
 from star_apriltag.vision.target import SeenTarget, seen_target
-from star_core import Array, Camera, Image, Rows, Tag
+from star_core import Array, Camera, CameraModel, Image, Rows, Tag
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +77,7 @@ class Eye:
         *,
         guided: bool = True,
     ) -> None:
-        self.lens = Lens(camera)
+        self.lens = CameraModel(camera)
         self.detector = Detector(self.lens)
         self._places = {number: Place(tag) for number, tag in known_tags.items()}
         self._sizes = dict(targets)

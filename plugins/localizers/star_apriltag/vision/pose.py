@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_apriltag.vision.rigid import Pose, cross
-from star_core import Array
+from star_core import Array, Pose, perspective, skew
 
 LEVEL_DEVIATION: Final = math.radians(2.0)
 """What the on-board estimator's roll and pitch are good for, rad; loose, for its errors last."""
@@ -112,24 +111,21 @@ def refine(
         level: None to use the tags alone.
         motion: Of the body.
     """
-    points = np.concatenate([view.points for view in views])
-    rays = np.concatenate([view.rays for view in views])
-    weight = np.concatenate([np.full(len(view.rays), 1 / view.deviation) for view in views])
-    delay = np.concatenate([view.delay for view in views])[:, None]
-    spin = cross(motion.rates)
+    sight = View(
+        np.concatenate([view.points for view in views]),
+        np.concatenate([view.rays for view in views]),
+        1.0,
+        np.concatenate([view.delay for view in views]),
+    )
+    weight = np.concatenate([np.full(view.rays.size, 1 / view.deviation) for view in views])
     for _ in range(MOST_STEPS):
-        body = (points - pose.position) @ pose.rotation
-        seen = body + delay * (body @ spin - motion.velocity)  # when its own row is read
-        camera = (seen - mounting.position) @ mounting.rotation
+        camera, residual, by_pose, _ = reproject(pose, sight, motion, mounting)
         if not camera[:, 2].min() > NEAREST:
             return None
-        point = camera[:, :2] / camera[:, 2:]
-        residual = ((rays - point) * weight[:, None]).ravel()
-        project = mounting.rotation.T[:2] - point[:, :, None] * mounting.rotation.T[2]
-        project *= (weight / camera[:, 2])[:, None, None]  # by the point in the body
-        jacobian = np.concatenate([project @ cross(body), -project], axis=2).reshape(-1, 6)
+        residual *= weight
+        jacobian = by_pose * weight[:, None]
         information = jacobian.T @ jacobian
-        slope = jacobian.T @ residual
+        slope = -jacobian.T @ residual
         if level is not None:
             more, pull = _held(pose, level)
             information += more
@@ -149,6 +145,37 @@ def refine(
     return Fix(pose, covariance, float(np.sqrt(residual @ residual / len(residual))))
 
 
+def reproject(
+    pose: Pose, view: View, motion: Motion, mounting: Pose
+) -> tuple[Array, Array, Array, Array]:
+    """Return how a view is seen from a body pose, and the derivatives.
+
+    With the body's rotation R and position t, a point P is at ``b = R'(P - t)`` in the body when
+    the middle row is read, and at ``b + d (cross(b, w) - v)`` when its own row is, d later; then at
+    ``C'(b - l)`` in the camera, where `mounting` is C and l.
+
+    Args:
+        pose: Of the body in the map.
+        view: K points.
+        motion: Of the body.
+        mounting: Camera in the body.
+
+    Returns:
+        The (K, 3) points in the camera, m, the (2 K,) residuals of their rays, their (2 K, 6)
+        derivatives by a rotation and a shift of the body in its own frame, gtsam's tangent of
+        `Pose3`, and their (K, 2, 3) derivatives by the points in the camera.
+    """
+    body = (view.points - pose.position) @ pose.rotation
+    delay, spin = view.delay[:, None], skew(motion.rates)
+    seen = body + delay * (body @ spin - motion.velocity)
+    camera = (seen - mounting.position) @ mounting.rotation
+    rays, by_camera = perspective(np.maximum(camera, _IN_FRONT))
+    by_body = by_camera @ mounting.rotation.T
+    by_body -= delay[:, :, None] * (by_body @ spin)
+    by_pose = np.concatenate([by_body @ skew(body), -by_body], axis=2)
+    return camera, (rays - view.rays).ravel(), by_pose.reshape(-1, 6), by_camera
+
+
 def _held(pose: Pose, level: Level) -> tuple[Array, Array]:
     """Return the (6, 6) information and the (6,) slope that tilt and height add."""
     up = pose.rotation[2]
@@ -160,3 +187,6 @@ def _held(pose: Pose, level: Level) -> tuple[Array, Array]:
     off = (level.up - up) / LEVEL_DEVIATION
     off[2] = (level.height - pose.position[2]) / HEIGHT_DEVIATION
     return jacobian.T @ jacobian, off @ jacobian
+
+
+_IN_FRONT = np.array([-np.inf, -np.inf, NEAREST])  # behind a camera is no image: it stays finite

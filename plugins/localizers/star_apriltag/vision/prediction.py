@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from star_apriltag.vision.pose import Level, Motion
-from star_apriltag.vision.rigid import Pose
-from star_core import Array
+from star_core import Array, Pose
 
 
 @dataclass(frozen=True, slots=True)

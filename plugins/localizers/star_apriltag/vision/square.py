@@ -5,17 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-import cv2
 import numpy as np
 
-from star_apriltag.vision.lens import Lens
-from star_apriltag.vision.rigid import Pose
-from star_core import Array
-
-HALVES: Final = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
-"""Corners of a tag of size 1 in its own frame: bottom left, bottom right, top right, top left."""
-
-AFTER: Final = [1, 2, 3, 0]
+from star_core import Array, CameraModel, Pose, square_poses
 
 # The deviation of a corner, px: LEAST, and AT_METRES for a tag of 0.168 m at METRES, which grows
 # with that POWER of the distance. Fitted to flights in simulation over a surveyed map.
@@ -51,34 +43,15 @@ class Square(NamedTuple):
     deviation: float
 
 
-def solve(pixels: Array, rays: Array, size: float, lens: Lens) -> Square | None:
+def solve(rays: Array, size: float, lens: CameraModel) -> Square | None:
     """Return how a square may lie before the camera, or None if no square looks so.
 
-    A small square looks nearly the same from two sides; both solutions are those of Collins and
-    Bartoli, "Infinitesimal plane-based pose estimation" (IJCV 109, 2014).
-
     Args:
-        pixels: (4, 2) its corners: bottom left, bottom right, top right, top left.
-        rays: (4, 2) the same as rays.
+        rays: (4, 2) of its corners: bottom left, bottom right, top right, top left.
         size: Its edge, m.
         lens: What it was seen through.
     """
-    if not np.isfinite(rays).all():
-        return None
-    side = pixels[AFTER] - pixels
-    after = side[AFTER]
-    bent = side[:, 1] * after[:, 0] - side[:, 0] * after[:, 1]  # > 0 to the left: v points down
-    if not (bent > 0).all():
-        return None
-    points = HALVES[::-1] * size  # from the top left, clockwise: what IPPE_SQUARE expects
-    _, turns, places, misfits = cv2.solvePnPGeneric(
-        points, np.ascontiguousarray(rays[::-1]), _STRAIGHT, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
-    )
-    found = [
-        (Pose(_float(cv2.Rodrigues(turn)[0]), _float(place).ravel()), float(misfit))
-        for turn, place, misfit in zip(turns, places, np.ravel(misfits), strict=True)
-        if np.isfinite(turn).all() and np.isfinite(place).all()
-    ]
+    found = square_poses(rays, size)
     if not found:
         return None
     distance = float(np.linalg.norm(found[0][0].position))
@@ -105,10 +78,3 @@ def deviation(distance: float, size: float) -> float:
         0.323
     """
     return math.hypot(LEAST, AT_METRES * (distance * 0.168 / size / METRES) ** POWER)
-
-
-_STRAIGHT = np.eye(3)
-
-
-def _float(given: object) -> Array:
-    return np.asarray(given, np.float64)

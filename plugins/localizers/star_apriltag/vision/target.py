@@ -7,12 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.pose import View, refine
 from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.rigid import Pose, cross
-from star_apriltag.vision.square import HALVES, Solution, solve
-from star_core import Array
+from star_apriltag.vision.square import Solution, solve
+from star_core import Array, CameraModel, Pose, skew, square_corners
 
 LYING: Final = 6.0
 """Squared deviations by which the image must speak for a target that hangs on a wall against one
@@ -39,7 +37,7 @@ class SeenTarget:
 
 
 def seen_target(
-    tag: int, size: float, pixels: Array, rays: Array, lens: Lens, prediction: Prediction
+    tag: int, size: float, pixels: Array, rays: Array, lens: CameraModel, prediction: Prediction
 ) -> SeenTarget | None:
     """Return where a tag lies before the body, or None if no pose fits its corners.
 
@@ -51,7 +49,7 @@ def seen_target(
         lens: What it was seen through.
         prediction: Of the body.
     """
-    square = solve(pixels, rays, size, lens)
+    square = solve(rays, size, lens)
     if square is None:
         return None
     camera = prediction.camera(lens.mounting)
@@ -62,10 +60,10 @@ def seen_target(
         return solution.surprise + LYING * float(1 - up @ normal)
 
     tag_in_body = camera @ min(square.solutions, key=cost).pose
-    view = View(HALVES * size, rays, square.deviation, lens.delay(pixels))
+    view = View(square_corners(size), rays, square.deviation, lens.row_delay(pixels))
     fix = refine(tag_in_body.inverse(), [view], camera, motion=prediction.motion)
     if fix is None:
         return None
     pose = fix.pose.inverse()
-    shift = np.hstack([cross(pose.position), -np.eye(3)])  # of the tag, by a step of the body
+    shift = np.hstack([skew(pose.position), -np.eye(3)])  # of the tag, by a step of the body
     return SeenTarget(tag, pixels, pose, shift @ fix.covariance @ shift.T, square.distance)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from star_apriltag.vision.landmark import CELLS, MODULES
-from star_apriltag.vision.lens import Lens
-from star_apriltag.vision.rigid import Pose
+from star_core import CameraModel, Pose
 
 Picture = NDArray[np.float32]
 
@@ -49,7 +48,7 @@ class Template(NamedTuple):
     code: Picture
 
 
-def template(number: int, size: float, tag: Pose, lens: Lens, region: Region) -> Template:
+def template(number: int, size: float, tag: Pose, lens: CameraModel, region: Region) -> Template:
     """Return what a tag of family 36h11 looks like in a region of the image.
 
     Each pixel is the mean over rays all over it, spread as a lens spreads light.

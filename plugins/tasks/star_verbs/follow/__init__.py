@@ -1,1 +1,1 @@
-"""The verb ``follow``: a path or a trajectory that is flown, by the core or on board."""
+"""The verb ``follow``: a path or a trajectory, flown by the core or on board."""

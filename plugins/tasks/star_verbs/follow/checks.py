@@ -1,11 +1,11 @@
-"""What is wrong with the options of ``follow`` that a schema cannot see. No numpy here."""
+"""Checks of the options of ``follow`` that a schema cannot express. Does not import numpy."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, Problem
+from star_core import InputError, Problem, StepGoal
 from star_verbs.checks import SPACING, near, one_of
 from star_verbs.follow.envelope import (
     limit_faults,
@@ -13,8 +13,9 @@ from star_verbs.follow.envelope import (
     room_faults,
     samples,
     thinned,
+    trajectory_positions,
 )
-from star_verbs.follow.routes import least_distance, route, way_faults
+from star_verbs.follow.routes import least_distance, positions, route, way_faults
 from star_verbs.follow.trajectory import read
 from star_verbs.places import too_fast
 from star_verbs.slots import slots
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from star_core import Scene
 
 POLY7 = ("format", "timescale", "relative", "on_board")  # options of `follow` for trajectories
-MEMORY = 4096  # bytes that a Crazyflie has for trajectories
+MEMORY = 4096  # bytes of a Crazyflie's trajectory memory
 PIECE = 132  # bytes of a piece: 33 numbers
 
 
@@ -36,7 +37,7 @@ def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Probl
         for key in POLY7[1:]
         if key in options
     )
-    options = {key: value for key, value in options.items() if key not in POLY7}
+    options = _without_poly7(options)
     yield from too_fast(scene, options)
     before = list(one_of("file", "path", options)) or list(_company(options))
     if before:
@@ -45,9 +46,8 @@ def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Probl
     if too_near := list(near(scene, len(rows), options)):
         yield from too_near
         return
-    source = {key: value for key, value in options.items() if key not in {"heading", "speed"}}
     try:
-        way = route(scene, len(rows), **source)
+        way = route(scene, len(rows), **_source(options))
     except InputError as error:
         yield from (Problem(("file",), message) for message in error.problems)
         return
@@ -58,8 +58,33 @@ def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Probl
     )
 
 
+def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepGoal]:
+    """Yield the positions along each agent's line; a relative trajectory's are not known."""
+    key = "file" if "file" in options else "path"
+    if options.get("format") != "poly7":
+        way = route(scene, len(rows), **_source(_without_poly7(options)))
+        found = positions(way, options[key])
+    elif options.get("relative", True):
+        return
+    else:
+        shifts = slots(len(rows), (0.0, 0.0, 0.0), options.get("spacing", SPACING))
+        line = samples(read(scene.file(options[key]), options[key]))
+        flown = line[:1] if options.get("on_board") else line  # planned to its start only
+        found = trajectory_positions(flown, shifts, options[key])
+    yield from (StepGoal((key,), point, label) for label, point in found)
+
+
+def _without_poly7(options: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in options.items() if key not in POLY7}
+
+
+def _source(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options that define the line to fly."""
+    return {key: value for key, value in options.items() if key not in {"heading", "speed"}}
+
+
 def _poly7(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Problem]:
-    """What is wrong with a trajectory; where one that is relative leads is seen at its begin."""
+    """Check a trajectory; where a relative one leads is checked when it begins."""
     allowed = {*POLY7, "file", "spacing"}
     wrong = [
         Problem((key,), f"{key!r} does not go with 'format: poly7'")
@@ -89,7 +114,7 @@ def _poly7(scene: Scene, agents: int, options: dict[str, Any]) -> Iterable[Probl
 
 
 def _memory(pieces: int, name: str) -> Iterable[Problem]:
-    """A trajectory that does not fit into an agent's memory."""
+    """Check that a trajectory fits into an agent's memory."""
     if pieces * PIECE > MEMORY:
         yield Problem(
             ("on_board",),
@@ -99,7 +124,7 @@ def _memory(pieces: int, name: str) -> Iterable[Problem]:
 
 
 def _company(options: dict[str, Any]) -> Iterable[Problem]:
-    """What goes with a named path goes with no file."""
+    """Check that options of a named path are not combined with a file."""
     for key in ("size", "centre"):
         if "path" in options and key not in options:
             yield Problem((), f"path {options['path']!r} needs {key!r}")

@@ -17,32 +17,33 @@ from star_core import (
     Order,
     Scene,
     Status,
-    Step,
+    TaskOutput,
     Trajectory,
+    timeout,
+    wrap_angle,
 )
 from star_verbs.assignment import assign
-from star_verbs.crew import Crew
-from star_verbs.timeouts import time_out
+from star_verbs.step_agents import StepAgents
 
 Point = tuple[float, float, float]
 
-NEAR = 0.15  # m: at the start and at the end
-LAG = 0.3  # m behind its point that an agent may be before the points slow down
-STOP = 0.6  # m behind its point at which they wait
-TURN = math.radians(60)  # rad/s: the yaw goal turns no faster
-FACING = math.radians(15)  # of where it begins to look, as an agent sets out on board
-LEVEL = 1e-6  # a path's direction less level than this has no heading
+NEAR = 0.15  # m: position tolerance at the start and at the end
+LAG = 0.3  # m: lag of an agent behind its moving point from which on the points slow down
+STOP = 0.6  # m: lag at which the points stop
+TURN = math.radians(60)  # rad/s: rate limit of the yaw goal
+FACING = math.radians(15)  # of the initial heading: tolerance when a flight on board begins
+LEVEL = 1e-6  # least horizontal component of a path's direction that defines a heading
 
 
 class Line(Protocol):
-    """Where a line is, by how much of it is flown: a distance, m, or a time, s."""
+    """A line, parameterized by how much of it is flown: a distance, m, or a time, s."""
 
     def at(self, flown: Array) -> tuple[Array, Array]:
-        """Return (K, 3) points, m, and (K, 3) their derivatives, at (K,) places."""
+        """Return (K, 3) points, m, and (K, 3) their derivatives, at (K,) parameters."""
         ...
 
     def yaw(self, flown: Array) -> Array | None:
-        """Return (K,) headings at (K,) places, rad; None if the line has none."""
+        """Return (K,) headings at (K,) parameters, rad; None if the line has none."""
         ...
 
 
@@ -52,14 +53,14 @@ class Way:
 
     Attributes:
         line: The line.
-        length: How much of it each agent flies: m, or s of its own time.
-        pace: How much of it is flown in a second.
+        length: Part of it each agent flies: m, or s of its own time.
+        pace: Part of it flown in a second.
         speed: Speed on the way to its beginning, m/s.
-        fastest: What an agent may fly to make up its lag, m/s.
-        ahead: Where on it each agent begins.
-        beside: How far each agent's line is shifted, m; None lets it begin where the agent is.
-        fault: Says why a line that is shifted so cannot be flown; nothing if it can.
-        on_board: The line as the agents fly it on their own; None leads them along it.
+        fastest: Speed limit of an agent that lags behind, m/s.
+        ahead: Parameter at which each agent begins.
+        beside: Offset of each agent's line, m; None lets it begin at the agent's position.
+        fault: Returns why a line with these offsets cannot be flown; empty if it can.
+        on_board: The line as flown on board; None steers the agents along it.
     """
 
     line: Line
@@ -74,29 +75,29 @@ class Way:
 
 
 class Follow:
-    """Leads agents along a line by points that move on it at one pace.
+    """Steers agents along a line by points that move on it at a common pace.
 
-    The agents first fly to where they begin. When all have stopped there the points set out; they
-    slow down, all alike, when the agent farthest behind its point is more than `LAG` behind, and
-    wait when it is `STOP` behind or not located. So agents keep their distance along the path, and
-    an agent that makes way for another is waited for.
+    The agents first fly to the starts of their lines. When all have stopped there the points start;
+    they slow down together when the agent farthest behind its point lags by more than `LAG`, and
+    stop when it lags by `STOP` or is not located. So agents keep their distances along the path,
+    and the others wait for an agent that gives way to another.
 
-    Agents that fly on board are ordered to as the points set out. Then nobody is waited for: the
-    points show where they should be, and lead whoever does not fly on its own.
+    Agents that fly on board are commanded to when the points start. Then the points do not wait:
+    they show where the agents should be, and steer those that do not fly on board.
 
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
-        way: The line, and where on it and beside it each of as many agents flies.
-        along: Whether to look along the path; else the agents look where the line says, or
-            where they looked when the step began.
+        way: The line, with the start and offset of each of as many agents.
+        along: Whether to look along the path; otherwise the agents look in the line's direction, or
+            keep their headings at the beginning of the step.
 
     Attributes:
-        trajectories: What they fly on board.
+        trajectories: Trajectories that they fly on board.
     """
 
     def __init__(self, scene: Scene, rows: tuple[int, ...], way: Way, *, along: bool) -> None:
-        self._crew = Crew(scene, rows)
+        self._agents = StepAgents(scene, rows)
         self._way = way
         self._ahead = np.array(way.ahead, np.float64)  # (K,)
         self._beside = np.array(way.beside or np.zeros((len(rows), 3)))  # (K, 3)
@@ -106,24 +107,24 @@ class Follow:
         self._flown = 0.0
         self._time = 0.0
         self._under_way = False
-        self._point: Array | None = None  # (K, 3) where the moving points were last
+        self._point: Array | None = None  # (K, 3) last positions of the moving points
         self._yaw: Array = np.zeros(len(rows))
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         self._line_up(estimate)
         way = self._way
-        journey = self._crew.journey(estimate, self._point)
-        return time_out(journey / way.speed + way.length / way.pace)
+        journey = self._agents.journey(estimate, self._point)
+        return timeout(journey / way.speed + way.length / way.pace)
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._point is None:
             self._line_up(estimate)
         if self._fault:
-            return Step(status=Status.FAILURE, reason=self._fault)
+            return TaskOutput(status=Status.FAILURE, reason=self._fault)
         if self._point is None:
-            return Step()
+            return TaskOutput()
         passed, self._time = estimate.time - self._time, estimate.time
-        lag = self._crew.farthest(estimate, self._point)
+        lag = self._agents.farthest(estimate, self._point)
         commands: tuple[Command, ...] = ()
         if not self._under_way and self._lined_up(estimate, lag):
             self._under_way = True
@@ -137,25 +138,25 @@ class Follow:
         self._turn(tangent, passed)
         velocity = None if over else pace * tangent
         speed = self._way.fastest if self._under_way else self._way.speed
-        goals = self._crew.goals(self._point, self._yaw, speed, velocity)
-        done = over and self._crew.farthest(estimate, self._point) <= NEAR
-        return Step(goals, commands, Status.SUCCESS if done else Status.RUNNING)
+        goals = self._agents.goals(self._point, self._yaw, speed, velocity)
+        done = over and self._agents.farthest(estimate, self._point) <= NEAR
+        return TaskOutput(goals, commands, Status.SUCCESS if done else Status.RUNNING)
 
-    def stay(self, rows: tuple[int, ...]) -> None:
-        kept = self._crew.stay(rows)
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        kept = self._agents.keep(rows)
         self._ahead, self._beside = self._ahead[kept], self._beside[kept]
         self._yaw = self._yaw[kept]
         if self._point is not None:
             self._point = self._point[kept]
 
-    def swap(self, old: int, new: int) -> None:
-        self._crew.swap(old, new)
+    def on_agent_replaced(self, old: int, new: int) -> None:
+        self._agents.replace(old, new)
 
     def _line_up(self, estimate: Estimate) -> None:
-        """Give each agent the beginning that suits all best."""
-        if not self._crew.located(estimate):
+        """Assign each agent a start so that the total distance is minimal."""
+        if not self._agents.located(estimate):
             return
-        start, here = self._way.line.at(self._ahead)[0], estimate.position[self._crew.rows]
+        start, here = self._way.line.at(self._ahead)[0], estimate.position[self._agents.rows]
         if self._way.beside is None:
             self._beside = here - start
             self._fault = self._way.fault([(x, y, z) for x, y, z in self._beside.tolist()])
@@ -163,34 +164,34 @@ class Follow:
             mine = assign(here, start + self._beside)
             start, self._ahead, self._beside = start[mine], self._ahead[mine], self._beside[mine]
         self._point = start + self._beside
-        self._yaw = estimate.yaw[self._crew.rows]
+        self._yaw = estimate.yaw[self._agents.rows]
         self._time = estimate.time
 
     def _lined_up(self, estimate: Estimate, lag: float) -> bool:
-        """Whether all have stopped at their beginnings; on board they also look where it begins."""
-        if lag > NEAR or not self._crew.slow(estimate):
+        """Whether all have stopped at their starts; on board, also with the initial heading."""
+        if lag > NEAR or not self._agents.slow(estimate):
             return False
         yaw = None if self._way.on_board is None else self._way.line.yaw(self._ahead)
         if yaw is None:
             return True
-        off = np.remainder(estimate.yaw[self._crew.rows] - yaw + math.pi, math.tau) - math.pi
+        off = wrap_angle(estimate.yaw[self._agents.rows] - yaw)
         return bool(np.abs(off).max() <= FACING)
 
     def _order(self, trajectory: Trajectory) -> Command:
-        """Have all fly a trajectory from where they are lined up."""
-        rows = self._crew.rows
+        """Return the command to fly a trajectory from the agents' starts."""
+        rows = self._agents.rows
         seconds = np.full(len(rows), self._way.length / self._way.pace)
         unturned = np.zeros(len(rows))
         return Command(Order.FOLLOW, rows, self._beside, unturned, seconds, trajectory)
 
     def _pace(self, lag: float) -> float:
-        """How much of the line is flown in a second when the farthest agent is `lag` m behind."""
+        """Pace of the points when the farthest agent lags by `lag` m."""
         if self._way.on_board is not None:
             return self._way.pace
         return self._way.pace * min(max((STOP - lag) / (STOP - LAG), 0.0), 1.0)
 
     def _turn(self, tangent: Array, passed: float) -> None:
-        """Turn the yaw goals towards where the agents should look."""
+        """Turn the yaw goals towards the headings that the agents should have."""
         wanted: Array | None
         if self._along:
             level = np.hypot(tangent[:, 0], tangent[:, 1]) > LEVEL
@@ -198,7 +199,6 @@ class Follow:
         else:
             wanted = self._way.line.yaw(self._ahead + self._flown)
         if wanted is not None:
-            error = (wanted - self._yaw + math.pi) % math.tau - math.pi
+            error = wrap_angle(wanted - self._yaw)
             most = TURN * passed
-            turned = self._yaw + np.minimum(np.maximum(error, -most), most)
-            self._yaw = (turned + math.pi) % math.tau - math.pi
+            self._yaw = wrap_angle(self._yaw + np.minimum(np.maximum(error, -most), most))

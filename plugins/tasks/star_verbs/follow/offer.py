@@ -1,11 +1,11 @@
-"""What ``follow`` takes, as JSON Schema, and how its task is made."""
+"""The options of ``follow``, as JSON Schema, and the factory of its task."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from star_core import Offer
-from star_verbs.follow.checks import check
+from star_core import TaskSpec
+from star_verbs.follow.checks import check, goals
 from star_verbs.quantities import SPACING, point, positive
 
 if TYPE_CHECKING:
@@ -44,44 +44,45 @@ def _make(  # noqa: PLR0913 -- a mission's own options
     return Follow(scene, rows, way, along=heading == "along")
 
 
-OFFER: Offer[Task] = Offer(
+OFFER: TaskSpec = TaskSpec(
     name="follow",
     before="air",
     after="air",
     summary="Fly along a path: a box, a circle, a figure 8, or points from a file.",
     make=_make,
     check=check,
+    goals=goals,
     options={
         "type": "object",
         "properties": {
             "file": {
                 "type": "string",
-                "description": "CSV file in the mission's folder, of the 'format' said. Give "
+                "description": "CSV file in the mission's folder, in the given 'format'. Give "
                 "this or 'path'.",
                 "examples": ["paths/inspection.csv"],
             },
             "format": {
                 "enum": ["waypoints", "poly7"],
-                "description": "Of the file. waypoints: columns x, y, z in the map, m, and if "
-                "wanted yaw_deg, degrees. poly7: Crazyswarm2's duration, s, and polynomials of "
+                "description": "Format of the file. waypoints: columns x, y, z in the map, m, and "
+                "optionally yaw_deg, degrees. poly7: Crazyswarm2's duration, s, and polynomials of "
                 "7th degree for x, y, z, m, and yaw, rad, flown in the file's own time.",
                 "default": "waypoints",
             },
             "timescale": positive(
-                "How many times its own time a poly7 file is flown in: 2 is half as fast.",
+                "Factor by which the duration of a poly7 file is stretched: 2 is half as fast.",
                 default=1.0,
             ),
             "relative": {
                 "type": "boolean",
-                "description": "Whether a poly7 file begins where each agent is, shifted and "
-                "not turned; false: it lies in the map.",
+                "description": "Whether a poly7 file begins at each agent's position, shifted and "
+                "not rotated; false: it is in the map frame.",
                 "default": True,
             },
             "on_board": {
                 "type": "boolean",
-                "description": "Whether each agent is sent a poly7 file before take-off and "
-                "flies it by its own commander: exactly in its time, steered by neither "
-                "planner nor avoider until it is over. Others still make way.",
+                "description": "Whether a poly7 file is uploaded to each agent before take-off and "
+                "flown by its own commander: exactly in time, not steered by planner or avoider "
+                "until it ends. Other agents still give way.",
                 "default": False,
             },
             "path": {
@@ -96,17 +97,17 @@ OFFER: Offer[Task] = Offer(
                 examples=[2.4],
             ),
             "width": positive(
-                "Of the path along y, m; the size if not given, half of it for the figure 8.",
+                "Size of the path along y, m; by default the size, half of it for the figure 8.",
                 examples=[1.2],
             ),
             "centre": point(
-                "Middle of the path, [x, y, z] in the map, m. Needed with 'path'.",
+                "Center of the path, [x, y, z] in the map, m. Needed with 'path'.",
                 [0.0, 0.0, 0.8],
             ),
             "laps": {
                 "type": "integer",
                 "minimum": 1,
-                "description": "How many times round; with 'path' only.",
+                "description": "Number of laps; with 'path' only.",
                 "default": 1,
             },
             "heading": {
@@ -115,7 +116,7 @@ OFFER: Offer[Task] = Offer(
                 "yaw_deg).",
                 "default": "fixed",
             },
-            "speed": positive("Speed along the path, m/s; limits.speed at most.", default=0.3),
+            "speed": positive("Speed along the path, m/s; at most limits.speed.", default=0.3),
             "spacing": SPACING,
         },
         "examples": [{"path": "circle", "size": 2.0, "centre": [0.0, 0.0, 0.8]}],

@@ -1,4 +1,4 @@
-"""A line to fly along, by the distance flown on it."""
+"""A polyline to fly along, by the distance flown on it."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from star_core import Array
 
 
 class Path:
-    """A line through points, measured along its length.
+    """A polyline, measured along its length.
 
-    Points that repeat the one before are dropped, and their headings with them. A line whose last
-    point equals its first is closed: distances go round and round. On an open one, distances before
-    the start or past the end are at the start or the end.
+    Points that repeat the previous one are dropped, with their headings. A line whose last point
+    equals its first is closed: distances wrap around. On an open one, distances before the start or
+    past the end are at the start or the end.
 
     Args:
         point: (M, 3) corners, at least two that differ, m.
-        yaw_deg: (M,) heading at each corner, degrees; between corners it goes the shorter way
-            round. Empty for none.
+        yaw_deg: (M,) heading at each corner, degrees; interpolated the shorter way around between
+            corners. Empty for none.
 
     Attributes:
-        length: From start to end, once round if it is closed, m.
+        length: From start to end, or one lap if it is closed, m.
     """
 
     def __init__(self, point: Sequence[Sequence[float]], yaw_deg: Sequence[float] = ()) -> None:

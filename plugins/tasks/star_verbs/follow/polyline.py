@@ -1,4 +1,4 @@
-"""Lines through points, measured along their length. Nothing here imports numpy."""
+"""Polylines, measured along their length. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def length(points: Sequence[Point]) -> float:
 
 
 def evenly(points: Sequence[Point], count: int) -> list[Point]:
-    """Return `count` points at equal distances along the line, from its start, without its end.
+    """Return `count` points at equal distances along the line, from its start, excluding its end.
 
     >>> evenly([(0, 0, 0), (1, 0, 0), (1, 1, 0)], 4)
     [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.5, 0.0)]
@@ -47,7 +47,7 @@ def dense(a: Point, b: Point, step: float) -> Iterator[Point]:
 
 
 def between(a: Point, b: Point, part: float) -> Point:
-    """The point that lies `part` (0 to 1) of the way from `a` to `b`.
+    """The point at the fraction `part` (0 to 1) of the segment from `a` to `b`.
 
     >>> between((0, 0, 0), (2, 0, 4), 0.25)
     (0.5, 0.0, 1.0)

@@ -1,36 +1,38 @@
-"""Which line each agent of a ``follow`` flies. Nothing here imports numpy."""
+"""The line that each agent of a ``follow`` flies. Does not import numpy."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from star_verbs.follow import polyline
 from star_verbs.follow.shapes import places, shape
 from star_verbs.follow.waypoints import read
 from star_verbs.places import fault
-from star_verbs.slots import slots
+from star_verbs.slots import shifted_by, slots
 
 if TYPE_CHECKING:
     from star_core import Scene
 
 Point = tuple[float, float, float]
-STEP = 0.1  # m: how finely a line is looked at; a Crazyflie spans 0.12 m with its propellers
+STEP = 0.1  # m between checked points; a Crazyflie spans 0.12 m with its propellers
+FINE = 0.05  # m between points checked for the planner
 
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """One line for a number of agents, and where on it or beside it each of them flies.
+    """One line for a number of agents, and each agent's start and offset on it.
 
     Attributes:
         point: The line, map frame, m; of a closed one the last point equals the first.
-        yaw_deg: Heading at each point, degrees; empty leaves it open.
-        line: Line of the file that each point stands on; empty if there is no file.
-        length: How far each agent flies, m.
-        ahead: How far along the line each agent begins, m.
-        beside: How far each agent's line is shifted, m.
+        yaw_deg: Heading at each point, degrees; empty if unspecified.
+        line: Line number of each point in the file; empty if there is no file.
+        length: Distance each agent flies, m.
+        ahead: Distance along the line at which each agent begins, m.
+        beside: Offset of each agent's line, m.
     """
 
     point: tuple[Point, ...]
@@ -55,8 +57,8 @@ def route(  # noqa: PLR0913 -- a mission's own options
 ) -> Route:
     """Return the route of `agents` agents along a file's points or a named path.
 
-    On a named path the agents share the line, evenly apart; along a file each flies the line
-    shifted to its place among `slots`.
+    On a named path the agents share the line, evenly spaced; along a file each flies the line
+    shifted to its position among `slots`.
 
     Raises:
         InputError: The file cannot be used.
@@ -85,9 +87,9 @@ def route(  # noqa: PLR0913 -- a mission's own options
 
 
 def least_distance(name: str, size: float, agents: int, width: float | None = None) -> float:
-    """Return how near two of the agents that fly a named path evenly apart come, m.
+    """Return the least distance between two agents that fly a named path evenly spaced, m.
 
-    Looked at in 40 steps from one agent's place to the next.
+    Evaluated in 40 steps from one agent's position to the next.
 
     >>> round(least_distance("circle", 2.0, 2), 3)
     2.0
@@ -102,19 +104,19 @@ def least_distance(name: str, size: float, agents: int, width: float | None = No
 
 
 def way_faults(scene: Scene, way: Route, name: str) -> Iterable[str]:
-    """Say where on a route no agent can be, and why not.
+    """Report points of a route that are not flyable, and why.
 
-    Told are each run of such points by its first, and each stretch between good points that leads
-    through such a place; what several agents would be told alike is told once.
+    Each run of such points is reported by its first, and so is each segment between good points
+    that crosses such a point; equal messages for several agents are reported once.
 
     Args:
         scene: The mission's scene.
         way: The route.
-        name: What the mission calls it.
+        name: Its name in the mission.
     """
-    told: dict[str, None] = {}
-    for dx, dy, dz in dict.fromkeys(way.beside):
-        line = [(x + dx, y + dy, z + dz) for x, y, z in way.point]
+    messages: dict[str, None] = {}
+    for shift in dict.fromkeys(way.beside):
+        line = _shifted(way, shift)
         faults = [fault(scene, point) for point in line]
         for index, message in enumerate(faults):
             if message is None and index + 1 < len(line) and faults[index + 1] is None:
@@ -123,6 +125,29 @@ def way_faults(scene: Scene, way: Route, name: str) -> Iterable[str]:
             else:
                 why = None if index and faults[index - 1] else message
             if why is not None:
-                where = f"{name}:{way.line[index]}" if way.line else name
-                told[f"{where}: {why}"] = None
-    return told
+                messages[f"{_label(way, name, index, shift)}: {why}"] = None
+    return messages
+
+
+def positions(way: Route, name: str) -> Iterator[tuple[str, Point]]:
+    """Yield positions along each agent's line, at most `FINE` apart, each with its label.
+
+    Args:
+        way: The route.
+        name: Its name in the mission.
+    """
+    for shift in dict.fromkeys(way.beside):
+        for index, (a, b) in enumerate(pairwise(_shifted(way, shift))):
+            label = _label(way, name, index, shift)
+            yield from ((label, point) for point in polyline.dense(a, b, FINE))
+
+
+def _shifted(way: Route, shift: Point) -> list[Point]:
+    dx, dy, dz = shift
+    return [(x + dx, y + dy, z + dz) for x, y, z in way.point]
+
+
+def _label(way: Route, name: str, index: int, shift: Point) -> str:
+    """Return the origin of a route's point in its file, and its offset, for messages."""
+    where = f"{name}:{way.line[index]}" if way.line else name
+    return f"{where}{shifted_by(shift, len(way.beside))}"

@@ -1,4 +1,4 @@
-"""Rows of numbers, read from a CSV file. Nothing here imports numpy."""
+"""Rows of numbers read from a CSV file. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from star_core import InputError
 
 
 def read_rows(path: Path, file: str) -> list[tuple[int, list[str]]]:
-    """Return the rows of a file that are not blank, each with the line that it stands on.
+    """Return the rows of a file that are not blank, each with its line number.
 
     Args:
-        path: Where it is.
-        file: What the mission calls it, for messages.
+        path: Path of the file.
+        file: Its name in the mission, for messages.
 
     Raises:
         InputError: It cannot be read.
@@ -31,12 +31,12 @@ def read_rows(path: Path, file: str) -> list[tuple[int, list[str]]]:
 def numbers(
     columns: Sequence[str], row: Sequence[str], most: float = math.inf
 ) -> tuple[dict[str, float], list[str]]:
-    """Return the numbers of a row by column, and what is wrong with it.
+    """Return the numbers of a row by column, and its problems.
 
     Args:
         columns: Their names.
         row: Its cells.
-        most: Greatest size of a number.
+        most: Greatest absolute value of a number.
     """
     if len(row) != len(columns):
         return {}, [f"has {len(row)} values, expected {len(columns)}"]

@@ -1,4 +1,4 @@
-"""The closed paths that have a name, as points. Nothing here imports numpy."""
+"""The named closed paths, as points. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 Point = tuple[float, float, float]
-PIECES = 360  # chords of a curve: those of a 4 m circle leave it by less than 0.1 mm
+PIECES = 360  # chords of a curve: those of a 4 m circle deviate from it by less than 0.1 mm
 
 
 def box(size: float) -> list[tuple[float, float]]:
@@ -44,7 +44,7 @@ def shape(
     Args:
         name: Key of `SHAPES`.
         size: Side, diameter or length, m.
-        centre: x, y, z of its middle, m; the path is level.
+        centre: x, y, z of its center, m; the path is level.
         width: Along y, m; the path's own if not given.
 
     Example:
@@ -60,10 +60,10 @@ def shape(
 
 
 def places(name: str, agents: int) -> int:
-    """Into how many equal parts a lap is divided for a number of agents.
+    """Number of equal parts into which a lap is divided for a number of agents.
 
     As many as there are agents; on the figure 8 an odd number, so that no two agents, half a lap
-    apart, reach its crossing at once.
+    apart, reach its crossing at the same time.
 
     >>> places("circle", 2), places("figure8", 2), places("figure8", 3)
     (2, 3, 3)

@@ -1,4 +1,4 @@
-"""A trajectory as a line to fly along, by the time since its start."""
+"""A trajectory as a line to fly along, parameterized by the time since its start."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from star_verbs.follow.trajectory import Trajectory
 
 
 class TimedPath:
-    """What `Path` is by the distance flown, by a trajectory's own time.
+    """Like `Path`, but parameterized by a trajectory's own time instead of the distance flown.
 
     Args:
-        trajectory: What to fly.
+        trajectory: Trajectory to fly.
 
     Attributes:
         length: Its duration, s.
@@ -24,7 +24,7 @@ class TimedPath:
         self.length = trajectory.duration
 
     def on_board(self) -> star_core.Trajectory:
-        """Return what agents fly on their own."""
+        """Return the trajectory that agents fly on board."""
         pieces = self._trajectory.pieces
         return star_core.Trajectory(
             np.array([piece.duration for piece in pieces]),

@@ -1,30 +1,30 @@
-"""Trajectories of polynomial pieces, read from CSV. Nothing here imports numpy."""
+"""Piecewise polynomial trajectories, read from CSV. Does not import numpy."""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from star_core import InputError
+from star_core import InputError, polynomial
 from star_verbs.follow.rows import numbers, read_rows
 
 Point = tuple[float, float, float]
 ORDER = 8  # coefficients of a polynomial of seventh degree
 AXES = ("x", "y", "z", "yaw")
 COLUMNS = ("duration", *(f"{axis}^{power}" for axis in AXES for power in range(ORDER)))
-LONGEST = 1200.0  # s: of all pieces; a Crazyflie's battery lasts some 420 s
+LONGEST = 1200.0  # s: total duration; a Crazyflie's battery lasts some 420 s
 MOST = 1000  # pieces
 GREATEST = 1e9  # of a coefficient: with it even 1200 s to the seventh power is a finite number
-JUMP = 0.05  # m: from piece to piece; coefficients are often written with six decimals
+JUMP = 0.05  # m: between pieces; coefficients are often written with six decimals
 
 
 class Moment(NamedTuple):
-    """Where a trajectory is at one time.
+    """State of a trajectory at one time.
 
     Attributes:
         point: m.
@@ -47,7 +47,7 @@ class Piece:
         duration: s.
         polynomials: Coefficients, the constant first, of x, y and z, m, and of yaw, rad, over the
             time since the piece began, s.
-        line: Line of the file that it stands on.
+        line: Its line number in the file.
     """
 
     duration: float
@@ -55,22 +55,22 @@ class Piece:
     line: int
 
     def at(self, time: float) -> Moment:
-        """Return where it is `time` after it began, s; Horner's rule for the polynomials."""
-        x, y, z = (_derivatives(axis, time) for axis in self.polynomials[:3])
+        """Return its state `time` after its beginning, s."""
+        x, y, z = (polynomial(axis, time) for axis in self.polynomials[:3])
         point, velocity, acceleration = zip(x, y, z, strict=True)
-        return Moment(point, velocity, acceleration, _derivatives(self.polynomials[3], time)[0])
+        return Moment(point, velocity, acceleration, polynomial(self.polynomials[3], time)[0])
 
 
 class Trajectory:
-    """Pieces that are flown one after the other.
+    """Pieces that are flown in sequence.
 
     Args:
         pieces: One or more.
 
     Attributes:
-        pieces: What was given.
-        begins: When each piece begins, s.
-        duration: Of all, s.
+        pieces: The same.
+        begins: Time at which each piece begins, s.
+        duration: Total duration, s.
     """
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
@@ -78,7 +78,7 @@ class Trajectory:
         *self.begins, self.duration = accumulate((p.duration for p in pieces), initial=0.0)
 
     def at(self, time: float) -> Moment:
-        """Return where it is `time` after its start, s; before and after, where it begins or ends.
+        """Return its state `time` after its start, s; clamped to its beginning and end.
 
         >>> straight = ((1.0, 0.5) + (0.0,) * 6, (0.0,) * 8, (1.0,) + (0.0,) * 7, (0.0,) * 8)
         >>> Trajectory([Piece(2.0, straight, 2)]).at(3.0).point
@@ -90,21 +90,21 @@ class Trajectory:
 
 
 def read(path: Path, file: str) -> Trajectory:
-    """Read a file of pieces as Crazyswarm2 and uav_trajectories write it.
+    """Read a file of pieces in the format of Crazyswarm2 and uav_trajectories.
 
     It has a header and a line for each piece: its duration and four polynomials of seventh degree,
     for x, y, z and yaw.
 
     Args:
-        path: Where it is.
-        file: What the mission calls it, for messages.
+        path: Path of the file.
+        file: Its name in the mission, for messages.
 
     Raises:
-        InputError: The file cannot be used; every problem is told as ``file:line: what is wrong``.
+        InputError: The file cannot be used; lists every problem as ``file:line: message``.
     """
     rows = read_rows(path, file)
     if len(rows) < 2:  # noqa: PLR2004 -- a header and a piece
-        raise InputError([f"{file}: has no piece, expected a header and a line for each"])
+        raise InputError([f"{file}: has no piece, expected a header and one line per piece"])
     header = tuple(cell.strip(" #\t").lower() for cell in _filled(rows[0][1]))
     if header != COLUMNS:
         raise InputError(
@@ -128,18 +128,8 @@ def read(path: Path, file: str) -> Trajectory:
     return Trajectory(pieces)
 
 
-def _derivatives(polynomial: Iterable[float], time: float) -> tuple[float, float, float]:
-    """Value, first and second derivative of a polynomial."""
-    value = first = half = 0.0
-    for coefficient in reversed(tuple(polynomial)):
-        half = half * time + first
-        first = first * time + value
-        value = value * time + coefficient
-    return value, first, 2 * half
-
-
 def _filled(row: Sequence[str]) -> Sequence[str]:
-    """A row without the empty cells that a comma at its end makes."""
+    """A row without the empty cells caused by trailing commas."""
     count = len(row)
     while count > len(COLUMNS) and not row[count - 1].strip():
         count -= 1
@@ -147,7 +137,7 @@ def _filled(row: Sequence[str]) -> Sequence[str]:
 
 
 def _lasts(pieces: Sequence[Piece], file: str) -> Iterator[str]:
-    """The piece with which a trajectory takes too long, if one does."""
+    """Report the piece at which a trajectory exceeds the greatest duration, if one does."""
     for piece, end in zip(pieces, accumulate(piece.duration for piece in pieces), strict=True):
         if end > LONGEST:
             yield (
@@ -162,6 +152,6 @@ def _jumps(pieces: Sequence[Piece], file: str) -> Iterator[str]:
         gap = math.dist(before.at(before.duration).point, after.at(0.0).point)
         if gap > JUMP:
             yield (
-                f"{file}:{after.line}: begins {gap:.2f} m from where the piece before ends, "
+                f"{file}:{after.line}: begins {gap:.2f} m from the end of the previous piece, "
                 f"expected no more than {JUMP} m"
             )

@@ -1,4 +1,4 @@
-"""Points to fly through, read from a CSV file. Nothing here imports numpy."""
+"""Waypoints read from a CSV file. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ KNOWN = (*NEEDED, "yaw_deg")
 
 @dataclass(frozen=True, slots=True)
 class Waypoints:
-    """What a file of waypoints holds.
+    """The content of a file of waypoints.
 
     Attributes:
-        point: Where to fly through, in order, map frame, m.
-        yaw_deg: Heading at each point, degrees; empty if the file has none.
-        line: Line of the file that each point stands on.
+        point: Waypoints in order, map frame, m.
+        yaw_deg: Heading at each waypoint, degrees; empty if the file has none.
+        line: Line number of each waypoint in the file.
     """
 
     point: tuple[Point, ...]
@@ -30,14 +30,14 @@ class Waypoints:
 
 
 def read(path: Path, file: str) -> Waypoints:
-    """Read a CSV file with a header that names columns x, y, z and, if wanted, yaw_deg.
+    """Read a CSV file with a header that names columns x, y, z and, optionally, yaw_deg.
 
     Args:
-        path: Where it is.
-        file: What the mission calls it, for messages.
+        path: Path of the file.
+        file: Its name in the mission, for messages.
 
     Raises:
-        InputError: The file cannot be used; every problem is told as ``file:line: what is wrong``.
+        InputError: The file cannot be used; lists every problem as ``file:line: message``.
     """
     rows = read_rows(path, file)
     if not rows:
@@ -65,7 +65,7 @@ def read(path: Path, file: str) -> Waypoints:
 
 def _header_faults(columns: Sequence[str]) -> Iterator[str]:
     if len(columns) == 1 and ";" in columns[0]:
-        yield "its values are parted by ';', expected commas"
+        yield "its values are separated by ';', expected commas"
         return
     if all(_is_number(name) for name in columns):
         yield f"begins with numbers, expected a header with columns {_list(KNOWN)}"
@@ -80,7 +80,7 @@ def _header_faults(columns: Sequence[str]) -> Iterator[str]:
         if name not in KNOWN:
             yield f"unknown column {name!r}, expected {_list(KNOWN)}"
         elif columns.count(name) > 1:
-            yield f"column {name!r} stands there {columns.count(name)} times"
+            yield f"column {name!r} is given {columns.count(name)} times"
 
 
 def _is_number(cell: str) -> bool:
@@ -92,4 +92,4 @@ def _is_number(cell: str) -> bool:
 
 
 def _list(names: Sequence[str]) -> str:
-    return ", ".join(names[:-1]) + f" and, if wanted, {names[-1]}"
+    return ", ".join(names[:-1]) + f" and, optionally, {names[-1]}"

@@ -1,4 +1,4 @@
-"""What ``follow`` leads its agents along: a route at a speed, or a trajectory in its own time."""
+"""The line of a ``follow``: a route at a speed, or a trajectory in its own time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from star_verbs.follow.trajectory import read
 from star_verbs.slots import slots
 
 Point = tuple[float, float, float]
-CATCH_UP = 1.5  # times the path's speed is what an agent may fly to make up its lag
+CATCH_UP = 1.5  # times the path's speed: the speed limit of an agent that lags behind
 
 
 def along_route(scene: Scene, agents: int, speed: float, **source: Any) -> Way:
@@ -23,9 +23,9 @@ def along_route(scene: Scene, agents: int, speed: float, **source: Any) -> Way:
 
     Args:
         scene: The mission's scene.
-        agents: How many.
-        speed: Along the path, m/s; the scene's limit at most.
-        source: What `route` takes.
+        agents: Number of agents.
+        speed: Along the path, m/s; at most the scene's limit.
+        source: Arguments of `route`.
 
     Raises:
         InputError: The file cannot be used.
@@ -35,7 +35,7 @@ def along_route(scene: Scene, agents: int, speed: float, **source: Any) -> Way:
     speed = min(speed, scene.limits.speed)
 
     def fault(_beside: Sequence[Point]) -> str:
-        # Looked at again: fewer agents than the mission was checked for fly other lines.
+        # Checked again: fewer agents than at the mission's check fly other lines.
         return "; ".join(way_faults(scene, found, name))
 
     return Way(
@@ -64,13 +64,13 @@ def in_its_own_time(
 
     Args:
         scene: The mission's scene.
-        agents: How many.
-        spacing: Least distance between those that fly side by side, m.
-        file: The trajectory, as the mission calls it.
-        timescale: How many times its own time it is flown in.
-        relative: Whether each agent's begins where the agent is; else they lie side by side about
-            its place in the map.
-        on_board: Whether the agents fly it on their own.
+        agents: Number of agents.
+        spacing: Least distance between agents that fly side by side, m.
+        file: Name of the trajectory's file in the mission.
+        timescale: Factor by which its duration is stretched.
+        relative: Whether each agent's trajectory begins at the agent's position; otherwise they lie
+            side by side around its position in the map.
+        on_board: Whether the agents fly it on board.
 
     Raises:
         InputError: The file cannot be used.

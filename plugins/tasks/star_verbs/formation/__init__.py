@@ -1,1 +1,1 @@
-"""The verb ``formation``: a shape that is formed, held, and moved as one."""
+"""The verb ``formation``: forms a shape, holds it, and moves it as a whole."""

@@ -1,4 +1,4 @@
-"""What is wrong with a formation that a schema cannot see. Nothing here imports numpy."""
+"""Checks of a formation that a schema cannot express. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Iterator
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Problem
-from star_verbs.formation.shapes import Shape, shape, size_of_grid
+from star_core import Problem, StepGoal
+from star_verbs.formation.shapes import Point, Shape, shape, size_of_grid
 from star_verbs.places import fault, too_fast
 
 if TYPE_CHECKING:
     from star_core import Scene
 
 STEP: Final = 0.05
-"""How finely the way of a place is looked at, m: less than half a Crazyflie's span."""
+"""Step in which the path of a position is checked, m: less than half a Crazyflie's span."""
 
 SAME: Final = 1e-9
-"""By how much a distance may fall short of the least one, m: places are sums of floats."""
+"""Permitted shortfall of a distance, m: positions are sums of floats."""
 
 SHAPES_WITH: Final = {
     "spacing": ("line", "grid", "circle"),
@@ -27,11 +27,11 @@ SHAPES_WITH: Final = {
     "columns": ("grid",),
     "points": ("points",),
 }
-"""Shapes that an option goes with."""
+"""Shapes that support an option."""
 
 
 def check(scene: Scene, rows: tuple[int, ...], /, **options: Any) -> Iterator[Problem]:
-    """Yield what is wrong with a formation of the agents in `rows`."""
+    """Yield the problems of a formation of the agents in `rows`."""
     yield from too_fast(scene, options)
     yield from too_fast(scene, options.get("move", {}), "move")
     wrong = [*_company(options)] or [*_number(len(rows), options)]
@@ -52,8 +52,21 @@ def check(scene: Scene, rows: tuple[int, ...], /, **options: Any) -> Iterator[Pr
         yield from (Problem(("move", "to"), message) for message in way_faults(scene, figure))
 
 
+def goals(_scene: Scene, rows: tuple[int, ...], /, **options: Any) -> Iterator[StepGoal]:
+    """Yield the positions of a formation, and those they pass as it moves."""
+    figure = shape(len(rows), options)
+    of = len(figure.place)
+    for i, place in enumerate(figure.place):
+        path = ("points", i) if options["shape"] == "points" else ("centre",)
+        label = f"place {i + 1} of {of}" if of > 1 else ""
+        yield StepGoal(path, place, label)
+        moving = f"place {i + 1} of {of} moves there"
+        for point in _way(figure, place):
+            yield StepGoal(("move", "to"), point, moving)
+
+
 def faults(scene: Scene, figure: Shape) -> Iterator[str]:
-    """Say of each place that no agent can be at, at first or on the way, why not."""
+    """Report positions that are not flyable, initially or on the way, and why."""
     of = len(figure.place)
     for number, place in enumerate(figure.place, start=1):
         if message := fault(scene, place):
@@ -62,18 +75,24 @@ def faults(scene: Scene, figure: Shape) -> Iterator[str]:
 
 
 def way_faults(scene: Scene, figure: Shape) -> Iterator[str]:
-    """Say of each place that moves through where no agent can be where, and why not."""
-    pieces = math.ceil(figure.way / STEP)
+    """Report positions that pass a point that is not flyable, where, and why."""
     for number, place in enumerate(figure.place, start=1):
-        for i in range(1, pieces + 1):
-            on_the_way = [a + b * i / pieces for a, b in zip(place, figure.move, strict=True)]
+        for on_the_way in _way(figure, place):
             if message := fault(scene, on_the_way):
                 yield f"place {number} of {len(figure.place)} moves there: {message}"
                 break
 
 
+def _way(figure: Shape, place: Point) -> Iterator[Point]:
+    """Yield the points that a position passes as the formation moves, at most `STEP` apart."""
+    pieces = math.ceil(figure.way / STEP)
+    for i in range(1, pieces + 1):
+        x, y, z = (a + b * i / pieces for a, b in zip(place, figure.move, strict=True))
+        yield x, y, z
+
+
 def _company(options: dict[str, Any]) -> Iterator[Problem]:
-    """Options that do not go with the shape, or with each other, and those it needs."""
+    """Check options that exclude each other or the shape, and those it needs."""
     name = options["shape"]
     for key, shapes in SHAPES_WITH.items():
         if key in options and name not in shapes:
@@ -87,7 +106,7 @@ def _company(options: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _number(agents: int, options: dict[str, Any]) -> Iterator[Problem]:
-    """Fewer places than agents."""
+    """Check that there are enough positions for the agents."""
     if options["shape"] == "points" and len(options["points"]) < agents:
         there = len(options["points"])
         yield Problem(("points",), f"there are {there} points, expected one for each of {agents}")
@@ -102,7 +121,7 @@ def _number(agents: int, options: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _apart(scene: Scene, figure: Shape, options: dict[str, Any]) -> Iterator[Problem]:
-    """Places nearer to each other than the core lets agents come."""
+    """Check that positions are not nearer to each other than the core permits."""
     least = scene.limits.separation - SAME
     if options["shape"] == "points":
         for (i, one), (j, other) in combinations(enumerate(figure.place), 2):

@@ -1,12 +1,12 @@
-"""What ``formation`` takes, as JSON Schema, and how its task is made."""
+"""The options of ``formation``, as JSON Schema, and the factory of its task."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Offer
-from star_verbs.formation.checks import check
+from star_core import TaskSpec
+from star_verbs.formation.checks import check, goals
 from star_verbs.formation.shapes import SPACING
 from star_verbs.quantities import point, positive
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from star_core import Scene, Task
 
 MOST: Final = 100
-"""Greatest number of rows, of columns and of points that can be given."""
+"""Greatest number of rows, of columns and of points."""
 
 PACE: Final = 0.3
-"""Speed of a formation that moves if the mission does not say, m/s."""
+"""Default speed of a moving formation, m/s."""
 
 
 def make(
@@ -58,49 +58,50 @@ def _many(description: str) -> Mapping[str, Any]:
     }
 
 
-OFFER: Final[Offer[Task]] = Offer(
+OFFER: Final[TaskSpec] = TaskSpec(
     name="formation",
     before="air",
     after="air",
-    summary="Form a line, a grid, a circle or points, hold it, and move it as one.",
+    summary="Form a line, a grid, a circle or points, hold it, and move it as a whole.",
     make=make,
     check=check,
+    goals=goals,
     options={
         "type": "object",
         "required": ["shape"],
         "properties": {
             "shape": {
                 "enum": ["line", "grid", "circle", "points"],
-                "description": "What to form; each agent takes the place with which the distances "
-                "that all of them fly add up to least. A line lies along x, a grid has its columns "
-                "along x, and a circle begins at its greatest x, before they are turned.",
+                "description": "Shape to form; agents are assigned to its positions so that the "
+                "total distance flown is minimal. A line lies along x, a grid has its columns "
+                "along x, and a circle begins at its greatest x, before they are rotated.",
             },
             "centre": point(
-                "Middle of the formation, [x, y, z] in the map, m. For 'points' the map's origin "
-                "if not given.",
+                "Center of the formation, [x, y, z] in the map, m. The default for 'points' is "
+                "the map's origin.",
                 [0.0, 0.0, 0.8],
             ),
             "spacing": positive(
-                f"Distance between neighbours, m; {SPACING:g} if not given. For a circle 'radius' "
+                f"Distance between neighbours, m; {SPACING:g} by default. For a circle 'radius' "
                 "may be given instead.",
                 examples=[0.6],
             ),
-            "radius": positive("Of the circle, m. Give this or 'spacing'.", examples=[0.8]),
-            "rows": _many("Rows of the grid; as many as its columns need if not given."),
-            "columns": _many("Columns of the grid; as square as it goes if not given."),
+            "radius": positive("Radius of the circle, m. Give this or 'spacing'.", examples=[0.8]),
+            "rows": _many("Rows of the grid; by default as many as its columns need."),
+            "columns": _many("Columns of the grid; by default as square as possible."),
             "points": {
                 "type": "array",
                 "minItems": 1,
                 "maxItems": MOST,
-                "items": point("Place, [x, y, z] from the centre, m.", [0.5, 0.0, 0.0]),
-                "description": "Places, from the centre, m, needed for 'points'; of more than "
-                "there are agents some stay empty.",
+                "items": point("Position, [x, y, z] from the center, m.", [0.5, 0.0, 0.0]),
+                "description": "Positions relative to the center, m, needed for 'points'; if there "
+                "are more positions than agents, some stay empty.",
                 "examples": [[[0.0, 0.0, 0.8], [0.6, 0.0, 1.0]]],
             },
             "yaw_deg": {
                 "type": "number",
-                "description": "By how much to turn the formation, and the heading of its agents, "
-                "degrees anticlockwise from the map's x axis; if not given it is not turned, and "
+                "description": "Angle by which to rotate the formation, and heading of its agents, "
+                "degrees anticlockwise from the map's x axis; if not given, it is not rotated, and "
                 "each agent keeps its own heading.",
                 "examples": [90],
             },
@@ -109,11 +110,11 @@ OFFER: Final[Offer[Task]] = Offer(
                 "given.",
                 examples=[0.3],
             ),
-            "within": positive("How near to its place each agent must come, m.", default=0.1),
+            "within": positive("Distance to its position each agent must reach, m.", default=0.1),
             "for": {
                 "type": "number",
                 "minimum": 0,
-                "description": "How long to stay once it is formed, s.",
+                "description": "Time to hold the formation once it is formed, s.",
                 "default": 0.0,
                 "examples": [5],
             },
@@ -125,10 +126,8 @@ OFFER: Final[Offer[Task]] = Offer(
                 "required": ["to"],
                 "additionalProperties": False,
                 "properties": {
-                    "to": point(
-                        "Where its centre moves to, [x, y, z] in the map, m.", [1.0, 0.0, 0.8]
-                    ),
-                    "speed": positive("Of the centre, m/s; limits.speed at most.", default=PACE),
+                    "to": point("Goal of its center, [x, y, z] in the map, m.", [1.0, 0.0, 0.8]),
+                    "speed": positive("Of the center, m/s; at most limits.speed.", default=PACE),
                 },
             },
         },

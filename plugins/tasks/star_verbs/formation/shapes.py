@@ -1,4 +1,4 @@
-"""Where the places of a formation are. Nothing here imports numpy."""
+"""The positions of a formation. Does not import numpy."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ Point = tuple[float, float, float]
 Offset = Sequence[float]
 
 SPACING: Final = 0.6
-"""Distance between neighbours if the mission does not say, m."""
+"""Default distance between neighbours, m."""
 
 ORIGIN: Final = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Places of a formation, which may move as one.
+    """Positions of a formation, which may move as a whole.
 
     Attributes:
-        place: Where agents are to be, map frame, m; as many as there are agents, or more.
-        apart: How near two of the places are to each other, m; infinite if there are no two.
-        move: How far the formation moves once it is formed, m; zero if it stays.
+        place: Positions for agents, map frame, m; at least as many as there are agents.
+        apart: Least distance between two positions, m; infinite if there are no two.
+        move: Displacement of the formation once it is formed, m; zero if it stays.
     """
 
     place: tuple[Point, ...]
@@ -33,16 +33,16 @@ class Shape:
 
     @property
     def way(self) -> float:
-        """How far the formation moves, m."""
+        """Distance that the formation moves, m."""
         return math.hypot(*self.move)
 
 
 def shape(agents: int, options: Mapping[str, Any]) -> Shape:
-    """Return the places that a mission's options mean for a number of agents.
+    """Return the positions of a formation for a number of agents.
 
     Args:
-        agents: How many.
-        options: Those of the verb, as checked.
+        agents: Number of agents.
+        options: Checked options of the verb.
 
     Example:
         >>> shape(3, {"shape": "line", "centre": [1, 0, 0.8], "spacing": 0.5}).place
@@ -58,7 +58,7 @@ def shape(agents: int, options: Mapping[str, Any]) -> Shape:
 
 
 def size_of_grid(agents: int, options: Mapping[str, Any]) -> tuple[int, int]:
-    """Return how many rows and columns a grid has: those given, and else as square as it goes.
+    """Return the number of rows and columns of a grid: as given, or as square as possible.
 
     >>> size_of_grid(5, {}), size_of_grid(5, {"rows": 1})
     ((2, 3), (1, 5))
@@ -87,7 +87,7 @@ def _circle(agents: int, options: Mapping[str, Any]) -> list[Offset]:
     radius = options.get("radius")
     if radius is None and agents == 1:
         radius = 0.0
-    elif radius is None:  # a chord of the circle is one spacing long
+    elif radius is None:  # neighbours are one spacing apart
         radius = options.get("spacing", SPACING) / (2 * math.sin(math.pi / agents))
     turns = [math.tau * i / agents for i in range(agents)]
     return [(radius * math.cos(turn), radius * math.sin(turn), 0.0) for turn in turns]
@@ -98,11 +98,11 @@ def _points(_agents: int, options: Mapping[str, Any]) -> list[Offset]:
 
 
 OFFSETS: Final = {"line": _line, "grid": _grid, "circle": _circle, "points": _points}
-"""Offsets of the places from the centre, m, by the shape; a turn of the formation comes after."""
+"""Offsets of the positions from the center, m, by shape, before rotation."""
 
 
 def _least(options: Mapping[str, Any], offset: Sequence[Offset]) -> float:
-    """How near two places are to each other, m; neighbours of a named shape follow each other."""
+    """Least distance between two positions, m; neighbours of a named shape are consecutive."""
     if options["shape"] == "points":
         pairs = combinations(offset, 2)
         return min((math.dist(one, other) for one, other in pairs), default=math.inf)

@@ -1,1 +1,1 @@
-"""The cameras of AI-decks, read over WiFi."""
+"""AI-deck cameras, read over WiFi."""

@@ -1,4 +1,4 @@
-"""Where AI-decks stream from, and what can be wrong with that."""
+"""Addresses of AI-deck image streams, and their checks."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def place(address: str) -> tuple[str, int]:
 
 
 def faults(scene: Scene, cameras: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Say whose camera cannot be read, as the agent's name and why.
+    """Yield the name of each agent whose camera cannot be read, and the reason.
 
-    A deck's WiFi serves one client (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer``), so what
-    reads its images cannot share it with a link over TCP, nor with the reader of another agent.
+    A deck's WiFi serves one client (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer``), so the
+    reader of its images cannot share it with a link over TCP or the reader of another agent.
     """
     agents = {agent.name: agent for agent in scene.agents}
     taken = {
@@ -41,7 +41,7 @@ def faults(scene: Scene, cameras: Mapping[str, str]) -> Iterator[tuple[str, str]
         if name not in agents:
             yield name, f"no agent is named {name!r}"
         elif agents[name].camera is None:
-            yield name, f"agent {name!r} carries no camera: say which by its 'camera'"
+            yield name, f"agent {name!r} carries no camera: set its 'camera'"
         elif not 0 < port <= LAST_PORT:
             yield name, f"{address!r} has no port from 1 to {LAST_PORT}"
         elif where in taken:

@@ -1,4 +1,4 @@
-"""One AI-deck's camera, read in a thread so that nobody waits for it."""
+"""Client of one AI-deck's camera, which reads in its own thread."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from star_core import Image
 from star_radio.camera.address import PORT
 from star_radio.camera.stream import Arrival, Counts, Stream
 
-LATENCY: Final = 0.15  # s: how late the original STAR's images were
-SHAPE: Final = (244, 324)  # height and width of an HM01B0's image, px
-CHUNK: Final = 65_536  # bytes to read at a time
-CONNECTING: Final = 0.5  # s to wait for an answer; with the pause, a deck is back within 1 s
-PAUSE: Final = 0.25  # s from one try to the next
-SILENCE: Final = 2.0  # s without a byte, after which a deck is called anew; they send 8 images a s
-WAITING: Final = 8  # images: 1 s of a deck's stream
-CLOSING: Final = 2.0  # s to wait for the thread
+LATENCY: Final = 0.15  # s, of images in the original STAR
+SHAPE: Final = (244, 324)  # height and width of an HM01B0 image, px
+CHUNK: Final = 65_536  # bytes per read
+CONNECT_TIMEOUT: Final = 0.5  # s; with the pause, a deck is reconnected within 1 s
+RETRY_PERIOD: Final = 0.25  # s, between two connection attempts
+SILENCE_TIMEOUT: Final = 2.0  # s without a byte, then reconnect; decks send 8 images per second
+MAX_WAITING: Final = 8  # images: 1 s of a deck's stream
+CLOSE_TIMEOUT: Final = 2.0  # s, for the thread to end
 
 
 class Shot(NamedTuple):
-    """An image, and when.
+    """An image and its times.
 
     Attributes:
         image: (height, width) grey values, read-only.
-        arrived: When all of it was here, s.
-        taken: When it was taken, as well as that can be known, s.
+        arrived: Arrival of its last packet, s.
+        taken: Estimated time of the exposure, s.
     """
 
     image: Image
@@ -41,21 +41,21 @@ class Shot(NamedTuple):
 
 
 class CameraClient:
-    """Reads one deck's stream, and calls it again within a second when it is lost.
+    """Reads one deck's stream, and reconnects within a second when it is lost.
 
-    The stock streamer does not say when an image was taken. It is taken to be `latency` before the
-    image's first packet was here, so the time that the transfer needs, from the first packet to the
-    last, counts as measured, and `latency` is what lies before it: the second half of the exposure,
+    The stock streamer sends no timestamps. An exposure is assumed to be `latency` before the
+    arrival of the image's first packet. So the duration of the transfer, from the first packet to
+    the last, is measured, and `latency` covers what precedes it: the second half of the exposure,
     the read-out and, with JPEG, the compression.
 
     Args:
-        host: The deck's address.
-        port: Number.
+        host: The deck's host.
+        port: Its port.
         shape: Height and width of its images, px.
         latency: From the middle of the exposure to the first packet, s.
-        clock: What times are told by, s.
-        silence: After how long without a byte the deck is called anew, s.
-        waiting: How many images may wait to be fetched; older ones are dropped.
+        clock: Clock for timestamps, s.
+        silence: Time without a byte after which to reconnect, s.
+        waiting: Maximum number of buffered images; older ones are dropped.
     """
 
     def __init__(
@@ -66,33 +66,33 @@ class CameraClient:
         shape: tuple[int, int] = SHAPE,
         latency: float = LATENCY,
         clock: Callable[[], float] = time.monotonic,
-        silence: float = SILENCE,
-        waiting: int = WAITING,
+        silence: float = SILENCE_TIMEOUT,
+        waiting: int = MAX_WAITING,
     ) -> None:
         self._host, self._port = host, port
         self._shape, self._latency, self._clock = shape, latency, clock
         self._silence, self._most = silence, waiting
         self._counts = Counts()
-        self._lock = threading.Lock()  # for what waits
+        self._lock = threading.Lock()  # for `_waiting`
         self._waiting: deque[Shot] = deque()
-        self._there, self._closed = threading.Event(), threading.Event()
-        self._fault = "not called yet"
+        self._connected, self._closed = threading.Event(), threading.Event()
+        self._fault = "not connected yet"
         self._thread = threading.Thread(target=self._run, name=f"camera {host}", daemon=True)
         self._thread.start()
 
     @property
     def counts(self) -> Counts:
-        """What the stream has brought so far, as it is now."""
+        """A snapshot of the stream's counters."""
         return dataclasses.replace(self._counts)
 
     @property
     def fault(self) -> str | None:
-        """Why the deck is not there; None while it is."""
-        return None if self._there.is_set() else f"{self._host}:{self._port}: {self._fault}"
+        """Why the deck is not connected; None while it is."""
+        return None if self._connected.is_set() else f"{self._host}:{self._port}: {self._fault}"
 
     def reached(self, within: float) -> bool:
-        """Wait until the deck is there, but at most `within` s, and say whether it is."""
-        return self._there.wait(within)
+        """Wait up to `within` s for the connection; return whether there is one."""
+        return self._connected.wait(within)
 
     def arrived(self) -> list[Shot]:
         """Return the images that arrived since the last call, oldest first, without waiting."""
@@ -102,13 +102,13 @@ class CameraClient:
         return shots
 
     def hang_up(self) -> None:
-        """Have the thread end, without waiting for it."""
+        """Make the thread end, without waiting for it."""
         self._closed.set()
 
     def close(self) -> None:
-        """Hang up and wait for the thread to end. Safe to call twice."""
+        """End the thread and wait for it. Safe to call twice."""
         self.hang_up()
-        self._thread.join(CLOSING)
+        self._thread.join(CLOSE_TIMEOUT)
 
     def __enter__(self) -> Self:
         return self
@@ -125,28 +125,28 @@ class CameraClient:
         try:
             while not self._closed.is_set():
                 self._call()
-                self._there.clear()
-                self._closed.wait(PAUSE)
+                self._connected.clear()
+                self._closed.wait(RETRY_PERIOD)
         finally:
-            self._there.clear()
+            self._connected.clear()
 
     def _call(self) -> None:
-        """Read the deck for as long as it is there, and keep why it no longer is."""
+        """Connect and read until the connection ends; record the reason."""
         try:
-            with socket.create_connection((self._host, self._port), CONNECTING) as deck:
+            with socket.create_connection((self._host, self._port), CONNECT_TIMEOUT) as deck:
                 self._counts.connections += 1
-                self._there.set()
+                self._connected.set()
                 self._fault = self._read(deck)
-        except (OSError, OverflowError, UnicodeError) as error:  # the last two: no such address
+        except (OSError, OverflowError, UnicodeError) as error:  # the last two: invalid address
             self._fault = str(getattr(error, "strerror", None) or error)
 
     def _read(self, deck: socket.socket) -> str:
-        """Read until there is no more, and return why.
+        """Read until the stream ends; return the reason.
 
         Raises:
             OSError: The connection broke.
         """
-        deck.settimeout(PAUSE)  # how soon a `close` is seen
+        deck.settimeout(RETRY_PERIOD)  # so that `close` is noticed
         stream, heard = Stream(self._shape, self._counts), time.monotonic()
         try:
             while not self._closed.is_set():

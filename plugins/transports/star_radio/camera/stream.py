@@ -1,6 +1,6 @@
-"""Takes the stream of an AI-deck apart into images, whatever arrives.
+"""Decoder of an AI-deck's image stream; recovers from malformed data.
 
-A frame of CPX over TCP is a u16 with the length of what follows, two bytes of routing
+A frame of CPX over TCP is a u16 with the length of the rest, two bytes of routing
 (``RSV:1 LP:1 source:3 destination:3``, ``version:2 function:6``) and data, little endian. An image
 is one packet of function APP, ``0xBC, u16 width, u16 height, u8 depth, u8 form, u32 size``, and
 then the packets whose data make up its ``size`` bytes (Bitcraze, aideck-gap8-examples,
@@ -19,31 +19,31 @@ import numpy as np
 
 from star_core import Image
 
-MTU: Final = 1022  # bytes after the length, the most that the AI-deck's ESP32 carries
+MTU: Final = 1022  # bytes after the length, maximum of the AI-deck's ESP32
 ROUTING: Final = 2  # bytes
 LENGTH: Final = 2  # bytes of the length itself
 APP: Final = 5
-FUNCTIONS: Final = frozenset({1, 2, 3, 4, APP, 14, 15})  # those that CPX knows
+FUNCTIONS: Final = frozenset({1, 2, 3, 4, APP, 14, 15})  # defined by CPX
 MAGIC: Final = 0xBC
-DEPTH: Final = 1  # byte a pixel
+DEPTH: Final = 1  # byte per pixel
 RAW, JPEG = 0, 1
-WIDEST: Final = 4096  # px; more is no image's width or height
+MAX_SIDE: Final = 4096  # px, plausible width or height of an image
 JPEG_END: Final = b"\xff\xd9"
 
 _FRAME: Final = struct.Struct("<HBB")
 _HEAD: Final = struct.Struct("<BHHBBI")
-_BEGINNING: Final = re.compile(rb"\x0d\x00.\x05\xbc", re.DOTALL)  # a frame with such a head
+_BEGINNING: Final = re.compile(rb"\x0d\x00.\x05\xbc", re.DOTALL)  # start of a frame with a header
 _SIZE: Final = re.compile(rb"\xff[\xc0-\xc2]\x00[\x0b\x11]\x08(....)", re.DOTALL)  # SOF, ITU T.81
-_SHORT: Final = 4  # bytes of a beginning that may stand at the end of what has come
+_OVERLAP: Final = 4  # bytes at the end of a chunk that may be an incomplete `_BEGINNING`
 
 
 class Arrival(NamedTuple):
-    """One whole image.
+    """One complete image.
 
     Attributes:
         image: (height, width) grey values, read-only.
-        began: When its first packet was here, s.
-        arrived: When its last one was, s.
+        began: Arrival of its first packet, s.
+        arrived: Arrival of its last packet, s.
     """
 
     image: Image
@@ -53,15 +53,15 @@ class Arrival(NamedTuple):
 
 @dataclass(slots=True)
 class Counts:
-    """What a camera's stream has brought so far.
+    """Counters of a camera's stream.
 
     Attributes:
-        images: Whole images.
-        wrong: Images of another size or form than this camera's.
-        broken: Images of which a part was missing or too much, or that could not be decoded.
-        malformed: Frames that mean nothing, and places where the stream had to be taken up anew.
-        dropped: Images that nobody fetched in time.
-        connections: How often the deck was reached.
+        images: Complete images.
+        wrong: Images of another size or format than this camera's.
+        broken: Images with missing or surplus data, or that could not be decoded.
+        malformed: Invalid frames, and resynchronisations of the stream.
+        dropped: Images that were not fetched in time.
+        connections: Connections made to the deck.
     """
 
     images: int = 0
@@ -82,11 +82,11 @@ class _Head(NamedTuple):
 
 
 class Stream:
-    """One connection's bytes, as they come, in pieces of any size.
+    """Decoder of one connection's bytes, in chunks of any size.
 
     Args:
         shape: Height and width of the images, px.
-        counts: Where to count.
+        counts: Counters to update.
     """
 
     def __init__(self, shape: tuple[int, int], counts: Counts) -> None:
@@ -98,9 +98,9 @@ class Stream:
         self._began = 0.0
 
     def feed(self, data: bytes, now: float) -> list[Arrival]:
-        """Return the images that `data`, which arrived at `now`, completes.
+        """Return the images completed by `data`, which arrived at `now`, s.
 
-        After a length that no frame has, the stream is taken up where the next image begins.
+        After an invalid length, decoding resumes at the start of the next image.
         """
         stream, at, arrivals = self._rest + data, 0, list[Arrival]()
         view = memoryview(stream)
@@ -120,21 +120,21 @@ class Stream:
                 break
             if function == APP:
                 self._take(view[at + LENGTH + ROUTING : end], now, arrivals)
-            elif function not in FUNCTIONS:  # or of another version, which its upper bits say
+            elif function not in FUNCTIONS:  # also of another version, in the upper bits
                 self._counts.malformed += 1
             at = end
         self._rest = stream[at:]
         return arrivals
 
     def end(self) -> None:
-        """Say that no more comes: an image that is not whole never will be."""
+        """End the stream; an incomplete image is counted as broken."""
         self._abandon()
 
     def _beginning(self, stream: bytes, at: int) -> int:
-        """Return where to go on: at the beginning of an image, or near the end for want of one."""
+        """Return the offset of the next image, or near the end of the data if there is none."""
         found = _BEGINNING.search(stream, at)
         self._lost = found is None
-        return max(at, len(stream) - _SHORT) if found is None else found.start()
+        return max(at, len(stream) - _OVERLAP) if found is None else found.start()
 
     def _take(self, data: memoryview, now: float, arrivals: list[Arrival]) -> None:
         head = _head(data)
@@ -174,12 +174,12 @@ class Stream:
 
 
 def _head(data: memoryview) -> _Head | None:
-    """Return what a packet says of an image that follows; None if it is no such packet."""
+    """Return the image header in a packet; None if it is not a header."""
     if len(data) != _HEAD.size or data[0] != MAGIC:
         return None
     head = _Head(*_HEAD.unpack(data))
     sane = head.depth == DEPTH and head.form in {RAW, JPEG}
-    return head if sane and 0 < head.width <= WIDEST and 0 < head.height <= WIDEST else None
+    return head if sane and 0 < head.width <= MAX_SIDE and 0 < head.height <= MAX_SIDE else None
 
 
 def _raw(body: bytes, shape: tuple[int, int]) -> Image:
@@ -187,7 +187,7 @@ def _raw(body: bytes, shape: tuple[int, int]) -> Image:
 
 
 def _jpeg(body: bytes, shape: tuple[int, int]) -> Image | None:
-    size = _SIZE.search(body)  # asked first: it might say a size that fills the memory
+    size = _SIZE.search(body)  # checked first: a corrupt size could exhaust memory
     if size is None or struct.unpack(">HH", size[1]) != shape:
         return None
     if not body.endswith(JPEG_END):  # OpenCV fills what is missing with grey

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Camera
+from star_core import Array, Camera, CameraModel
 from star_sim.compiled import Record, compiled, kernel
 from star_sim.eye.optics import Optics
 
@@ -19,30 +19,8 @@ POSE = 12
 
 def mounting(camera: Camera) -> Array:
     """Return the pose of a camera in the body, (12,)."""
-    return np.concatenate([matrix(np.array(camera.rotation)).ravel(), camera.position])
-
-
-@kernel
-def matrix(turn: Array) -> Array:
-    """Return the (3, 3) rotation matrix of a unit quaternion x, y, z, w."""
-    x, y, z, w = turn[0], turn[1], turn[2], turn[3]
-    table = np.empty((3, 3))
-    table[0, 0], table[0, 1], table[0, 2] = (
-        1 - 2 * (y * y + z * z),
-        2 * (x * y - w * z),
-        2 * (x * z + w * y),
-    )
-    table[1, 0], table[1, 1], table[1, 2] = (
-        2 * (x * y + w * z),
-        1 - 2 * (x * x + z * z),
-        2 * (y * z - w * x),
-    )
-    table[2, 0], table[2, 1], table[2, 2] = (
-        2 * (x * z - w * y),
-        2 * (y * z + w * x),
-        1 - 2 * (x * x + y * y),
-    )
-    return table
+    pose = CameraModel(camera).mounting
+    return np.concatenate([pose.rotation.ravel(), pose.position])
 
 
 @compiled

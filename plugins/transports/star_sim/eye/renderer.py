@@ -54,7 +54,7 @@ class Renderer:
         blur: float = 0.7,
     ) -> None:
         self._optics, self._mount = optics(camera), mounting(camera)
-        self._rays = rays(self._optics)
+        self._rays = rays(camera)
         x, y = self._rays
         self._field = (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
         places = frames(tags)

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from star_core import Array, Tag
-from star_sim.eye.motion import matrix
+from star_core import Array, Tag, rotation_from_quaternion
 
 MODULES = 8  # of a tag of family 36h11 along one side, its black border included
 RIM = 1  # modules of white paper around it
@@ -27,7 +26,7 @@ def frames(tags: Sequence[Tag]) -> Array:
     table = np.empty((len(tags), FRAME))
     for row, tag in zip(table, tags, strict=True):
         row[:3] = tag.position
-        row[3:12] = matrix(np.array(tag.rotation)).T.ravel()
+        row[3:12] = rotation_from_quaternion(tag.rotation).T.ravel()
         row[12] = tag.size
     return table
 

@@ -1,4 +1,4 @@
-"""``star fleet`` as its user sees it: serves a mission's drones until it is told to stop."""
+"""The command ``star fleet``: serves a mission's drones until it is interrupted."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 LAST_PORT = 65535
 CAMERAS = 5000
-"""Port of the first camera if nobody says; an AI-deck's own is the same."""
+"""Default port of the first camera, as on an AI-deck."""
 
 
 def run(arguments: Sequence[str]) -> int:
     """Serve until interrupted and return the exit status, 0.
 
     Raises:
-        InputError: The mission cannot be flown, or a port cannot be had.
+        InputError: The mission cannot be flown, or a port is not available.
     """
     options = parser().parse_args(arguments)
     assignments = [] if options.seed is None else [f"seed={options.seed}"]
@@ -43,7 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     from star_sim.fleet.server import Fleet
 
     with ExitStack() as opened:
-        with _told_of("--port", options.port):
+        with _port_errors("--port", options.port):
             fleet = Fleet(
                 mission.scene,
                 host=options.host,
@@ -54,7 +54,7 @@ def run(arguments: Sequence[str]) -> int:
             )
         opened.callback(fleet.close)
         more = _over_tcp(fleet, mission, options, cameras, opened)
-        with _until_told(fleet):
+        with _until_interrupted(fleet):
             for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
                 sys.stdout.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
             sys.stdout.flush()
@@ -65,12 +65,11 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line, apart so that the docs and the tests can read it."""
+    """Return the command-line parser; separate for use by docs and tests."""
     star = argparse.ArgumentParser(
         prog="star fleet",
         description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
-        epilog="Noise, battery, endurance and camera are what the mission says of its transport "
-        "`sim`.",
+        epilog="Noise, battery, endurance and camera are taken from the mission's transport `sim`.",
         allow_abbrev=False,
     )
     star.add_argument("mission", help="mission file (YAML)")
@@ -79,47 +78,52 @@ def parser() -> argparse.ArgumentParser:
         type=_port,
         default=19850,
         metavar="N",
-        help="of the first drone; the others follow, 0 takes free ones: %(default)s",
+        help="UDP port of the first drone, the others follow; 0 selects free ports: %(default)s",
     )
     star.add_argument(
         "--tcp",
         type=_port,
         metavar="N",
-        help="serve the links as CPX over TCP too, from port N on, 0 takes free ones",
+        help="also serve the links as CPX over TCP, from port N on; 0 selects free ports",
     )
     decks = star.add_mutually_exclusive_group()
     decks.add_argument(
         "--cameras",
         type=_port,
         metavar="N",
-        help="stream the agents' cameras as AI-decks do from port N on, 0 takes free ones: "
+        help="stream the agents' cameras like AI-decks, from port N on; 0 selects free ports: "
         f"{CAMERAS}",
     )
-    decks.add_argument("--no-cameras", action="store_true", help="stream no cameras")
-    star.add_argument(
-        "--jpeg", action="store_true", help="compress the cameras' images, as the deck can"
-    )
+    decks.add_argument("--no-cameras", action="store_true", help="do not stream cameras")
+    star.add_argument("--jpeg", action="store_true", help="compress the cameras' images as JPEG")
     star.add_argument(
         "--brushless",
         action="store_true",
-        help="drones with brushless motors, which have to be armed before they fly",
+        help="drones with brushless motors, which must be armed before flight",
     )
     star.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
-    star.add_argument("--seed", help="seed of every random number (the mission's)")
+    star.add_argument("--seed", help="random seed (default: the mission's)")
     star.add_argument(
-        "--speed", type=_positive, default=1.0, metavar="X", help="times real time: %(default)g"
+        "--speed",
+        type=_positive,
+        default=1.0,
+        metavar="X",
+        help="simulation speed factor: %(default)g",
     )
     star.add_argument(
-        "--duration", type=_positive, metavar="S", help="simulated seconds to serve (for ever)"
+        "--duration",
+        type=_positive,
+        metavar="S",
+        help="simulated seconds to serve (default: unlimited)",
     )
     return star
 
 
 def _first_camera(options: argparse.Namespace, carried: int) -> int | None:
-    """Return the port of the first camera, 0 for a free one; None if none is to be streamed.
+    """Return the port of the first camera, 0 for a free one; None if no camera is streamed.
 
     Raises:
-        InputError: Something is asked of cameras of which there is none.
+        InputError: Camera options were given, but there are no cameras.
     """
     none = "" if carried else f"no agent of {options.mission} carries a 'camera'"
     if options.cameras is not None and none:
@@ -132,7 +136,7 @@ def _first_camera(options: argparse.Namespace, carried: int) -> int | None:
 
 
 def _check_ports(flag: str, first: int | None, count: int) -> None:
-    """Refuse ports that there are not enough of.
+    """Check that there are enough ports from the first one on.
 
     Raises:
         InputError: There are not.
@@ -142,10 +146,10 @@ def _check_ports(flag: str, first: int | None, count: int) -> None:
 
 
 def _check_apart(links: int | None, agents: int, cameras: int | None, carried: int) -> None:
-    """Refuse ports that links and cameras both want over TCP.
+    """Check that the TCP ports of links and cameras do not overlap.
 
     Raises:
-        InputError: There are some.
+        InputError: They overlap.
     """
     if links and cameras and links < cameras + carried and cameras < links + agents:
         raise InputError(
@@ -157,11 +161,11 @@ def _check_apart(links: int | None, agents: int, cameras: int | None, carried: i
 
 
 @contextmanager
-def _told_of(flag: str, port: int, instead: str = "") -> Iterator[None]:
-    """Say by which flag the port was asked for that cannot be had.
+def _port_errors(flag: str, port: int, instead: str = "") -> Iterator[None]:
+    """Name the flag of a port that is not available.
 
     Raises:
-        InputError: It cannot.
+        InputError: The port is not available.
     """
     try:
         yield
@@ -180,10 +184,10 @@ def _over_tcp(
     cameras: int | None,
     opened: ExitStack,
 ) -> dict[int, list[str]]:
-    """Serve links and cameras over TCP if that is wanted, and return where, by row.
+    """Serve links and cameras over TCP if requested, and return their addresses, by row.
 
     Raises:
-        InputError: A port cannot be had.
+        InputError: A port is not available.
     """
     if options.tcp is None and cameras is None:
         return {}
@@ -192,12 +196,12 @@ def _over_tcp(
     found: dict[int, list[str]] = {}
     scene, host = mission.scene, options.host
     if options.tcp is not None:
-        with _told_of("--tcp", options.tcp):
+        with _port_errors("--tcp", options.tcp):
             wifi = Wifi(fleet, scene, host, links=options.tcp, cameras=None)
         opened.callback(wifi.close)
         found = {row: [uri] for row, uri in wifi.links.items()}
     if cameras is not None:
-        with _told_of("--cameras", cameras, ", or --no-cameras"):
+        with _port_errors("--cameras", cameras, ", or --no-cameras"):
             wifi = Wifi(fleet, scene, host, links=None, cameras=cameras, jpeg=options.jpeg)
         opened.callback(wifi.close)
         for row, address in wifi.cameras.items():
@@ -206,11 +210,11 @@ def _over_tcp(
 
 
 def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
-    """Return what the mission says of the simulator, if it flies with it.
+    """Return the mission's options for the simulator, or the defaults for another transport.
 
     Args:
-        mission: To be served.
-        seen: Whether its cameras are to be streamed; they are then rendered, whatever it says.
+        mission: The mission.
+        seen: Whether cameras are streamed; they are then rendered, whatever the mission's mode.
     """
     part = mission.parts["transport"]
     options = part.options if part.use == "sim" else {}
@@ -224,8 +228,8 @@ def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
 
 
 @contextmanager
-def _until_told(fleet: Fleet) -> Iterator[None]:
-    """Stop serving on Ctrl-C and its like."""
+def _until_interrupted(fleet: Fleet) -> Iterator[None]:
+    """Stop serving on SIGINT (Ctrl-C) or SIGTERM."""
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         fleet.stop()

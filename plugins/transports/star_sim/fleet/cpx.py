@@ -22,7 +22,7 @@ _LENGTH: Final = 2  # bytes of the length itself
 
 
 class Target(IntEnum):
-    """Who talks to whom."""
+    """Source or destination of a packet."""
 
     STM32 = 1
     ESP32 = 2
@@ -46,9 +46,9 @@ class Packet(NamedTuple):
     """One packet and its routing.
 
     Attributes:
-        source: Who sends it.
-        destination: For whom it is.
-        function: What it is about.
+        source: Sender.
+        destination: Receiver.
+        function: Type of content.
         data: At most `ROOM` bytes.
         last: Whether it is the last one of its message.
     """
@@ -61,7 +61,7 @@ class Packet(NamedTuple):
 
 
 class SyncError(Exception):
-    """A stream says a length that no frame has, so nothing after it can be told apart."""
+    """The stream has an invalid frame length, so synchronisation is lost."""
 
 
 def encode(packet: Packet) -> bytes:
@@ -93,8 +93,8 @@ class Decoder:
         """Return the packets that `data` completes.
 
         Raises:
-            SyncError: A frame cannot have the length that it says. What came before it is lost
-                too; the next `feed` begins anew.
+            SyncError: A frame has an invalid length. Packets before it are lost too; the next
+                `feed` starts a new stream.
         """
         stream, at, packets = self._rest + data, 0, []
         self._rest = b""

@@ -52,6 +52,13 @@ class Craft:
         self.stop()
         self._drone["locked"] = 1
 
+    def restart(self) -> None:
+        """Stop the motors and forget the flight, as a reboot does."""
+        self.stop()
+        self._drone["locked"] = self._drone["crashed"] = self._drone["finished"] = 0
+        self._drone["motors_time"] = -math.inf
+        self.begin_estimate(0.0, 0.0, 0.0)
+
     def recover(self) -> None:
         """Forget the crash."""
         self._drone["crashed"] = 0
@@ -95,7 +102,7 @@ class Craft:
         attitude: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
         attitude_deviation: float = math.inf,
     ) -> None:
-        """Tell the estimator of a pose from outside, with standard deviations in m and in rad."""
+        """Pass a received pose to the estimator, with standard deviations in m and rad."""
         self._simulator.correct(
             Corrections(
                 agent=np.array([self._row]),
@@ -120,4 +127,4 @@ class Craft:
         drone["believed_velocity"] = 0.0
         drone["believed_yaw"] = yaw
         drone["slip"] = cos, -sin
-        self._simulator.fusion.forget(self._row, self._simulator.time)
+        self._simulator.fusion.forget(self._simulator.drones, self._row, self._simulator.time)

@@ -1,8 +1,8 @@
-"""Who steers a vehicle: its high-level commander, setpoints from outside, or nobody.
+"""Arbitration between the high-level commander and external setpoints.
 
-As in the firmware's ``commander.c``: a setpoint from outside takes the priority from the high-level
-commander and stops its plan, and keeps it, however long it is silent, until it is told to let go. A
-plan that is made meanwhile is accepted and runs, but does not reach the motors.
+As in the firmware's ``commander.c``: an external setpoint takes the priority from the high-level
+commander and stops its plan; it keeps the priority, even without further setpoints, until a packet
+releases it. A plan that is started meanwhile is accepted and runs, but does not reach the motors.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from star_sim.fleet.setpoints import Demand
 
 
 class Guidance:
-    """Hands what steers on to the position loop.
+    """Passes the active reference to the position loop.
 
     Args:
-        craft: What is steered.
-        high_level: The commander on board.
+        craft: The vehicle's craft.
+        high_level: Its high-level commander.
     """
 
     def __init__(self, craft: Craft, high_level: HighLevel) -> None:
@@ -36,17 +36,17 @@ class Guidance:
         return self._allowed
 
     def silence(self, now: float) -> float:
-        """For how long no setpoint has come, s; the high-level commander is never silent."""
+        """Time without a setpoint, s; 0 while the high-level commander has the priority."""
         return 0.0 if self._demand is None else now - self._stamp
 
     def stream(self, demand: Demand, now: float) -> None:
-        """Take a setpoint from outside at `now`, s."""
+        """Fly an external setpoint at `now`, s."""
         self._demand, self._stamp = demand, now
         self._high_level.stop()
         self._steer(now)
 
     def let_go(self, now: float) -> None:
-        """Give the priority back, at `now`, s: what the high-level commander plans is flown."""
+        """Return the priority to the high-level commander at `now`, s."""
         self._demand = None
         self._steer(now)
 
@@ -59,7 +59,7 @@ class Guidance:
         return answer
 
     def permit(self, now: float, *, allowed: bool, levels: bool) -> None:
-        """Heed the supervisor at `now`, s: whether motors may run, and whether to level out."""
+        """Apply the supervisor's decisions at `now`, s: motors allowed, level out."""
         if (allowed, levels) == (self._allowed, self._levels):
             return
         if not allowed:
@@ -68,7 +68,7 @@ class Guidance:
         self._steer(now)
 
     def advance(self, now: float) -> None:
-        """Go on to the plan's next piece if that is due at `now`, s."""
+        """Start the plan's next piece if it is due at `now`, s."""
         if now >= self._until:
             self._steer(now)
 

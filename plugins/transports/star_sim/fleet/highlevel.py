@@ -17,14 +17,13 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array
+from star_core import Array, transformed, wrap_angle
 from star_sim.commander import ending_at_rest
 from star_sim.fleet.craft import Craft
 from star_sim.fleet.packet import read, sound
 from star_sim.fleet.parameters import Parameters
 from star_sim.fleet.trajectory import compressed, plain
 from star_sim.pieces import Piece
-from star_sim.position import wrap
 
 SET_GROUPS, STOP, DEFINE = 0, 3, 6  # commands; the others are for a group, and move
 MOST_FIELD: Final = float(1 << 32)  # of a number in a command
@@ -101,7 +100,7 @@ class HighLevel:
         return self._pieces[i], self._begins[i], last and stage is Stage.LANDING, until
 
     def plan(self, now: float) -> object:
-        """What tells a plan from the next; None if there is none at `now`, s."""
+        """Identity of the current plan; None if there is none at `now`, s."""
         return None if self.stage(now) is Stage.IDLE else self._pieces
 
     def stop(self) -> None:
@@ -156,7 +155,7 @@ class HighLevel:
         if (here := self.stage(now)) is stage or (stage is Stage.FLYING and here is not Stage.IDLE):
             return REFUSED
         start, *_ = self._reference(now)
-        turn = 0.0 if yaw is None else wrap(yaw - start[3])
+        turn = 0.0 if yaw is None else wrap_angle(yaw - start[3])
         end = np.array([start[0], start[1], height, start[3] + turn])
         return self._plan(stage, [_smooth(start, np.zeros(4), np.zeros(4), end, duration)], now)
 
@@ -195,7 +194,7 @@ class HighLevel:
             return errno.ENOEXEC
         start, rate, acceleration = self._reference(now)
         end = np.array(target) + (start if relative else 0.0)
-        end[3] = start[3] + wrap(end[3] - start[3])
+        end[3] = start[3] + wrap_angle(end[3] - start[3])
         if linear:
             coefficients = np.zeros((4, 8))
             coefficients[:, 0], coefficients[:, 1] = start, end - start
@@ -237,14 +236,9 @@ class HighLevel:
     def _moved_here(self, pieces: list[Piece], now: float, *, turned: bool) -> list[Piece]:
         """Return pieces that start at the reference, turned about their start to its heading."""
         here, first = self._reference(now)[0], pieces[0].coefficients[:, 0]
-        turn = wrap(here[3] - first[3]) if turned else 0.0
-        cos, sin = math.cos(turn), math.sin(turn)
-        start = np.array(
-            [cos * first[0] - sin * first[1], sin * first[0] + cos * first[1], first[2], 0.0]
-        )
-        shift = here - start
-        shift[3] = turn
-        return [piece.moved(shift, turn) for piece in pieces]
+        turn = wrap_angle(here[3] - first[3]) if turned else 0.0
+        start = transformed(first[:, None], turn)[:3, 0]
+        return [piece.moved(here[:3] - start, turn) for piece in pieces]
 
     def _set_groups(self, _now: float, groups: int) -> int:
         self._parameters.put("hlCommander.groupmask", groups)

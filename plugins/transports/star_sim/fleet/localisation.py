@@ -20,7 +20,7 @@ class Fix:
     """Where a vehicle is.
 
     Attributes:
-        name: Last byte of the address of the one that is meant; None for whoever gets it.
+        name: Last byte of the address of the vehicle it is for; None for any receiver.
         position: Odometry frame, m.
         attitude: x, y, z, w from the body to that frame, if known.
     """

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from star_core import Array
 
 MOST_PAYLOAD: Final = 30  # bytes
-NULL: Final = b"\xff"  # what a radio sends to ask for more, and a client to find vehicles
+NULL: Final = b"\xff"  # sent by a radio to poll, and by a client to find vehicles
 MOST_VALUE: Final = 1e4  # of any number that steers a vehicle: m, m/s, °; beyond it is no flight
 
 _RESERVED: Final = 0x0C  # bits of the header that clients set and the firmware does not
@@ -23,7 +23,7 @@ _STEPS: Final = 511  # 9 bits
 
 
 class Port(IntEnum):
-    """What a packet is about."""
+    """Port of a packet."""
 
     CONSOLE = 0
     PARAMETERS = 2

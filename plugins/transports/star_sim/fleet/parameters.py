@@ -1,7 +1,7 @@
-"""The parameters of a vehicle: the firmware's names and types, and what they are at first.
+"""The parameters of a vehicle: the firmware's names, types and initial values.
 
-Those that steer something say so where they are read: `star_sim.fleet.vehicle`. The others are kept
-and read back, for clients that expect them.
+`star_sim.fleet.vehicle` implements those that have an effect. The others are only stored and read
+back, for clients that expect them.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ class Parameters:
         return None if result is None else payload[:3] + result
 
     def _keep(self, command: int, number: int) -> bytes:
-        """Store a value for after a restart, tell of one, or forget it."""
+        """Store a persistent value, return its state, or clear it."""
         kept = self._stored.get(number)
         if command == STORED:
             return bytes([kept is not None]) + self._first(number) + (kept or b"")

@@ -1,4 +1,4 @@
-"""The UDP ports of a fleet: where each vehicle is heard, and who is sent what it says."""
+"""The UDP ports of a fleet: one per vehicle, and the client that receives its packets."""
 
 from __future__ import annotations
 
@@ -19,13 +19,12 @@ Client: TypeAlias = tuple[str, int]
 
 
 class Ports:
-    """One UDP port for each agent; whoever has sent the last packet to it gets what it streams.
+    """One UDP port per agent; its stream is sent to the client of the last packet received.
 
     Args:
         scene: The agents.
         host: Address to serve at.
         numbers: Of the port of each agent; 0 for a free one.
-        delay: Cycles that each packet takes to the client.
 
     Attributes:
         sockets: Of each agent; they do not block.
@@ -34,11 +33,9 @@ class Ports:
         PluginError: A port cannot be had; it is named.
     """
 
-    def __init__(self, scene: Scene, host: str, numbers: Sequence[int], delay: int) -> None:
+    def __init__(self, scene: Scene, host: str, numbers: Sequence[int]) -> None:
         self.sockets: list[socket.socket] = []
-        self._delay = delay
         self._clients: list[tuple[Client, float] | None] = [None] * len(scene.agents)
-        self._late: list[tuple[int, int, bytes, Client]] = []  # by the cycle when it is due
         try:
             for agent, number in zip(scene.agents, numbers, strict=True):
                 self.sockets.append(_opened(agent.name, host, number))
@@ -48,47 +45,33 @@ class Ports:
 
     @property
     def addresses(self) -> list[str]:
-        """Where each agent is to be reached, as a mission's ``uri``."""
+        """Address of each agent, as the ``uri`` in a mission."""
         return [f"udp://{host}:{port}" for host, port in (s.getsockname() for s in self.sockets)]
 
     def receive(self, row: int) -> Iterator[tuple[bytes, Client]]:
-        """Yield one packet and who sent it; if there are more, the selector says so again."""
+        """Yield one packet and its sender; the selector reports any that follow."""
         try:
             packet, client = self.sockets[row].recvfrom(DATAGRAM)
         except OSError:  # none after all, or a client has closed its port
             return
-        if not is_null(packet):  # which asks who is there
+        if not is_null(packet):  # null packets only search for vehicles
             self._clients[row] = client, time.monotonic()
         yield packet, client
 
-    def send(self, row: int, packet: bytes, client: Client, cycle: int) -> None:
-        """Send a packet of an agent's to a client, now in `cycle` or so many cycles later."""
-        if self._delay:
-            self._late.append((cycle + self._delay, row, packet, client))
-        else:
-            self._put(row, packet, client)
-
-    def stream(self, row: int, packets: Sequence[bytes], cycle: int) -> None:
-        """Send packets to whom the agent heard last, until 5 s after that."""
+    def client(self, row: int) -> Client | None:
+        """Return the client that last sent a packet to the agent, for 5 s after that packet."""
         known = self._clients[row]
-        if known is not None and time.monotonic() - known[1] < SILENT:
-            for packet in packets:
-                self.send(row, packet, known[0], cycle)
+        return known[0] if known and time.monotonic() - known[1] < SILENT else None
 
-    def send_late(self, cycle: int) -> None:
-        """Send what is due by now."""
-        while self._late and self._late[0][0] <= cycle:
-            _, row, packet, client = self._late.pop(0)
-            self._put(row, packet, client)
-
-    def close(self) -> None:
-        """Give the ports back. Safe to call twice."""
-        for each in self.sockets:
-            each.close()
-
-    def _put(self, row: int, packet: bytes, client: Client) -> None:
+    def send(self, row: int, packet: bytes, client: Client) -> None:
+        """Send a packet of an agent's to a client."""
         with contextlib.suppress(OSError):  # its buffer is full, or it has gone
             self.sockets[row].sendto(packet, client)
+
+    def close(self) -> None:
+        """Close the ports. Safe to call twice."""
+        for each in self.sockets:
+            each.close()
 
 
 def _opened(name: str, host: str, number: int) -> socket.socket:

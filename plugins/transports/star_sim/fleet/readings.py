@@ -1,4 +1,4 @@
-"""The values of all vehicles at one time, worked out when somebody logs them."""
+"""Values of all log variables at one time, computed on demand."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Source:
         sample: (N, 8) as `star_sim.estimator.believe` streams it.
         info: (N,) bits of the supervisors.
         now: s.
-        uncertainty: The filter's variances.
+        uncertainty: The filter's covariances.
     """
 
     drones: Drones
@@ -75,6 +75,11 @@ class Readings:
         attitude = np.empty((n, 4))
         report(self.source.drones, self.source.now, attitude, np.empty(n, np.int64))
         return attitude
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(N, 3, 3) of the estimates of x, y and heading, m and rad."""
+        return self.source.uncertainty.covariance(self.source.drones, self.source.now)
 
     @cached_property
     def body_velocity(self) -> Array:

@@ -1,4 +1,4 @@
-"""The fleet: all drones of a scene in one simulation, each behind a UDP port of its own."""
+"""The fleet: all drones of a scene in one simulation, each with its own UDP port."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import selectors
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from types import TracebackType
 from typing import Final, Self, TypeAlias
 
@@ -17,7 +18,8 @@ from star_sim.airframe import CYCLE
 from star_sim.battery import HOVER_TIME
 from star_sim.camera_options import CameraOptions
 from star_sim.fleet.craft import Craft
-from star_sim.fleet.ports import Ports
+from star_sim.fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
+from star_sim.fleet.ports import Client, Ports
 from star_sim.fleet.readings import Readings, Source
 from star_sim.fleet.supervisor import PERIOD
 from star_sim.fleet.variables import VARIABLES
@@ -27,22 +29,23 @@ from star_sim.transport import Simulator
 PORT: Final = 19850  # where clients look first
 ADDRESS: Final = 0xE7E7E7E700  # of the radio of the vehicle in row -1
 MOST_LATE: Final = 0.25  # s, that are caught up with; of more the clock lets go
+BOOT_TIME: Final = 1.0  # s
 BOOT: Final = range(3)  # updates of a supervisor until a vehicle that stands well is ready to fly
-DRAIN: Final = 0.5  # s, after which what nobody reads is thrown away
+DRAIN: Final = 0.5  # s, after which unread packets are discarded
 
 _SUPERVISE: Final = round(PERIOD / CYCLE)
 _DRAIN: Final = round(DRAIN / CYCLE)
 
 
 Watcher: TypeAlias = tuple[Callable[[Image, float], object], Callable[[], bool]]
-"""What is shown an image and when it was taken, s; and whether it wants to be."""
+"""Receives an image and the time of its exposure, s; and whether it needs images."""
 
 
 class Fleet:
     """Serves the drones of a scene as CRTP over UDP, in real time.
 
-    Each agent has the port `port` plus its row, or a free one if `port` is 0. Whoever has sent the
-    last packet to it gets what it streams, until 5 s after the last one.
+    Each agent has the port `port` plus its row, or a free one if `port` is 0. Its stream is sent to
+    the client of the last received packet, for 5 s after that packet.
 
     ``with Fleet(scene) as fleet:`` serves in a thread of its own.
 
@@ -57,10 +60,16 @@ class Fleet:
         camera: How cameras err; None switches them off.
         speed: Simulated seconds per second.
         arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
-        delay: How long each packet takes to the client, s of simulated time, in whole cycles.
+        feed_forward: Whether a vehicle that follows a plan or holds a position heeds the velocity
+            and acceleration of its reference, as with the Mellinger controller. Without, it lags by
+            0.5 s, as with the firmware's default controller.
+        faults: Of every UDP link, in both directions; see `links` to change them in flight. A
+            delay is rounded up to whole cycles of 10 ms.
+        seed: Of the random numbers of the faults; the scene's if not given.
 
     Attributes:
         simulator: What flies; the truth is there.
+        links: The UDP links; ``links.faults[row]`` may be replaced at any time.
         vehicles: The firmware of each row.
 
     Raises:
@@ -80,7 +89,9 @@ class Fleet:
         camera: CameraOptions | None = None,
         speed: float = 1.0,
         arms_itself: bool = True,
-        delay: float = 0.0,
+        feed_forward: bool = True,
+        faults: LinkFaults = NO_FAULTS,
+        seed: int | None = None,
     ) -> None:
         self.simulator = Simulator(
             scene,
@@ -90,20 +101,16 @@ class Fleet:
             camera=camera,
             wanted=self.watched,
         )
-        self.vehicles = tuple(
-            Vehicle(
-                Craft(self.simulator, row),
-                row,
-                address(agent, row),
-                arms_itself=arms_itself,
-                camera=agent.camera is not None,
-            )
-            for row, agent in enumerate(scene.agents)
-        )
+        if not feed_forward:
+            self.simulator.drones["feed_forward"] = 0.0
+        self._agents, self._arms_itself = scene.agents, arms_itself
+        self.vehicles = [self._started(row) for row in range(len(scene.agents))]
+        self._boots_until = np.zeros(len(scene.agents))  # s
+        self.links = FaultyLinks(len(scene.agents), faults, scene.seed if seed is None else seed)
         self.slipped = 0.0
-        """Seconds that the clock has let go of, because the machine was too slow."""
+        """Seconds that the simulation has fallen behind real time, on a slow machine."""
         self.busy = 0.0
-        """Seconds that were spent in other things than waiting for packets or for time."""
+        """Seconds spent other than waiting for packets or time."""
         self._speed = speed
         self._watchers: dict[int, list[Watcher]] = {}
         self._saw = False
@@ -115,7 +122,7 @@ class Fleet:
         self._streams: list[list[Callable[[bytes], object]]] = [[] for _ in scene.agents]
         try:
             numbers = _numbers(scene, port, ports)
-            self._ports = Ports(scene, host, numbers, round(delay / CYCLE))
+            self._ports = Ports(scene, host, numbers)
         except BaseException:
             self.simulator.close()
             raise
@@ -125,7 +132,7 @@ class Fleet:
 
     @property
     def addresses(self) -> list[str]:
-        """Where each agent is to be reached, as a mission's ``uri``."""
+        """Address of each agent, as the ``uri`` in a mission."""
         return self._ports.addresses
 
     @property
@@ -136,28 +143,41 @@ class Fleet:
     def handle(self, row: int, packet: bytes) -> list[bytes]:
         """Give a packet to the vehicle in a row, from any thread, and return its answers."""
         with self._lock:
+            if self.simulator.time < self._boots_until[row]:
+                return []
             return self.vehicles[row].handle(packet, self.simulator.time)
 
+    def reboot(self, row: int) -> None:
+        """Restart a vehicle's firmware, from any thread, as a brownout in flight does.
+
+        Its motors stop, its log blocks, parameters and trajectories are gone, its clock and its
+        estimator begin anew, and it answers nothing for `BOOT_TIME`.
+        """
+        with self._lock:
+            self._boots_until[row] = self.simulator.time + BOOT_TIME
+            self.vehicles[row] = self._started(row)
+            Craft(self.simulator, row).restart()
+
     def listen(self, row: int, send: Callable[[bytes], object]) -> None:
-        """Have `send` called with every packet that a vehicle streams, beside its UDP client."""
+        """Call `send` with every packet that a vehicle streams, in addition to its UDP client."""
         self._streams[row].append(send)
 
     def watch(
         self, row: int, show: Callable[[Image, float], object], wanted: Callable[[], bool]
     ) -> None:
-        """Have `show` called with every image of a vehicle's camera, and when it was taken, s.
+        """Call `show` with every image of a vehicle's camera and the time of its exposure, s.
 
-        Where nobody wants images, as `wanted` says, none are made.
+        No images are rendered while `wanted` returns false.
         """
         with self._lock:
             self._watchers.setdefault(row, []).append((show, wanted))
 
     def watched(self, row: int) -> bool:
-        """Whether anybody wants the images of a vehicle's camera."""
+        """Whether the images of a vehicle's camera are needed."""
         return any(wanted() for _, wanted in self._watchers.get(row, ()))
 
     def advance(self) -> None:
-        """Go on by one cycle of 10 ms."""
+        """Advance by one cycle of 10 ms."""
         with self._lock:
             self.simulator.wait((self._cycle + 1) * CYCLE)
             self._cycle += 1
@@ -179,11 +199,11 @@ class Fleet:
             frames = Frames.none()
             if self._saw or self._cycle % _DRAIN == 0:
                 heard = self.simulator.receive().frames
-                frames = heard if saw else frames  # in time: who gets them knows no other
+                frames = heard if saw else frames  # converted to the time of the receiver
         for row, packets in enumerate(streamed):
             if packets:
                 self._stream(row, packets)
-        self._ports.send_late(self._cycle)
+        self.links.deliver(self.simulator.time)
         for row, taken, image in zip(
             frames.agent.tolist(), frames.taken.tolist(), frames.image, strict=True
         ):
@@ -217,7 +237,7 @@ class Fleet:
         self._stopped.set()
 
     def close(self) -> None:
-        """Stop serving and give the ports back. Safe to call twice."""
+        """Stop serving and close the ports. Safe to call twice."""
         self.stop()
         if self._thread is not None:
             self._thread.join()
@@ -238,6 +258,18 @@ class Fleet:
     ) -> None:
         self.close()
 
+    def _started(self, row: int) -> Vehicle:
+        """Return the firmware of an agent's vehicle as it is after a boot."""
+        agent = self._agents[row]
+        return Vehicle(
+            Craft(self.simulator, row),
+            row,
+            address(agent, row),
+            arms_itself=self._arms_itself,
+            camera=agent.camera is not None,
+            booted=self.simulator.time,
+        )
+
     def _supervise(self, now: float) -> None:
         drones = self.simulator.drones
         columns = (
@@ -251,16 +283,30 @@ class Fleet:
             self._info[row] = vehicle.info
 
     def _receive(self, row: int) -> None:
-        """Answer one packet."""
+        """Take one packet from the port of a row."""
         for packet, client in self._ports.receive(row):
-            for answer in self.handle(row, packet):
-                self._ports.send(row, answer, client, self._cycle)
+            self.links.send(
+                row,
+                Direction.TO_VEHICLE,
+                self.simulator.time,
+                partial(self._answer, row, packet, client),
+            )
+
+    def _answer(self, row: int, packet: bytes, client: Client) -> None:
+        for answer in self.handle(row, packet):
+            self._send(row, answer, client)
 
     def _stream(self, row: int, packets: list[bytes]) -> None:
         for send in self._streams[row]:
             for packet in packets:
                 send(packet)
-        self._ports.stream(row, packets, self._cycle)
+        if (client := self._ports.client(row)) is not None:
+            for packet in packets:
+                self._send(row, packet, client)
+
+    def _send(self, row: int, packet: bytes, client: Client) -> None:
+        deliver = partial(self._ports.send, row, packet, client)
+        self.links.send(row, Direction.TO_CLIENT, self.simulator.time, deliver)
 
 
 def _numbers(scene: Scene, port: int, ports: Sequence[int] | None) -> Sequence[int]:

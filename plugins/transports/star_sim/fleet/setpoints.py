@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
+from star_core import yaw_from_quaternion
 from star_sim.airframe import THRUST_MAX
 from star_sim.drone import FREE, PLACE, SPEED
 from star_sim.fleet.packet import expand, read, sound
@@ -209,13 +210,12 @@ def _full_state(payload: bytes, _kind: int) -> Demand | None:
     if values is None:
         return None
     metres = [value / 1000 for value in values[:9]]
-    x, y, z, w = expand(values[9])
     return Demand(
         (PLACE, PLACE, PLACE),
         _three(metres[:3]),
         _three(metres[3:6]),
         _three(metres[6:]),
-        yaw=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+        yaw=float(yaw_from_quaternion(expand(values[9]))),
     )
 
 

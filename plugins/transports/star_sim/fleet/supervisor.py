@@ -2,8 +2,8 @@
 
 The states of ``supervisor_state_machine.c``: a vehicle that flies levels out when no setpoint came
 for 0.5 s, and is locked after 2 s, as on an emergency stop; a tumble in flight is a crash, from
-which one can recover. Whoever levels out does not count as landed: a link that is closed within
-1.5 s of landing locks the vehicle.
+which it can recover. A vehicle that levels out does not count as landed: closing the link within
+1.5 s of landing locks it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LOCK_AFTER: Final = 2.0  # s without a setpoint
 STILL_FLYING: Final = 2.0  # s after the motors were last on
 PREFLIGHT: Final = 30.0  # s that a vehicle stays armed without flying
 LANDED: Final = 3.0  # s that it stays armed after landing
-KEEP_ALIVE: Final = 1.0  # s within which the emergency-stop watchdog must be told again
+KEEP_ALIVE: Final = 1.0  # s, within which the emergency-stop watchdog must be reset
 
 
 class State(Enum):
@@ -60,10 +60,10 @@ class Conditions:
 
     Attributes:
         tumbled: It lies on its back or side.
-        crashed: It has tumbled with its motors on, and nobody said to recover.
-        resting: For how long the motors have been off, s.
-        silence: For how long no setpoint came, s.
-        emergency: Somebody asked for a stop by a parameter.
+        crashed: It has tumbled with its motors on, without a recovery since.
+        resting: Time since the motors were on, s.
+        silence: Time since the last setpoint, s.
+        emergency: A stop was requested by a parameter.
     """
 
     tumbled: bool
@@ -86,7 +86,7 @@ class Supervisor:
         self._arms_itself = arms_itself
         self._since = 0.0  # s, when the state was entered
         self._stopped = False
-        self._told: float | None = None  # s, when the watchdog was last told
+        self._watchdog_reset: float | None = None  # s, last reset of the watchdog
         self._tumbled = False
 
     @property
@@ -100,7 +100,7 @@ class Supervisor:
 
     def keep_alive(self, now: float) -> None:
         """Start the watchdog at `now`, s, or put it off: 1 s without another is a stop."""
-        self._told = now
+        self._watchdog_reset = now
 
     def arm(self, *, armed: bool) -> bool:
         """Arm or disarm, and return whether it is as wanted."""
@@ -134,7 +134,7 @@ class Supervisor:
         state, flies = self.state, found.resting < STILL_FLYING
         if state is State.LOCKED:
             return state
-        late = self._told is not None and now - self._told > KEEP_ALIVE
+        late = self._watchdog_reset is not None and now - self._watchdog_reset > KEEP_ALIVE
         if self._stopped or late or found.emergency:
             return State.LOCKED
         match state:
@@ -168,7 +168,7 @@ class Supervisor:
         return State.UNFIT if self._disarms(now - self._since > patience) else state
 
     def _disarms(self, late: bool) -> bool:  # noqa: FBT001
-        """Whether it is disarmed for being late; who arms itself is armed again at once."""
+        """Whether it is disarmed by a timeout; a self-arming vehicle is rearmed at once."""
         if late and not self._arms_itself:
             self.armed = False
             return True

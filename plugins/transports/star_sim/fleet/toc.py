@@ -10,7 +10,7 @@ from typing import Final
 
 from star_sim.fleet.packet import read
 
-ITEM, INFO = 2, 3  # commands; 0 and 1 are those of protocol versions below 4, which nobody speaks
+ITEM, INFO = 2, 3  # commands; 0 and 1 are for protocol versions below 4, no longer in use
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Entry:
     code: int
 
     def described(self) -> bytes:
-        """As the table tells of it."""
+        """The entry as sent to clients."""
         group, _, name = self.name.partition(".")
         return bytes([self.code]) + group.encode() + b"\0" + name.encode() + b"\0"
 

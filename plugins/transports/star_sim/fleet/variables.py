@@ -76,12 +76,9 @@ def _bit(bit: int) -> Callable[[Readings], Any]:
     return lambda readings: readings.source.info >> bit & 1
 
 
-def _place_variance(readings: Readings) -> Any:
-    return readings.source.uncertainty.variance(readings.source.now)[0]
-
-
-def _yaw_variance(readings: Readings) -> Any:
-    return readings.source.uncertainty.variance(readings.source.now)[1]
+def _variance(axis: int) -> Callable[[Readings], Any]:
+    """Of the estimate of x, y or heading, m² or rad²."""
+    return lambda readings: readings.covariance[:, axis, axis]
 
 
 def _velocity_variance(readings: Readings) -> Any:
@@ -201,12 +198,12 @@ VARIABLES: Final = (
     Variable("kalman.q1", FLOAT, _quaternion(0)),
     Variable("kalman.q2", FLOAT, _quaternion(1)),
     Variable("kalman.q3", FLOAT, _quaternion(2)),
-    Variable("kalman.varX", FLOAT, _place_variance),
-    Variable("kalman.varY", FLOAT, _place_variance),
+    Variable("kalman.varX", FLOAT, _variance(0)),
+    Variable("kalman.varY", FLOAT, _variance(1)),
     Variable("kalman.varPX", FLOAT, _velocity_variance),
     Variable("kalman.varPY", FLOAT, _velocity_variance),
     Variable("kalman.varPZ", FLOAT, _velocity_variance),
-    Variable("kalman.varD2", FLOAT, _yaw_variance),
+    Variable("kalman.varD2", FLOAT, _variance(fusion.YAW)),
     Variable("range.zrange", U16, _range),
     Variable("motor.m1", U16, _of("thrust", 0, FULL_PWM / THRUST_MAX)),
     Variable("motor.m2", U16, _of("thrust", 1, FULL_PWM / THRUST_MAX)),

@@ -1,8 +1,8 @@
-"""One simulated vehicle as its link sees it: packets in, packets out, no socket.
+"""Firmware of one simulated vehicle, as seen by its link: packets in, packets out, no sockets.
 
-What the firmware does with a packet is done here and in the modules that this one hands it to. What
-is malformed, or says what no vehicle can fly (numbers that are none, or beyond 10 000), is dropped:
-the firmware would take it.
+This module and those it calls process packets like the firmware, except that malformed packets and
+values that cannot be flown (not finite, or beyond 10 000), which the firmware would accept, are
+dropped.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LOC_EMERGENCY_STOP, LOC_KEEP_ALIVE = 3, 4
 
 LEAST_DEVIATION: Final = 1e-4  # m and rad: a fix is never without error
 
-SAID: Final = {
+CONSOLE_MESSAGES: Final = {
     State.LOCKED: b"SUP: Locked, reboot required\n",
     State.CRASHED: b"SUP: Crashed, recovery required\n",
 }
@@ -49,11 +49,12 @@ class Vehicle:
     """A vehicle's firmware.
 
     Args:
-        craft: What flies.
-        row: Of it in the readings.
-        address: On the radio, five bytes; the last one names it in packed positions.
+        craft: The vehicle's craft.
+        row: Its row in the readings.
+        address: Radio address, five bytes; the last one identifies it in packed positions.
         arms_itself: Whether its motors are brushed.
         camera: Whether it carries an AI-deck.
+        booted: Time of its start, s since the start of the fleet.
     """
 
     def __init__(
@@ -64,10 +65,12 @@ class Vehicle:
         *,
         arms_itself: bool = True,
         camera: bool = False,
+        booted: float = 0.0,
     ) -> None:
         self.supervisor = Supervisor(arms_itself=arms_itself)
         self.info = 0
         self._craft = craft
+        self._booted = booted
         self._name = address & 0xFF
         self._memories = Memories(address)
         self._parameters = parameters.Parameters(self._written)
@@ -76,8 +79,8 @@ class Vehicle:
         self._guidance = Guidance(craft, self._high_level)
         self._log = log.Log(row)
         self._sticks = Sticks()
-        self._said = [b"SYS: Crazyflie 2.1 is up and running!\n"]
-        self._heard = False  # what is said waits for somebody to listen
+        self._console = [b"SYS: Crazyflie 2.1 is up and running!\n"]
+        self._heard = False  # console output waits for the first packet of a client
         self._ports: Final[dict[int, Callable[[int, bytes, float], bytes | None]]] = {
             Port.PARAMETERS: self._on_parameters,
             Port.ATTITUDE: self._on_attitude,
@@ -92,7 +95,7 @@ class Vehicle:
         }
 
     def handle(self, packet: bytes, now: float) -> list[bytes]:
-        """Take a packet at `now`, s since the start, and return the answers."""
+        """Process a packet at `now`, s since the start, and return the answers."""
         if is_null(packet):
             return [NULL]
         parts = split(packet)
@@ -105,12 +108,12 @@ class Vehicle:
         return [] if answer is None else [join(port, channel, answer)]
 
     def advance(self, readings: Readings, now: float) -> list[bytes]:
-        """Go on to `now`, s, and return the packets that are sent without being asked for."""
+        """Advance to `now`, s, and return the unsolicited packets."""
         self._guidance.advance(now)
-        packets = list(self._log.due(readings, now))
-        if self._said and self._heard:
-            text = b"".join(self._said)
-            self._said.clear()
+        packets = list(self._log.due(readings, now - self._booted))
+        if self._console and self._heard:
+            text = b"".join(self._console)
+            self._console.clear()
             packets += [
                 join(Port.CONSOLE, 0, text[at : at + MOST_PAYLOAD])
                 for at in range(0, len(text), MOST_PAYLOAD)
@@ -118,7 +121,7 @@ class Vehicle:
         return packets
 
     def supervise(self, now: float, *, tumbled: bool, crashed: bool, resting: float) -> None:
-        """Update the supervisor and what it says, 25 times a second.
+        """Update the supervisor and its console output, 25 times a second.
 
         Args:
             now: s.
@@ -136,8 +139,8 @@ class Vehicle:
         entered = self.supervisor.update(found, now)
         if entered is State.LOCKED:
             self._craft.lock()
-        if entered in SAID:
-            self._said.append(SAID[entered])
+        if entered in CONSOLE_MESSAGES:
+            self._console.append(CONSOLE_MESSAGES[entered])
         state = self.supervisor.state
         self._guidance.permit(
             now, allowed=self.supervisor.motors_may_run, levels=state is State.LEVELLING
@@ -172,7 +175,7 @@ class Vehicle:
     def _on_log(self, channel: int, payload: bytes, now: float) -> bytes | None:
         if channel == TABLE:
             return log.CONTENTS.answer(payload)
-        return self._log.answer(payload, now) if channel == log.CONTROL else None
+        return self._log.answer(payload, now - self._booted) if channel == log.CONTROL else None
 
     def _on_localisation(self, channel: int, payload: bytes, now: float) -> None:
         if channel == COMMAND and payload[:1] == bytes([LOC_EMERGENCY_STOP]):
@@ -213,7 +216,7 @@ class Vehicle:
         return None
 
     def _arm_or_recover(self, command: int, payload: bytes) -> tuple[bool, bool] | None:
-        """Do it, and return whether it could be done, and whether it is armed or sound."""
+        """Execute it; return whether that succeeded, and whether the vehicle is armed or sound."""
         if command == ARM and len(payload) > 1:
             return self.supervisor.arm(armed=payload[1] != 0), self.supervisor.armed
         if command == RECOVER:
@@ -242,7 +245,7 @@ class Vehicle:
         return MAGIC.ljust(MOST_PAYLOAD, b"\0") if channel == SOURCE else None
 
     def _written(self, name: str) -> None:
-        """Do what the writing of a parameter does at once."""
+        """Apply the immediate effect of a written parameter."""
         if name != "kalman.resetEstimation" or not self._parameters[name]:
             return
         x, y, yaw = (self._parameters[f"kalman.initial{axis}"] for axis in ("X", "Y", "Yaw"))

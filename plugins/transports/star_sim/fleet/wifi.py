@@ -61,7 +61,7 @@ class Wifi:
             _stream(fleet, row, deck)
 
     def close(self) -> None:
-        """Hang up and give the ports back."""
+        """Disconnect all clients and close the ports."""
         self._opened.close()
 
 
@@ -76,7 +76,7 @@ def _link(
 
 
 def _stream(fleet: Fleet, row: int, deck: AideckServer) -> None:
-    """Stream what a camera sees; while nobody is there, it sees nothing."""
+    """Stream a camera's images; while no client is connected, none are rendered."""
     fleet.watch(row, deck.publish, lambda: deck.connected)
 
 

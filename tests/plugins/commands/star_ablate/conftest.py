@@ -34,7 +34,7 @@ import signal
 import subprocess
 import time
 
-from star_core import Offer, hookimpl
+from star_core import AvoiderSpec, hookimpl
 
 HARM = {
     "exit": lambda: os._exit(3),
@@ -62,7 +62,7 @@ class Wrecker:
 def star_avoiders():
     text = {"type": "string", "description": "What to do.", "default": ""}
     options = {"type": "object", "properties": {"made": text, "used": text}}
-    yield Offer(name="wrecker", summary="Does harm.", make=Wrecker, options=options)
+    yield AvoiderSpec(name="wrecker", summary="Does harm.", make=Wrecker, options=options)
 '''
 
 

@@ -51,7 +51,7 @@ def test_the_example_flies_and_shows_that_orca_keeps_drones_apart(
     missions: Path, tmp_path: Path, rows: Rows, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = missions / "studies" / "avoiders.yaml"
-    assert main([str(path), "--out", str(tmp_path / "a"), "--seeds", "1"]) == 0
+    assert main([str(path), "--out", str(tmp_path / "a"), "--seeds", "1", "--workers", "1"]) == 0
     found = rows(tmp_path / "a")
     assert [(row["avoider"], row["seed"]) for row in found] == [
         (level, "0") for level in ("none", "orca 0.25", "orca 0.3")
@@ -174,7 +174,7 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
         finally:
             process.kill()
     assert process.returncode == 1
-    assert err == f"star: interrupted; to go on, add `--out {out}`\n"
+    assert err == f"star: interrupted; to resume, add `--out {out}`\n"
     assert "1 of 2 runs" in said
     (row,) = rows(out)
     assert (row["harm"], row["outcome"]) == ("a", "completed")
@@ -189,10 +189,10 @@ def test_nothing_is_written_when_the_study_is_wrong(study: Study, tmp_path: Path
 @pytest.mark.parametrize(
     ("make", "why"),
     [
-        (lambda out: out.write_text(""), "is no folder"),
+        (lambda out: out.write_text(""), "is not a folder"),
         (
             lambda out: (out / "thesis").mkdir(parents=True),
-            "holds something else than a study; name another folder",
+            "contains other files than a study; name another folder",
         ),
     ],
 )

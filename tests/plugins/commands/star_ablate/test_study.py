@@ -10,7 +10,7 @@ import pytest
 from star_ablate.reading import MEASURES, SEEDS, read
 from star_ablate.study import COLUMNS
 from star_core import InputError, Registry
-from star_core import schema as schemas
+from star_core.mission_file import schema as schemas
 
 HOP = "missions: [../hop.yaml]\n"
 
@@ -113,7 +113,7 @@ def test_a_number_of_seeds_does_not_go_with_own_seeds(
     with pytest.raises(InputError) as caught:
         read(path, registry, 3)
     assert caught.value.problems == (
-        f"{path}:4:8: each mission flies with its 'own' seed, so that --seeds 3 means nothing",
+        f"{path}:4:8: each mission flies with its 'own' seed, so --seeds 3 has no effect",
     )
 
 
@@ -201,7 +201,7 @@ def test_another_version_of_a_plugin_changes_the_key(
         ),
         (
             HOP + "factors: {noise: {a: {seed: 3}}}\n",
-            "4:29: the seed is no level; set `seeds`",
+            "4:29: the seed cannot be a level; set `seeds`",
         ),
         (
             HOP + "factors: {a: {b: {avoider.radius: 1}}, c: {d: {avoider: none}}}\n",
@@ -238,7 +238,7 @@ def test_two_missions_of_one_name_cannot_be_told_apart(
     (path.parent / "hop.yaml").write_text("star: 1\n")
     first = path.parent / "../hop.yaml"
     assert problems(path, registry) == [
-        f"3:25: 'hop.yaml' cannot be told from {str(first)!r} in the results; rename one"
+        f"3:25: 'hop.yaml' is indistinguishable from {str(first)!r} in the results; rename one"
     ]
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from star_bench.catalogue import CATALOGUE, Case
 from star_bench.mission_file import mission_text, world_text
-from star_core.cli import main, run
+from star_core.cli.main import main, run
 
 AGENTS = 6
 

@@ -12,7 +12,7 @@ import pytest
 from star_bench.figures import PARTS, Figures, figures, path_ratio, time_ratio
 from star_bench.scenario import Scenario, level
 from star_bench.table import COLUMNS, LEGEND, Key, as_csv, as_markdown, rows
-from star_core.deadlock import NEAR, PATIENCE
+from star_core.metrics.deadlocks import MAX_WAIT, WAITING_DISTANCE
 
 TWO = level([(0, 0), (0, 5)], [(3, 4), (1, 5)], about="Two go 5 m and 1 m.")
 TWICE = Scenario(
@@ -205,8 +205,8 @@ def test_the_page_tells_what_its_columns_mean() -> None:
 
 def test_the_page_tells_of_waits_with_the_numbers_that_they_are_counted_by() -> None:
     words = " ".join(LEGEND.split())
-    assert f"makes no progress for {PATIENCE:g} s" in words
-    assert f"ahead of it within {NEAR:g} m" in words
+    assert f"makes no progress for {MAX_WAIT:g} s" in words
+    assert f"ahead of it within {WAITING_DISTANCE:g} m" in words
 
 
 def test_the_csv_has_numbers_in_full_and_nothing_for_what_is_not_known() -> None:

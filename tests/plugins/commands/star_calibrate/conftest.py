@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Array, Camera, Image
 
-FINE = 4  # samples to a pixel, each way
+FINE = 2  # samples to a pixel, each way
 EXACT = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-10)
 BLUR, NOISE = 0.7, 4.0  # px and grey values, as the simulator's camera has them
 DARK, LIGHT = 40.0, 200.0

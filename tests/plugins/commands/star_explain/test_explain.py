@@ -12,16 +12,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import InputError, Offer, Registry, Status, Step, fly, hookimpl, load, schema
-from star_core.cli import main as star
-from star_core.conditions import KINDS, longest
-from star_core.rules import DEFAULTS
-from star_core.turn import PATIENCE
-from star_explain import rehearsal
+from star_core import (
+    Exclusive,
+    InputError,
+    Registry,
+    Status,
+    TaskOutput,
+    TaskSpec,
+    fly,
+    hookimpl,
+    load,
+)
+from star_core.cli.main import main as star
+from star_core.mission_file import schema
+from star_core.mission_file.conditions import KINDS, longest
+from star_core.safety.rules import DEFAULTS
 from star_explain.command import main
+from star_explain.dry_run import Group, StepResult, dry_run, holds_from, waits
 from star_explain.facts import RESERVE, RULES
 from star_explain.plan import plan
-from star_explain.rehearsal import Group, Told, holds_from, rehearse, waits
 from star_explain.words import condition
 
 MISSIONS = Path(__file__).parents[4] / "missions"
@@ -67,7 +76,7 @@ def explain(write: Write, capsys: pytest.CaptureFixture[str]) -> Explain:
 
 def told(path: Path, *plugins: object) -> Group:
     registry = Registry(*plugins)
-    return rehearse(load(path, registry), registry)
+    return dry_run(load(path, registry), registry)
 
 
 def test_every_step_is_told_with_its_agents_options_and_times(explain: Explain) -> None:
@@ -184,7 +193,7 @@ def test_a_program_from_outside_is_not_waited_for_and_its_port_stays_shut(
     steps = "  - takeoff: {}\n  - external: {}\n  - external: {timeout: 7}\n"
     _, first, second = told(write(steps)).parts
     assert (first.takes, first.limit, second.limit) == (None, 60.0, 7.0)
-    assert isinstance(first, Told)
+    assert isinstance(first, StepResult)
     assert first.fault == ""
 
 
@@ -192,14 +201,14 @@ class Alone:
     """Offers a verb that waits for somebody outside, or is alone and done at once."""
 
     @hookimpl
-    def star_tasks(self) -> Iterator[Offer[Any]]:
-        yield Offer(
+    def star_tasks(self) -> Iterator[TaskSpec]:
+        yield TaskSpec(
             name="ring",
             summary="Ring.",
             make=lambda _scene, _rows, **_options: self,
+            exclusive=Exclusive(options=(), unless="alone", timeout=9),
             options={
                 "type": "object",
-                "outside": {"holds": [], "unless": "alone", "timeout": 9},
                 "properties": {
                     "alone": {"type": "boolean"},
                     "port": {"type": "integer", "default": 7},
@@ -210,8 +219,8 @@ class Alone:
     def begin(self, _estimate: object, _health: object) -> float:
         return 5.0
 
-    def step(self, _estimate: object, _health: object) -> Step:
-        return Step(status=Status.SUCCESS)
+    def step(self, _estimate: object, _health: object) -> TaskOutput:
+        return TaskOutput(status=Status.SUCCESS)
 
 
 def test_a_step_that_takes_hold_of_nothing_outside_is_rehearsed(write: Write) -> None:
@@ -231,9 +240,9 @@ def test_a_step_that_would_fail_is_told(explain: Explain) -> None:
     text = explain(
         "  - takeoff: {}\n  - goto: {by: [0, 0, 0.1], on_failure: land}\n  - takeoff: {}\n"
     )
-    assert "! in rehearsal: already in the air: cf1, cf2" in text
+    assert "! in the dry run: already in the air: cf1, cf2" in text
     grounded = explain("  - land: {on_failure: continue}\n  - goto: {to: [0, 1, 1]}\n")
-    assert "! in rehearsal: is not over when its time is" in grounded
+    assert "s, even with nothing in the way" in grounded
 
 
 def test_what_is_flown_on_board_is_told_with_the_time_it_takes(
@@ -258,7 +267,7 @@ def test_who_is_in_reserve_does_nothing_until_it_joins(explain: Explain) -> None
     )
     assert "  1  takeoff cf1\n" in text
     assert "  3  land cf1, cf2\n" in text
-    assert "in reserve: cf2, for whose battery is below 3.7 V; ready above 4 V" in text
+    assert "in reserve: cf2, to replace agents below 3.7 V; ready above 4 V" in text
 
 
 def test_parts_are_told_with_options_and_defaults(explain: Explain) -> None:
@@ -284,8 +293,8 @@ def test_safety_rules_are_told_with_their_numbers(explain: Explain) -> None:
     rules = "safety: {battery_low: {below: 3.6}, link_lost: {then: hold}, tumbled: {then: stop}}"
     text = explain("  - land: {}\n", beside=rules)
     assert "  battery_low: battery below 3.6 V, then land\n" in text
-    assert "  link_lost: not heard for 0.5 s, then hold\n" in text
-    assert "  tumbled: tumbled, crashed or locked, then stop\n" in text
+    assert "  link_lost: no message for 0.5 s, then hold\n" in text
+    assert "  tumbled: tumbled, crashed, locked or rebooted, then stop\n" in text
 
 
 def test_the_numbers_of_safety_rules_and_of_a_reserve_are_those_of_the_schema() -> None:
@@ -296,10 +305,6 @@ def test_the_numbers_of_safety_rules_and_of_a_reserve_are_those_of_the_schema() 
         assert DEFAULTS[name] == ({key: default} if key else {})
     reserve = properties["reserve"]["properties"]
     assert {name: reserve[name]["default"] for name in RESERVE} == RESERVE
-
-
-def test_the_patience_with_a_condition_is_that_of_a_flight() -> None:
-    assert rehearsal.PATIENCE == PATIENCE
 
 
 leaves = st.sampled_from(
@@ -414,14 +419,14 @@ class Broken:
     closed = 0
 
     @hookimpl
-    def star_tasks(self) -> Iterator[Offer[Any]]:
-        yield Offer(name="break", summary="Raise.", make=lambda _scene, _rows: self)
+    def star_tasks(self) -> Iterator[TaskSpec]:
+        yield TaskSpec(name="break", summary="Raise.", make=lambda _scene, _rows: self)
 
     def begin(self, _estimate: object, _health: object) -> float:
         raise RuntimeError("no")
 
-    def step(self, _estimate: object, _health: object) -> Step:
-        return Step()
+    def step(self, _estimate: object, _health: object) -> TaskOutput:
+        return TaskOutput()
 
     def close(self) -> None:
         self.closed += 1
@@ -430,7 +435,7 @@ class Broken:
 def test_a_verb_that_raises_is_told_and_closed_and_the_others_are_explained(write: Write) -> None:
     broken = Broken()
     first, second = told(write("  - break: {}\n  - takeoff: {}\n"), broken).parts
-    assert isinstance(first, Told)
+    assert isinstance(first, StepResult)
     assert "raised RuntimeError('no')" in first.fault
     assert first.limit is None
     assert second.limit == pytest.approx(13.0)
@@ -444,4 +449,4 @@ def test_missions_that_are_shipped_are_explained_without_a_fault(
     assert main([str(MISSIONS / f"{name}.yaml")]) == 0
     text = capsys.readouterr().out
     assert "plan: about" in text
-    assert "! in rehearsal" not in text
+    assert "! in the dry run" not in text

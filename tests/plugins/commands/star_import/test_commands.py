@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from star_core import InputError, Mission, actions
-from star_core.cli import main as star
-from star_import.located import Value
-from star_import.notes import Notes
+from star_core.cli.main import main as star
+from star_import.import_log import ImportLog
+from star_import.located_yaml import Value
 from star_import.records import records
 from tests.plugins.commands.star_import.conftest import ROBOTS, Import
 
@@ -77,7 +77,7 @@ def test_every_record_is_told_with_its_place_and_its_units(take: Import, command
     commands('"hold", "wait", "cf1", "2", ""')
     told = take("m.yaml", "crazyflies.yaml", "--force")
     assert "m.yaml:2:1: hold of cf1 for 2 s" in told
-    assert "m.yaml:2:1: cf1: has not taken off by then" in told
+    assert "m.yaml:2:1: cf1: not airborne at this point" in told
 
 
 def test_a_goto_moves_nobody_as_executed(commands: Fly) -> None:
@@ -105,14 +105,14 @@ def test_names_with_an_underscore_between_are_two(commands: Fly) -> None:
 def test_a_mission_without_commands_is_one_in_which_nobody_moves(place: Put, take: Import) -> None:
     place("empty.yaml", "command_sequence: [\n  # a comment\n]\n")
     told = take("empty.yaml", "--agent", "cf1=0,0")
-    assert "the list of commands: is empty; so is the mission: nobody moves" in told
+    assert "the list of commands: is empty, and so is the mission" in told
 
 
 def test_a_record_without_a_task_is_told_and_marked(place: Put, take: Import) -> None:
     place("m.yaml", 'command_sequence: ["", "wait", "all", "", ""]\n')
     told = take("m.yaml", "--agent", "cf1=0,0")
-    assert "m.yaml:1:20: has no task: the original skips it; left out" in told
-    assert "  # line 1: no task, left out" in Path("imported/m.yaml").read_text("utf-8")
+    assert "m.yaml:1:20: has no task: the original skips it; ignored" in told
+    assert "  # line 1: no task, ignored" in Path("imported/m.yaml").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -126,13 +126,13 @@ def test_a_record_without_a_task_is_told_and_marked(place: Put, take: Import) ->
         ('"hold", "wait", "all", "2", "1 2 3"', "m.yaml:2:29: pose '1 2 3' of hold is ignored"),
         ('"land", "wait", "all", "2", ""', "m.yaml:2:24: argument '2' of land is ignored"),
         (UP + '"goto_velocity", "wait", "cf1", "", "0 1 1 0.7"',
-         "m.yaml:3:1: yaw 0.7 is taken for degrees"),
+         "m.yaml:3:1: yaw 0.7 is read as degrees"),
     ],
 )  # fmt: skip
 def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told: str) -> None:
     commands(record)
-    said = take("m.yaml", "crazyflies.yaml", "--force")
-    assert [line for line in said if line.startswith(told)]
+    described = take("m.yaml", "crazyflies.yaml", "--force")
+    assert [line for line in described if line.startswith(told)]
 
 
 @pytest.mark.parametrize(
@@ -145,17 +145,17 @@ def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told
          "m.yaml:2:24: '', expected a number: how long to hold, s"),
         ('"hold", "wait", "all", "-2", ""', "m.yaml:2:24: -2 s is less than 0"),
         ('"goto", "wait", "cf1", "", "0 1 1"',
-         "m.yaml:2:28: '0 1 1', expected 4 numbers: x, y, z in m and yaw in rad, with spaces "
-         "between"),
+         "m.yaml:2:28: '0 1 1', expected 4 numbers: x, y, z in m and yaw in rad, separated "
+         "by spaces"),
         ('"goto", "wait", "cf1", "", "0 1 nan 1"',
-         "m.yaml:2:28: '0 1 nan 1', expected 4 numbers: x, y, z in m and yaw in rad, with spaces "
-         "between"),
+         "m.yaml:2:28: '0 1 nan 1', expected 4 numbers: x, y, z in m and yaw in rad, separated "
+         "by spaces"),
         ('"goto", "wait", "cf1", "fast", "0 1 1 0"',
          "m.yaml:2:24: argument 'fast' of goto, expected '' or 'land'"),
         ('"land", "wait", "", "", ""',
-         "m.yaml:2:17: names no agents, expected 'all' or names with spaces between"),
+         "m.yaml:2:17: names no agents, expected 'all' or names separated by spaces"),
         ('"land", "wait", "cf3", "", ""',
-         "m.yaml:2:17: no agent named 'cf3' among cf1, cf2; say where it stands: --agent cf3=X,Y"),
+         "m.yaml:2:17: no agent named 'cf3' among cf1, cf2; add its position: --agent cf3=X,Y"),
         ('"land", "wait", "all", ""',
          "m.yaml:1:19: has 4 strings, expected five for each record: task, wait or conc, agents, "
          "argument, pose"),
@@ -168,7 +168,7 @@ def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told
 def test_what_cannot_be_said_is_refused_with_its_place(
     commands: Fly, record: str, expected: str
 ) -> None:
-    assert refused(commands, record) == [expected]
+    assert expected in refused(commands, record)
     assert not Path("imported").exists()
 
 
@@ -179,21 +179,21 @@ def test_every_record_that_is_wrong_is_told(commands: Fly) -> None:
 
 def test_a_mission_without_robots_is_refused(place: Put, take: Import) -> None:
     place("m.yaml", "command_sequence: []\n")
-    with pytest.raises(InputError, match="does not say where the agents stand"):
+    with pytest.raises(InputError, match="has no positions of agents"):
         take("m.yaml")
 
 
 def test_nothing_is_written_over_unless_told(place: Put, take: Import) -> None:
     place("m.yaml", "command_sequence: []\n")
     take("m.yaml", "--agent", "cf1=0,0")
-    with pytest.raises(InputError, match=r"imported/m\.yaml: is there already; --force"):
+    with pytest.raises(InputError, match=r"imported/m\.yaml: exists already; --force"):
         take("m.yaml", "--agent", "cf1=0,0")
     take("m.yaml", "--agent", "cf1=0,0", "--force")
 
 
 def test_an_import_does_not_write_over_what_it_read(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         take("crazyflies.yaml", "--out", ".")
 
 
@@ -213,11 +213,11 @@ strings = st.lists(words | st.text("cf01_ .-e", max_size=6), max_size=15)
 @given(texts=strings)
 def test_no_record_is_dropped_without_a_word(texts: list[str]) -> None:
     listed = Value([Value(text, f"m.yaml:{i + 1}:1") for i, text in enumerate(texts)], "m.yaml:1:1")
-    notes = Notes()
+    log = ImportLog()
     try:
-        found = records(Value({"command_sequence": listed}, "m.yaml:1:1"), ["cf1", "cf2"], notes)
+        found = records(Value({"command_sequence": listed}, "m.yaml:1:1"), ["cf1", "cf2"], log)
     except InputError:
         assert len(texts) % 5
         return
-    wrong = {(int(problem.split(":")[1]) - 1) // 5 for problem in notes.problems}
+    wrong = {(int(problem.split(":")[1]) - 1) // 5 for problem in log.problems}
     assert len(found) + len(wrong) == len(texts) // 5

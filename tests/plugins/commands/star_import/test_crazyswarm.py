@@ -38,16 +38,16 @@ def test_robots_become_agents_with_their_links(place: Put, take: Import) -> None
 def test_what_is_left_out_of_robots_is_told(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS + "all: {firmware_logging: {enabled: true}}\n")
     told = take("crazyflies.yaml")
-    assert "crazyflies.yaml:4:8: cf3 is not enabled; left out" in told
-    assert "crazyflies.yaml:7:6: 'all' is nothing that a mission says; left out" in told
-    assert [line for line in told if "type a: voltage_critical 3.7 V does nothing" in line]
+    assert "crazyflies.yaml:4:8: cf3 is not enabled; ignored" in told
+    assert "crazyflies.yaml:7:25: all: 'firmware_logging' is not supported; ignored" in told
+    assert [line for line in told if "type a: voltage_critical 3.7 V has no effect" in line]
 
 
 def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS.replace("[-1.0, 0.0, 0.0]", "[-0.3, 0.0, 0.0]"))
     told = take("crazyflies.yaml")
     assert (
-        "crazyflies: agents start 0.3 m apart; the avoider's radius is 0.15 m in place of 0.2"
+        "crazyflies: agents start 0.3 m apart; the avoider's radius is 0.15 m instead of 0.2"
         in told
     )
 
@@ -56,8 +56,8 @@ def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, tak
     ("old", "new", "expected"),
     [
         ("[-1.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]",
-         "crazyflies.yaml:3:8: as STAR reads it: 'cf2' starts 0.00 m from 'cf1', expected at least "
-         "two radii: 0.40 m"),
+         "crazyflies.yaml:3:8: as STAR reads it: 'cf2' starts 0.00 m from 'cf1', closer than twice "
+         "avoider.radius (0.40 m)"),
         ("initial_position: [-1.0, 0.0, 0.0]", "a: 1",
          "crazyflies.yaml:2:8: has no 'initial_position'"),
         ("[-1.0, 0.0, 0.0]", "[-1.0, 0.0]",
@@ -79,7 +79,7 @@ def test_robots_that_cannot_be_said_are_refused(
 
 def test_an_agent_that_is_named_twice_is_refused(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
-    with pytest.raises(InputError, match="--agent cf1=2,2: another agent is called 'cf1'"):
+    with pytest.raises(InputError, match="--agent cf1=2,2: another agent is named 'cf1' too"):
         take("crazyflies.yaml", "--agent", "cf1=2,2")
 
 
@@ -93,8 +93,8 @@ def test_a_trajectory_is_copied_and_followed(place: Put, take: Import) -> None:
     place("eight.csv", trajectory(0.5, 4.0))
     told = take("eight.csv", "--agent", "cf1=0,0")
     assert (
-        "eight.csv: durations in s, x, y and z in m, yaw in rad; flown by all, each from where it "
-        "is" in told
+        "eight.csv: durations in s, x, y and z in m, yaw in rad; flown by all, each from its "
+        "position" in told
     )
     mission = load(Path("imported/eight.yaml"), Registry())
     assert [a.verb for a in actions(mission.steps)] == ["takeoff", "follow", "land"]
@@ -131,25 +131,25 @@ def test_every_voltage_of_a_battery_is_told(place: Put, take: Import) -> None:
     both = "{voltage_critical: 3.7, voltage_warning: 3.8}"
     place("crazyflies.yaml", ROBOTS.replace("{voltage_critical: 3.7}", both))
     told = take("crazyflies.yaml")
-    assert [line for line in told if "type a: voltage_critical 3.7 V does nothing" in line]
-    assert [line for line in told if "type a: 'voltage_warning' is nothing" in line]
+    assert [line for line in told if "type a: voltage_critical 3.7 V has no effect" in line]
+    assert [line for line in told if "type a: 'voltage_warning' is not supported; ignored" in line]
 
 
 def test_numbers_that_no_file_says_are_told(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
     limits = "limits.speed 0.5 m/s, limits.height 0.2 to 2 m"
     told = take("crazyflies.yaml")
-    assert f"crazyflies: numbers that no file says: {limits}" in told
+    assert f"crazyflies: numbers not in the files: {limits}" in told
     up, go = '"takeoff", "wait", "all", "", ""', '"goto", "wait", "all", "", "0 0 1 0"'
     place("m.yaml", f"command_sequence: [{up}, {go}]")
     told = take("m.yaml", "crazyflies.yaml", "--force")
     assert (
-        "m: numbers that no file says: limits.speed 0.2 m/s, limits.height 0.5 to 2 m, of goto: "
+        "m: numbers not in the files: limits.speed 0.2 m/s, limits.height 0.5 to 2 m, of goto: "
         "speed 0.1 m/s, within 0.2 m, spacing 0.4 m where several fly to one place" in told
     )
 
 
 def test_an_agent_that_nobody_names_is_missed_though_there_is_none(place: Put) -> None:
     place("m.yaml", 'command_sequence: ["land", "wait", "cf2", "", ""]')
-    with pytest.raises(InputError, match="no agent named 'cf2'; say where it stands: --agent"):
+    with pytest.raises(InputError, match="no agent named 'cf2'; add its position: --agent"):
         main(["m.yaml"])

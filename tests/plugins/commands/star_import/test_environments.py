@@ -76,13 +76,13 @@ def test_points_without_a_key_point_are_absolute(world: World_) -> None:
 def test_a_point_that_is_repeated_and_an_odd_number_are_told(place: Put, take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="true", points="[1, 1, 0, 0, 0, 1, 7]"))
     told = take("lab.yaml")
-    assert "lab.yaml:7:15: obs0: the last of 7 numbers has no pair; left out" in told
-    assert "lab.yaml:7:15: obs0: [1, 1] stands there twice in a row; once" in told
+    assert "lab.yaml:7:15: obs0: the last of 7 numbers has no pair; ignored" in told
+    assert "lab.yaml:7:15: obs0: [1, 1] is repeated; used once" in told
 
 
 def test_the_fence_is_drawn_around_everything_and_told(place: Put, take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
-    assert "fence: no file says one; from [-2.1, -1.1, 0] to [2.1, 1.1, 2.2] m" in take("lab.yaml")
+    assert "fence: not in the files; from [-2.1, -1.1, 0] to [2.1, 1.1, 2.2] m" in take("lab.yaml")
 
 
 PAIR = "id000 id001: {alignment: top-left, location: [1.0, 0.0], purpose: relocalization}"
@@ -126,7 +126,7 @@ def test_a_target_without_a_place_is_told_and_can_be_placed(
     place("lab.yaml", text)
     (line,) = [line for line in take("lab.yaml", *FENCE) if "id100" in line]
     assert line == (
-        "lab.yaml:5:23: id100 has no place and is left out; to put it into the world: --target "
+        "lab.yaml:5:23: id100 has no position and is ignored; to add it to the world: --target "
         "100=X,Y"
     )
     (target,) = world(text, *FENCE, "--target", "100=1,2").targets
@@ -143,9 +143,9 @@ def test_what_an_import_does_not_read_is_told(place: Put, take: Import) -> None:
     tag = "id100: {location: [2.0, 0.0], purpose: eliminate, size: 0.08, alignment: top-left}"
     place("lab.yaml", "lights: off\n" + TAGS.format(tags=tag))
     told = take("lab.yaml", *FENCE)
-    assert "lab.yaml:1:9: 'lights' is nothing that an import reads; left out" in told
-    assert "lab.yaml:6:61: id100: 'size' is nothing that the original reads; left out" in told
-    assert "id100: 'alignment' is nothing that the original reads; left out" in "\n".join(told)
+    assert "lab.yaml:1:9: 'lights' is not supported; ignored" in told
+    assert "lab.yaml:6:61: id100: 'size' is not read by the original; ignored" in told
+    assert "id100: 'alignment' is not read by the original; ignored" in "\n".join(told)
 
 
 def test_one_file_of_commands_and_walls_is_imported_whole(place: Put, take: Import) -> None:
@@ -158,8 +158,8 @@ def test_one_file_of_commands_and_walls_is_imported_whole(place: Put, take: Impo
 
 def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import) -> None:
     place("lab.yaml", TAGS.format(tags="id100: {location: [2.0, 0.0], purpose: fun}"))
-    said = "lab.yaml:5:12: id100 is for 'fun', which the original ignores; left out"
-    assert said in take("lab.yaml")
+    described = "lab.yaml:5:12: id100 is for 'fun', which the original ignores; ignored"
+    assert described in take("lab.yaml")
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import)
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("thickness: 0.2", "a: 1"),
          "lab.yaml:4:7: has no 'thickness'"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("[0.0, 1.5]", "[0]"),
-         "lab.yaml:5:15: obs0: expected z of the foot and of the top, m"),
+         "lab.yaml:5:15: obs0: expected z of the bottom and of the top, m"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("[0.0, 1.5]", "[2, 1]"),
          "lab.yaml:4:7: as STAR reads it: obstacle 'obs0' has its foot at 2 m, not below its top "
          "at 1 m"),
@@ -188,13 +188,13 @@ def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import)
         (TAGS.format(tags="id001: {location: [1.0], purpose: relocalization}"),
          "lab.yaml:5:23: id001 has 1 numbers, expected x and y, m"),
         (TAGS.format(tags=PAIR).replace("-0.3105", "-0.2315"),
-         "lab.yaml:2:18: id000 id001: tags 0.122 m apart overlap at an edge of 0.157 m; say how "
-         "large they are: --tag-size 0.097 or less"),
+         "lab.yaml:2:18: id000 id001: tags 0.122 m apart overlap at an edge of 0.157 m; give "
+         "their size: --tag-size 0.097 or less"),
         (TAGS.format(tags="id600: {location: [1.0, 0.0], purpose: eliminate}"),
          "lab.yaml:5:12: as STAR reads it: targets.target_600.tags.0: 600 is greater than the "
          "maximum of 586"),
         ("a: 1\n",
-         "lab.yaml:1:1: holds none of 'command_sequence', 'environment', 'april_tags' (the "
+         "lab.yaml:1:1: contains none of 'command_sequence', 'environment', 'april_tags' (the "
          "original STAR) and 'robots' (Crazyswarm2)"),
     ],
 )  # fmt: skip
@@ -214,7 +214,7 @@ def test_smaller_tags_may_lie_nearer(world: World_) -> None:
     [
         (("--target", "1=2"), "--target 1=2: expected TAG=X,Y in m"),
         (("--agent", "cf1"), "--agent cf1: expected NAME=X,Y or NAME=X,Y,Z in m"),
-        (("--name", "_."), "'_.' has no letter to make a name of; give --name"),
+        (("--name", "_."), "'_.' has no letter to form a name; give --name"),
     ],
 )
 def test_what_is_wrong_with_an_option_is_told(
@@ -229,13 +229,13 @@ def test_what_is_wrong_with_an_option_is_told(
     ("text", "expected"),
     [
         ("", "lab.yaml: is empty"),
-        ("a: &x 1\nb: *x\n", "lab.yaml:2:4: alias '*x' is refused; write the value out"),
-        ("a: [1\n", "lab.yaml:2: is no YAML: "),
-        ("a: 1\na: 2\n", "lab.yaml:2:1: 'a' stands there twice"),
+        ("a: &x 1\nb: *x\n", "lab.yaml:2:4: alias '*x' is not supported; copy the value"),
+        ("a: [1\n", "lab.yaml:2: is not YAML: "),
+        ("a: 1\na: 2\n", "lab.yaml:2:1: key 'a' is repeated"),
         ("robots: 1e999\n", "lab.yaml:1:9: '1e999' is not a finite number"),
-        ("robots: .inf\n", "lab.yaml:1:9: '.inf' is no plain decimal number"),
+        ("robots: .inf\n", "lab.yaml:1:9: '.inf' is not a plain decimal number"),
         ("robots: 1\n", "lab.yaml:1:9: is 1, expected a map"),
-        ("? [a]\n: 1\n", "lab.yaml:1:3: expected a key that is text"),
+        ("? [a]\n: 1\n", "lab.yaml:1:3: expected a text key"),
         ("a: " + "[" * 40 + "]" * 40 + "\n", "lab.yaml:1:36: nested deeper than 32 levels"),
     ],
 )
@@ -252,5 +252,5 @@ def test_a_file_that_is_not_there_is_told(take: Import) -> None:
 def test_two_files_of_one_sort_are_refused(place: Put, take: Import) -> None:
     place("a.yaml", "command_sequence: []\n")
     place("b.yaml", "command_sequence: []\n")
-    with pytest.raises(InputError, match=r"b\.yaml: holds what a\.yaml holds too"):
+    with pytest.raises(InputError, match=r"b\.yaml: same kind of file as a\.yaml"):
         take("a.yaml", "b.yaml")

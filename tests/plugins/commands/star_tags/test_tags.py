@@ -12,9 +12,9 @@ import pytest
 
 import star_tags
 from star_core import InputError, Registry
-from star_core import schema as schemas
-from star_core.world_file import RIM as WORLD_RIM
-from star_core.world_file import SIZE as WORLD_SIZE
+from star_core.mission_file import schema as schemas
+from star_core.mission_file.world_loader import RIM as WORLD_RIM
+from star_core.mission_file.world_loader import SIZE as WORLD_SIZE
 from star_tags.command import main
 from star_tags.page import Fill, Text, number, rectangle
 from star_tags.sheet import BAR, PAPERS, RIM, STRIP, Sheet, lay_out
@@ -189,9 +189,9 @@ def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
             "targets:\n  huge: {tags: [3, 4], at: [0, 0, 0], size: 0.3}\n",
             "a3",
             "5:17: tag 3 is 375 mm wide with its white rim, too wide for a3;"
-            " no paper known here is larger\n"
+            " no larger paper is supported\n"
             "5:20: tag 4 is 375 mm wide with its white rim, too wide for a3;"
-            " no paper known here is larger",
+            " no larger paper is supported",
         ),
         (
             "landmarks:\n  a: {tags: [4], at: [0, 0, 0]}\n  b: {tags: [4], at: [1, 0, 0]}\n",

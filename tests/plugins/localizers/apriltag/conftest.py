@@ -11,33 +11,35 @@ import numpy as np
 
 import star_apriltag
 from star_apriltag.localizer import AprilTag
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.pose import View
-from star_apriltag.vision.rigid import Pose, matrix
-from star_apriltag.vision.square import HALVES, deviation
+from star_apriltag.vision.square import deviation
 from star_core import (
     Agent,
     Array,
     Camera,
+    CameraModel,
     Detections,
     Estimate,
     Fence,
     Image,
     Odometry,
+    Pose,
     Scene,
     Supervisor,
     Tag,
     Telemetry,
     World,
+    rotation_from_quaternion,
+    square_corners,
 )
-from star_core.quaternion import Quaternion, turned
+from star_core.rotations import Quaternion, turned
 from tests.plugins.localizers.vision.conftest import seen
 
 RADIUS, SPEED, HEIGHT = 1.0, 0.28, 0.8  # m, m/s and m
 RATE = SPEED / RADIUS  # rad/s
 CYCLE, TICK = 0.01, 0.05  # s, between samples and between ticks
 CAMERA = Camera(readout=0.0)  # then an image shows one moment
-LENS = Lens(CAMERA)
+LENS = CameraModel(CAMERA)
 LEVEL = np.array([0.0, 0.0, 1.0])  # up, in the frame of a body that is not tilted
 AHEAD = 1.28  # m, from the centre: what the camera looks at
 SIZE, APART = 0.168, 0.21  # m, of a tag and between the two of a sheet
@@ -109,7 +111,7 @@ class Circle:
             self.centre[1] + y - y0 + self.beside[1],
             HEIGHT,
         ]
-        return Pose(matrix(turned(0, 0, angle + math.pi / 2)), np.array(place))
+        return Pose(rotation_from_quaternion(turned(0, 0, angle + math.pi / 2)), np.array(place))
 
     def odometry(self, begin: float, end: float, row: int = 0) -> Odometry:
         """What it streams after `begin` and up to `end`, s."""
@@ -173,8 +175,8 @@ def _pixels(body: Pose, tag: Tag) -> Array | None:
     pixels = seen(LENS, body, tag)
     if pixels is None:
         return None
-    place = Pose(matrix(tag.rotation), np.array(tag.position))
-    ahead = (body @ LENS.mounting).inverse().apply(place.apply(HALVES * tag.size))
+    place = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
+    ahead = (body @ LENS.mounting).inverse().apply(place.apply(square_corners(tag.size)))
     rays = LENS.undistort(pixels)
     return pixels if np.allclose(rays, ahead[:, :2] / ahead[:, 2:], atol=1e-6) else None
 
@@ -186,12 +188,12 @@ def views(body: Pose, tags: Sequence[Tag], real: Sequence[Tag] | None = None) ->
         pixels = _pixels(body, there)
         if pixels is None:
             continue
-        place = Pose(matrix(tag.rotation), np.array(tag.position))
+        place = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
         eye = (body @ lens.mounting).position
         spread = deviation(float(np.linalg.norm(place.position - eye)), tag.size)
         rays = lens.undistort(pixels)
         spread /= float(lens.magnification(rays.mean(axis=0)))
-        found.append(View(place.apply(HALVES * tag.size), rays, spread, np.zeros(4)))
+        found.append(View(place.apply(square_corners(tag.size)), rays, spread, np.zeros(4)))
     return found
 
 
@@ -211,7 +213,10 @@ def telemetry(
     begin = now - TICK if since is None else since
     bodies = [circle.body(now) for circle in circles]
     frames = [
-        Pose(matrix(turned(0, 0, math.pi / 2)), np.array([c.centre[0] + RADIUS, c.centre[1], 0.0]))
+        Pose(
+            rotation_from_quaternion(turned(0, 0, math.pi / 2)),
+            np.array([c.centre[0] + RADIUS, c.centre[1], 0.0]),
+        )
         for c in circles
     ]
     within = [frame.inverse() @ body for frame, body in zip(frames, bodies, strict=True)]

@@ -11,11 +11,10 @@ import pytest
 
 from star_apriltag.floor import LONGEST, Floor
 from star_apriltag.track import Track
-from star_apriltag.vision.lens import Lens
-from star_apriltag.vision.rigid import turn
-from star_core import Array, Camera, Image, Odometry
+from star_core import Array, Camera, CameraModel, Image, Odometry, rotation_from_vector
+from tests.plugins.localizers.vision.conftest import turned_model
 
-LENS = Lens(Camera(readout=0.0))
+LENS = CameraModel(Camera(readout=0.0))
 HEIGHT = 0.8
 TEXEL = 0.005  # m
 STAINS = cv2.GaussianBlur(np.random.default_rng(5).normal(0, 60, (1024, 1024)), (0, 0), 1.5)
@@ -165,10 +164,9 @@ def test_an_error_of_the_mounting_is_a_constant_factor() -> None:
 
 
 def test_a_camera_that_is_known_to_be_turned_is_taken_as_it_is() -> None:
-    error = turn(np.array([math.radians(3.0), 0.0, 0.0]))  # the belief is wrong by this ...
-    lens = Lens(Camera(readout=0.0))
-    right = lens.mounting
-    lens.mounting = right._replace(rotation=right.rotation @ error)
+    # The belief is wrong by this ...
+    error = rotation_from_vector(np.array([math.radians(3.0), 0.0, 0.0]))
+    lens = turned_model(error, Camera(readout=0.0))
     told, ways = track(0.3 + 0j), []
     for camera_turn in (np.eye(3), error):  # ... which the smoother does not know, or does
         floor = Floor(lens)

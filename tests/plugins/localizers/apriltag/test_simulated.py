@@ -13,13 +13,13 @@ import pytest
 import star_apriltag
 import star_sim
 from star_core import Agent, Array, Camera, Command, Fence, Order, Scene, Setpoint, World
-from star_core.cli import run
+from star_core.cli.main import run
 from tests.plugins.localizers.apriltag.conftest import TICK, sheets
 
 RISE, SPEED, TURN = 2.0, 0.28, 0.28  # s, m/s and rad/s
 SECONDS = 12.0
 SEEDS = range(3)
-WALL = ("wall_time_s", "realtime_factor", "compute_us")
+WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 WORLD = """\
 star: 1
 name: mat

@@ -11,8 +11,7 @@ import pytest
 
 from star_apriltag.smoother import Leg, Smoother
 from star_apriltag.vision.pose import AT_REST, View
-from star_apriltag.vision.rigid import Pose, turn
-from star_core import Array, Tag
+from star_core import Array, Pose, Tag, rotation_from_vector
 from tests.plugins.localizers.apriltag.conftest import LENS, Circle, sheets, views
 
 EVERY = 0.1  # s
@@ -77,7 +76,10 @@ def right(**how: float) -> Flight:
 def wrong() -> Flight:
     body = Circle(1.0).body(0.0)
     return Flight(
-        Pose(body.rotation @ turn(np.array([0, 0, 0.15])), body.position + np.array([0.4, -0.3, 0]))
+        Pose(
+            body.rotation @ rotation_from_vector(np.array([0, 0, 0.15])),
+            body.position + np.array([0.4, -0.3, 0]),
+        )
     )
 
 
@@ -151,7 +153,7 @@ def test_without_tags_the_deviation_only_grows() -> None:
 
 
 def test_it_learns_how_the_camera_is_turned() -> None:
-    extra = turn(np.radians([1.0, -0.7, 0.5]))
+    extra = rotation_from_vector(np.radians([1.0, -0.7, 0.5]))
     flight = right(camera_deviation=math.radians(2.0))
     mounting = LENS.mounting
     real = mounting._replace(rotation=mounting.rotation @ extra.T)
@@ -234,9 +236,11 @@ def test_begun_anew_it_is_no_surer_than_before() -> None:
 def test_what_was_learnt_of_the_camera_outlives_the_graph() -> None:
     flight = right(camera_deviation=math.radians(2.0))
     flight.fly(40)
-    flight.smoother._extra = gtsam.Rot3(turn(np.array([0.01, 0, 0])))
+    flight.smoother._extra = gtsam.Rot3(rotation_from_vector(np.array([0.01, 0, 0])))
     poison_by_nan(flight)
-    assert flight.smoother.camera_turn == pytest.approx(turn(np.array([0.01, 0, 0])))
+    assert flight.smoother.camera_turn == pytest.approx(
+        rotation_from_vector(np.array([0.01, 0, 0]))
+    )
 
 
 def test_started_elsewhere_it_is_there() -> None:

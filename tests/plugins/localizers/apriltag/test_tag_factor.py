@@ -11,11 +11,10 @@ from gtsam.symbol_shorthand import E, X
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_apriltag.tag_factor import HUBER, factor, reprojection
-from star_apriltag.vision.pose import AT_REST, Motion, View
-from star_apriltag.vision.rigid import Pose, matrix, turn
-from star_core import Array
-from star_core.quaternion import turned
+from star_apriltag.tag_factor import HUBER, _by_mounting, factor
+from star_apriltag.vision.pose import AT_REST, Motion, View, reproject
+from star_core import Array, Pose, rotation_from_quaternion, rotation_from_vector
+from star_core.rotations import turned
 from tests.plugins.localizers.apriltag.conftest import LENS, Circle, sheets, views
 
 MOUNTING = LENS.mounting
@@ -40,9 +39,17 @@ BODY, VIEW = a_view()
 POINT = View(VIEW.points[:1], VIEW.rays[:1], VIEW.deviation, VIEW.delay[:1])
 
 
+def projected(
+    body: Pose, extra: Array, motion: Motion = AT_REST, view: View = VIEW
+) -> tuple[Array, Array, Array]:
+    """Return the residual and its derivatives by the body and by the turn of the camera."""
+    camera = Pose(MOUNTING.rotation @ extra.T, MOUNTING.position)
+    seen, residual, by_pose, by_camera = reproject(body, view, motion, camera)
+    return residual, by_pose, _by_mounting(seen, by_camera, extra)
+
+
 def seen(body: Pose, extra: Array, motion: Motion = AT_REST, view: View = VIEW) -> Array:
-    residual, _, _ = reprojection(body.rotation, body.position, extra, view, motion, MOUNTING)
-    return residual
+    return projected(body, extra, motion, view)[0]
 
 
 def test_what_is_seen_from_the_right_place_leaves_no_residual() -> None:
@@ -53,29 +60,24 @@ def test_what_is_seen_from_the_right_place_leaves_no_residual() -> None:
 def test_derivatives_are_those_that_differences_give(
     shift: Array, tilt: Array, extra: Array, velocity: Array, rates: Array, delay: float
 ) -> None:
-    body = Pose(BODY.rotation @ turn(0.2 * tilt), BODY.position + 0.1 * shift)
-    mount, motion = turn(0.1 * extra), Motion(velocity, rates)
+    body = Pose(BODY.rotation @ rotation_from_vector(0.2 * tilt), BODY.position + 0.1 * shift)
+    mount, motion = rotation_from_vector(0.1 * extra), Motion(velocity, rates)
     view = VIEW._replace(delay=delay * np.array([1.0, 0.5, -0.5, -1.0]))
-    _, by_pose, by_mounting = reprojection(
-        body.rotation, body.position, mount, view, motion, MOUNTING
-    )
+    _, by_pose, by_mounting = projected(body, mount, motion, view)
     for k, step in enumerate(STEP * np.eye(6)):
         ahead = seen(body.moved(step), mount, motion, view)
         back = seen(body.moved(-step), mount, motion, view)
         assert by_pose[:, k] == pytest.approx((ahead - back) / (2 * STEP), abs=2e-5, rel=1e-5)
     for k, step in enumerate(STEP * np.eye(3)):
-        ahead = seen(body, mount @ turn(step), motion, view)
-        back = seen(body, mount @ turn(-step), motion, view)
+        ahead = seen(body, mount @ rotation_from_vector(step), motion, view)
+        back = seen(body, mount @ rotation_from_vector(-step), motion, view)
         assert by_mounting[:, k] == pytest.approx((ahead - back) / (2 * STEP), abs=2e-5, rel=1e-5)
 
 
 @given(vector, vector, vector)
 def test_a_point_is_seen_as_the_corner_of_a_tag_is(shift: Array, tilt: Array, rates: Array) -> None:
-    body = Pose(BODY.rotation @ turn(0.2 * tilt), BODY.position + 0.1 * shift)
-    tag, point = (
-        reprojection(body.rotation, body.position, np.eye(3), view, Motion(shift, rates), MOUNTING)
-        for view in (VIEW, POINT)
-    )
+    body = Pose(BODY.rotation @ rotation_from_vector(0.2 * tilt), BODY.position + 0.1 * shift)
+    tag, point = (projected(body, np.eye(3), Motion(shift, rates), view) for view in (VIEW, POINT))
     for of_tag, of_point in zip(tag, point, strict=True):
         assert of_point == pytest.approx(of_tag[:2], abs=1e-12)
 
@@ -114,7 +116,10 @@ def values(body: Pose, extra: Array) -> gtsam.Values:
 
 @given(vector, vector)
 def test_gtsam_finds_the_residual_over_its_deviation(shift: Array, extra: Array) -> None:
-    body, mount = Pose(BODY.rotation, BODY.position + 0.05 * shift), turn(0.02 * extra)
+    body, mount = (
+        Pose(BODY.rotation, BODY.position + 0.05 * shift),
+        rotation_from_vector(0.02 * extra),
+    )
     made = factor(X(1), E(0), VIEW, AT_REST, MOUNTING)
     assert made.unwhitenedError(values(body, mount)) == pytest.approx(seen(body, mount), abs=1e-12)
 
@@ -129,10 +134,8 @@ def test_its_error_is_hubers_loss_of_the_whole_tag(aside: float) -> None:
 
 
 def test_gtsam_linearises_it_by_our_derivatives() -> None:
-    body = Pose(BODY.rotation @ matrix(turned(0.001, -0.001, 0)), BODY.position)
-    _, by_pose, by_mounting = reprojection(
-        body.rotation, body.position, np.eye(3), VIEW, AT_REST, MOUNTING
-    )
+    body = Pose(BODY.rotation @ rotation_from_quaternion(turned(0.001, -0.001, 0)), BODY.position)
+    _, by_pose, by_mounting = projected(body, np.eye(3))
     jacobian, _ = (
         factor(X(1), E(0), VIEW, AT_REST, MOUNTING).linearize(values(body, np.eye(3))).jacobian()
     )
@@ -142,6 +145,6 @@ def test_gtsam_linearises_it_by_our_derivatives() -> None:
 
 
 def test_a_tag_behind_the_camera_leaves_everything_finite() -> None:
-    behind = Pose(BODY.rotation @ matrix(turned(0, 0, math.pi)), BODY.position)
-    for part in reprojection(behind.rotation, behind.position, np.eye(3), VIEW, AT_REST, MOUNTING):
+    behind = Pose(BODY.rotation @ rotation_from_quaternion(turned(0, 0, math.pi)), BODY.position)
+    for part in projected(behind, np.eye(3)):
         assert np.isfinite(part).all()

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.rigid import Pose, matrix
-from star_apriltag.vision.square import HALVES
-from star_core import Array, Camera, Image, Tag
-from star_core.quaternion import turned
+from star_core import (
+    Array,
+    Camera,
+    CameraModel,
+    Image,
+    Pose,
+    Tag,
+    rotation_from_quaternion,
+    square_corners,
+)
+from star_core.rotations import turned
 
 FINE = 4  # by which images are painted larger than they are, along each side
 BLUR, NOISE = 0.7, 4.0  # px and grey values
@@ -24,12 +32,21 @@ Paint = Callable[[Pose, Sequence[Tag]], Image]
 
 
 @pytest.fixture(scope="session")
-def lens() -> Lens:
-    return Lens(Camera())
+def lens() -> CameraModel:
+    return CameraModel(Camera())
+
+
+def turned_model(extra: Array, camera: Camera | None = None) -> CameraModel:
+    """Returns the model of a camera that is turned against its mounting, in its own frame."""
+    camera = camera or Camera()
+    level = CameraModel(Camera(pitch=0.0)).mounting.rotation  # looks straight ahead
+    turned = CameraModel(camera).mounting.rotation @ extra @ level.T
+    roll, pitch, yaw = Rotation.from_matrix(turned).as_euler("xyz").tolist()
+    return CameraModel(replace(camera, roll=roll, pitch=pitch, yaw=yaw))
 
 
 @pytest.fixture(scope="session")
-def paint(lens: Lens) -> Paint:
+def paint(lens: CameraModel) -> Paint:
     """Returns what the default camera sees of tags with their white rims, on a plain floor."""
     height, width = lens.shape
     v, u = np.mgrid[: height * FINE, : width * FINE]
@@ -60,7 +77,7 @@ def paint(lens: Lens) -> Paint:
 
 
 def in_map(tag: Tag) -> Pose:
-    return Pose(matrix(tag.rotation), np.array(tag.position))
+    return Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
 
 
 def on_floor(number: int, x: float, y: float, yaw: float = 0.0, size: float = 0.168) -> Tag:
@@ -75,12 +92,12 @@ def on_wall(number: int, x: float, y: float, z: float, facing: float) -> Tag:
 def hovering(
     x: float = 0.0, y: float = 0.0, yaw: float = 0.0, roll: float = 0.0, pitch: float = 0.0
 ) -> Pose:
-    return Pose(matrix(turned(roll, pitch, yaw)), np.array([x, y, 0.8]))
+    return Pose(rotation_from_quaternion(turned(roll, pitch, yaw)), np.array([x, y, 0.8]))
 
 
-def seen(lens: Lens, body: Pose, tag: Tag) -> Array | None:
+def seen(lens: CameraModel, body: Pose, tag: Tag) -> Array | None:
     """Returns the (4, 2) corners of a tag, or None if it is not wholly in the image."""
-    camera = (body @ lens.mounting).inverse().apply(in_map(tag).apply(HALVES * tag.size))
+    camera = (body @ lens.mounting).inverse().apply(in_map(tag).apply(square_corners(tag.size)))
     if camera[:, 2].min() < 0.1:
         return None
     pixels = lens.project(camera)

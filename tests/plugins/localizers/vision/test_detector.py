@@ -5,14 +5,14 @@ import pytest
 
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.edge_fit import refine
-from star_apriltag.vision.lens import Lens
+from star_core import CameraModel
 from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, seen
 
 SHAPE = (244, 324)
 
 
 def test_the_corners_of_tags_up_to_one_and_a_half_metres_away_are_right_to_a_sixth_of_a_pixel(
-    lens: Lens, paint: Paint
+    lens: CameraModel, paint: Paint
 ) -> None:
     detector = Detector(lens)
     square, count = 0.0, 0
@@ -30,7 +30,7 @@ def test_the_corners_of_tags_up_to_one_and_a_half_metres_away_are_right_to_a_six
     assert math.sqrt(square / count) <= 1 / 6
 
 
-def test_corners_run_from_the_bottom_left_anticlockwise(lens: Lens, paint: Paint) -> None:
+def test_corners_run_from_the_bottom_left_anticlockwise(lens: CameraModel, paint: Paint) -> None:
     found = Detector(lens).detect(paint(hovering(), [on_floor(3, 0.7, 0.0, yaw=-math.pi / 2)]))
     (bottom_left, bottom_right, top_right, top_left), *_ = found.corners  # x points right
     assert bottom_left[0] < bottom_right[0]
@@ -39,7 +39,7 @@ def test_corners_run_from_the_bottom_left_anticlockwise(lens: Lens, paint: Paint
     assert top_right[1] < bottom_right[1]
 
 
-def test_two_tags_are_found_in_one_image(lens: Lens, paint: Paint) -> None:
+def test_two_tags_are_found_in_one_image(lens: CameraModel, paint: Paint) -> None:
     tags = [on_floor(7, 0.7, -0.105), on_floor(8, 0.7, 0.105)]
     found = Detector(lens).detect(paint(hovering(), tags))
     assert sorted(found.tag.tolist()) == [7, 8]
@@ -48,49 +48,49 @@ def test_two_tags_are_found_in_one_image(lens: Lens, paint: Paint) -> None:
 
 
 @pytest.mark.parametrize("shape", [(240, 324), (0, 0), (244 * 324,), (244, 324, 3)])
-def test_an_image_of_another_size_is_refused(lens: Lens, shape: tuple[int, ...]) -> None:
+def test_an_image_of_another_size_is_refused(lens: CameraModel, shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match=r"expected \(244, 324\) of uint8"):
         Detector(lens).detect(np.zeros(shape, np.uint8))
 
 
-def test_an_image_of_floats_is_refused(lens: Lens) -> None:
+def test_an_image_of_floats_is_refused(lens: CameraModel) -> None:
     with pytest.raises(ValueError, match="of float64, expected"):
         Detector(lens).detect(np.zeros(SHAPE))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("grey", [0, 127, 255])
-def test_nothing_is_found_in_an_image_of_one_grey(lens: Lens, grey: int) -> None:
+def test_nothing_is_found_in_an_image_of_one_grey(lens: CameraModel, grey: int) -> None:
     found = Detector(lens).detect(np.full(SHAPE, grey, np.uint8))
     assert found.tag.shape == (0,)
     assert found.corners.shape == (0, 4, 2)
 
 
-def test_nothing_is_found_in_noise(lens: Lens) -> None:
+def test_nothing_is_found_in_noise(lens: CameraModel) -> None:
     rng = np.random.default_rng(0)
     for _ in range(5):
         assert not len(Detector(lens).detect(rng.integers(0, 256, SHAPE, np.uint8)).tag)
 
 
-def test_an_image_may_be_a_view_of_a_larger_one(lens: Lens, paint: Paint) -> None:
+def test_an_image_may_be_a_view_of_a_larger_one(lens: CameraModel, paint: Paint) -> None:
     image = paint(hovering(), [on_floor(3, 0.7, 0.0)])
     wide = np.repeat(image, 2, axis=1)
     assert Detector(lens).detect(wide[:, ::2]).tag.tolist() == [3]
 
 
-def test_a_tag_that_was_cut_off_is_not_reported(lens: Lens, paint: Paint) -> None:
+def test_a_tag_that_was_cut_off_is_not_reported(lens: CameraModel, paint: Paint) -> None:
     image = paint(hovering(), [on_floor(3, 0.7, 0.0)]).copy()
     image[image.shape[0] // 2 :] = 0
     image[: image.shape[0] // 3] = 0
     assert not len(Detector(lens).detect(image).tag)
 
 
-def test_sides_without_contrast_have_no_corners(lens: Lens) -> None:
+def test_sides_without_contrast_have_no_corners(lens: CameraModel) -> None:
     square = np.array([[100.0, 140.0], [140.0, 140.0], [140.0, 100.0], [100.0, 100.0]])
     assert np.isnan(refine(np.full(SHAPE, 90, np.uint8), square[None], lens).misfit).all()
 
 
 def test_corners_that_are_off_by_a_pixel_are_mended_beside_a_square_that_is_none(
-    lens: Lens, paint: Paint
+    lens: CameraModel, paint: Paint
 ) -> None:
     tag = on_floor(11, 0.65, 0.05)
     expected = seen(lens, hovering(), tag)

@@ -8,9 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_apriltag.vision.homography import flat_pose
-from star_apriltag.vision.rigid import Pose, turn
-from star_apriltag.vision.square import HALVES
-from star_core import Array
+from star_core import Array, Pose, rotation_from_vector, square_corners
 
 FACING = np.diag([1.0, -1.0, -1.0])  # the square's z axis towards the camera
 angle = st.floats(-0.9, 0.9)
@@ -18,7 +16,7 @@ SIZE = 0.168
 
 
 def rays(pose: Pose) -> Array:
-    ahead = pose.apply(HALVES * SIZE)
+    ahead = pose.apply(square_corners(SIZE))
     seen: Array = ahead[:, :2] / ahead[:, 2:]
     return seen
 
@@ -27,7 +25,10 @@ def rays(pose: Pose) -> Array:
 def test_exact_corners_give_the_exact_pose(
     roll: float, pitch: float, yaw: float, aside: float, ahead: float
 ) -> None:
-    pose = Pose(FACING @ turn(np.array([roll, pitch, yaw])), np.array([aside, -aside, ahead]))
+    pose = Pose(
+        FACING @ rotation_from_vector(np.array([roll, pitch, yaw])),
+        np.array([aside, -aside, ahead]),
+    )
     found = flat_pose(rays(pose), SIZE)
     assert found is not None
     assert found.position == pytest.approx(pose.position, abs=1e-8)
@@ -35,7 +36,7 @@ def test_exact_corners_give_the_exact_pose(
 
 
 def test_what_it_gives_for_corners_that_err_is_a_rotation() -> None:
-    pose = Pose(FACING @ turn(np.array([0.3, 0.1, 0.2])), np.array([0.1, 0.0, 1.2]))
+    pose = Pose(FACING @ rotation_from_vector(np.array([0.3, 0.1, 0.2])), np.array([0.1, 0.0, 1.2]))
     found = flat_pose(rays(pose) + np.random.default_rng(0).normal(0, 0.002, (4, 2)), SIZE)
     assert found is not None
     assert found.rotation @ found.rotation.T == pytest.approx(np.eye(3), abs=1e-9)

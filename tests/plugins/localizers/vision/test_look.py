@@ -7,12 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from star_apriltag.vision.gate import Verdict
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.look import Eye, Look
 from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.rigid import Pose, turn
 from star_apriltag.vision.square import deviation
-from star_core import Array, Camera, Rows, Tag
+from star_core import Array, Camera, CameraModel, Pose, Rows, Tag, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import (
     Paint,
     hovering,
@@ -21,6 +19,7 @@ from tests.plugins.localizers.vision.conftest import (
     on_wall,
     predicted,
     seen,
+    turned_model,
 )
 
 LANDMARKS = [on_floor(1, 0.7, -0.105, yaw=0.3), on_floor(2, 0.7, 0.105, yaw=0.3)]
@@ -31,13 +30,13 @@ def eye(tags: Sequence[Tag]) -> Eye:
     return Eye(Camera(), {tag.id: tag for tag in tags}, {TARGET.id: TARGET.size})
 
 
-def table(lens: Lens, body: Pose, tags: Sequence[Tag]) -> tuple[Rows, Array]:
+def table(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> tuple[Rows, Array]:
     corners = [seen(lens, body, tag) for tag in tags]
     assert all(c is not None for c in corners)
     return np.array([tag.id for tag in tags]), np.array(corners)
 
 
-def considered(lens: Lens, body: Pose, tags: Sequence[Tag]) -> Look:
+def considered(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> Look:
     return eye(LANDMARKS).consider(*table(lens, body, tags), predicted(body))
 
 
@@ -58,12 +57,12 @@ def test_an_image_of_landmarks_says_where_the_body_is(paint: Paint) -> None:
     assert look.fix.pose.yaw == pytest.approx(body.yaw, abs=math.radians(0.7))
 
 
-def test_an_empty_image_says_nothing(lens: Lens) -> None:
+def test_an_empty_image_says_nothing(lens: CameraModel) -> None:
     look = eye(LANDMARKS).look(np.zeros(lens.shape, np.uint8), predicted(hovering()))
     assert look == Look()
 
 
-def test_two_tags_that_were_taken_for_each_other_are_turned_away(lens: Lens) -> None:
+def test_two_tags_that_were_taken_for_each_other_are_turned_away(lens: CameraModel) -> None:
     far = [LANDMARKS[0], on_floor(2, -1.0, 1.0)]
     _, corners = table(lens, hovering(), LANDMARKS)
     look = eye(far).consider(np.array([2, 1]), corners, predicted(hovering()))
@@ -71,7 +70,7 @@ def test_two_tags_that_were_taken_for_each_other_are_turned_away(lens: Lens) -> 
     assert not [s for s in look.accepted if s.tag == 2]
 
 
-def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: Lens) -> None:
+def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: CameraModel) -> None:
     known = [*LANDMARKS, on_floor(3, -1.4, 1.4)]
     _, corners = table(lens, hovering(), LANDMARKS)
     look = eye(known).consider(np.array([1, 3]), corners, predicted(hovering()))
@@ -81,7 +80,7 @@ def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: Lens) -> No
 
 
 def test_of_tags_that_do_not_fit_together_the_more_surprising_one_is_turned_away(
-    lens: Lens,
+    lens: CameraModel,
 ) -> None:
     known = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
     _, corners = table(lens, hovering(), LANDMARKS)
@@ -91,13 +90,13 @@ def test_of_tags_that_do_not_fit_together_the_more_surprising_one_is_turned_away
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
-def test_tags_of_a_map_that_is_two_centimetres_off_are_all_believed(lens: Lens) -> None:
+def test_tags_of_a_map_that_is_two_centimetres_off_are_all_believed(lens: CameraModel) -> None:
     known = [on_floor(1, 0.72, -0.105, yaw=0.3), on_floor(2, 0.7, 0.125, yaw=0.33)]
     look = eye(known).consider(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED] * 2
 
 
-def test_an_agent_that_is_elsewhere_is_still_found(lens: Lens) -> None:
+def test_an_agent_that_is_elsewhere_is_still_found(lens: CameraModel) -> None:
     body = hovering(yaw=0.1)
     lost = replace(predicted(body), pose=hovering(1.0, 0.4, yaw=0.5))
     look = eye(LANDMARKS).consider(*table(lens, body, LANDMARKS), lost)
@@ -107,14 +106,14 @@ def test_an_agent_that_is_elsewhere_is_still_found(lens: Lens) -> None:
     np.testing.assert_allclose(look.other.pose.position, body.position, atol=1e-4)
 
 
-def test_tags_that_are_elsewhere_and_do_not_agree_place_nobody(lens: Lens) -> None:
+def test_tags_that_are_elsewhere_and_do_not_agree_place_nobody(lens: CameraModel) -> None:
     moved = [on_floor(1, -1.0, 0.3), on_floor(2, 1.5, 1.0, yaw=2.0)]
     look = eye(moved).consider(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ELSEWHERE] * 2
     assert look.other is None
 
 
-def test_a_pose_that_the_on_board_tilt_contradicts_is_turned_away(lens: Lens) -> None:
+def test_a_pose_that_the_on_board_tilt_contradicts_is_turned_away(lens: CameraModel) -> None:
     body = hovering()
     wrong = replace(predicted(body), roll=math.radians(40))
     look = eye(LANDMARKS).consider(*table(lens, body, LANDMARKS), wrong)
@@ -128,7 +127,7 @@ def test_corners_that_are_no_square_are_turned_away() -> None:
     assert look.fix is None
 
 
-def test_a_number_that_nobody_knows_is_a_strangers(lens: Lens) -> None:
+def test_a_number_that_nobody_knows_is_a_strangers(lens: CameraModel) -> None:
     look = considered(lens, hovering(), [on_floor(77, 0.7, 0.0)])
     assert look.strangers == (77,)
     assert not look.landmarks
@@ -136,7 +135,7 @@ def test_a_number_that_nobody_knows_is_a_strangers(lens: Lens) -> None:
 
 
 @pytest.mark.parametrize("wall", [False, True])
-def test_the_right_one_of_two_solutions_is_chosen(lens: Lens, wall: bool) -> None:  # noqa: FBT001
+def test_the_right_one_of_two_solutions_is_chosen(lens: CameraModel, wall: bool) -> None:  # noqa: FBT001
     rng = np.random.default_rng(0)
     right = count = 0
     while count < 250:
@@ -154,7 +153,7 @@ def test_the_right_one_of_two_solutions_is_chosen(lens: Lens, wall: bool) -> Non
         count += 1
         corners += rng.normal(0, deviation(distance, tag.size), (4, 2))
         sure = predicted(body)
-        turned = turn(np.array([0, 0, rng.normal(0, 0.05)]))
+        turned = rotation_from_vector(np.array([0, 0, rng.normal(0, 0.05)]))
         place = body.position + rng.normal(0, [0.1, 0.1, 0])
         off = replace(sure, pose=Pose(turned @ body.rotation, place), roll=sure.roll + 0.02)
         (landmark,) = eye([tag]).consider(np.array([1]), corners[None], off).landmarks
@@ -164,24 +163,23 @@ def test_the_right_one_of_two_solutions_is_chosen(lens: Lens, wall: bool) -> Non
     assert right >= 0.97 * count
 
 
-def test_a_camera_that_is_turned_in_its_mounting_is_understood(lens: Lens) -> None:
+def test_a_camera_that_is_turned_in_its_mounting_is_understood() -> None:
     body = hovering()
-    extra = turn(np.radians([2.0, -3.0, 4.0]))
-    turned = Lens(Camera())
-    turned.mounting = Pose(lens.mounting.rotation @ extra.T, lens.mounting.position)
+    extra = rotation_from_vector(np.radians([2.0, -3.0, 4.0]))
+    turned = turned_model(extra.T)
     expected = replace(predicted(body), camera_turn=extra)
     look = eye(LANDMARKS).consider(*table(turned, body, LANDMARKS), expected)
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, body.position, atol=1e-4)
 
 
-def test_a_landmark_comes_with_what_a_smoother_needs(lens: Lens) -> None:
+def test_a_landmark_comes_with_what_a_smoother_needs(lens: CameraModel) -> None:
     tags, corners = table(lens, hovering(), LANDMARKS)
     first, _ = eye(LANDMARKS).consider(tags, corners, predicted(hovering())).landmarks
     assert first.view is not None
     np.testing.assert_allclose(first.view.rays, lens.undistort(corners[0]))
     np.testing.assert_allclose(first.view.points.mean(axis=0), LANDMARKS[0].position, atol=1e-12)
-    np.testing.assert_allclose(first.view.delay, lens.delay(corners[0]))
+    np.testing.assert_allclose(first.view.delay, lens.row_delay(corners[0]))
     camera = (hovering() @ lens.mounting).position
     expected = float(np.linalg.norm(camera - LANDMARKS[0].position))
     assert first.distance == pytest.approx(expected, rel=1e-4)
@@ -190,7 +188,9 @@ def test_a_landmark_comes_with_what_a_smoother_needs(lens: Lens) -> None:
 
 
 @pytest.mark.parametrize("target", [TARGET, on_wall(9, 0.9, 0.2, 0.4, 2.7)])
-def test_a_target_is_found_before_the_body_as_surely_as_is_said(lens: Lens, target: Tag) -> None:
+def test_a_target_is_found_before_the_body_as_surely_as_is_said(
+    lens: CameraModel, target: Tag
+) -> None:
     rng = np.random.default_rng(1)
     body = hovering(yaw=0.2)
     expected = body.inverse() @ in_map(target)
@@ -209,7 +209,7 @@ def test_a_target_is_found_before_the_body_as_surely_as_is_said(lens: Lens, targ
     assert np.mean(squares) == pytest.approx(3, abs=1.0)
 
 
-def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall(lens: Lens) -> None:
+def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall(lens: CameraModel) -> None:
     rng = np.random.default_rng(2)
     body, expected = hovering(), hovering().inverse() @ in_map(TARGET)
     clean = seen(lens, body, TARGET)
@@ -242,7 +242,7 @@ def test_guidance_can_be_done_without(paint: Paint) -> None:
     assert unguided.look(paint(body, FAR), sure(body)) == Look()
 
 
-def test_without_an_image_nobody_is_guided(lens: Lens) -> None:
+def test_without_an_image_nobody_is_guided(lens: CameraModel) -> None:
     tags, corners = table(lens, hovering(), LANDMARKS)
     look = eye([*LANDMARKS, *FAR]).consider(tags, corners, sure(hovering()))
     assert look.guided == ()

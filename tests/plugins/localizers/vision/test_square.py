@@ -1,23 +1,22 @@
 import numpy as np
 import pytest
 
-from star_apriltag.vision.lens import Lens
 from star_apriltag.vision.square import deviation, solve
-from star_core import Array
+from star_core import Array, CameraModel
 from tests.plugins.localizers.vision.conftest import hovering, in_map, on_floor, seen
 
 SIZE = 0.168
 
 
 @pytest.fixture
-def pixels(lens: Lens) -> Array:
+def pixels(lens: CameraModel) -> Array:
     corners = seen(lens, hovering(), on_floor(1, 0.8, 0.1, yaw=0.4))
     assert corners is not None
     return corners
 
 
-def test_a_square_is_found_where_it_is(lens: Lens, pixels: Array) -> None:
-    square = solve(pixels, lens.undistort(pixels), SIZE, lens)
+def test_a_square_is_found_where_it_is(lens: CameraModel, pixels: Array) -> None:
+    square = solve(lens.undistort(pixels), SIZE, lens)
     tag = (hovering() @ lens.mounting).inverse() @ in_map(on_floor(1, 0.8, 0.1, yaw=0.4))
     assert square is not None
     best = square.solutions[0]
@@ -27,25 +26,27 @@ def test_a_square_is_found_where_it_is(lens: Lens, pixels: Array) -> None:
     assert best.surprise < square.solutions[1].surprise
 
 
-def test_a_square_seen_in_a_mirror_is_none(lens: Lens, pixels: Array) -> None:
-    assert solve(pixels[::-1], lens.undistort(pixels[::-1]), SIZE, lens) is None
+def test_a_square_seen_in_a_mirror_is_none(lens: CameraModel, pixels: Array) -> None:
+    assert solve(lens.undistort(pixels[::-1]), SIZE, lens) is None
 
 
-def test_corners_that_cross_over_are_no_square(lens: Lens, pixels: Array) -> None:
+def test_corners_that_cross_over_are_no_square(lens: CameraModel, pixels: Array) -> None:
     crossed = pixels[[0, 2, 1, 3]]
-    assert solve(crossed, lens.undistort(crossed), SIZE, lens) is None
+    assert solve(lens.undistort(crossed), SIZE, lens) is None
 
 
-def test_corners_in_one_point_are_no_square(lens: Lens) -> None:
+def test_corners_in_one_point_are_no_square(lens: CameraModel) -> None:
     point = np.full((4, 2), 100.0)
-    assert solve(point, lens.undistort(point), SIZE, lens) is None
+    assert solve(lens.undistort(point), SIZE, lens) is None
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e12])
-def test_corners_that_no_lens_shows_are_no_square(lens: Lens, pixels: Array, value: float) -> None:
+def test_corners_that_no_lens_shows_are_no_square(
+    lens: CameraModel, pixels: Array, value: float
+) -> None:
     broken = pixels.copy()
     broken[2] = value
-    assert solve(broken, lens.undistort(broken), SIZE, lens) is None
+    assert solve(lens.undistort(broken), SIZE, lens) is None
 
 
 def test_a_tag_twice_as_large_is_as_sure_at_twice_the_distance() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Estimate, Health, Scene, Status, Step, Task
+from star_core import AgentPhase, Array, Estimate, Health, Scene, Status, Task, TaskOutput
 from star_core.testing import estimate, health, scene
 from star_verbs.formation.offer import make
 
@@ -33,7 +33,7 @@ class Changing:
     def begin(self, estimate: Estimate, health: Health) -> float:
         return self._task.begin(estimate, health)
 
-    def step(self, estimate: Estimate, health: Health) -> Step:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._change and estimate.time >= self._when:
             method, about = self._change
             getattr(self._task, method)(*about)
@@ -142,7 +142,7 @@ def test_a_formation_that_fewer_agents_cannot_fly_fails(fly: Any) -> None:
 
 def test_who_stays_flies_on_to_its_place(fly: Any) -> None:
     whole = fly(task(**MOVED), ROOM, AIR)
-    changed = Changing(task(**MOVED), 8.0, "stay", (0, 2))
+    changed = Changing(task(**MOVED), 8.0, "on_agents_removed", (0, 2))
     flown = fly(changed, ROOM, AIR, stuck=lambda time: np.array([False, time > 8, False]))
     assert flown.status is Status.SUCCESS
     assert flown.end[[0, 2]] == pytest.approx(whole.end[[0, 2]], abs=0.05)
@@ -151,7 +151,7 @@ def test_who_stays_flies_on_to_its_place(fly: Any) -> None:
 
 def test_another_agent_can_take_a_place(fly: Any) -> None:
     whole = fly(task(crew=(0, 1), **MOVED), ROOM, AIR)
-    changed = Changing(task(crew=(0, 1), **MOVED), 3.0, "swap", 1, 2)
+    changed = Changing(task(crew=(0, 1), **MOVED), 3.0, "on_agent_replaced", 1, 2)
     flown = fly(changed, ROOM, AIR)
     assert flown.status is Status.SUCCESS
     assert flown.end[2] == pytest.approx(whole.end[1], abs=0.1)

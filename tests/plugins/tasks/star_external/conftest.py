@@ -1,4 +1,4 @@
-"""A client and a planner of the verb ``external``, and steps of it with a door of their own."""
+"""A client and a planner of the verb ``external``, and steps of it with a server of their own."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import pytest
 
 from star_core import Scene
 from star_core.testing import scene
-from star_external import choice
-from star_external.conversation import Conversation, Manner
-from star_external.door import Door
+from star_external import planner_registry
 from star_external.external import External
+from star_external.process_source import ConnectionOptions, ProcessSource
+from star_external.tcp_server import TcpServer
 
 SOON = 5.0  # s, by which what was sent over the loopback has arrived
 
@@ -33,7 +33,7 @@ class Client:
             line = value if isinstance(value, bytes) else json.dumps(value).encode() + b"\n"
             self.socket.sendall(line)
 
-    def hear(self) -> Any:
+    def receive(self) -> Any:
         """Return the next line, or None if there is none any more."""
         line = self._lines.readline()
         return json.loads(line) if line else None
@@ -44,19 +44,19 @@ class Client:
 
 
 @pytest.fixture
-def door() -> Iterator[Door]:
-    made = Door("127.0.0.1", 0)
+def server() -> Iterator[TcpServer]:
+    made = TcpServer("127.0.0.1", 0)
     yield made
     made.close()
 
 
 @pytest.fixture
-def connect(door: Door) -> Iterator[Callable[[], Client]]:
-    """Connect to the door."""
+def connect(server: TcpServer) -> Iterator[Callable[[], Client]]:
+    """Connect to the server."""
     made: list[Client] = []
 
     def connected() -> Client:
-        made.append(Client(door.address))
+        made.append(Client(server.address))
         return made[-1]
 
     yield connected
@@ -70,11 +70,11 @@ def room() -> Scene:
 
 
 @pytest.fixture
-def external(door: Door, room: Scene) -> Callable[..., External]:
+def external(server: TcpServer, room: Scene) -> Callable[..., External]:
     """Make the task of the first two of three agents, with these options."""
 
     def made(**options: Any) -> External:
-        return External(room, (0, 1), Conversation(room, door, Manner(**options)))
+        return External(room, (0, 1), ProcessSource(room, server, ConnectionOptions(**options)))
 
     return made
 
@@ -83,7 +83,7 @@ class Installed(EntryPoint):
     """An entry point of what is at hand: ``theirs = their_package:Planner``."""
 
     def __init__(self, make: Callable[..., object], name: str = "theirs") -> None:
-        super().__init__(name, "their_package:Planner", choice.GROUP)
+        super().__init__(name, "their_package:Planner", planner_registry.GROUP)
         vars(self)["make"] = make
 
     def load(self) -> Any:
@@ -96,8 +96,8 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
 
     def installed(*given: EntryPoint | Callable[..., object]) -> None:
         points = [one if isinstance(one, EntryPoint) else Installed(one) for one in given]
-        monkeypatch.setattr(choice, "entry_points", lambda **_group: points)
-        choice._installed.cache_clear()
+        monkeypatch.setattr(planner_registry, "entry_points", lambda **_group: points)
+        planner_registry._installed.cache_clear()
 
     yield installed
-    choice._installed.cache_clear()
+    planner_registry._installed.cache_clear()

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from star_core import Estimate, Goals, Scene, Status, Step
+from star_core import Estimate, Goals, Scene, Status, TaskOutput
 from star_core.testing import estimate, health
-from star_external.conversation import LINES, Conversation, Manner
-from star_external.door import Door
 from star_external.external import External
+from star_external.process_source import LINES, ConnectionOptions, ProcessSource
+from star_external.tcp_server import TcpServer
 
 AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
 SOMEWHERE = {"goals": {"cf1": {"position": [0.5, 0.5, 1.0]}}}
@@ -31,9 +31,9 @@ def at(time: float) -> Estimate:
     return estimate(AIR, time=time)
 
 
-def door_of(task: External) -> Door:
-    assert isinstance(task._source, Conversation)
-    return task._source.door
+def door_of(task: External) -> TcpServer:
+    assert isinstance(task._source, ProcessSource)
+    return task._source.server
 
 
 def begun(task: External) -> External:
@@ -41,21 +41,21 @@ def begun(task: External) -> External:
     return task
 
 
-def step(task: External, time: float = 0.0) -> Step:
+def step(task: External, time: float = 0.0) -> TaskOutput:
     return task.step(at(time), health(3))
 
 
-def flying(task: External, client: Any, *said: Any, time: float = 0.0) -> Step:
+def flying(task: External, client: Any, *said: Any, time: float = 0.0) -> TaskOutput:
     """Send what is to be said, and step until it is heard."""
     client.send(*said)
-    door, until = door_of(task), monotonic() + SOON
-    while door._client is None or b"\n" not in door._unheard:
-        door.hear(0, 0.01)
+    server, until = door_of(task), monotonic() + SOON
+    while server._client is None or b"\n" not in server._received:
+        server.receive(0, 0.01)
         assert monotonic() < until
     return step(task, time)
 
 
-def goals(of: Step) -> Goals:
+def goals(of: TaskOutput) -> Goals:
     assert of.goals is not None
     return of.goals
 
@@ -63,7 +63,7 @@ def goals(of: Step) -> Goals:
 def test_the_client_is_greeted(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False, rate=10))
     step(task)
-    assert client.hear() == {
+    assert client.receive() == {
         "star": 1,
         "agents": ["cf1", "cf2"],
         "rate": 10.0,
@@ -76,9 +76,9 @@ def test_the_client_is_greeted(external: Make, connect: Connect) -> None:
 def test_the_client_is_told_where_its_agents_are(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     step(task, 1.25)
-    client.hear()
+    client.receive()
     agent = {"velocity": [0.0, 0.0, 0.0], "yaw": 0.0, "phase": "flying", "battery": 4.0}
-    assert client.hear() == {
+    assert client.receive() == {
         "time": 1.25,
         "agents": {
             "cf1": {"position": [-1.0, 0.0, 0.8], **agent},
@@ -91,8 +91,8 @@ def test_what_is_not_known_of_an_agent_is_null(external: Make, connect: Connect)
     client, task = connect(), begun(external(lockstep=False))
     lost = replace(at(0.0), valid=np.array([False, True, True]))
     task.step(lost, replace(health(3), battery=np.array([np.nan, 4.0, 4.0])))
-    client.hear()
-    assert client.hear()["agents"]["cf1"] == {
+    client.receive()
+    assert client.receive()["agents"]["cf1"] == {
         "position": None, "velocity": None, "yaw": None, "phase": "flying", "battery": None,
     }  # fmt: skip
 
@@ -101,15 +101,15 @@ def test_state_lines_come_at_the_rate(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False, rate=5))
     for tick in range(9):
         step(task, tick * 0.05)
-    client.hear()
-    assert [client.hear()["time"] for _ in range(3)] == [0.0, 0.2, 0.4]
+    client.receive()
+    assert [client.receive()["time"] for _ in range(3)] == [0.0, 0.2, 0.4]
 
 
 def test_agents_keep_what_they_do_until_they_are_given_goals(
     external: Make, connect: Connect
 ) -> None:
     connect()
-    assert step(begun(external(lockstep=False))) == Step()
+    assert step(begun(external(lockstep=False))) == TaskOutput()
 
 
 def test_agents_are_sent_to_the_goals(external: Make, connect: Connect) -> None:
@@ -138,9 +138,9 @@ def test_a_goal_stays_until_there_is_another(external: Make, connect: Connect) -
 def test_a_step_ends_when_the_client_is_done(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     assert flying(task, client, {"done": True}).status is Status.SUCCESS
-    assert client.hear()["star"] == 1
-    client.hear()
-    assert client.hear() is None
+    assert client.receive()["star"] == 1
+    client.receive()
+    assert client.receive() is None
 
 
 def test_a_step_fails_when_the_client_gives_up(external: Make, connect: Connect) -> None:
@@ -155,14 +155,14 @@ def test_a_wrong_line_is_answered_and_changes_nothing(external: Make, connect: C
     client, task = connect(), begun(external(lockstep=False))
     both = {"goals": {"cf1": {"position": [0, 0, 1]}, "cf3": {"position": [0, 0, 1]}}}
     assert flying(task, client, both).goals is None
-    client.hear()
-    client.hear()
-    assert client.hear() == {
+    client.receive()
+    client.receive()
+    assert client.receive() == {
         "error": "no agent named 'cf3' in this step; there are: cf1, cf2", "line": 1,
     }  # fmt: skip
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.binary(min_size=1, max_size=80), max_size=9))
 def test_whatever_is_said_the_step_goes_on_and_every_wrong_line_is_answered(
     external: Make, connect: Connect, noise: list[bytes]
@@ -170,28 +170,28 @@ def test_whatever_is_said_the_step_goes_on_and_every_wrong_line_is_answered(
     lines = [line.replace(b"\n", b"?") for line in noise]
     wrong = [i for i, line in enumerate(lines, start=1) if line.strip()]
     task, client = begun(external(lockstep=False)), connect()
-    door_of(task).hang_up()
+    door_of(task).disconnect()
     door_of(task).holder = None
-    assert door_of(task).meet(SOON)
+    assert door_of(task).accept(SOON)
     client.send(*(line + b"\n" for line in lines), SOMEWHERE)
     until = monotonic() + SOON
     while step(task).goals is None:
         assert monotonic() < until
-    door_of(task).hang_up()
-    told = iter(client.hear, None)
+    door_of(task).disconnect()
+    told = iter(client.receive, None)
     assert [line["line"] for line in told if "error" in line] == wrong
 
 
 def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     step(task)
-    client.hear()
-    client.hear()
+    client.receive()
+    client.receive()
     client.send(70000 * b"x" + b"\n")
     for tick in range(1, 10):
-        door_of(task).hear(0, 0.05)
+        door_of(task).receive(0, 0.05)
         step(task, tick * 0.05)
-    said = [client.hear() for _ in range(9)]
+    said = [client.receive() for _ in range(9)]
     assert {"error": "the line is longer than 65536 bytes", "line": 1} in said
 
 
@@ -199,8 +199,8 @@ def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> 
     client, task = connect(), begun(external(lockstep=False))
     lines = [{"goals": {"cf1": {"position": [i / 100, 0, 1]}}} for i in range(2 * LINES)]
     client.send(*lines)
-    door_of(task).meet(SOON)
-    door_of(task).hear(0, 0.2)
+    door_of(task).accept(SOON)
+    door_of(task).receive(0, 0.2)
     assert goals(step(task)).position[0, 0] == (LINES - 1) / 100
     assert goals(step(task)).position[0, 0] == (2 * LINES - 1) / 100
 
@@ -229,7 +229,7 @@ def test_silence_can_fail_the_step(external: Make, connect: Connect) -> None:
     flying(task, client, ALIVE)
     ended = step(task, 1.0)
     assert (ended.status, ended.reason) == (
-        Status.FAILURE, "nothing was heard of the other process for 1 s",
+        Status.FAILURE, "the other process sent nothing for 1 s",
     )  # fmt: skip
 
 
@@ -247,41 +247,41 @@ def test_a_client_that_comes_back_is_greeted_and_flies_on(external: Make, connec
         step(task, 0.05)
     client = connect()
     given = flying(task, client, SOMEWHERE, time=0.5)
-    assert client.hear()["star"] == 1
+    assert client.receive()["star"] == 1
     assert goals(given).position[0].tolist() == [0.5, 0.5, 1.0]
 
 
 def test_nobody_who_connects_fails_the_step(external: Make) -> None:
-    task = begun(external(lockstep=False, patience=3.0))
+    task = begun(external(lockstep=False, response_timeout=3.0))
     step(task)
     assert step(task, 2.95).status is Status.RUNNING
     ended = step(task, 3.0)
     host, port = door_of(task).address
-    assert ended.reason == f"nobody connected to {host}:{port} within 3 s"
+    assert ended.reason == f"no client connected to {host}:{port} within 3 s"
 
 
 def test_in_lock_step_the_computers_time_counts(external: Make) -> None:
-    ended = step(begun(external(patience=0.05)))
+    ended = step(begun(external(response_timeout=0.05)))
     assert ended.status is Status.FAILURE
     assert ended.reason.endswith("within 0.05 s")
 
 
 def test_in_lock_step_each_state_has_one_answer(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(patience=SOON))
+    client, task = connect(), begun(external(response_timeout=SOON))
     client.send(*({"goals": {"cf1": {"position": [i, 0, 1]}}} for i in range(4)))
     given = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
     assert given == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_in_lock_step_a_wrong_line_is_an_answer(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(patience=SOON))
+    client, task = connect(), begun(external(response_timeout=SOON))
     client.send(b"nonsense\n", SOMEWHERE)
     assert step(task).goals is None
     assert goals(step(task, 0.05)).position[0].tolist() == [0.5, 0.5, 1.0]
 
 
 def test_in_lock_step_only_states_are_answered(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(patience=SOON, rate=10))
+    client, task = connect(), begun(external(response_timeout=SOON, rate=10))
     client.send(*({"goals": {"cf1": {"position": [i, 0, 1]}}} for i in range(2)))
     given = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
     assert given == [0.0, 0.0, 1.0, 1.0]
@@ -290,34 +290,40 @@ def test_in_lock_step_only_states_are_answered(external: Make, connect: Connect)
 def test_in_lock_step_an_answer_that_is_late_is_not_waited_for_twice(
     external: Make, connect: Connect
 ) -> None:
-    client, task = connect(), begun(external(patience=0.05, silence=1.0))
-    assert step(task) == Step()
+    client, task = connect(), begun(external(response_timeout=0.05, silence=1.0))
+    assert step(task) == TaskOutput()
     for tick in range(1, 20):
         step(task, tick * 0.05)
-    assert client.hear()["star"] == 1
-    assert client.hear()["time"] == 0.0
+    assert client.receive()["star"] == 1
+    assert client.receive()["time"] == 0.0
     late = flying(task, client, SOMEWHERE, time=1.0)
     assert goals(late).position[0].tolist() == [0.5, 0.5, 1.0]
     client.send(ALIVE)
     step(task, 1.05)
-    assert client.hear()["time"] == 1.05  # no state stood between without an answer
+    assert client.receive()["time"] == 1.05  # no state stood between without an answer
 
 
-def test_on_hardware_nothing_waits(door: Door, room: Scene, connect: Connect) -> None:
+def test_on_hardware_nothing_waits(server: TcpServer, room: Scene, connect: Connect) -> None:
     connect()
-    door.meet(SOON)
+    server.accept(SOON)
     hardware = replace(room, realtime=True)
-    task = begun(External(hardware, (0,), Conversation(hardware, door, Manner(patience=1000.0))))
-    assert step(task) == Step()
+    task = begun(
+        External(
+            hardware,
+            (0,),
+            ProcessSource(hardware, server, ConnectionOptions(response_timeout=1000.0)),
+        )
+    )
+    assert step(task) == TaskOutput()
 
 
 def test_goals_of_who_left_are_gone_and_refused(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     flying(task, client, SOMEWHERE)
-    task.stay((1,))
+    task.on_agents_removed((1,))
     assert step(task, 0.05).goals is None
     assert flying(task, client, SOMEWHERE, time=0.1).goals is None
-    said = [client.hear() for _ in range(6)]
+    said = [client.receive() for _ in range(6)]
     assert [line["agents"] for line in said if "star" in line] == [["cf1", "cf2"], ["cf2"]]
     assert said[-1]["error"] == "no agent named 'cf1' in this step; there are: cf2"
 
@@ -325,7 +331,7 @@ def test_goals_of_who_left_are_gone_and_refused(external: Make, connect: Connect
 def test_who_takes_a_part_takes_its_goal(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     flying(task, client, SOMEWHERE)
-    task.swap(0, 2)
+    task.on_agent_replaced(0, 2)
     given = goals(step(task, 0.05))
     assert given.active.tolist() == [False, False, True]
     assert given.position[2].tolist() == [0.5, 0.5, 1.0]
@@ -333,7 +339,7 @@ def test_who_takes_a_part_takes_its_goal(external: Make, connect: Connect) -> No
 
 def test_who_joins_can_be_given_goals(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
-    task.join((0, 1, 2))
+    task.on_agents_added((0, 1, 2))
     given = goals(flying(task, client, {"goals": {"cf3": {"position": [0, 0, 1]}}}))
     assert given.active.tolist() == [False, False, True]
 
@@ -344,11 +350,11 @@ def test_a_step_takes_the_port_over_from_one_that_was_ended(
     client, task = connect(), begun(external(lockstep=False))
     step(task)
     following = begun(external(lockstep=False))
-    assert step(following) == Step()
+    assert step(following) == TaskOutput()
     step(following, 0.05)
-    client.hear()
-    client.hear()
-    assert client.hear() is None
+    client.receive()
+    client.receive()
+    assert client.receive() is None
     client = connect()
     assert flying(following, client, SOMEWHERE, time=0.1).goals is not None
 
@@ -363,7 +369,7 @@ def test_two_steps_at_once_cannot_have_one_port(external: Make, connect: Connect
     host, port = door_of(one).address
     assert ended.status is Status.FAILURE
     assert ended.reason == (
-        f"another step that runs now listens on {host}:{port}; give each its own 'port'"
+        f"another running step listens on {host}:{port}; give each step its own 'port'"
     )
     assert step(one, 0.1).status is Status.RUNNING
 

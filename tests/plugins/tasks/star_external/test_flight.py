@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from star_core import Estimate, Scene
-from star_core.cli import run
+from star_core.cli.main import run
 from star_external.planner import Answer, Done, Goal
 
 FLIGHT = """\
@@ -124,7 +124,7 @@ def test_in_lock_step_a_flight_is_the_same_however_slow_the_other_process_is(
 
 def test_the_example_leads_two_drones_round_a_circle(missions: Path, tmp_path: Path) -> None:
     port = str(free_port())
-    script = [sys.executable, str(missions / "external_goals.py"), port]
+    script = [sys.executable, str(missions.parent / "examples" / "external_goals.py"), port]
     with subprocess.Popen(script, stderr=subprocess.PIPE, text=True) as example:
         arguments = ["--set", f"mission.1.external.port={port}", "--json", "--out", str(tmp_path)]
         assert run([str(missions / "external.yaml"), *arguments]) == 0
@@ -137,10 +137,10 @@ def test_the_example_leads_two_drones_round_a_circle(missions: Path, tmp_path: P
 
 
 def test_without_another_process_the_example_lands(missions: Path, tmp_path: Path) -> None:
-    settings = {"port": free_port(), "patience": 0.05}
+    settings = {"port": free_port(), "response_timeout": 0.05}
     arguments = [f"--set=mission.1.external.{key}={value}" for key, value in settings.items()]
     assert run([str(missions / "external.yaml"), *arguments, "--out", str(tmp_path)]) == 0
-    assert "nobody connected to 127.0.0.1:" in (tmp_path / "summary.json").read_text()
+    assert "no client connected to 127.0.0.1:" in (tmp_path / "summary.json").read_text()
 
 
 def test_a_port_that_is_taken_is_told_before_anybody_takes_off(

@@ -90,7 +90,7 @@ def test_done_is_true() -> None:
 
 
 def test_a_failure_has_words() -> None:
-    assert refused({"fail": 7}) == "fail is 7, expected why, in words"
+    assert refused({"fail": 7}) == "fail is 7, expected the reason as a string"
 
 
 def test_goals_are_by_agent() -> None:
@@ -157,12 +157,12 @@ def test_a_velocity_above_the_limit_is_refused() -> None:
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        (b"{", "no JSON: Expecting property name"),
-        (b"\xff{}", "no JSON: 'utf-8' codec"),
-        (b'{"goals": {"cf1": {"position": [NaN, 0, 1]}}}', "no JSON: NaN is no number"),
-        (b'{"done": true, "done": true}', "no JSON: a name stands twice in ['done', 'done']"),
-        (60000 * b"[", "no JSON: too deep"),
-        (b'{"fail": ' + 5000 * b"9" + b"}", "no JSON: Exceeds the limit"),
+        (b"{", "invalid JSON: Expecting property name"),
+        (b"\xff{}", "invalid JSON: 'utf-8' codec"),
+        (b'{"goals": {"cf1": {"position": [NaN, 0, 1]}}}', "invalid JSON: NaN is not a number"),
+        (b'{"done": true, "done": true}', "invalid JSON: duplicate name in ['done', 'done']"),
+        (60000 * b"[", "invalid JSON: too deeply nested"),
+        (b'{"fail": ' + 5000 * b"9" + b"}", "invalid JSON: Exceeds the limit"),
     ],
 )
 def test_what_is_no_json_is_refused(line: bytes, why: str) -> None:

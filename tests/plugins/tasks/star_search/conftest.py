@@ -31,16 +31,19 @@ from star_core import (
     Tag,
     Task,
     World,
+    fill_defaults,
 )
 from star_core.testing import estimate, health
 from star_search.field import Field
 from star_search.offer import make
 from star_search.view import View, view
+from star_visibility import OPTIONS
 from star_visibility import make as make_planner
 
 FLAT = (0.0, 0.0, 0.0, 1.0)
 BLOCK = Obstacle("block", (((-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (-0.4, 0.4)),), (0.0, 2.5))
-HEIGHT = 0.8
+HEIGHT = 0.8  # m
+PERIOD = 0.1  # s
 
 
 def hall_of(
@@ -59,7 +62,7 @@ def hall_of(
     fence = Fence((-half, -half, 0.0), (half, half, 2.5))
     return Scene(
         agents=tuple(Agent(f"cf{i + 1}", at, 0.0, None, camera) for i, at in enumerate(starts)),
-        period=0.05,
+        period=PERIOD,
         world=World("hall", fence, obstacles, (), tags),
         limits=Limits(speed=0.5, acceleration=2.0, height=(0.2, 1.8)),
     )
@@ -92,7 +95,7 @@ class Scouts:
     def __init__(self, scene: Scene, phase: AgentPhase = AgentPhase.FLYING) -> None:
         n = len(scene.agents)
         self.scene = scene
-        self.planner = make_planner(scene)
+        self.planner = make_planner(scene, **fill_defaults({}, OPTIONS))
         self.position = np.array([(*agent.start[:2], HEIGHT) for agent in scene.agents])
         self.velocity = np.zeros((n, 3))
         self.yaw = np.zeros(n)

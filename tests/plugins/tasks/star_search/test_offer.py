@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import subprocess
-import sys
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from typing import Any
@@ -12,7 +10,6 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-import star_search
 from star_core import PluginError, Task
 from star_search import choice
 from star_search.offer import make, offer
@@ -23,18 +20,6 @@ def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], st
     assert check is not None
     rows = tuple(range(len(scene.agents)))
     return [(problem.path, problem.message) for problem in check(scene, rows, **options)]
-
-
-def test_there_is_one_verb() -> None:
-    assert [one.name for one in star_search.star_tasks()] == ["search"]
-
-
-def test_the_schema_is_a_schema() -> None:
-    Draft202012Validator.check_schema(offer().options)
-    for option in offer().options["properties"].values():
-        assert option["description"].endswith(".")
-        for value in option.get("examples", []) + [option[k] for k in ("default",) if k in option]:
-            Draft202012Validator(option).validate(value)
 
 
 @pytest.mark.parametrize(
@@ -53,20 +38,6 @@ def test_defaults_are_those_of_the_schema() -> None:
     }
     options = offer().options["properties"]
     assert taken == {name: one["default"] for name, one in options.items() if "default" in one}
-
-
-def test_checking_imports_no_numpy() -> None:
-    code = (
-        "import sys, star_search\n"
-        "from star_core import Agent, Camera, Fence, Scene, World\n"
-        "(offer,) = star_search.star_tasks()\n"
-        "world = World('room', Fence((-5, -5, 0), (5, 5, 3)))\n"
-        "scene = Scene((Agent('a', (0, 0, 0), camera=Camera()),), 0.05, world)\n"
-        "area = [[0, 0], [1, 0], [0, 1]]\n"
-        "assert not list(offer.check(scene, (0,), area=area, swath=0.5))\n"
-        "assert 'numpy' not in sys.modules\n"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_good_search_has_no_problem(hall: Any) -> None:

@@ -15,6 +15,7 @@ from star_search.offer import make
 from star_search.pattern import Pattern
 from star_search.sweep import Sweep
 from star_search.viewpoints import Viewpoints
+from tests.plugins.tasks.star_search.conftest import PERIOD
 
 both = pytest.mark.parametrize("pattern", ["sweep", "frontier"])
 WALL = Obstacle("wall", (((-0.05, -2.0), (0.05, -2.0), (0.05, 2.0), (-0.05, 2.0)),), (0.0, 2.5))
@@ -59,7 +60,7 @@ def test_the_share_of_a_scout_that_leaves_goes_to_the_others(
 ) -> None:
     def meddle(time: float, task: Any, scouts: Any) -> None:
         if time == 5.0:
-            task.stay((0,))
+            task.on_agents_removed((0,))
             scouts.phase = np.array([scouts.phase[0], 6])
 
     flown = search(hall(2), pattern=pattern, meddle=meddle)
@@ -77,7 +78,7 @@ def test_who_takes_over_from_a_scout_goes_on_with_what_is_left(
     def meddle(time: float, task: Any, _scouts: Any) -> None:
         seen.append(task._field.chart.covered)
         if time == 8.0:
-            task.swap(1, 2)
+            task.on_agent_replaced(1, 2)
 
     flown = search(hall(3), rows=(0, 1), pattern=pattern, meddle=meddle)
     assert flown.status is Status.SUCCESS
@@ -94,7 +95,7 @@ def test_a_scout_may_come_when_the_search_is_under_way(
 ) -> None:
     def meddle(time: float, task: Any, _scouts: Any) -> None:
         if time == 5.0:
-            task.join((0, 1))
+            task.on_agents_added((0, 1))
 
     alone = search(hall(2), rows=(0,), pattern=pattern)
     flown = search(hall(2), rows=(0,), pattern=pattern, meddle=meddle)
@@ -111,8 +112,8 @@ def test_a_scout_that_is_not_located_for_a_while_comes_back(
 
     flown = search(hall(2), pattern=pattern, meddle=meddle)
     assert flown.status is Status.SUCCESS
-    assert np.isnan(np.array(flown.goal)[140, 1]).all()
-    assert np.isfinite(np.array(flown.goal)[300, 1]).all()
+    assert np.isnan(np.array(flown.goal)[round(7.0 / PERIOD), 1]).all()
+    assert np.isfinite(np.array(flown.goal)[round(15.0 / PERIOD), 1]).all()
 
 
 @both

@@ -110,7 +110,6 @@ def test_a_client_that_sends_a_length_that_there_is_not_is_sent_away_and_may_com
 def test_a_thousand_malformed_frames_harm_nobody(link: CrtpOverTcp, client: socket.socket) -> None:
     client.close()
     random = np.random.default_rng(3)
-    busy = time.process_time()
     for _ in range(20):
         with socket.create_connection(link.address, 5) as bad:
             for _ in range(50):
@@ -123,7 +122,6 @@ def test_a_thousand_malformed_frames_harm_nobody(link: CrtpOverTcp, client: sock
     with socket.create_connection(link.address, 5) as good:
         good.sendall(asked(b"\x01"))
         assert len(answers(good, 2)) == 2
-    assert time.process_time() - busy < 20
 
 
 @pytest.mark.usefixtures("capfd")  # it prints

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 import threading
-import time
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -52,10 +51,8 @@ def test_a_client_that_does_not_read_misses_whole_images_and_delays_nobody(until
     stream = Stream(SHAPE, counts)
     with AideckServer(port=0) as server, socket.create_connection(server.address, 5) as client:
         assert until(lambda: server.connected)
-        begin = time.monotonic()
         for value in range(200):
-            server.publish(BLANK + np.uint8(value), 0.0)
-        assert time.monotonic() - begin < 5  # it would take for ever
+            server.publish(BLANK + np.uint8(value), 0.0)  # would not return if it waited
         assert server.dropped > 0
         values: list[int] = []
         client.settimeout(5)

@@ -7,7 +7,7 @@ import struct
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Image
@@ -44,7 +44,6 @@ def test_a_raw_image_is_79_packets() -> None:
     assert len(stream) == 79 * 4 + 11 + 244 * 324
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(0, 99), max_size=4), st.lists(st.integers(0, 5000), max_size=9))
 def test_raw_images_come_out_as_they_went_in_however_the_stream_is_cut(
     seeds: list[int], sizes: list[int]

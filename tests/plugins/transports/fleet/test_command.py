@@ -51,7 +51,11 @@ def test_it_says_where_each_drone_is(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_an_interrupt_ends_it_well() -> None:
-    command = [sys.executable, "-c", "from star_core.cli import main; raise SystemExit(main())"]
+    command = [
+        sys.executable,
+        "-c",
+        "from star_core.cli.main import main; raise SystemExit(main())",
+    ]
     command += ["fleet", FIRST, "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served:
         assert served.stdout is not None

@@ -85,6 +85,17 @@ def test_a_block_can_be_appended_to(start: Start) -> None:
     assert info == 0b1110
 
 
+def test_a_repeated_append_appends_what_fits_again(start: Start) -> None:
+    bench = start()
+    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
+    more = variables(*[(FLOAT, "pm.vbat")] * 2, (U16, "supervisor.info"))
+    errors = [control(bench, 7, 1, more=more) for _time in range(3)]
+    assert errors == [0, 0, errno.E2BIG]
+    control(bench, 3, 1, 1)
+    bench.fly(0.02)
+    assert len(data(bench)[0][5:]) == 4 + 10 + 10  # of the third nothing fits
+
+
 def test_errors_are_the_firmwares(start: Start) -> None:
     bench = start()
     one = variables((FLOAT, "pm.vbat"))

@@ -81,7 +81,7 @@ def test_what_cflib_compresses_is_read_back() -> None:
 def test_a_piece_is_turned_about_the_origin_and_moved() -> None:
     piece = Piece(np.zeros((4, 8)), 1.0)
     piece.coefficients[0, :2] = 1.0, 1.0  # from (1, 0) to (2, 0)
-    moved = piece.moved(np.array([0.0, 0.0, 5.0, math.pi / 2]), math.pi / 2)
+    moved = piece.moved(np.array([0.0, 0.0, 5.0]), math.pi / 2)
     assert moved.at(1.0)[0] == pytest.approx([0, 2, 5, math.pi / 2], abs=1e-12)
 
 

@@ -48,7 +48,7 @@ def make(tmp_path: Path, stack: ExitStack) -> Open:
     """Make a radio to some addresses; it is closed at the end."""
 
     def make(uris: list[str], **options: Any) -> Radio:
-        given: dict[str, Any] = {"cache": str(tmp_path), "patience": 0.6} | options
+        given: dict[str, Any] = {"cache": str(tmp_path), "response_timeout": 0.6} | options
         radio = star_radio.make(reached(uris), **given)
         assert isinstance(radio, Radio)
         stack.callback(radio.close)

@@ -42,6 +42,7 @@ class Peer:
         echoes: How many of those came.
         mute: Set to say nothing more.
         lose: How many answers to packets that begin like that get lost.
+        delay: Time that each packet takes to the client, s.
         errors: Error numbers with which to answer high-level orders, by command.
         boot: Its clock's lead, s.
     """
@@ -55,6 +56,7 @@ class Peer:
         self.echoes = 0
         self.mute = threading.Event()
         self.lose: Counter[bytes] = Counter()
+        self.delay = 0.0
         self.errors: dict[int, list[int]] = {}
         self.refuses_block = 0
         self.memory = bytearray(4096)
@@ -62,6 +64,7 @@ class Peer:
         self._blocks: dict[int, list[tuple[int, int]]] = {}
         self._periods: dict[int, float] = {}
         self._due: dict[int, float] = {}
+        self._under_way: list[tuple[float, bytes]] = []  # with the time to send it, s
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.002)
@@ -77,6 +80,11 @@ class Peer:
     def sent_to(self, port: int, channel: int) -> list[bytes]:
         """Payloads that came to a port and channel."""
         return [packet[1:] for packet in list(self.got) if packet[0] == port << 4 | channel]
+
+    @property
+    def ordered(self) -> list[bytes]:
+        """Payloads of the orders to the high-level commander, without those that set its groups."""
+        return [payload for payload in self.sent_to(8, 0) if payload[0] != 0]
 
     def until(self, done: Callable[[], bool], within: float = 5.0) -> bool:
         """Wait until something has happened; say whether it has."""
@@ -111,6 +119,8 @@ class Peer:
             if data:
                 self._take(data)
             now = time.monotonic()
+            while self._under_way and self._under_way[0][0] <= now:
+                self._send(self._under_way.pop(0)[1])
             for block, period in list(self._periods.items()):
                 if now >= self._due.setdefault(block, 0.0):
                     self._due[block] = max(self._due[block] + period, now)
@@ -134,6 +144,12 @@ class Peer:
         self.say(packet[:1] + answer)
 
     def say(self, packet: bytes) -> None:
+        if self.delay:
+            self._under_way.append((time.monotonic() + self.delay, packet))
+        else:
+            self._send(packet)
+
+    def _send(self, packet: bytes) -> None:
         if self._client is not None:
             self._socket.sendto(packet, self._client)
 
@@ -184,14 +200,26 @@ class Peer:
         if payload[0] in {6, 7}:
             if self.refuses_block:
                 return payload[:2] + bytes([self.refuses_block])
-            if payload[0] == 6 and block in self._blocks:
-                return payload[:2] + bytes([17])
-            self._blocks.setdefault(block, []).extend(struct.iter_unpack("<BH", payload[2:]))
-        elif payload[0] == 3:
+            if (payload[0] == 6) == (block in self._blocks):
+                return payload[:2] + bytes([17 if payload[0] == 6 else 2])
+            return payload[:2] + bytes([self._append(block, payload[2:])])
+        if block not in self._blocks:
+            return payload[:2] + bytes([2])
+        if payload[0] == 3:
             self._periods[block] = payload[2] / 100
         elif payload[0] == 2:
             self._periods.pop(block, None)
+            del self._blocks[block]
         return payload[:2] + b"\0"
+
+    def _append(self, block: int, variables: bytes) -> int:
+        """Append what fits, as the firmware does; return an error number."""
+        held = self._blocks.setdefault(block, [])
+        for kind, number in struct.iter_unpack("<BH", variables):
+            if sum(struct.calcsize(LOG_TYPES[one]) for one, _number in [*held, (kind, 0)]) > 26:
+                return 7
+            held.append((kind, number))
+        return 0
 
     def _write(self, payload: bytes) -> bytes | None:
         name = list(self.parameters)[int.from_bytes(payload[:2], "little")]

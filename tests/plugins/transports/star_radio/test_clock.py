@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_radio.clock import TURNS_AT, WINDOW, Clock
+from star_radio.clock import WINDOW, WRAP, Clock
 
 LEAD = 1234.5  # s, of the computer's clock
 
@@ -16,7 +16,7 @@ def run(delays: list[float], start: int = 0, drift: float = 0.0) -> list[float]:
     wrong = []
     for i, delay in enumerate(delays):
         true = LEAD + 0.01 * i * (1 + drift)
-        wrong.append(clock.time((start + 10 * i) % TURNS_AT, true + delay) - true)
+        wrong.append(clock.time((start + 10 * i) % WRAP, true + delay) - true)
     return wrong
 
 
@@ -28,7 +28,7 @@ def test_times_are_late_by_the_least_delay_so_far(delays: list[float]) -> None:
 
 
 def test_a_stamp_turns_over() -> None:
-    wrong = run([0.002] * 100, start=TURNS_AT - 500)
+    wrong = run([0.002] * 100, start=WRAP - 500)
     assert max(abs(late - 0.002) for late in wrong) < 1e-6
 
 
@@ -50,6 +50,7 @@ def test_a_drone_that_restarts_counts_anew() -> None:
     clock.time(60_000, 100.0)
     assert clock.time(20, 101.0) == 101.0
     assert abs(clock.time(30, 101.5) - 101.01) < 1e-9
+    assert clock.restarted
 
 
 def test_a_packet_that_is_late_is_no_restart() -> None:
@@ -57,3 +58,4 @@ def test_a_packet_that_is_late_is_no_restart() -> None:
     for i in range(10):
         clock.time(1000 + 10 * i, 50 + 0.01 * i)
     assert abs(clock.time(1030, 50.3) - 50.03) < 1e-9
+    assert not clock.restarted

@@ -41,12 +41,12 @@ def test_an_estimator_is_waited_for_until_it_has_settled(peers: Peers, connect: 
     drone.values |= VARIANCES
     begun = time.monotonic()
 
-    def settle() -> None:
+    def freeze_arrays() -> None:
         while time.monotonic() - begun < 1.0:
             drone.values["kalman.varPZ"] += 0.001
             time.sleep(0.01)
 
-    settling = threading.Thread(target=settle)
+    settling = threading.Thread(target=freeze_arrays)
     settling.start()
     connect([drone])
     settling.join()
@@ -67,7 +67,7 @@ def test_estimators_settle_at_the_same_time(peers: Peers, connect: Open) -> None
 def test_an_estimator_that_does_not_settle_is_named(
     peers: Peers, connect: Open, monkeypatch: pytest.MonkeyPatch, growth: float
 ) -> None:
-    monkeypatch.setattr("star_radio.estimator.DEADLINE", 0.9)
+    monkeypatch.setattr("star_radio.estimator.CONVERGENCE_TIMEOUT", 0.9)
     [drone] = peers()
     drone.values |= VARIANCES
     report = drone.report
@@ -78,7 +78,7 @@ def test_an_estimator_that_does_not_settle_is_named(
 
     drone.report = diverge  # type: ignore[method-assign]
     with pytest.raises(
-        PluginError, match=r"cf1 \(its estimator has not settled in 0.9 s: is its Flow deck on"
+        PluginError, match=r"cf1 \(its estimator has not converged in 0.9 s: check that the"
     ):
         connect([drone])
 
@@ -121,10 +121,58 @@ def test_a_cache_that_is_spoilt_is_read_anew(peers: Peers, connect: Open, tmp_pa
     assert all(json.loads(path.read_text()) for path in tmp_path.glob("*.json"))
 
 
-def test_what_gets_lost_is_asked_again(peers: Peers, connect: Open) -> None:
+@pytest.mark.parametrize("lacks", [(), ("radio.rssi",)])  # 26 bytes, of at most 26, and 25
+@pytest.mark.parametrize(
+    "lost",
+    [b"\xd1", b"\x50\3", b"\x50\2\5\0", b"\x22", b"\x51\5", b"\x51\6", b"\x51\7", b"\x51\3"],
+)
+def test_a_lost_answer_is_asked_for_again(
+    peers: Peers, connect: Open, lost: bytes, lacks: tuple[str, ...]
+) -> None:
+    [drone] = peers(lacks=lacks)
+    drone.values["stateEstimateZ.x"] = 1500
+    drone.lose[lost] = 2
+    telemetry = connect([drone]).receive()
+    assert telemetry.position[0, 0] == 1.5
+    assert telemetry.age[0] < 0.5
+
+
+def test_an_old_answer_is_not_taken_for_a_new_one(
+    peers: Peers, connect: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("star_radio.answers.MIN_RETRY_PERIOD", 0.05)
     [drone] = peers()
-    drone.lose.update({b"\xd1": 1, b"\x50\3": 1, b"\x50\2\5\0": 2, b"\x51\6": 1, b"\x22": 1})
-    assert connect([drone], patience=3.0).receive().age[0] < 1
+    drone.delay = 0.2
+    radio = connect([drone], response_timeout=2.0)
+    assert drone.stored["kalman.resetEstimation"] == b"\0"
+    assert radio.receive().age[0] < 0.5
+
+
+def test_a_parameter_that_keeps_another_value_is_named(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone._write = lambda payload: payload[:2] + b"\1"  # type: ignore[method-assign]
+    with pytest.raises(
+        PluginError, match=r"no answer about parameter 'ring.effect' .* in 0.6 s, but '030001'"
+    ):
+        connect([drone], parameters={"ring.effect": 7})
+
+
+def test_reports_that_end_again_are_begun_anew(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    drone.values |= VARIANCES
+    answer, begun = drone._log, 0
+
+    def log(payload: bytes) -> bytes:
+        nonlocal begun
+        if payload[:2] == b"\3\2":  # the reports of its estimator: a late reset ends all before
+            begun += 1
+            if begun == 1:
+                answer(b"\5")
+        return answer(payload)
+
+    drone._log = log  # type: ignore[method-assign]
+    assert connect([drone]).receive().age[0] < 0.5
+    assert begun > 1
 
 
 def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
@@ -139,7 +187,8 @@ def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
     )
     assert "cf3 (no answer about its protocol version from udp://127.0.0.1:7" in told
     assert told.endswith(
-        "; 'absent: fly-without' flies without them in a mission that has 'safety: {link_lost: {}}'"
+        "; to fly without them, set 'absent: fly-without' in a mission with "
+        "'safety: {link_lost: {}}'"
     )
     assert "cf2" not in told
 
@@ -175,14 +224,14 @@ def test_a_dongle_that_is_not_there_is_named(make: Open) -> None:
 
 
 def test_old_firmware_is_refused(peers: Peers, connect: Open) -> None:
-    with pytest.raises(PluginError, match="speaks protocol version 3, expected 4 or later"):
+    with pytest.raises(PluginError, match="has protocol version 3, expected 4 or later"):
         connect(peers(version=3))
 
 
 def test_an_answer_that_is_too_short_is_told(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     drone._table = lambda payload, _entries, _salt: payload  # type: ignore[method-assign,assignment]
-    with pytest.raises(PluginError, match=r"cf1 .udp://.* answers what is no answer: unpack_from"):
+    with pytest.raises(PluginError, match=r"cf1 .udp://.* sent an invalid answer: unpack_from"):
         connect([drone])
 
 

@@ -21,9 +21,9 @@ from star_core import (
     PluginError,
     Setpoint,
     Supervisor,
+    Trajectory,
 )
 from star_radio import orders
-from star_radio.trajectory import Piece
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
@@ -41,7 +41,7 @@ def ticks(radio: Radio, n: int, first: int = 0) -> float:
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have questions asked again at every tick."""
-    monkeypatch.setattr("star_radio.answers.AGAIN_AFTER", 0.02)
+    monkeypatch.setattr("star_radio.answers.Answers.timeout", 0.02)
 
 
 def told(order: Order, n: int = 1, *, z: float = 0.8, yaw: float = 0.5) -> Command:
@@ -176,7 +176,8 @@ def test_a_drone_that_is_gone_stops_nobody(peers: Peers, connect: Open) -> None:
         radio.receive()
         radio.send(flown(np.zeros((2, 3))))
     radio.command(told(Order.LAND, 2))
-    assert other.until(lambda: len(other.sent_to(7, 0)) == 7 and bool(other.sent_to(8, 0)))
+    ticks(radio, 6, first=8)
+    assert other.until(lambda: len(other.sent_to(7, 0)) == 7 and bool(other.ordered))
     assert radio.receive().age[1] < 0.3
 
 
@@ -215,18 +216,47 @@ def test_who_is_absent_is_sent_nothing(peers: Peers, make: Open) -> None:
     radio.connect()
     assert radio.send(flown(np.zeros((2, 3)))).active.tolist() == [False, True]
     radio.command(told(Order.TAKEOFF, 2))
-    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
+    ticks(radio, 5)
+    assert drone.until(lambda: bool(drone.ordered))
 
 
-def test_an_order_ends_setpoints_first(peers: Peers, connect: Open) -> None:
+def test_an_order_follows_the_last_setpoint_and_ends_setpoints_once_it_is_answered(
+    peers: Peers, connect: Open
+) -> None:
     [drone] = peers()
     radio = connect([drone])
     radio.receive()
     before = len(drone.got)
     radio.send(flown(np.zeros((1, 3))))
     radio.command(told(Order.LAND, z=0.0))
-    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
-    assert [packet[0] for packet in drone.got[before:]] == [0x70, 0x71, 0x80]
+    assert drone.until(lambda: bool(drone.sent_to(7, 0)))
+    assert drone.ordered == []  # a setpoint that is late would cancel it
+    ticks(radio, 6)
+    assert drone.until(lambda: len(drone.got) >= before + 3)
+    assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
+
+
+def test_setpoints_are_not_ended_while_an_order_is_not_answered(
+    peers: Peers, connect: Open
+) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.lose[b"\x80\x08"] = 2
+    before = len(drone.got)
+    radio.command(told(Order.LAND, z=0.0))
+    ticks(radio, 12)
+    assert [packet[0] for packet in drone.got[before : before + 4]] == [0x80, 0x80, 0x80, 0x71]
+
+
+def test_a_stop_waits_for_nothing(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    radio = connect([drone])
+    drone.lose[b"\x80\x03"] = 100
+    before = len(drone.got)
+    radio.send(flown(np.zeros((1, 3))))
+    radio.command(told(Order.STOP))
+    assert drone.until(lambda: len(drone.got) >= before + 3)
+    assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
 
 
 def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> None:
@@ -234,9 +264,10 @@ def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> No
     radio = connect([drone])
     before = len(drone.got)
     radio.command(told(Order.TAKEOFF))
-    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
+    assert drone.until(lambda: len(drone.got) >= before + 3)
+    takeoff = orders.only_for(orders.MISSION, orders.takeoff(0.8, 2.0))
     assert drone.got[before : before + 3] == [
-        b"\x91\1\1", b"\x71" + bytes(5), b"\x80" + orders.takeoff(0.8, 2.0)[1:],
+        b"\x91\1\1", b"\x80" + takeoff[1:], b"\x71" + bytes(5)
     ]  # fmt: skip
 
 
@@ -245,13 +276,21 @@ def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> No
     [
         (Order.GOTO, orders.go_to((1.0, 2.0, 0.8), 0.5, 2.0, 12)),
         (Order.LAND, orders.land(0.8, 2.0)),
-        (Order.STOP, orders.stop()),
     ],
 )
-def test_orders_are_given(peers: Peers, connect: Open, order: Order, packet: bytes) -> None:
+def test_orders_are_given_to_the_group_that_the_drone_was_put_into(
+    peers: Peers, connect: Open, order: Order, packet: bytes
+) -> None:
     [drone] = peers()
     connect([drone]).command(told(order))
-    assert drone.until(lambda: drone.sent_to(8, 0) == [packet[1:]])
+    assert drone.sent_to(8, 0)[0] == orders.set_groups(orders.MISSION)[1:]
+    assert drone.until(lambda: drone.ordered == [orders.only_for(orders.MISSION, packet)[1:]])
+
+
+def test_a_stop_is_for_whatever_group(peers: Peers, connect: Open) -> None:
+    [drone] = peers()
+    connect([drone]).command(told(Order.STOP))
+    assert drone.until(lambda: drone.ordered == [orders.stop()[1:]])
 
 
 def test_arming_is_an_order_of_its_own(peers: Peers, connect: Open) -> None:
@@ -263,10 +302,10 @@ def test_arming_is_an_order_of_its_own(peers: Peers, connect: Open) -> None:
 def test_an_order_that_got_lost_is_given_again(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
-    drone.lose[b"\x80"] = 2
+    drone.lose[b"\x80\x08"] = 2
     radio.command(told(Order.LAND))
     ticks(radio, 16)
-    assert len(drone.sent_to(8, 0)) == 3
+    assert len(drone.ordered) == 3
 
 
 def test_an_order_is_given_again_while_the_supervisor_blocks_it(
@@ -277,7 +316,7 @@ def test_an_order_is_given_again_while_the_supervisor_blocks_it(
     radio = connect([drone])
     radio.command(told(Order.TAKEOFF))
     ticks(radio, 16)
-    assert len(drone.sent_to(8, 0)) == 3
+    assert len(drone.ordered) == 3
     assert caplog.text == ""
 
 
@@ -288,7 +327,7 @@ def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect:
     radio.command(told(Order.TAKEOFF))
     radio.command(told(Order.LAND))
     ticks(radio, 12)
-    assert [payload[0] for payload in drone.sent_to(8, 0)] == [7, 8]
+    assert [payload[0] for payload in drone.ordered] == [7, 8]
 
 
 @pytest.mark.usefixtures("soon")
@@ -322,7 +361,7 @@ def test_a_take_off_whose_answer_got_lost_is_not_refused(
     radio = connect([drone])
     radio.command(told(Order.TAKEOFF))
     ticks(radio, 12)
-    assert len(drone.sent_to(8, 0)) == 2
+    assert len(drone.ordered) == 2
     assert caplog.text == ""
     assert radio.receive().refusals == ()
 
@@ -348,7 +387,7 @@ def test_an_order_that_is_never_confirmed_is_told(
     drone.mute.set()
     radio.command(told(Order.GOTO))
     ticks(radio, 14)
-    assert "radio: cf1 does not confirm the order to go to a place" in caplog.text
+    assert "radio: cf1 does not confirm the order to go to a position" in caplog.text
     assert radio.receive().refusals == ()
 
 
@@ -361,7 +400,7 @@ def test_a_stop_can_lock(peers: Peers, connect: Open) -> None:
 def test_a_stop_does_not_lock_otherwise(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     connect([drone]).command(told(Order.STOP))
-    assert drone.until(lambda: bool(drone.sent_to(8, 0)))
+    assert drone.until(lambda: bool(drone.ordered))
     assert drone.sent_to(9, 1) == []
 
 
@@ -455,13 +494,15 @@ def test_firmware_that_cannot_be_told_deviations_is_named(peers: Peers, connect:
         radio.correct(seen(0.1, 0.1))
 
 
-def trajectory(n: int) -> list[Piece]:
-    return [Piece(np.full((4, 8), i / 10), 1.0 + i) for i in range(n)]
+def trajectory(n: int) -> Trajectory:
+    pieces = np.arange(n, dtype=np.float64)
+    return Trajectory(1.0 + pieces, np.full((n, 4, 8), pieces[:, None, None] / 10))
 
 
 def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None:
     [drone] = peers()
-    vehicle = connect([drone]).vehicles[0]
+    radio = connect([drone])
+    vehicle = radio.vehicles[0]
     vehicle.upload(1, trajectory(3))
     numbers = np.frombuffer(drone.memory[: 3 * 132], "<f4").reshape(3, 33)
     assert np.allclose(numbers[:, 0], [0, 0.1, 0.2])
@@ -470,10 +511,10 @@ def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None
     vehicle.follow(1, stretch=2.0, relative=True)
     define, start = (
         orders.define_trajectory(1, 3),
-        orders.start_trajectory(1, 12, stretch=2.0, relative=True),
+        orders.only_for(orders.MISSION, orders.start_trajectory(1, 12, stretch=2.0, relative=True)),
     )
-    assert drone.until(lambda: drone.sent_to(8, 0) == [define[1:], start[1:]])
-    assert [packet[0] for packet in drone.got[-3:]] == [0x70, 0x71, 0x80]  # setpoints are ended
+    ticks(radio, 5)
+    assert drone.until(lambda: drone.ordered == [define[1:], start[1:]])
 
 
 def test_a_trajectory_that_is_refused_is_told(peers: Peers, connect: Open) -> None:
@@ -483,17 +524,9 @@ def test_a_trajectory_that_is_refused_is_told(peers: Peers, connect: Open) -> No
         connect([drone]).vehicles[0].upload(1, trajectory(1))
 
 
-@pytest.mark.parametrize("n", [0, 32])
-def test_a_trajectory_has_as_many_pieces_as_fit(n: int, peers: Peers, connect: Open) -> None:
-    with pytest.raises(ContractError, match=f"a trajectory has 1 to 31 pieces, got {n}"):
-        connect(peers()).vehicles[0].upload(1, trajectory(n))
-
-
-def test_a_piece_has_four_polynomials_of_order_seven() -> None:
-    with pytest.raises(ContractError, match=r"has shape \(3, 8\), expected \(4, 8\)"):
-        Piece(np.zeros((3, 8)), 1.0)
-    with pytest.raises(ContractError, match=r"a piece lasts 0.0 s, expected more than 0"):
-        Piece(np.zeros((4, 8)), 0.0)
+def test_a_trajectory_has_as_many_pieces_as_fit(peers: Peers, connect: Open) -> None:
+    with pytest.raises(ContractError, match="a trajectory has 1 to 31 pieces, got 32"):
+        connect(peers()).vehicles[0].upload(1, trajectory(32))
 
 
 def test_reports_that_are_none_are_passed_over(peers: Peers, connect: Open) -> None:

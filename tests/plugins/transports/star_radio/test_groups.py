@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from star_core import Command, Order, PluginError, Scene, Setpoint, Supervisor, Telemetry
 from star_core.testing import scene
 from star_radio import orders
-from star_radio.datagrams import Datagrams
-from star_radio.manner import Manner
-from star_radio.shouts import Shouts
+from star_radio.broadcast_commands import BroadcastCommands
+from star_radio.connection_options import ConnectionOptions
 from star_radio.steering import Velocities
 from star_radio.tables import Tables
 from star_radio.transport import Radio, Rules
+from star_radio.udp_links import UdpLinks
 from star_sim.fleet.server import Fleet
 from tests.plugins.transports.star_radio.conftest import Peers, reached
 from tests.plugins.transports.star_radio.peer import Peer
@@ -73,27 +73,27 @@ def aired(n: int, groups: Groups, wired: Sequence[int] = ()) -> Scene:
     return dataclasses.replace(room, groups={name: tuple(rows) for name, rows in groups.items()})
 
 
-def shouts(room: Scene, air: Air) -> Shouts:
+def broadcasts(room: Scene, air: Air) -> BroadcastCommands:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("star_radio.shouts.Broadcaster", lambda _dongle, _on: air)
-        return Shouts(room, 1)
+        patch.setattr("star_radio.broadcast_commands.Broadcaster", lambda _dongle, _on: air)
+        return BroadcastCommands(room, 1)
 
 
 def test_all_have_a_bit_and_each_group_has_one() -> None:
-    made = shouts(aired(4, {"left": (0, 1), "even": (0, 2)}), Air())
+    made = broadcasts(aired(4, {"left": (0, 1), "even": (0, 2)}), Air())
     assert made.masks == {0: 0b111, 1: 0b011, 2: 0b101, 3: 0b001}
 
 
 def test_groups_of_one_of_all_and_of_the_same_have_no_bit_of_their_own() -> None:
     groups = {"one": (0,), "same": (1, 0), "all": (0, 1, 2), "again": (0, 1), "wire": (3, 0)}
-    made = shouts(aired(4, groups, wired=(3,)), Air())
+    made = broadcasts(aired(4, groups, wired=(3,)), Air())
     assert made.masks == {0: 0b11, 1: 0b11, 2: 0b01}
 
 
 def test_the_first_seven_groups_have_bits() -> None:
     groups = {f"g{i}": (i, i + 1) for i in range(9)}
-    assert shouts(aired(11, groups), Air()).masks[7] == 0x81
-    assert shouts(aired(11, groups), Air()).masks[8] == 0x01
+    assert broadcasts(aired(11, groups), Air()).masks[7] == 0x81
+    assert broadcasts(aired(11, groups), Air()).masks[8] == 0x01
 
 
 STOP, LAND = orders.stop(), orders.land(0.0, 2.0)
@@ -119,7 +119,7 @@ def test_what_a_group_has_in_common_is_broadcast_once(
     groups: Groups, packets: list[bytes | None], said: list[str]
 ) -> None:
     air = Air()
-    made = shouts(aired(4, groups), air)
+    made = broadcasts(aired(4, groups), air)
     reached = made.order({i: one for i, one in enumerate(packets) if one})
     assert [packet.hex() for packet, _rows in air.said] == said
     assert reached == {row: packet for packet, rows in air.said for row in rows}
@@ -139,7 +139,7 @@ def test_every_drone_gets_its_own_packet_once(
 ) -> None:
     air = Air()
     named = {f"g{i}": tuple(rows) for i, rows in enumerate(groups)}
-    made = shouts(aired(6, named, tuple(wired)), air)
+    made = broadcasts(aired(6, named, tuple(wired)), air)
     asked = {row: packet for row, packet in enumerate(packets) if packet}
     reached = made.order(asked)
     for row, packet in enumerate(packets):
@@ -150,7 +150,7 @@ def test_every_drone_gets_its_own_packet_once(
         ]
         assert obeyed == ([reached[row]] if row in reached else [])
         by_link = [] if packet is None or row in reached else [packet]
-        got = by_link + [orders.only_for(orders.EVERYBODY, one) for one in obeyed]
+        got = by_link + [orders.only_for(orders.ALL_GROUPS, one) for one in obeyed]
         assert got == ([] if packet is None else [packet])
     assert {row for _said, rows in air.said for row in rows} == reached.keys()
 
@@ -159,13 +159,13 @@ def test_every_drone_gets_its_own_packet_once(
 def test_nobody_of_a_group_is_told_twice_what_all_of_it_is_told(groups: list[set[int]]) -> None:
     named = {f"g{i}": tuple(rows) for i, rows in enumerate(groups)}
     told = [rows for rows in groups if len(rows) > 1 and 5 not in rows]
-    reached = shouts(aired(6, named), Air()).order(dict.fromkeys(set().union(*told), STOP))
+    reached = broadcasts(aired(6, named), Air()).order(dict.fromkeys(set().union(*told), STOP))
     assert reached.keys() == set().union(*told)
 
 
 def test_everybody_is_taken_out_of_groups() -> None:
     air = Air()
-    shouts(aired(3, {}), air).disband()
+    broadcasts(aired(3, {}), air).clear_groups()
     assert [packet.hex() for packet, _rows in air.said] == ["8c0000"]
 
 
@@ -180,11 +180,11 @@ def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
         room = reached(uris)
         radio = Radio(
             room,
-            Manner(Tables(tmp_path), period=0.01, patience=0.6),
+            ConnectionOptions(Tables(tmp_path), report_period=0.01, response_timeout=0.6),
             Rules(**rules),
             Velocities(),
-            shouts=shouts(aired(len(uris), groups), air),
-            datagrams=Datagrams(),
+            broadcasts=broadcasts(aired(len(uris), groups), air),
+            udp_links=UdpLinks(),
         )
         stack.callback(radio.close)
         air.hearers = [vehicle.link.post for vehicle in radio.vehicles]
@@ -215,10 +215,12 @@ def test_who_is_in_no_group_is_in_that_of_all(peers: Peers, aloud: Aloud) -> Non
     assert drones[0].sent_to(8, 0) == [b"\0\1"]
 
 
-def test_nobody_is_told_of_groups_without_a_broadcast(peers: Peers, connect: Aloud) -> None:
-    drones = peers(1)
+def test_without_a_broadcast_all_drones_are_put_into_one_group(
+    peers: Peers, connect: Aloud
+) -> None:
+    drones = peers(2)
     connect(drones)
-    assert drones[0].sent_to(8, 0) == []
+    assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0\1"]] * 2
 
 
 def test_groups_are_told_again_if_that_is_lost(peers: Peers, aloud: Aloud) -> None:
@@ -250,7 +252,8 @@ def test_a_broadcast_that_is_heard_is_confirmed(peers: Peers, aloud: Aloud) -> N
     radio.command(commanded(Order.STOP, [0, 1]))
     for tick in range(12):
         radio.wait(tick * 0.05)
-    assert [told(drone) for drone in drones] == [[b"\3\2"]] * 3
+    assert [set(told(drone)) for drone in drones] == [{b"\3\2"}] * 3
+    assert len(told(drones[2])) == 1  # the links repeat it to those that it is for
 
 
 def test_a_broadcast_that_is_lost_is_given_again_by_link(peers: Peers, aloud: Aloud) -> None:
@@ -262,7 +265,7 @@ def test_a_broadcast_that_is_lost_is_given_again_by_link(peers: Peers, aloud: Al
     radio.command(commanded(Order.STOP, [0, 1]))
     for tick in range(12):
         radio.wait(tick * 0.05)
-    assert [told(drone) for drone in drones] == [[b"\3\2"], [b"\3\2"], []]
+    assert [set(told(drone)) for drone in drones] == [{b"\3\2"}, {b"\3\2"}, set()]
 
 
 def test_what_is_newer_voids_what_is_still_broadcast(peers: Peers, aloud: Aloud) -> None:
@@ -282,7 +285,7 @@ def test_an_absent_drone_stops_broadcasts_that_would_be_for_it_too(
     drones = peers(3)
     drones[absent].mute.set()
     air = Air()
-    radio = aloud(uris(drones), TRIO, air, without=True)
+    radio = aloud(uris(drones), TRIO, air, fly_without_absent=True)
     radio.connect()
     air.said.clear()
     radio.command(commanded(Order.STOP, [0, 1, 2]))

@@ -13,10 +13,11 @@ import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 
 from star_core import PluginError
+from star_radio import packets
 from star_radio.answers import Question
-from star_radio.datagrams import Datagrams
-from star_radio.link import Link
+from star_radio.link import WINDOW, Link
 from star_radio.quality import Quality
+from star_radio.udp_links import UdpLinks
 
 
 class Driver:
@@ -62,7 +63,7 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> Driver:
 @pytest.fixture
 def link(driver: Driver) -> Iterator[Link]:
     with ExitStack() as stack:
-        link = Link("usb://0", "cf1", Datagrams())
+        link = Link("usb://0", "cf1", UdpLinks())
         link.open(1.0)
         stack.callback(link.close)
         stack.callback(driver.go.set)
@@ -125,25 +126,25 @@ def test_a_driver_that_raises_is_noted(driver: Driver, link: Link) -> None:
 def test_what_a_driver_complains_of_is_told_with_what_is_not_answered(
     driver: Driver, link: Link
 ) -> None:
-    threading.Thread(target=driver.error, args=("Trouble\nToo many packets lost",)).start()
+    threading.Thread(target=driver.error, args=("CommandFailure\nToo many packets lost",)).start()
     assert soon(lambda: bool(link.broken))
     with pytest.raises(
         PluginError, match=r"about it from usb://0 in 0.05 s \(Too many packets lost\)"
     ):
-        link.ask(order(0), b"\0", "it", patience=0.05)
+        link.ask(order(0), b"\0", "it", timeout=0.05)
 
 
 def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver) -> None:
     driver.opening = 0.3
     with pytest.raises(PluginError, match=r"usb://0: not opened in 0.05 s"):
-        Link("usb://0", "cf1", Datagrams()).open(0.05)
+        Link("usb://0", "cf1", UdpLinks()).open(0.05)
     assert soon(lambda: driver.closed)
 
 
 def test_a_link_that_stays_weak_is_told_once(
     link: Link, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("star_radio.quality.LASTS", 0.0)
+    monkeypatch.setattr("star_radio.quality.MIN_DURATION", 0.0)
     link.note_quality({"uplink_rssi": 40.0})
     link.note_quality({"link_quality": 71.0})
     assert caplog.text == ""
@@ -173,13 +174,13 @@ def test_a_complaint_with_a_traceback_is_one_line(
 def test_an_answer_is_known_by_its_beginning(driver: Driver, link: Link) -> None:
     for header, data in ((0x5D, b"\7\1\0"), (0x5C, b"\6\1\0"), (0x51, b"\6\1\5")):
         driver.inbox.append(CRTPPacket(header, data))
-    assert link.ask(b"\x5d\6\1", b"\6\1", "it", patience=1.0) == b"\6\1\5"
+    assert link.ask(b"\x5d\6\1", b"\6\1", "it", timeout=1.0) == b"\6\1\5"
 
 
 def test_only_the_newest_question_of_a_topic_is_asked_again(driver: Driver, link: Link) -> None:
     for number in (1, 2):
         link.assure(Question(order(number), (8, 0), bytes([number]), "it", topic="order"))
-    assert soon(lambda: not link.chase(time.monotonic()) and len(driver.sent) == 3)
+    assert soon(lambda: not link.retry(time.monotonic()) and len(driver.sent) == 3)
     assert driver.sent == [b"\x80\1", b"\x80\2", b"\x80\2"]
 
 
@@ -189,3 +190,56 @@ def test_a_link_that_is_closed_sends_nothing(driver: Driver, link: Link) -> None
     link.post(order(0))
     assert driver.closed
     assert driver.sent == []
+
+
+def test_a_slow_round_trip_delays_repetition(driver: Driver, link: Link) -> None:
+    now = time.monotonic()
+    echo = packets.echo(now)
+    link.hear(echo, now + 0.3)
+    assert link.round_trip.timeout == pytest.approx(0.9)
+    link.assure(Question(order(1), (8, 0), b"\1", "it", topic="order"))
+    for later, sent in ((0.5, 1), (1.0, 2), (1.5, 2), (2.0, 3)):
+        link.retry(now + later)
+        assert soon(lambda sent=sent: driver.sent.count(b"\x80\1") == sent)  # type: ignore[misc]
+    assert driver.sent.count(b"\x80\1") == 3
+
+
+def test_a_slow_round_trip_needs_more_patience(link: Link) -> None:
+    now = time.monotonic()
+    for _time in range(20):
+        link.hear(packets.echo(now), now)  # 0.05 s, the least margin, ten times
+    with pytest.raises(PluginError, match=r"no answer about it from usb://0 in 0.5 s"):
+        link.ask(order(0), b"\0", "it", timeout=0.01)
+
+
+def test_an_answer_that_is_not_accepted_is_passed_over(driver: Driver, link: Link) -> None:
+    question = Question.of(order(1), b"\1", "it")
+    question.accepts = lambda payload: payload == b"\1\2"
+    driver.inbox += [CRTPPacket(0x80, b"\1\1"), CRTPPacket(0x80, b"\1\2")]
+    assert link.ask_all([question], timeout=2.0) == [b"\1\2"]
+
+
+def test_the_answer_that_was_not_accepted_is_named(driver: Driver, link: Link) -> None:
+    question = Question.of(order(1), b"\1", "it")
+    question.accepts = lambda _payload: False
+    driver.inbox.append(CRTPPacket(0x80, b"\1\1"))
+    with pytest.raises(PluginError, match=r"no answer about it from usb://0 in 0.3 s, but '0101'"):
+        link.ask_all([question], timeout=0.3)
+
+
+def test_questions_are_asked_together(driver: Driver, link: Link) -> None:
+    questions = [Question.of(order(number), bytes([number]), "it") for number in range(30)]
+    answered = threading.Thread(target=lambda: link.ask_all(questions, timeout=5.0))
+    answered.start()
+    assert soon(lambda: sum(sent[0] == 0x80 for sent in driver.sent) == WINDOW)
+    while answered.is_alive():
+        sent = [packet[1:] for packet in driver.sent if packet[0] == 0x80]
+        driver.inbox += [CRTPPacket(0x80, payload) for payload in reversed(sent)]
+        answered.join(0.05)
+    assert [question.answer for question in questions] == [bytes([n]) for n in range(30)]
+
+
+def test_a_closed_link_answers_nothing(link: Link) -> None:
+    link.close()
+    with pytest.raises(PluginError, match="no answer about it from usb://0"):
+        link.ask(order(0), b"\0", "it", timeout=5.0)

@@ -1,135 +1,174 @@
-"""Ground truth from a motion-capture system that a test makes up."""
+"""Ground truth from motion capture, by a stand-in for the package ``motioncapture``."""
 
 from __future__ import annotations
 
+import subprocess
 import sys
-import threading
 import time
-from collections.abc import Mapping
-from types import ModuleType, SimpleNamespace
+from collections.abc import Callable
+from contextlib import closing
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import star_radio
-from star_core import PluginError
+from star_core import PluginError, Truth
 from star_radio.mocap import MotionCapture
 from tests.plugins.transports.star_radio.conftest import reached
 
 URIS = ["udp://127.0.0.1:9", "udp://127.0.0.1:7"]
+PACKAGE = """
+import time
+from types import SimpleNamespace
 
+def connect(kind, options):
+    if kind == "broken":
+        raise RuntimeError("no route to host")
+    if kind == "deaf":
+        time.sleep(60)
+    return System(kind, options["hostname"])
 
 class System:
-    """A system with two bodies, of which one moves at 1 m/s along x."""
-
-    def __init__(self) -> None:
-        self.asked: tuple[str, Mapping[str, str]] | None = None
+    def __init__(self, kind, hostname):
+        self.name = f"{kind} at {hostname}"
+        self.kind = kind
         self.begun = time.monotonic()
-        self.ended = threading.Event()
 
-    def connect(self, kind: str, options: Mapping[str, str]) -> System:
-        if kind == "broken":
-            raise RuntimeError("no route to host")
-        self.asked = kind, options
-        return self
-
-    def waitForNextFrame(self) -> None:  # noqa: N802 -- the package's own name
-        if self.ended.wait(0.01):
+    def waitForNextFrame(self):
+        if self.kind == "silent" and time.monotonic() > self.begun + 0.1:
+            time.sleep(60)
+        if self.kind == "ending" and time.monotonic() > self.begun + 0.1:
             raise RuntimeError("gone")
+        time.sleep(0.01)
 
     @property
-    def rigidBodies(self) -> Mapping[str, object]:  # noqa: N802
+    def rigidBodies(self):
         turn = SimpleNamespace(x=0.0, y=0.0, z=0.6, w=0.8)
         x = time.monotonic() - self.begun
         return {
-            "cf1": SimpleNamespace(position=np.array([x, 2.0, 3.0]), rotation=turn),
-            "Rigid 7": SimpleNamespace(position=np.array([0.0, 0.0, 1.0]), rotation=turn),
+            "cf1": SimpleNamespace(position=[x, 2.0, 3.0], rotation=turn),
+            self.name: SimpleNamespace(position=[0.0, 0.0, 1.0], rotation=turn),
         }
+"""
+RUN = """
+import time
+from star_radio.mocap import MotionCapture
+from tests.plugins.transports.star_radio.conftest import reached
+
+capture = MotionCapture(reached(["udp://127.0.0.1:9"]), kind="mock", hostname="x")
+time.sleep(0.2)
+assert capture.truth(0.0) is not None
+"""
 
 
 @pytest.fixture
-def system(monkeypatch: pytest.MonkeyPatch) -> System:
-    system = System()
-    module = ModuleType("motioncapture")
-    vars(module)["connect"] = system.connect
-    monkeypatch.setitem(sys.modules, "motioncapture", module)
-    return system
+def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Bodies: cf1, which moves at 1 m/s along x, and one that is named as what was asked for."""
+    (tmp_path / "motioncapture.py").write_text(PACKAGE)
+    monkeypatch.syspath_prepend(tmp_path)
 
 
-def test_bodies_are_the_truth(system: System) -> None:
-    capture = MotionCapture(
-        reached(URIS), kind="optitrack", hostname="host", names={"cf2": "Rigid 7"}
-    )
+def waited_for(found: Callable[[], object]) -> None:
+    end = time.monotonic() + 10
+    while not found() and time.monotonic() < end:
+        time.sleep(0.01)
+    assert found()
+
+
+def seen(capture: MotionCapture, began: float = 0.0) -> Truth:
+    """Return the truth once it has a velocity: from two frames, of which the newest is not old."""
+    end = time.monotonic() + 10
+    while time.monotonic() < end:
+        truth = capture.truth(began)
+        if truth is not None and np.isfinite(truth.velocity[0]).all():
+            return truth
+        time.sleep(0.01)
+    pytest.fail("no truth")
+
+
+def is_unknown(capture: MotionCapture) -> bool:
+    truth = capture.truth(0.0)
+    return truth is not None and bool(np.isnan([truth.position, truth.velocity]).all())
+
+
+@pytest.mark.usefixtures("package")
+def test_bodies_are_the_truth() -> None:
+    names = {"cf2": "optitrack at host"}
     began = time.monotonic()
-    time.sleep(0.3)
-    truth = capture.truth(began)
-    capture.close()
-    assert system.asked == ("optitrack", {"hostname": "host"})
-    assert truth is not None
-    assert 0 < truth.time < 0.6
+    capture = MotionCapture(reached(URIS), kind="optitrack", hostname="host", names=names)
+    with closing(capture):
+        waited_for(lambda: len(capture._frames) > 20)
+        truth = seen(capture, began)
+    assert truth.time > 0.1
     assert np.allclose(truth.position[:, 1:], [[2, 3], [0, 1]])
     assert np.allclose(truth.velocity, [[1, 0, 0], [0, 0, 0]], atol=0.3)
     assert np.allclose(truth.attitude, [[0, 0, 0.6, 0.8]] * 2)
 
 
-def test_what_is_old_is_not_the_truth_any_more(
-    system: System, caplog: pytest.LogCaptureFixture
-) -> None:
-    capture = MotionCapture(reached(URIS), kind="optitrack", hostname="host")
-    time.sleep(0.05)
-    system.ended.set()
-    time.sleep(0.2)
-    for _ask in range(2):
-        truth = capture.truth(0.0)
-        assert truth is not None
-        assert np.isnan(truth.position).all()
-        assert np.isnan(truth.velocity).all()
-    capture.close()
-    said = "radio: mocap says nothing: truth is unknown until it does"
-    assert caplog.messages == ["radio: mocap ended: gone", said]
+@pytest.mark.usefixtures("package")
+def test_an_old_frame_is_not_the_truth(caplog: pytest.LogCaptureFixture) -> None:
+    with closing(MotionCapture(reached(URIS), kind="silent", hostname="host")) as capture:
+        for _time in range(2):
+            waited_for(lambda: is_unknown(capture))
+    assert caplog.messages == ["radio: mocap sends no frames: no ground truth until it does"]
 
 
-@pytest.mark.usefixtures("system")
+@pytest.mark.usefixtures("package")
 def test_a_body_that_is_not_seen_is_not_a_number() -> None:
-    capture = MotionCapture(reached(URIS), kind="optitrack", hostname="host")
-    time.sleep(0.1)
-    truth = capture.truth(0.0)
-    capture.close()
-    assert truth is not None
+    with closing(MotionCapture(reached(URIS), kind="optitrack", hostname="host")) as capture:
+        truth = seen(capture)
     assert np.isnan(truth.position).tolist() == [[False] * 3, [True] * 3]
 
 
-def test_there_is_no_truth_before_the_first_frame(system: System) -> None:
-    system.ended.set()
-    assert MotionCapture(reached(URIS), kind="vicon", hostname="host").truth(0.0) is None
+@pytest.mark.usefixtures("package")
+def test_a_system_that_ends_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    with closing(MotionCapture(reached(URIS), kind="ending", hostname="host")):
+        waited_for(lambda: "radio: mocap ended: gone" in caplog.text)
 
 
-def test_a_system_that_ends_is_told(system: System, caplog: pytest.LogCaptureFixture) -> None:
-    MotionCapture(reached(URIS), kind="vicon", hostname="host")
-    system.ended.set()
-    end = time.monotonic() + 3
-    while "mocap ended: gone" not in caplog.text and time.monotonic() < end:
-        time.sleep(0.01)
-    assert "radio: mocap ended: gone" in caplog.text
+@pytest.mark.usefixtures("package")
+def test_closing_ends_the_process_of_a_silent_system(caplog: pytest.LogCaptureFixture) -> None:
+    capture = MotionCapture(reached(URIS), kind="silent", hostname="host")
+    for _time in range(2):
+        capture.close()
+        assert capture._process.poll() is not None
+        assert not capture._thread.is_alive()
+    assert not caplog.messages
 
 
-@pytest.mark.usefixtures("system")
-def test_the_transport_tells_it() -> None:
+@pytest.mark.usefixtures("package")
+def test_the_transport_reports_it() -> None:
     radio = star_radio.make(reached(URIS), mocap={"type": "vicon", "hostname": "host"})
-    assert radio.truth() is None
-    radio.wait(0.0)
-    radio.wait(0.2)
-    assert radio.truth() is not None
-    radio.close()
+    with closing(radio):
+        assert radio.truth() is None
+        radio.wait(0.0)
+        waited_for(radio.truth)
 
 
-def test_a_package_that_lacks_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "motioncapture", None)
     with pytest.raises(PluginError, match="mocap needs the package 'motioncapture': pip install"):
         MotionCapture(reached(URIS), kind="vicon", hostname="host")
 
 
-@pytest.mark.usefixtures("system")
-def test_a_system_that_cannot_be_reached_is_named() -> None:
-    with pytest.raises(PluginError, match="mocap: no 'broken' at 'host': no route to host"):
-        MotionCapture(reached(URIS), kind="broken", hostname="host")
+@pytest.mark.usefixtures("package")
+@pytest.mark.parametrize(
+    ("kind", "problem"), [("broken", "no route to host"), ("deaf", "no answer in 1 s")]
+)
+def test_a_system_that_cannot_be_reached_is_named(kind: str, problem: str) -> None:
+    with pytest.raises(PluginError, match=f"mocap: no '{kind}' at 'host': {problem}"):
+        MotionCapture(reached(URIS), kind=kind, hostname="host", timeout=1.0)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("closes", [True, False])
+@pytest.mark.skipif(find_spec("motioncapture") is None, reason="motioncapture is not installed")
+def test_the_real_package_does_not_abort_the_process(*, closes: bool) -> None:
+    program = RUN + ("capture.close()\n" if closes else "")
+    for _run in range(20):
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=False
+        )
+        assert (done.returncode, done.stderr) == (0, "")

@@ -59,7 +59,7 @@ def test_addresses_that_cflib_takes_are_taken(uri: str) -> None:
     ],
 )  # fmt: skip
 def test_addresses_of_no_link_are_refused(uri: str) -> None:
-    assert f"{uri!r} is no address of a link; expected radio://" in (fault(uri) or "")
+    assert f"{uri!r} is not a link address; expected radio://" in (fault(uri) or "")
 
 
 def test_a_short_address_is_filled_up() -> None:
@@ -93,7 +93,7 @@ def test_agents_that_share_an_address_are_named() -> None:
 )
 def test_agents_that_are_one_drone_are_named(one: str, other: str) -> None:
     assert found([one, other]) == [
-        f"agents 'cf1' and 'cf2' are one drone: {one!r} and {other!r} reach the same"
+        f"agents 'cf1' and 'cf2' are the same drone: {one!r} and {other!r}"
     ]
 
 
@@ -115,7 +115,11 @@ def test_an_overload_is_told() -> None:
 @pytest.mark.parametrize(
     ("version", "uri", "told"),
     [
-        ("0.1.34", "radio://0/80/2M", ["cflib 0.1.34 drives no dongle so; leave it out"]),
+        (
+            "0.1.34",
+            "radio://0/80/2M",
+            ["cflib 0.1.34 does not support this mode; remove the option"],
+        ),
         ("0.1.35", "radio://0/80/2M", []),
         ("0.1.35b1", "radio://0/80/2M", []),
         ("0.2", "radio://0/80/2M", []),
@@ -132,7 +136,7 @@ def test_a_mode_that_cflib_does_not_have_is_refused(
 
 CAMERAS = {
     "cf9": ("host", "no agent is named 'cf9'"),
-    "cf2": ("host", "agent 'cf2' carries no camera: say which by its 'camera'"),
+    "cf2": ("host", "agent 'cf2' carries no camera: set its 'camera'"),
     "cf1": ("1.2.3.4:99999", "'1.2.3.4:99999' has no port from 1 to 65535"),
     "cf3": ("1.2.3.4:0", "'1.2.3.4:0' has no port from 1 to 65535"),
 }
@@ -189,7 +193,7 @@ def test_links_and_cameras_at_other_ports_of_a_host_are_served() -> None:
 @pytest.mark.parametrize("uri", ["radio://1/80/2M/E701", "radio://01/80/2M/E701"])
 def test_a_dongle_that_has_links_does_not_broadcast(uri: str) -> None:
     assert list(star_radio.check(reached([uri]), broadcast=1)) == [
-        (("broadcast",), "dongle 1 has the link of agent 'cf1': expected another")
+        (("broadcast",), "dongle 1 carries the link of agent 'cf1': expected another")
     ]
     assert list(star_radio.check(reached([uri]), broadcast=0)) == []
 

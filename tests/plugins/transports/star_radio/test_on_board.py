@@ -25,7 +25,7 @@ from star_core import (
     fly,
     load,
 )
-from star_core.interrupts import Interrupts
+from star_core.operator_stop import OperatorStop
 from star_core.testing import scene
 from star_radio import orders
 from star_radio.transport import Radio
@@ -65,7 +65,7 @@ def begins(drone: Any) -> list[bytes]:
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have questions asked again at every tick."""
-    monkeypatch.setattr("star_radio.answers.AGAIN_AFTER", 0.02)
+    monkeypatch.setattr("star_radio.answers.Answers.timeout", 0.02)
 
 
 def test_trajectories_share_the_memory_of_every_drone(peers: Peers, connect: Open) -> None:
@@ -74,7 +74,7 @@ def test_trajectories_share_the_memory_of_every_drone(peers: Peers, connect: Ope
     one, other = trajectory(3), trajectory(2, seed=1)
     radio.upload((one, other))
     for drone in drones:
-        assert drone.sent_to(8, 0) == [
+        assert drone.ordered == [
             orders.define_trajectory(0, 3, 0)[1:], orders.define_trajectory(1, 2, 3 * 132)[1:],
         ]  # fmt: skip
         numbers = np.frombuffer(drone.memory[: 5 * 132], "<f4").reshape(5, 33)
@@ -112,7 +112,7 @@ def test_more_are_refused_with_the_arithmetic(peers: Peers, connect: Open) -> No
         "2 trajectories have 32 pieces of 132 bytes, 4224 bytes in all; a Crazyflie has 4096 bytes "
         "for them: 31 pieces at most"
     )
-    with pytest.raises(PluginError, match="a Crazyflie knows 10 trajectories at most, got 11"):
+    with pytest.raises(PluginError, match="a Crazyflie stores 10 trajectories at most, got 11"):
         radio.upload([trajectory(1, seed=i) for i in range(11)])
     assert drone.sent_to(4, 2) == []
 
@@ -147,9 +147,12 @@ def test_it_begins_where_the_drone_is_and_takes_the_time_that_is_told(
     before = len(drone.got)
     radio.send(Setpoint(np.zeros((1, 3)), np.zeros(1), np.ones(1, np.bool_)))
     radio.command(told(other, seconds=3.0 * float(other.duration.sum())))
+    for tick in range(5):
+        radio.wait(tick * 0.05)
     assert drone.until(lambda: bool(begins(drone)))
-    assert [packet[0] for packet in drone.got[before:]] == [0x70, 0x71, 0x80]
-    assert begins(drone) == [orders.start_trajectory(1, 12, stretch=3.0, relative=True)[1:]]
+    assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
+    order = orders.start_trajectory(1, 12, stretch=3.0, relative=True)
+    assert begins(drone) == [orders.only_for(orders.MISSION, order)[1:]]
 
 
 def test_the_order_takes_no_time_of_the_tick(peers: Peers, connect: Open) -> None:
@@ -180,8 +183,8 @@ def test_one_that_is_to_lie_otherwise_is_refused(
     radio.command(told(trajectory(), yaw=yaw))
     refused = ticks(radio, 2)
     assert bool(begins(drone)) is flies
-    words = f"it is to be turned by {math.degrees(yaw):.0f}°, and was uploaded as it is"
-    assert refused == ([] if flies else [(0, f"refuses to follow a trajectory: {words}")])
+    words = f"rotated by {math.degrees(yaw):.0f}°: it was uploaded without rotation"
+    assert refused == ([] if flies else [(0, f"refuses to follow a trajectory {words}")])
 
 
 @pytest.mark.usefixtures("soon")
@@ -251,7 +254,7 @@ name: over-udp
 world: room.yaml
 rate: 20
 limits: {speed: 1.0}
-transport: {use: radio, cache: CACHE, patience: 1.0}
+transport: {use: radio, cache: CACHE, response_timeout: 1.0}
 localizer: flow
 planner: straight
 avoider: orca
@@ -291,7 +294,7 @@ def fleet() -> Iterator[Fleet]:
         yield fleet
 
 
-def flown(folder: Path, fleet: Fleet, interrupts: Interrupts | None = None) -> dict[str, Any]:
+def flown(folder: Path, fleet: Fleet, interrupts: OperatorStop | None = None) -> dict[str, Any]:
     (folder / "room.yaml").write_text(ROOM)
     (folder / "hook.csv").write_text(hook())
     text = MISSION.replace("CACHE", f"'{folder / 'cache'}'")
@@ -309,7 +312,7 @@ def track(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> list[Array]:
     receive = Radio.receive
 
     def look(radio: Radio) -> Telemetry:
-        if radio._setting_out or found:
+        if radio._awaiting_start or found:
             found.append(drones["position"] - drones["origin"])
         return receive(radio)
 
@@ -320,7 +323,7 @@ def track(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> list[Array]:
 def test_drones_fly_it_in_the_map_and_land_in_the_middle(
     fleet: Fleet, tmp_path: Path, track: list[Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    interrupts, send = Interrupts(), Radio.send
+    interrupts, send = OperatorStop(), Radio.send
 
     def end(radio: Radio, setpoint: Setpoint) -> Setpoint:
         if not interrupts.count:

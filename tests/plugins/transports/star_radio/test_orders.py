@@ -17,8 +17,9 @@ from cflib.utils.encoding import decompress_quaternion
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from star_core import Trajectory
 from star_radio import orders, packets
-from star_radio.trajectory import Piece, packed
+from star_radio.trajectory import packed
 
 NUMBER = st.floats(-30, 30, width=32)
 POINT = st.tuples(NUMBER, NUMBER, NUMBER)
@@ -80,7 +81,7 @@ def test_whole_states(thousandths: list[int], quaternion: tuple[float, ...]) -> 
 
 def test_a_state_beyond_sixteen_bits_is_refused() -> None:
     zero = (0.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match=r"a state is sent in ±32.767, got \[33.0, "):
+    with pytest.raises(ValueError, match=r"expected a state within ±32.767, got \[33.0, "):
         orders.full_state((33.0, 0, 0), zero, zero, (0, 0, 0, 1), zero)
 
 
@@ -130,7 +131,7 @@ def test_trajectories(version: int) -> None:
 def test_pieces_of_a_trajectory() -> None:
     numbers = np.linspace(-4, 4, 32).reshape(4, 8)
     axes = [Poly4D.Poly(list(axis)) for axis in numbers]
-    ours = packed([Piece(numbers, 2.5)] * 2)
+    ours = packed(Trajectory(np.full(2, 2.5), np.stack([numbers] * 2)))
     assert ours == bytes(Poly4D(2.5, *axes).pack()) * 2
 
 
@@ -197,7 +198,7 @@ def test_what_estimators_are_told(
 
 
 def test_a_packet_that_is_too_long_is_refused() -> None:
-    with pytest.raises(ValueError, match="a packet carries 30 bytes, got 31"):
+    with pytest.raises(ValueError, match="expected at most 30 bytes of payload, got 31"):
         packets.packet(5, 1, bytes(31))
 
 

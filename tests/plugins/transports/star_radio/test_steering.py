@@ -12,8 +12,8 @@ from cflib.utils.encoding import decompress_quaternion
 
 from star_core import Array, Setpoint
 from star_radio import orders, report
-from star_radio.heading import FASTEST, GAIN
-from star_radio.steering import LEASH, PAUSE, TWIST, Velocities, WholeStates
+from star_radio.heading import GAIN, MAX_YAW_RATE
+from star_radio.steering import MAX_LEAD, MAX_YAW_LEAD, SETPOINT_TIMEOUT, Velocities, WholeStates
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 TICK = 0.05  # s
@@ -84,7 +84,7 @@ def test_it_does_not_run_away_from_a_drone_that_cannot_follow(clock: Clock) -> N
         packets = states.packets(setpoint([0.6, 0.8, 0]), at([1, 2, 0.8]), [12])
         clock.time += TICK
     position, *_ = told(packets[0])
-    assert position == pytest.approx([1 + 0.6 * LEASH, 2 + 0.8 * LEASH, 0.8], abs=1e-3)
+    assert position == pytest.approx([1 + 0.6 * MAX_LEAD, 2 + 0.8 * MAX_LEAD, 0.8], abs=1e-3)
 
 
 def test_it_holds_a_place_against_drift(clock: Clock) -> None:
@@ -104,7 +104,7 @@ def test_it_turns_as_a_velocity_would_have_it(clock: Clock) -> None:
     assert yaw == pytest.approx(turned, abs=0.003)  # a packed quaternion's parts are of 1/723
     assert rate == pytest.approx(GAIN * (0.2 - turned), abs=1e-3)
     _, _, _, rate = told(states.packets(setpoint([0, 0, 0], 3.0), at([0, 0, 1]), [12])[0])
-    assert rate == FASTEST
+    assert rate == MAX_YAW_RATE
 
 
 def test_its_heading_does_not_run_away_from_a_drone_that_cannot_turn(clock: Clock) -> None:
@@ -112,7 +112,7 @@ def test_its_heading_does_not_run_away_from_a_drone_that_cannot_turn(clock: Cloc
     for _tick in range(40):
         packets = states.packets(setpoint([0, 0, 0], 2.5), at([0, 0, 1], 0.2), [12])
         clock.time += TICK
-    assert told(packets[0])[2] == pytest.approx(0.2 + TWIST, abs=0.003)
+    assert told(packets[0])[2] == pytest.approx(0.2 + MAX_YAW_LEAD, abs=0.003)
 
 
 def test_it_turns_on_across_the_back(clock: Clock) -> None:
@@ -127,7 +127,7 @@ def test_it_turns_on_across_the_back(clock: Clock) -> None:
 def test_what_was_flown_long_ago_leads_nowhere(clock: Clock) -> None:
     states = WholeStates(1, clock)
     states.packets(setpoint([0.3, 0, 0]), at([0, 0, 0.8]), [12])
-    clock.time += PAUSE
+    clock.time += SETPOINT_TIMEOUT
     position, *_ = told(states.packets(setpoint([0, 0.3, 0]), at([0.4, 0, 0.8]), [12])[0])
     assert position == [0.4, 0, 0.8]
 

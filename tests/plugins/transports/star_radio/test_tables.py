@@ -5,12 +5,14 @@ from __future__ import annotations
 import struct
 import threading
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from star_core import PluginError
+from star_radio.answers import Question
 from star_radio.packets import LOG
 from star_radio.tables import Entry, Table, Tables, user_cache
 
@@ -25,13 +27,17 @@ class Drone:
         self._checksum = checksum
         self._dies = dies
 
-    def ask(self, packet: bytes, _start: bytes, about: str) -> bytes:
+    def ask(self, questions: Sequence[Question]) -> list[bytes]:
+        return [self._answer(question) for question in questions]
+
+    def _answer(self, question: Question) -> bytes:
+        packet = question.packet
         self.asked += 1
         if packet[1] == 3:
             return b"\3" + struct.pack("<HI", len(NAMES), self._checksum)
         time.sleep(0.01)
         if self._dies:
-            raise PluginError(f"no answer about {about}")
+            raise PluginError(f"no answer about {question.about}")
         return packet[1:4] + b"\7" + NAMES[packet[2]].replace(".", "\0").encode() + b"\0"
 
 
@@ -84,17 +90,17 @@ def test_a_folder_that_cannot_be_written_is_told(
 ) -> None:
     (tmp_path / "file").write_text("")
     assert Tables(tmp_path / "file").of(LOG, Drone().ask) == EXPECTED
-    assert "tables of contents are not kept in" in caplog.text
+    assert "cannot cache tables of contents in" in caplog.text
 
 
 def test_an_entry_without_a_name_is_refused() -> None:
     drone = Drone()
 
-    def ask(packet: bytes, start: bytes, about: str) -> bytes:
-        return drone.ask(packet, start, about)[:4]
+    def ask(questions: Sequence[Question]) -> list[bytes]:
+        return [answer if answer[0] == 3 else answer[:4] for answer in drone.ask(questions)]
 
     with pytest.raises(PluginError, match="entry 0 of its log table cannot be read: '02000007'"):
-        Tables(None).of(LOG, lambda p, s, a: drone.ask(p, s, a) if p[1] == 3 else ask(p, s, a))
+        Tables(None).of(LOG, ask)
 
 
 def test_tables_are_kept_in_the_users_cache(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import star_sim
 from star_core import Agent, Array, Camera, Command, Order, Rows, Scene, Tag
-from star_core.quaternion import turned
+from star_core.rotations import turned
 from star_core.testing import scene
 from star_sim.airframe import STEP
 from star_sim.camera_options import CameraOptions

@@ -41,7 +41,7 @@ def test_drones_at_the_same_point_come_apart_without_nan(start: Flying) -> None:
 
 
 @given(st.integers(0, 1000))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_of_many_pairs_just_those_that_overlap_are_moved_apart(seed: int) -> None:
     rng = np.random.default_rng(seed)
     way = rng.normal(0, 1, (40, 3))
@@ -74,7 +74,7 @@ def test_drones_far_from_sorted_are_found_all_the_same() -> None:
 
 
 @given(seed=st.integers(0, 1000))
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 def test_a_crowd_that_is_thrown_among_obstacles_stays_finite_and_out_of_them(
     start: Flying, seed: int
 ) -> None:

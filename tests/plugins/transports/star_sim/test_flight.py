@@ -71,7 +71,7 @@ def test_motors_off_is_free_fall_with_drag(start: Flying) -> None:
     rates=st.tuples(*[st.floats(-20, 20)] * 3),
     velocity=st.tuples(*[st.floats(-2, 2)] * 3),
 )
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_the_attitude_stays_a_unit_quaternion(
     rates: tuple[float, float, float], velocity: tuple[float, float, float]
 ) -> None:

@@ -24,7 +24,7 @@ class CrtpOverTcp:
         port: Number; 0 for any that is free.
         handle: Answers a CRTP packet with CRTP packets, in the switchboard's thread. If it raises,
             the client is sent away.
-        switchboard: Who serves it, if it shares one with others; else it has its own.
+        switchboard: Shared switchboard; it has its own if not given.
 
     Attributes:
         address: Host and port on which it listens.
@@ -51,7 +51,7 @@ class CrtpOverTcp:
         return self._port.connected
 
     def push(self, packet: bytes) -> None:
-        """Send a CRTP packet that nobody asked for, such as a log's, from any thread."""
+        """Send an unsolicited CRTP packet, such as a log report, from any thread."""
         message = encode(Packet(Target.STM32, Target.HOST, Function.CRTP, packet))
         if self._port.put(message, WAITING):
             self._port.hang_up()
@@ -72,7 +72,7 @@ class CrtpOverTcp:
         self.close()
 
     def _heard(self, packet: Packet) -> None:
-        """Answer CRTP; what else a client says, such as that it is there, needs no answer."""
+        """Answer CRTP packets; others, such as keep-alive packets, need no answer."""
         if packet.function is Function.CRTP and 0 < len(packet.data) <= MOST:
             for answer in self._handle(packet.data):
                 self.push(answer)

@@ -22,9 +22,9 @@ _HEAD: Final = struct.Struct("<BHHBBI")  # magic, width, height, depth, form, si
 def framed(image: Image, *, jpeg: bool = False) -> bytes:
     """Return an image's frames, ready to be sent.
 
-    One packet says width, height, depth, form and size, and the ones after it hold the bytes of
-    the image and nothing else (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer.c``). That
-    header has no room for the time at which the image was taken.
+    One packet contains width, height, depth, format and size, and the following ones only the bytes
+    of the image (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer.c``). The header has no field
+    for the time of the exposure.
 
     Args:
         image: (height, width) grey values.

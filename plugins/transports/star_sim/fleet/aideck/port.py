@@ -1,4 +1,4 @@
-"""A TCP port with one client at a time, who is never waited for."""
+"""A TCP port for one client at a time, with non-blocking transfers."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _log = logging.getLogger(__name__)
 class Port:
     """One listening socket and its client's; `Switchboard.open` makes it.
 
-    As on an AI-deck, who comes second waits, connected, until the first has gone.
+    As on an AI-deck, a second client waits, connected, until the first has disconnected.
 
     Attributes:
         address: Host and port on which it listens.
         released: Called after `close`.
-        hung_up: How many clients were sent away, for what they said or did not take.
+        hung_up: Number of clients disconnected for invalid data or for not reading.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Port:
 
     @property
     def connected(self) -> bool:
-        """Whether somebody is there."""
+        """Whether a client is connected."""
         return self._client is not None
 
     def put(self, message: bytes, room: int) -> int:

@@ -21,19 +21,19 @@ WAITING: Final = 1  # images behind the one that is being sent
 class AideckServer:
     """Streams images to one client at a time, from the moment it connects.
 
-    Nobody is waited for: while a client is still busy with an image, one more waits, and a newer
-    one takes its place. A slow client so misses whole images, and what it gets is whole.
+    Sending never blocks: while a client is still receiving an image, one more waits, and a newer
+    one replaces it. So a slow client misses whole images, and those it receives are complete.
 
     Args:
         host: Address of the interface.
         port: Number; 0 for any that is free.
         shape: Height and width of the images, px.
         jpeg: Whether to compress them.
-        switchboard: Who serves it, if it shares one with others; else it has its own.
+        switchboard: Shared switchboard; it has its own if not given.
 
     Attributes:
         address: Host and port on which it listens.
-        dropped: How many images a client has missed so far.
+        dropped: Number of images that a client has missed.
 
     Raises:
         PluginError: The port cannot be had.

@@ -41,9 +41,9 @@ def listen(
 
 
 class Switchboard:
-    """Listens on ports, and hands on what their clients say, in a thread of its own.
+    """Listens on ports and passes on the data of their clients, in its own thread.
 
-    `open` says what to listen on. A handler that raises costs its own client only.
+    `open` adds a port. An exception in a handler disconnects only its own client.
     """
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class Switchboard:
         try:
             listener = socket.create_server((host, port), backlog=WAITING)
         except OSError as error:
-            reason = str(error.strerror or error).partition(" (while")[0]  # it is said here
+            reason = str(error.strerror or error).partition(" (while")[0]  # without the port
             raise PluginError(f"cannot listen on {host}:{port}: {reason}") from error
         opened = Port(listener, self._selector, heard, self.soon)
         self.soon(partial(self._add, opened))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Fence, Obstacle, World
-from star_core.quaternion import turned
+from star_core.rotations import turned
 from star_sim.eye.floor import Floor, floor
 from star_sim.eye.shot import Shot
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from star_core import Camera, Tag
-from star_core.quaternion import turned
+from star_core.rotations import turned
 from star_sim.eye.errors import real_camera, real_tags
 
 WALL = turned(math.pi / 2, 0.0, 0.7)

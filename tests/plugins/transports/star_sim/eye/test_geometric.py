@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Camera, Obstacle, Tag, World
-from star_core.quaternion import turned
+from star_core.rotations import turned
 from star_sim.eye.geometric import Spotter
 from star_sim.eye.shot import Shot
 

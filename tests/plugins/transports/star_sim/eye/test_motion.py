@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from star_core import Camera
-from star_core.quaternion import moved
+from star_core.rotations import moved
 from star_sim.eye.motion import mounting, poses
 from star_sim.eye.optics import optics
 from star_sim.eye.shot import Shot

@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from star_core import Array, Camera
+from star_core import Array, Camera, CameraModel
 from star_sim.eye.optics import optics, rays
 
 LENSES = st.builds(
@@ -43,12 +43,18 @@ def by_opencv(camera: Camera, directions: Array) -> Array:
     return np.asarray(pixels, np.float64).reshape(*directions.shape[1:], 2)
 
 
+@example(  # tangential distortion: clipped pixels have rays shorter than the reach
+    Camera(
+        width=64,
+        height=48,
+        matrix=(30.0, 30.0, 20.0, 15.0),
+        distortion=(-0.125, 0.0, 0.0, 0.001953125, 0.0),
+    )
+)
 @given(LENSES)
-@settings(deadline=None, max_examples=30)
 def test_opencv_sees_the_ray_of_each_pixel_at_that_pixel(camera: Camera) -> None:
-    lens = optics(camera)
-    directions = rays(lens)
-    trusted = np.hypot(*directions) < lens.reach - 1e-9
+    directions = rays(camera)
+    trusted = np.isfinite(CameraModel(camera).rays[..., 0])  # the others are clipped
     v, u = np.indices(trusted.shape)
     seen = by_opencv(camera, directions)
     assert trusted[24, 32]
@@ -57,8 +63,8 @@ def test_opencv_sees_the_ray_of_each_pixel_at_that_pixel(camera: Camera) -> None
 
 def test_a_model_that_turns_back_before_the_corner_is_not_trusted_there() -> None:
     lens = optics(Camera())  # the calibrated one does, at the upper left corner
-    directions = np.hypot(*rays(lens))
-    beyond = directions > lens.reach - 1e-9
+    directions = np.hypot(*rays(Camera()))
+    beyond = directions > lens.reach - 1e-6
     assert beyond[0, 0]
     assert beyond.mean() < 0.01
     assert np.isfinite(directions).all()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Camera, Image, Obstacle, Tag, World
-from star_core.quaternion import turned
+from star_core.rotations import turned
 from star_sim.eye.floor import Floor
 from star_sim.eye.geometric import Spotter
 from star_sim.eye.renderer import Renderer

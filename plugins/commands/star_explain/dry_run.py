@@ -1,0 +1,227 @@
+"""Dry run of a mission's steps: expected duration and timeout of each, without disturbances.
+
+The task of every step is created and begun where the previous steps end, as in a flight, and gets
+estimates of agents that follow its goals exactly. So every timeout equals that of a flight; the
+duration of a step is that without other agents, obstacles, drift and acceleration limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias
+
+from star_core import (
+    Goals,
+    Mission,
+    Registry,
+    StarError,
+    Status,
+    Task,
+    TaskSpec,
+    fill_defaults,
+    step_timeout,
+)
+from star_explain.dry_run_swarm import NO_TIME, DryRunSwarm
+
+TICK: Final = 0.1  # s, of the dry run: a smaller one does not change points that fly straight
+LONGEST: Final = 600.0  # s, greatest simulated duration of one step
+
+
+@dataclass(frozen=True, slots=True)
+class StepResult:
+    """Dry-run result of one step.
+
+    Attributes:
+        action: The step of the mission.
+        agents: Names of its agents.
+        takes: Duration without disturbances, s; None if unknown.
+        limit: Its timeout, s; None if unknown.
+        given: Whether the mission sets the timeout.
+        fault: Why it would fail, or why nothing is known about it; empty otherwise.
+        on_board: Whether its agents fly trajectories on board, without steering.
+    """
+
+    action: Any
+    agents: tuple[str, ...]
+    takes: float | None
+    limit: float | None
+    given: bool
+    fault: str
+    on_board: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Steps that run in parallel or in sequence.
+
+    Attributes:
+        at_once: Whether they run in parallel.
+        times: Number of repetitions.
+        parts: The steps.
+    """
+
+    at_once: bool
+    times: int
+    parts: tuple[Part, ...]
+
+    @property
+    def file(self) -> str:
+        """The file that contains them; empty if unknown."""
+        steps = [part.action.place for part in self.parts if isinstance(part, StepResult)]
+        files = {place.rsplit(":", 2)[0] for place in steps}
+        files = files or {part.file for part in self.parts if isinstance(part, Group)}
+        return files.pop() if len(files) == 1 else ""
+
+    @property
+    def takes(self) -> float | None:
+        """Duration without disturbances, s; None if unknown."""
+        return self._all([part.takes for part in self.parts])
+
+    @property
+    def limit(self) -> float | None:
+        """Greatest duration, s; None if unknown."""
+        return self._all([part.limit for part in self.parts])
+
+    def _all(self, times: Sequence[float | None]) -> float | None:
+        known = [time for time in times if time is not None]
+        if len(known) < len(times):
+            return None
+        return self.times * (max(known, default=0.0) if self.at_once else math.fsum(known))
+
+
+Part: TypeAlias = StepResult | Group
+
+
+def dry_run(mission: Mission, registry: Registry) -> Group:
+    """Return the dry-run results of a mission's steps."""
+    return _DryRun(mission, registry).sequence(mission.steps, 1, 0.0)
+
+
+def waits(condition: Mapping[str, Any]) -> float:
+    """Return the longest time a condition waits by itself, s; 0 if it names none.
+
+    >>> waits({"any": [{"found": 1}, {"elapsed": 30}]})
+    30.0
+    """
+    ((kind, given),) = condition.items()
+    if kind in {"any", "all"}:
+        return max(waits(inner) for inner in given)
+    if kind == "not":
+        return waits(given)
+    return float(given) if kind == "elapsed" else 0.0
+
+
+def holds_from(condition: Mapping[str, Any]) -> float:
+    """Return the time from which on a condition on time alone holds, s; otherwise infinity.
+
+    >>> holds_from({"any": [{"found": 1}, {"elapsed": 30}]}), holds_from({"found": 1})
+    (30.0, inf)
+    """
+    ((kind, given),) = condition.items()
+    if kind == "any":
+        return min(holds_from(inner) for inner in given)
+    if kind == "all":
+        return max(holds_from(inner) for inner in given)
+    return float(given) if kind == "elapsed" else math.inf
+
+
+class _DryRun:
+    """Dry run of the steps of a mission.
+
+    Args:
+        mission: Mission to run.
+        registry: Registry of its verbs.
+    """
+
+    def __init__(self, mission: Mission, registry: Registry) -> None:
+        # With `realtime` set, no plugin may wait for anything.
+        self._scene = replace(mission.scene, realtime=True, period=TICK)
+        self._registry = registry
+        self._swarm = DryRunSwarm(self._scene)
+        self._out = set(mission.reserve_rows)
+        self._on_board = False  # whether the current step is flown on board
+
+    def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
+        """Run steps in sequence; of several repetitions only the first is run."""
+        parts: list[Part] = []
+        for node in nodes:
+            part = self._node(node, begun)
+            begun += part.takes or 0.0
+            parts.append(part)
+        return Group(at_once=False, times=times, parts=tuple(parts))
+
+    def _node(self, node: Any, begun: float) -> Part:
+        if hasattr(node, "branches"):
+            parts = tuple(self._node(branch, begun) for branch in node.branches)
+            return Group(at_once=True, times=1, parts=parts)
+        if hasattr(node, "times"):
+            return self.sequence(node.steps, node.times, begun)
+        return self._action(node, begun)
+
+    def _action(self, action: Any, begun: float) -> StepResult:
+        if action.verb == "join":
+            self._out -= set(action.rows)
+        rows = tuple(row for row in action.rows if row not in self._out)
+        agents = tuple(self._scene.agents[row].name for row in rows)
+        given = action.timeout is not None
+        if not rows:
+            return StepResult(action, agents, 0.0, 0.0, given, "no agents are left for it")
+        self._on_board = False
+        try:
+            takes, limit, fault = self._run(action, rows, begun)
+        except StarError as error:
+            takes, limit, fault = None, action.timeout, str(error)
+        except Exception as error:  # noqa: BLE001 -- whatever a plugin may raise
+            what = f"task {action.verb!r} ({action.source}) raised {error!r}"
+            takes, limit, fault = None, action.timeout, what
+        if action.verb == "leave":
+            self._out |= set(rows)
+        return StepResult(action, agents, takes, limit, given, fault, self._on_board)
+
+    def _run(
+        self, action: Any, rows: tuple[int, ...], begun: float
+    ) -> tuple[float | None, float, str]:
+        """Run a step; return its duration and its timeout, s, and why it fails."""
+        offer: TaskSpec = self._registry.find("task", action.verb).offer
+        held = offer.exclusive
+        if held and held.unless not in action.options:  # do not claim resources
+            limit = held.timeout if action.timeout is None else action.timeout
+            return None, float(limit), ""
+        options = fill_defaults(action.options, offer.options)
+        task: Task = offer.make(self._scene, rows, **options)
+        self._on_board = bool(getattr(task, "trajectories", ()))
+        try:
+            limit = self._limit(action, task, begun)
+            takes, fault = self._perform(action, task, rows, begun, limit)
+        finally:
+            if (close := getattr(task, "close", None)) is not None:
+                close()
+        return takes, limit, fault
+
+    def _limit(self, action: Any, task: Task, begun: float) -> float:
+        """Begin a task and return the timeout of its step, as in a flight, s."""
+        limit = float(task.begin(self._swarm.estimate(begun), self._swarm.health()))
+        wait = None if action.until is None else waits(action.until)
+        return step_timeout(limit, wait, action.timeout)
+
+    def _perform(
+        self, action: Any, task: Task, rows: tuple[int, ...], begun: float, limit: float
+    ) -> tuple[float | None, str]:
+        """Run a step; return its duration, s, None if unknown, and why it fails."""
+        end = math.inf if action.until is None else holds_from(action.until)
+        goals: Goals | None = None
+        for tick in range(math.ceil(min(limit, end, LONGEST) / TICK) + 1):
+            now = begun + tick * TICK
+            step = task.step(self._swarm.estimate(now), self._swarm.health())
+            if step.status is Status.FAILURE:
+                return None, step.reason or "failed and gave no reason"
+            if step.status is Status.SUCCESS or tick * TICK >= end - NO_TIME:
+                return tick * TICK, ""
+            goals = step.goals or goals
+            for command in step.commands:
+                self._swarm.execute(command, now)
+            self._swarm.move(goals, rows, now + TICK)
+        late = action.until is None and limit <= LONGEST
+        return None, f"times out after {limit:g} s, even with nothing in the way" if late else ""

@@ -1,0 +1,61 @@
+"""Log of what an import assumed, changed or ignored, with source locations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from star_core import InputError
+
+
+@dataclass(slots=True)
+class ImportLog:
+    """Collects messages, and all problems of the files before any is raised.
+
+    Attributes:
+        messages: One line each, beginning with the location.
+        problems: Why the files cannot be imported, one line each.
+    """
+
+    messages: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    def add(self, place: str, message: str) -> None:
+        """Log a message about a location."""
+        self.messages.append(f"{place}: {message}")
+
+    def warning(self, place: str, message: str) -> None:
+        """Log a warning, before all other messages."""
+        self.messages.insert(0, f"{place}: warning: {message}")
+
+    @contextmanager
+    def collected(self) -> Iterator[None]:
+        """Collect the problems raised inside this context, and continue after it."""
+        try:
+            yield
+        except InputError as error:
+            self.problems += error.problems
+
+    def raise_problems(self) -> None:
+        """Raise the problems collected so far, if any.
+
+        Raises:
+            InputError: All problems.
+        """
+        if self.problems:
+            raise InputError(list(dict.fromkeys(self.problems)))
+
+
+def show(values: object) -> str:
+    """Format numbers as short YAML: ``[1, -0.5]``.
+
+    >>> show([1.0, -0.50, 0.1 + 0.2]), show(0.157)
+    ('[1, -0.5, 0.3]', '0.157')
+    """
+    if isinstance(values, list | tuple):
+        return "[" + ", ".join(show(value) for value in values) + "]"
+    if isinstance(values, float | int):
+        short = f"{values:.6f}".rstrip("0").rstrip(".")
+        return "0" if short == "-0" else short
+    raise TypeError(values)

@@ -1,0 +1,100 @@
+"""The output files of an import: checked before any of them is written."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from star_core import InputError, Registry, load
+from star_import.import_log import show
+from star_import.text import Line, traced, whole
+from star_import.world_text import Room
+
+PROBE = "probe.yaml"  # a mission used to check a world that was imported without one
+
+
+@dataclass(frozen=True, slots=True)
+class OutputFiles:
+    """The files to be written.
+
+    Attributes:
+        lines: Lines of each file, by its path in the folder.
+        copies: Files to be copied, by their path in the folder.
+        mission: Path of the mission in the folder; None if there is a world only.
+        world: Path of the world.
+        room: Its fence.
+    """
+
+    lines: Mapping[str, Sequence[Line]]
+    mission: str | None
+    world: str
+    room: Room
+    copies: Mapping[str, Path] = field(default_factory=dict)
+
+    def check(self, folder: Path) -> None:
+        """Check the files as `star check` does, before they are in `folder`.
+
+        Raises:
+            InputError: They cannot be flown; each reason has the location it was imported from.
+        """
+        with tempfile.TemporaryDirectory() as name:
+            staged = Path(name)
+            self._put(staged)
+            mission = self.mission or PROBE
+            if not self.mission:
+                (staged / PROBE).write_text(self._probe(), encoding="utf-8")
+            try:
+                load(staged / mission, Registry())
+            except InputError as error:
+                problems = [self._relocated(problem, staged, folder) for problem in error.problems]
+                problems = [p for p in problems if not p.startswith(str(staged / PROBE))]
+                if problems:
+                    raise InputError(list(dict.fromkeys(problems))) from None
+
+    def write(self, folder: Path, *, force: bool) -> list[Path]:
+        """Write the files into a folder and return them.
+
+        Raises:
+            InputError: A file exists and `force` is not set, or a file cannot be written.
+        """
+        paths = [folder / name for name in (*self.lines, *self.copies)]
+        if there := [path for path in paths if path.exists()]:
+            if not force:
+                raise InputError([f"{p}: exists already; --force overwrites it" for p in there])
+            for source in self.copies.values():
+                if any(path.samefile(source) for path in there):
+                    raise InputError([f"{source}: would be overwritten by itself; choose --out"])
+        try:
+            self._put(folder)
+        except OSError as error:
+            where = error.filename or folder
+            raise InputError([f"{where}: cannot be written: {error.strerror}"]) from error
+        return paths
+
+    def _put(self, folder: Path) -> None:
+        for name, lines in self.lines.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(whole(lines), encoding="utf-8")
+        for name, source in self.copies.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, folder / name)
+
+    def _relocated(self, problem: str, staged: Path, folder: Path) -> str:
+        """Return a problem of a staged file with the location the file was imported from."""
+        for name, lines in self.lines.items():
+            problem = traced(problem, str(staged / name), str(folder / name), lines)
+        for name, source in self.copies.items():
+            problem = re.sub(rf"(?<![\w/]){re.escape(name)}(?=:)", str(source), problem)
+        return problem
+
+    def _probe(self) -> str:
+        start = [self.room.low[0] + 0.1, self.room.low[1] + 0.1, self.room.low[2]]
+        return (
+            f"star: 1\nname: probe\nworld: {self.world}\nswarm: {{a: {{start: {show(start)}}}}}\n"
+            "transport: sim\nlocalizer: flow\nplanner: straight\navoider: none\n"
+            "mission: [hold: {}]\n"
+        )

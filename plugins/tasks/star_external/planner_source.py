@@ -1,0 +1,100 @@
+"""Goals from an installed planner, which runs in this process."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint
+
+from star_core import ContractError, Estimate, Health, PluginError, Scene, StarError
+from star_external.goals import GOAL_KEYS, checked
+from star_external.planner import Answer, Done, ExternalPlanner, Failed, Goal
+from star_external.rates import ticks_between
+from star_external.text import quoted, reason
+
+
+class PlannerSource:
+    """Calls a planner in every tick or at a rate, and attributes its failures to it.
+
+    Args:
+        scene: The mission's scene.
+        rows: Rows of the agents that the planner is created for.
+        point: Entry point of the planner.
+        rate: Calls per second, 1/s; None for every tick.
+
+    Raises:
+        PluginError: The planner cannot be created; in flight: it raised an exception, or its
+            answer violates the contract. The message names the planner.
+    """
+
+    def __init__(
+        self, scene: Scene, rows: tuple[int, ...], point: EntryPoint, rate: float | None = None
+    ) -> None:
+        self._scene = scene
+        self._label = f"external planner {point.name!r} ({_source(point)})"
+        self._every = ticks_between(rate, scene.period)
+        self._ticks = 0
+        with self._attributed():
+            self._planner = point.load()(scene, rows)
+            if not isinstance(self._planner, ExternalPlanner):
+                made = type(self._planner).__name__
+                raise ContractError(f"made {made}, expected plan(estimate, health, rows)")
+
+    def ask(
+        self, estimate: Estimate, health: Health, agents: Mapping[str, int]
+    ) -> Iterator[Answer]:
+        due = self._ticks % self._every == 0
+        self._ticks += 1
+        if due:
+            with self._attributed():
+                answer = self._planner.plan(estimate, health, tuple(agents.values()))
+                answer = self._checked(answer, agents)
+            yield answer
+
+    def close(self) -> None:
+        with self._attributed():
+            getattr(self._planner, "close", lambda: None)()
+
+    def _checked(self, answer: object, agents: Mapping[str, int]) -> Answer:
+        """Return the planner's answer, validated."""
+        match answer:
+            case Done():
+                return answer
+            case Failed(str(why)):
+                return Failed(f"{self._label} gave up: {reason(why)}")
+            case Mapping():
+                given = {name: _fields(name, goal) for name, goal in answer.items()}
+                return checked(given, self._scene, agents)
+        raise ContractError(
+            f"plan() returned {quoted(answer)}, expected goals by agent, Done() or Failed(why)"
+        )
+
+    @contextmanager
+    def _attributed(self) -> Iterator[None]:
+        """Name the planner in exceptions raised inside."""
+        try:
+            yield
+        except StarError as error:
+            raise PluginError(f"{self._label}: {error}") from error
+        except (Exception, SystemExit) as error:
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            text = reason(f"{type(error).__name__}: {error}")
+            raise PluginError(f"{self._label}: {text} ({at.filename}:{at.lineno})") from error
+
+
+def _source(point: EntryPoint) -> str:
+    """Return the origin of a planner: its distribution, if known, and its function."""
+    found = point.dist
+    return f"{found.name} {found.version}: {point.value}" if found else point.value
+
+
+def _fields(name: str, goal: object) -> dict[str, object]:
+    """Return the fields of a goal in the form that another process would send.
+
+    Raises:
+        ContractError: It is not a goal.
+    """
+    if not isinstance(goal, Goal):
+        raise ContractError(f"{name}: the goal is {quoted(goal)}, expected a Goal")
+    return {key: value for key in GOAL_KEYS if (value := getattr(goal, key)) is not None}

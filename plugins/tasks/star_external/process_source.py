@@ -1,0 +1,208 @@
+"""Goals from another process, through a TCP socket.
+
+The other process connects to the port and is sent JSON objects, one per line: a greeting
+(`star_external.reports.greeting`), and then state lines, every tick or at a rate
+(`star_external.reports.state`). It sends goals, or the success or failure of the step
+(`star_external.messages`). An invalid line is answered with ``{"error": why, "line": number}`` and
+otherwise ignored. Every valid line, also ``{"goals": {}}``, restarts the silence timeout. The
+connection is closed when the step ends; the greeting is repeated when the agents of the step
+change.
+
+In lock-step a simulation waits for exactly one line, valid or not, in answer to each state line.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeVar
+
+from star_core import Estimate, Health, InputError, Scene
+from star_external.messages import read
+from star_external.planner import Answer, Done, Failed
+from star_external.rates import ticks_between
+from star_external.reports import greeting, refusal, state
+from star_external.source import Hold
+from star_external.tcp_server import MAX_LINE, Line, TcpServer
+
+End = TypeVar("End", Done, Failed)
+
+log = logging.getLogger(__name__)
+
+LINES: Final = 50
+"""Lines read per tick; further lines wait in the buffers, which finally block the sender."""
+
+ROUNDING: Final = 1e-9
+"""Tolerance of mission time against a whole number of ticks, s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConnectionOptions:
+    """Options of the connection, as in the schema.
+
+    Attributes:
+        rate: State lines per second, 1/s; None for every tick.
+        silence: Maximum time without a line, s.
+        then: What to do after that.
+        response_timeout: Time to wait for the connection and for each answer, s.
+        lockstep: Whether a simulation waits for answers.
+    """
+
+    rate: float | None = None
+    silence: float = 2.0
+    then: Literal["hold", "fail"] = "hold"
+    response_timeout: float = 10.0
+    lockstep: bool = True
+
+
+class ProcessSource:
+    """Sends the other process the state of the agents, and passes its answers to the step.
+
+    Args:
+        scene: The mission's scene.
+        server: Server that the other process connects to.
+        options: Options of the connection.
+
+    Attributes:
+        server: As given.
+    """
+
+    def __init__(self, scene: Scene, server: TcpServer, options: ConnectionOptions) -> None:
+        self._scene = scene
+        self.server = server
+        self._options = options
+        self._waits = options.lockstep and not scene.realtime
+        self._every = ticks_between(options.rate, scene.period)
+        self._seen_turn: int | None = None  # of the server, when another step held it
+        self._client_count: int | None = None  # of the server, at the last greeting
+        self._greeted: Mapping[str, int] | None = None  # agents of the last greeting
+        self._owed = False  # in lock-step: whether an answer is outstanding
+        self._patient = True  # in lock-step: whether to wait for answers
+        self._ticks = 0
+        self._begun: float | None = None  # s
+        self._heard: float | None = None  # s, last line; None before a client connected
+        self._silent = False
+
+    def ask(
+        self, estimate: Estimate, health: Health, agents: Mapping[str, int]
+    ) -> Iterator[Answer | Hold]:
+        if self._begun is None:
+            self._begun = estimate.time
+        if not self._enter():
+            yield from self._queue()
+            return
+        self.server.turn += 1
+        self._meet(estimate, agents)
+        if self._heard is None:
+            yield from self._wait(estimate.time - self._begun)
+            return
+        due = self._ticks % self._every == 0
+        self._ticks += 1
+        if due and not self._owed:
+            rows = tuple(agents.values())
+            sent = self.server.send(state(self._scene, rows, estimate, health), now=True)
+            self._owed = self._waits and sent
+        for line in self._lines():
+            match self._understood(line, agents):
+                case Done() as done:
+                    yield self._leave(done)
+                    return
+                case Failed(why):
+                    yield self._leave(Failed(f"the other process gave up: {why}"))
+                    return
+                case Mapping() as goals:
+                    self._heard, self._silent = estimate.time, False
+                    yield goals
+        yield from self._after_silence(estimate.time - self._heard, agents)
+
+    def close(self) -> None:
+        self.server.close()
+
+    def _enter(self) -> bool:
+        """Take the server, unless its holder has run since the last check.
+
+        A step that was ended by a condition or its timeout is not notified and still holds it.
+        """
+        server = self.server
+        if server.holder not in (None, self) and self._seen_turn != server.turn:
+            return False
+        if server.holder not in (None, self):
+            server.disconnect()
+        server.holder = self
+        return True
+
+    def _queue(self) -> Iterator[Failed]:
+        """Check for one tick whether the step that holds the server is still running."""
+        if self._seen_turn is None:
+            self._seen_turn = self.server.turn
+            return
+        host, port = self.server.address
+        yield Failed(
+            f"another running step listens on {host}:{port}; give each step its own 'port'"
+        )
+
+    def _meet(self, estimate: Estimate, agents: Mapping[str, int]) -> None:
+        """Accept the other process, and greet it."""
+        new = self._waits and self._heard is None
+        if not self.server.accept(self._options.response_timeout if new else 0.0):
+            return
+        if self._client_count == self.server.client_count and self._greeted == agents:
+            return
+        rate = 1 / (self._every * self._scene.period)
+        rows = tuple(agents.values())
+        self.server.send(greeting(self._scene, rows, rate, lockstep=self._waits))
+        if self._client_count != self.server.client_count:  # a new client owes no answer
+            self._client_count = self.server.client_count
+            self._owed, self._patient = False, True
+        self._greeted = agents
+        if self._heard is None:
+            self._heard = estimate.time
+
+    def _wait(self, waited: float) -> Iterator[Failed]:
+        """Fail if no client has connected in time; `waited` is the time so far, s."""
+        timeout = self._options.response_timeout
+        if self._waits or waited >= timeout - ROUNDING:
+            host, port = self.server.address
+            yield self._leave(Failed(f"no client connected to {host}:{port} within {timeout:g} s"))
+
+    def _lines(self) -> list[Line]:
+        """Return the lines since the last tick; in lock-step the outstanding answer."""
+        if not self._waits:
+            return self.server.receive(LINES, 0.0)
+        if not self._owed:
+            return []
+        lines = self.server.receive(1, self._options.response_timeout if self._patient else 0.0)
+        self._patient = bool(lines)
+        self._owed = not lines and self.server.connected
+        return lines
+
+    def _understood(self, line: Line, agents: Mapping[str, int]) -> Answer | None:
+        """Return the content of a line; answer an invalid one with an error."""
+        why = f"the line is longer than {MAX_LINE} bytes"
+        if line.text is not None:
+            try:
+                return read(line.text, self._scene, agents)
+            except InputError as error:
+                why = str(error)
+        self.server.send(refusal(why, line.number))
+        return None
+
+    def _after_silence(self, lasts: float, agents: Mapping[str, int]) -> Iterator[Failed | Hold]:
+        """Hold or fail if no line has arrived for too long; `lasts` is the time since, s."""
+        silence = self._options.silence
+        if lasts < silence - ROUNDING:
+            return
+        if self._options.then == "fail":
+            yield self._leave(Failed(f"the other process sent nothing for {silence:g} s"))
+        elif not self._silent:
+            self._silent = True
+            names = ", ".join(agents)
+            log.warning("external: the other process sends nothing: %s hold position", names)
+            yield Hold()
+
+    def _leave(self, end: End) -> End:
+        """Release the server at the end of the step."""
+        self.server.disconnect()
+        self.server.holder = None
+        return end

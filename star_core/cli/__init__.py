@@ -1,0 +1,1 @@
+"""The command `star` and its built-in subcommands."""

@@ -1,0 +1,61 @@
+"""Checks a file: a mission, steps, a world or a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from star_core.camera import camera_faults
+from star_core.errors import InputError
+from star_core.mission import checked
+from star_core.mission_file import schema
+from star_core.mission_file.includes import check_alone, lacking
+from star_core.mission_file.located_document import Document, kind_of, override, read
+from star_core.mission_file.world_loader import world
+from star_core.registry import Registry
+
+
+def check_file(path: Path, assignments: Sequence[str], registry: Registry) -> str:
+    """Return, in one line, what a file is good for.
+
+    Args:
+        path: Of the file.
+        assignments: ``path=value`` each, to be set in it first.
+        registry: The plugins that there are.
+
+    Raises:
+        InputError: Something is wrong with it.
+    """
+    document = read(path)
+    others = {"steps": _steps, "world": _world, "camera": _camera}
+    if found := others.get(kind_of(document)):
+        return f"{path}: {found(override(document, assignments), registry)}"
+    mission = checked(document, registry, assignments)
+    agents = len(mission.scene.agents)
+    many = "agents" if agents > 1 else "agent"
+    return f"{path}: {mission.name!r} can be flown, with {agents} {many}"
+
+
+def _steps(document: Document, registry: Registry) -> str:
+    """Check steps by themselves, whatever mission includes them."""
+    check_alone(document, schema.compose_steps(registry.offers()))
+    steps, parameters = len(document.data["mission"]), document.data.get("parameters", {})
+    needed = ", ".join(name for name, value in parameters.items() if value is None)
+    many = "steps" if steps > 1 else "step"
+    values = f", with a value for {needed}" * bool(needed)
+    return f"{steps} {many} for missions to include{values}{lacking(document)}"
+
+
+def _world(document: Document, _registry: Registry) -> str:
+    """Check a world, whatever mission is flown in it."""
+    if found := schema.problems(document, schema.load("world")):
+        raise InputError(found)
+    return f"{world(document).name!r}, a world that can be flown in"
+
+
+def _camera(document: Document, _registry: Registry) -> str:
+    """Check a camera's file, whatever mission has it."""
+    found = schema.problems(document, schema.load("camera"))
+    if found := found or document.told(camera_faults(document.data)):
+        raise InputError(found)
+    return f"{document.data['name']!r}, a camera for missions"

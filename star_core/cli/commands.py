@@ -1,0 +1,168 @@
+"""STAR's own commands, as a plugin: ``star run``, ``check``, ``plugins`` and ``schema``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from star_core.contracts import CommandSpec
+from star_core.hookspecs import hookimpl
+
+if TYPE_CHECKING:
+    import argparse
+
+
+@hookimpl
+def star_commands() -> Iterator[CommandSpec]:
+    yield CommandSpec(name="run", summary="Fly a mission (= star-run).", make=_run, group="Fly")
+    yield CommandSpec(
+        name="check",
+        summary="Check a mission, or steps, a world or a camera.",
+        make=_check,
+        group="Author",
+    )
+    yield CommandSpec(
+        name="schema", summary="Write a schema for an editor.", make=_schema, group="Author"
+    )
+    yield CommandSpec(
+        name="plugins", summary="List what is installed.", make=_plugins, group="Plugins"
+    )
+
+
+def parser(command: str) -> argparse.ArgumentParser:
+    """Return the command line of one command, for the docs and the tests too."""
+    import argparse
+
+    line = argparse.ArgumentParser(prog=f"star {command}", allow_abbrev=False)
+    if command in {"run", "check"}:
+        many = "; or steps, a world, a camera" * (command == "check")
+        line.add_argument("mission", help=f"mission file (YAML){many}")
+        line.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="PATH=VALUE",
+            help="set a value of the mission: avoider.radius=0.3, transport=radio",
+        )
+        line.add_argument("--seed", help="seed of every random number")
+        line.add_argument(
+            "--speed", help="times real time, in simulation: 1; as fast as it can if not given"
+        )
+    if command == "run":
+        line.add_argument("--out", metavar="DIR", help="record into DIR (runs/TIME-MISSION)")
+        line.add_argument("--no-record", action="store_true", help="leave nothing behind")
+        line.add_argument("--save-frames", action="store_true", help="keep the cameras' images too")
+        line.add_argument("--json", action="store_true", help="print the summary as JSON, only")
+        line.add_argument("--verbose", action="store_true", help="show the tracebacks of plugins")
+    if command == "plugins":
+        line.add_argument("--json", action="store_true", help="as JSON, with option schemas")
+    if command == "schema":
+        line.add_argument(
+            "of",
+            nargs="?",
+            default="mission",
+            choices=["mission", "steps", "world", "camera", "study"],
+            help="kind of file: %(default)s",
+        )
+        line.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
+    return line
+
+
+def _parse(command: str, arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the options of a command.
+
+    Raises:
+        StarError: There is a word that the command does not take.
+    """
+    import re
+
+    from star_core.errors import StarError, suggestion
+
+    line = parser(command)
+    options, unknown = line.parse_known_args(arguments)
+    if unknown and not unknown[0].startswith("-"):
+        raise StarError(f"{unknown[0]!r} is one argument too many")
+    if unknown:
+        known = re.findall("--[a-z-]+", line.format_usage())
+        hint = suggestion(unknown[0], known, "there are")
+        raise StarError(f"unknown option {unknown[0]!r}{hint}")
+    return options
+
+
+def _run(arguments: Sequence[str]) -> int:
+    from contextlib import nullcontext, redirect_stdout
+
+    from star_core.cli.main import installed
+    from star_core.cli.run import run_mission
+
+    options, answer = _parse("run", arguments), sys.stdout
+    # What plugins print must not be in the JSON.
+    with redirect_stdout(sys.stderr) if options.json else nullcontext():
+        status, text = run_mission(
+            options.mission,
+            _assignments(options),
+            installed(),
+            out=options.out,
+            keep=not options.no_record,
+            save_frames=options.save_frames,
+            as_json=options.json,
+            verbose=options.verbose,
+        )
+        print(text, file=answer)
+    return status
+
+
+def _check(arguments: Sequence[str]) -> int:
+    from pathlib import Path
+
+    from star_core.cli.check import check_file
+    from star_core.cli.main import installed
+
+    options = _parse("check", arguments)
+    print(check_file(Path(options.mission), _assignments(options), installed()))
+    return 0
+
+
+def _plugins(arguments: Sequence[str]) -> int:
+    from star_core.cli.list_plugins import as_json, as_text
+    from star_core.cli.main import installed
+
+    options = _parse("plugins", arguments)
+    print(as_json(installed()) if options.json else as_text(installed()))
+    return 0
+
+
+def _schema(arguments: Sequence[str]) -> int:
+    import json
+    from pathlib import Path
+
+    from star_core.cli.main import installed
+    from star_core.errors import StarError
+    from star_core.mission_file import schema
+
+    options = _parse("schema", arguments)
+    if options.of == "mission":
+        content = schema.compose(installed().offers())
+    elif options.of == "steps":
+        content = schema.compose_steps(installed().offers(), admit=True)
+    else:
+        content = schema.load(options.of)
+    text = json.dumps(content, indent=2)
+    if options.out:
+        try:
+            Path(options.out).write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            raise StarError(f"{options.out}: cannot be written: {error.strerror}") from error
+    else:
+        print(text)
+    return 0
+
+
+def _assignments(options: argparse.Namespace) -> list[str]:
+    assignments = list(options.set)
+    if options.seed is not None:
+        assignments.append(f"seed={options.seed}")
+    if options.speed is not None:
+        assignments.append(f"transport.speed={options.speed}")
+    return assignments

@@ -1,0 +1,120 @@
+"""The command line: every command comes from a plugin, STAR's own from `star_core.cli.commands`.
+
+Every command imports what it needs when it runs; ``star --help`` reads the list of commands from a
+cache and imports no plugin.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from star_core.errors import StarError, suggestion
+
+TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from star_core.registry import Registry
+
+FAILED = 1
+BAD_INPUT = 2
+USAGE = "usage: star [-h] [--version] COMMAND ..."
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run ``star`` and return its exit status: 0 done, 1 failed in flight, 2 bad input."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        try:
+            return _main(arguments)
+        finally:
+            sys.stdout.flush()  # while it can still be met that the reader has gone
+    except StarError as error:
+        for line in str(error).splitlines():
+            print(line, file=sys.stderr)
+        return BAD_INPUT
+    except BrokenPipeError:
+        _leave_quietly()
+        return FAILED
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return FAILED
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run ``star-run``, which is ``star run``."""
+    return main(["run", *(sys.argv[1:] if arguments is None else arguments)])
+
+
+def installed() -> Registry:
+    """Return the installed plugins."""
+    from star_core.registry import Registry
+
+    return Registry()
+
+
+def _main(arguments: list[str]) -> int:
+    match arguments:
+        case ["-h" | "--help", *_]:
+            from star_core.cli.overview import overview
+
+            print(f"{USAGE}\n\n{overview(_loaded)}")
+        case ["--version", *_]:
+            from star_core import __version__
+
+            print(f"star {__version__}")
+        case [name, *rest] if not name.startswith("-"):
+            return _command(name, rest)
+        case []:
+            raise StarError(f"{USAGE}\nname a COMMAND; `star --help` lists them")
+        case [option, *_]:
+            hint = suggestion(option, ("--help", "--version"), "there are")
+            raise StarError(f"{USAGE}\nunknown option {option!r}{hint}")
+    return 0
+
+
+def _command(name: str, arguments: list[str]) -> int:
+    """Run a command.
+
+    Raises:
+        StarError: There is none of that name.
+        PluginError: A third party's raised what is neither an `InputError` nor meant to exit.
+    """
+    from star_core.errors import InputError, PluginError
+    from star_core.plugin_guard import PluginGuard
+
+    registry = _loaded()
+    known = registry.names("command")
+    if name not in known:
+        raise StarError(f"star has no command {name!r}{suggestion(name, known, 'there are')}")
+    found = registry.find("command", name)
+    if found.source.own:  # an error of its own is a bug, and shown as one
+        status: int = found.offer.make(arguments)
+        return status
+    try:
+        with PluginGuard(f"command {name!r} ({found.source})"):
+            status = found.offer.make(arguments)
+    except PluginError as error:
+        if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):
+            raise error.__cause__ from None
+        raise
+    return status
+
+
+def _loaded() -> Registry:
+    """Return the installed plugins after reporting those that were left out."""
+    from contextlib import redirect_stdout
+
+    with redirect_stdout(sys.stderr):  # what plugins print must not be in the answer
+        registry = installed()
+    for source, why in registry.broken.items():
+        print(f"star: plugin {source} is left out: {why}", file=sys.stderr)
+    return registry
+
+
+def _leave_quietly() -> None:
+    """Let Python write the rest to nowhere: the reader of the output has gone."""
+    import os
+
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())

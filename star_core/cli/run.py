@@ -1,0 +1,177 @@
+"""``star run``: a flight as its user sees it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from star_core.cli.live_view import Progress
+from star_core.cli.run_folders import new_folder
+from star_core.errors import InputError
+from star_core.mission import load
+from star_core.operator_stop import OperatorStop
+from star_core.registry import Registry, Source
+from star_core.runner import fly, outcome_of
+
+HARD = 3
+"""Interrupts after which Python itself is interrupted: a plugin may hang."""
+
+
+def run_mission(
+    path: str,
+    assignments: Sequence[str],
+    registry: Registry,
+    *,
+    out: str | None,
+    keep: bool,
+    save_frames: bool,
+    as_json: bool,
+    verbose: bool,
+) -> tuple[int, str]:
+    """Fly the mission at `path`, show how it goes; return the exit status, and what to print.
+
+    Raises:
+        InputError: The mission cannot be flown, or there is a record at `out` already.
+        PluginError: A plugin cannot be made, or the links cannot be opened.
+    """
+    logging.basicConfig(
+        level=logging.DEBUG if verbose else logging.WARNING,
+        format="star: %(message)s",
+        stream=sys.stderr,
+    )
+    logging.getLogger("numba").setLevel(logging.WARNING)
+    logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger that means nothing is none
+    mission = load(Path(path), registry, assignments)
+    folder = _folder(out, mission.name) if keep else None
+    if not as_json:
+        registry.add(Progress(), Source("star-swarm:progress"))
+    interrupts = OperatorStop()
+    with _signals(interrupts):
+        summary = fly(
+            mission, registry, folder=folder, save_frames=save_frames, interrupts=interrupts
+        )
+    return outcome_of(summary), json.dumps(summary, indent=2) if as_json else format_summary(
+        summary, folder
+    )
+
+
+def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
+    """Return a summary for people."""
+    collisions = summary["collisions"]
+    factor, apart = summary["realtime_factor"], summary["min_separation_m"]
+    rmse, clear = summary["position_rmse_m"], summary["min_clearance_m"]
+    flown = summary["path_length_m"]["total"]
+    by = "" if summary["distances_from"] == "ground_truth" else " (estimated positions)"
+    rows = [
+        (
+            "flight",
+            f"{summary['flight_time_s']:.1f} s with {_many(summary['agents'])}"
+            + (f", {factor:.{0 if factor >= 1 else 1}f} times real time" if factor else ""),
+        ),
+        ("slowest plugin", _slowest(summary)),
+        *(("slow ticks", text) for text in _slow(summary["slow_ticks"])),
+        (
+            "collisions",
+            f"{collisions['agent_agent']} between agents, "
+            f"{collisions['agent_obstacle']} with obstacles{by}",
+        ),
+        ("closest approach", f"{apart:.2f} m{by}" if apart is not None else ""),
+        ("corrected", _corrected(summary["corrected"])),
+        ("late ticks", _late(summary["late_ticks"], summary["latest_tick_s"])),
+        ("clearance", f"{clear:.2f} m at least{by}" if clear is not None else ""),
+        ("position error", f"{rmse:.3f} m RMS" if rmse is not None else ""),
+        ("targets", _targets(summary["targets"])),
+        ("flown", f"{flown:.1f} m in all" if flown is not None else ""),
+        ("record", str(folder) if folder and (folder / "summary.json").exists() else ""),
+    ]
+    head = f"{summary['mission']}: {summary['outcome']}"
+    head += f": {summary['reason']}" if summary["reason"] else ""
+    return "\n".join([head, *(f"  {label:<18}{text}" for label, text in rows if text)])
+
+
+def _slowest(summary: Mapping[str, Any]) -> str:
+    """Name the plugin that took most of a flight slower than real time, if one did."""
+    factor, wall_time = summary["realtime_factor"], summary["wall_time_s"]
+    if factor is None or factor >= 1 or not summary["compute_s"]:
+        return ""
+    spent, plugin = max((spent, plugin) for plugin, spent in summary["compute_s"].items())
+    return f"{plugin}, {spent:.1f} of {wall_time:.1f} s" if spent > wall_time / 2 else ""
+
+
+def _slow(slow_ticks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Name every plugin that took too long for ticks of a simulation."""
+    for plugin, slow in slow_ticks.items():
+        yield f"{slow['ticks']} of {plugin}, the slowest took {slow['longest_s']:.1f} s"
+
+
+def _corrected(corrected: Mapping[str, int]) -> str:
+    """Say why the core changed setpoints, if it did."""
+    said = [f"{count} for {why}" for why, count in corrected.items() if count]
+    return f"setpoints: {', '.join(said)}" if said else ""
+
+
+def _late(ticks: int, worst: float) -> str:
+    """Say how many ticks were late, if any was, and the latest by how much, s."""
+    return f"{ticks}, by {worst:.2f} s at most" if ticks else ""
+
+
+def _targets(targets: Mapping[str, Any]) -> str:
+    """Say how many targets were found, if there are any."""
+    total = targets["total"]
+    return f"{targets['found']} of {total} found" if total else ""
+
+
+def _many(agents: Sequence[str]) -> str:
+    return "1 agent" if len(agents) == 1 else f"{len(agents)} agents"
+
+
+def _folder(out: str | None, name: str) -> Path:
+    """Return where to record, which must hold no record yet.
+
+    Raises:
+        InputError: It does, or it is no folder.
+    """
+    if out is None:
+        return new_folder(name)
+    folder = Path(out)
+    if not out or (folder.exists() and not folder.is_dir()):
+        raise InputError([f"--out {out}: is a file; name a folder" if out else "--out: is empty"])
+    above = next(path for path in (folder, *folder.parents) if path.exists())
+    if not (above.is_dir() and os.access(above, os.W_OK)):
+        raise InputError([f"--out {out}: cannot be made: nothing can be written in '{above}'"])
+    if (folder / "manifest.json").exists():
+        raise InputError([f"--out {out}: holds the record of a run already; name another folder"])
+    return folder
+
+
+@contextmanager
+def _signals(interrupts: OperatorStop) -> Iterator[None]:
+    """Count Ctrl-C and its like instead of dying of them."""
+
+    def count(number: int, _frame: FrameType | None) -> None:
+        interrupts.count += 1
+        if interrupts.count >= HARD:
+            raise KeyboardInterrupt
+        what = (
+            "landing; again stops the motors"
+            if interrupts.count == 1
+            else "stopping the motors; again breaks off what hangs"
+        )
+        with suppress(OSError):  # the terminal may be gone
+            print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
+
+    caught = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}
+    before = {number: signal.signal(number, count) for number in caught}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,1 @@
+"""The steps of a mission while they run: goals, assignments, reserves, landings."""

@@ -1,0 +1,94 @@
+"""Slots of a mission and the agents assigned to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from star_core.messages.arrays import Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Team:
+    """The agents of a step.
+
+    Attributes:
+        holders: The row of the agent assigned to each of the step's slots.
+        rows: Their rows.
+        own: (N,) whether an agent is one of them.
+        names: Their names, for messages.
+    """
+
+    holders: Mapping[int, int]
+    rows: tuple[int, ...]
+    own: Mask
+    names: str
+
+    @classmethod
+    def of(cls, holders: Mapping[int, int], names: Sequence[str]) -> Team:
+        """The agents assigned to some slots, of N agents with these names."""
+        rows = tuple(holders.values())
+        own = np.zeros(len(names), np.bool_)
+        own[list(rows)] = True
+        return cls(holders, rows, own, ", ".join(names[row] for row in rows))
+
+
+class Assignments:
+    """The slots of a mission and the agents assigned to them.
+
+    A slot is numbered by the row of its first agent; steps are for slots. Another agent may be
+    assigned to it, or none.
+
+    Args:
+        n: Number of agents.
+        reserve: Rows of the agents that are in no step until they replace another or join.
+
+    Attributes:
+        retired: Slots that stay empty.
+        version: Increases with each change.
+    """
+
+    def __init__(self, n: int, reserve: Iterable[int] = ()) -> None:
+        self._holder = list(range(n))
+        self._vacant = set(reserve)
+        self.retired = set(reserve)
+        self.version = 0
+
+    def holders(self, places: Iterable[int]) -> dict[int, int]:
+        """Return the row of the agent of each of some slots, without the empty ones."""
+        return {place: self._holder[place] for place in places if place not in self._vacant}
+
+    def place(self, row: int) -> int | None:
+        """Return the slot of an agent; None if it is not in the mission."""
+        for place, holder in enumerate(self._holder):
+            if holder == row and place not in self._vacant:
+                return place
+        return None
+
+    def vacancies(self) -> list[int]:
+        """Empty slots that an agent should be assigned to."""
+        return sorted(self._vacant - self.retired)
+
+    def vacate(self, rows: Iterable[int], *, retire: bool = False) -> None:
+        """Take agents out of the mission; with `retire`, their slots stay empty."""
+        for row in rows:
+            if (place := self.place(row)) is not None:
+                self.version += 1
+                self._vacant.add(place)
+                if retire:
+                    self.retired.add(place)
+
+    def take(self, place: int, row: int) -> None:
+        """Assign an agent to a slot, in place of the one that has it now."""
+        self.version += 1
+        self._holder[place] = row
+        self._vacant.discard(place)
+        self.retired.discard(place)
+
+    def left(self) -> Mask:
+        """(N,) agents that are not in the mission."""
+        out = np.ones(len(self._holder), np.bool_)
+        out[list(self.holders(range(len(self._holder))).values())] = False
+        return out

@@ -1,0 +1,1 @@
+"""Distances and shapes: obstacles, polygons, pairs of agents, footprints."""

@@ -1,0 +1,86 @@
+"""Outlines in the map's x-y plane: of boxes and cylinders, and what makes one no polygon."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final
+
+from star_core.world import Corner
+
+SIDES: Final = 24
+"""Sides of the polygon around a cylinder; its corners are 0.9 % farther out than the circle."""
+
+FLAT: Final = 1e-12
+"""Points off a line by less than this share of its length are on it."""
+
+THIN: Final = 0.001
+"""Least width of a strip that an outline fills, m, across the line from its first corner to the
+farthest; of walls the schema says the same. What is thinner is a slip of the pen."""
+
+
+def box(centre: Sequence[float], size: Sequence[float], yaw: float) -> tuple[Corner, ...]:
+    """Return the corners of a rectangle, anticlockwise.
+
+    Args:
+        centre: x and y of its middle, m.
+        size: Its length along its own x axis and along its own y axis, m.
+        yaw: How far its x axis is turned from the map's, rad, anticlockwise.
+
+    Example:
+        >>> box((1, 1), (2, 1), 0.0)
+        ((0.0, 0.5), (2.0, 0.5), (2.0, 1.5), (0.0, 1.5))
+    """
+    x, y = centre
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    half, side = size[0] / 2, size[1] / 2
+    return tuple(
+        (x + cos * a - sin * b, y + sin * a + cos * b)
+        for a, b in ((-half, -side), (half, -side), (half, side), (-half, side))
+    )
+
+
+def around_circle(centre: Sequence[float], radius: float) -> tuple[Corner, ...]:
+    """Return the corners of a regular polygon of `SIDES` whose sides touch a circle from outside.
+
+    So nothing of a cylinder is left out of its polygon.
+
+    Args:
+        centre: x and y, m.
+        radius: Of the circle, m.
+    """
+    x, y = centre
+    reach = radius / math.cos(math.pi / SIDES)
+    angles = (math.tau * i / SIDES for i in range(SIDES))
+    return tuple((x + reach * math.cos(angle), y + reach * math.sin(angle)) for angle in angles)
+
+
+def outline_fault(corners: Sequence[Corner]) -> str | None:
+    """Return why `corners`, m, are not the outline of a polygon, or None if they are.
+
+    >>> outline_fault([(0, 0), (1, 1), (1, 0), (0, 1)])
+    'crosses or touches itself at [0.5, 0.5]'
+    """
+    if any(a == b for a, b in pairwise([*corners, corners[0]])):
+        return "has the same point twice in a row"
+    (x, y), (dx, dy) = corners[0], _longest(corners)
+    length = math.hypot(dx, dy)
+    off = [(dx * (v - y) - dy * (u - x)) / length for u, v in corners]
+    if max(map(abs, off)) <= FLAT * length:
+        return "has all its points on one line"
+    if (strip := max(off) - min(off)) < THIN:
+        return f"lies in a strip of only {strip:.2g} m, expected at least {THIN:g} m"
+    import shapely  # numpy with it: only a world with polygons needs them
+
+    reason = shapely.is_valid_reason(shapely.Polygon(corners))  # such as "Self-intersection[0.5 1]"
+    if "[" in reason:
+        where = ", ".join(f"{float(value):g}" for value in reason.split("[")[1][:-1].split())
+        return f"crosses or touches itself at [{where}]"
+    return None
+
+
+def _longest(corners: Sequence[Corner]) -> Corner:
+    """The vector from the first corner to the farthest one, m."""
+    (x, y), (u, v) = corners[0], max(corners, key=lambda corner: math.dist(corners[0], corner))
+    return u - x, v - y

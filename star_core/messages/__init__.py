@@ -1,0 +1,1 @@
+"""The data that passes between the parts of a flight: frozen tables, commands, events."""

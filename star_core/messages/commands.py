@@ -1,0 +1,118 @@
+"""What on-board high-level commanders can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from star_core.errors import ContractError
+from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
+
+
+class Order(StrEnum):
+    """What the on-board high-level commander can be told."""
+
+    ARM = "arm"
+    TAKEOFF = "takeoff"  # climb straight up to position z
+    LAND = "land"  # descend straight down to position z
+    GOTO = "goto"  # fly to position
+    FOLLOW = "follow"  # fly a trajectory that was uploaded
+    STOP = "stop"  # motors off, at once
+
+
+PIECE: Final = (4, 8)
+"""Axes of a trajectory, x, y, z and yaw, and coefficients of each."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """A trajectory of polynomial pieces, in a frame of its own; those with the same numbers equal.
+
+    Attributes:
+        duration: (P,) of each piece, s.
+        coefficients: (P, 4, 8) of x, y and z, m, and of yaw, rad, over the time since the piece
+            began, s: the constant first.
+    """
+
+    duration: Array
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self, {"duration": (), "coefficients": PIECE}, per="piece")
+        if not (
+            len(self.duration) and np.isfinite(self.duration).all() and (self.duration > 0).all()
+        ):
+            raise ContractError(
+                f"Trajectory.duration is {self.duration.tolist()!r}, expected one or more numbers "
+                "above 0"
+            )
+        if not np.isfinite(self.coefficients).all():
+            raise ContractError("Trajectory.coefficients are not all finite")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Trajectory) and self._numbers == other._numbers
+
+    def __hash__(self) -> int:
+        return hash(self._numbers)
+
+    @property
+    def _numbers(self) -> bytes:
+        return self.duration.tobytes() + self.coefficients.tobytes()
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """An order to the on-board commanders of some agents: one row per agent that is meant.
+
+    Attributes:
+        order: What to do.
+        agent: (K,) rows of the agents meant.
+        position: (K, 3) target, m: in the map when a task gives it, in each agent's odometry frame
+            when a transport receives it. Take-off and landing use z only, x and y may be no
+            numbers. For FOLLOW it is where the origin of the trajectory's frame lies.
+        yaw: (K,) heading at the end, rad, in the same frame. Take-off and landing keep theirs. For
+            FOLLOW it is by how much the trajectory's frame is turned.
+        duration: (K,) time to take, s. A trajectory is flown as much slower as this is longer than
+            its own.
+        trajectory: What to FOLLOW: one of those that were uploaded. None with any other order.
+
+    Raises:
+        ContractError: It makes no sense: a duration is not above 0, or a number that is used is
+            none.
+    """
+
+    order: Order
+    agent: Rows
+    position: Array
+    yaw: Array
+    duration: Array
+    trajectory: Trajectory | None = None
+
+    def __post_init__(self) -> None:
+        numbers = {"position": (3,), "yaw": (), "duration": ()}
+        freeze_arrays(self, numbers, integers=("agent",), per="agent meant")
+        if not isinstance(self.order, Order):
+            raise ContractError(f"Command.order is {self.order!r}, expected an Order")
+        follows = self.order is Order.FOLLOW
+        if follows is not isinstance(self.trajectory, Trajectory):
+            expected = "a Trajectory" if follows else "None"
+            raise ContractError(
+                f"Command.trajectory of the order {str(self.order)!r} is "
+                f"{type(self.trajectory).__name__}, expected {expected}"
+            )
+        if self.order in {Order.ARM, Order.STOP}:
+            return
+        turns = follows or self.order is Order.GOTO
+        lasts = np.isfinite(self.duration) & (self.duration > 0)
+        self._expect("duration", self.duration, "more than 0", lasts)
+        self._expect("position", self.position, "numbers", np.isfinite(self.position[:, 2]))
+        if turns:
+            self._expect("position", self.position, "numbers", np.isfinite(self.position))
+            self._expect("yaw", self.yaw, "numbers", np.isfinite(self.yaw))
+
+    def _expect(self, name: str, given: Array, what: str, so: Mask) -> None:
+        if not so.all():
+            raise ContractError(f"Command.{name} is {given.tolist()!r}, expected {what}")

@@ -1,0 +1,1 @@
+"""What is measured of a flight, and what is recorded of how it was set up."""

@@ -1,0 +1,74 @@
+"""What to keep of a flight so that it can be flown again."""
+
+from __future__ import annotations
+
+import platform
+import re
+from importlib.metadata import PackageNotFoundError, entry_points, requires, version
+from typing import Any
+
+from star_core.mission import Mission
+from star_core.mission_file.step_tree import actions
+from star_core.registry import ENTRY_POINT_GROUP
+
+DISTRIBUTION = "star-swarm"
+OURS = "star."  # begins the names of groups of entry points
+
+
+def manifest(mission: Mission) -> dict[str, Any]:
+    """Return the mission, its world and files as flown, plugins, seed, and the software beneath."""
+    return {
+        "mission_file": str(mission.document.path),
+        "mission": mission.document.data,
+        "world_file": str(mission.world.path),
+        "world": mission.world.data,
+        "files": {
+            name: path.read_text(encoding="utf-8", errors="replace")
+            for name, path in mission.scene.files.items()
+        },
+        "seed": mission.scene.seed,
+        "plugins": {
+            kind: {
+                "name": part.use,
+                "options": dict(part.options),
+                "plugin": part.source.plugin,
+                "version": part.source.version,
+            }
+            for kind, part in mission.parts.items()
+        },
+        "verbs": {
+            action.verb: {"plugin": action.source.plugin, "version": action.source.version}
+            for action in actions(mission.steps)
+        },
+        "entry_points": entry_points_of_others(),
+        "packages": packages(),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+
+
+def entry_points_of_others() -> dict[str, dict[str, str]]:
+    """Distributions with entry points that plugins look up themselves, by entry-point group."""
+    points = entry_points()
+    return {
+        group: {
+            point.name: f"{point.dist.name} {point.dist.version}"
+            for point in points.select(group=group)
+            if point.dist is not None
+        }
+        for group in sorted(points.groups)
+        if group.startswith(OURS) and group != ENTRY_POINT_GROUP
+    }
+
+
+def packages() -> dict[str, str]:
+    """Versions of this project and of what it is built on."""
+    needed = (line for line in requires(DISTRIBUTION) or () if "extra ==" not in line)
+    names = [DISTRIBUTION, *(re.split(r"[ <>=~!;\[]", line)[0] for line in needed)]
+    found = {}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

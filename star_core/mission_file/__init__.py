@@ -1,0 +1,1 @@
+"""Mission, world and camera files: located YAML, schema, includes, error messages."""

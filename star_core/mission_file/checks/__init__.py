@@ -1,0 +1,1 @@
+"""What is wrong with a mission that its schema cannot see."""

@@ -1,0 +1,178 @@
+"""What the plugins' own functions find wrong with a mission, and goals that no agent can reach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from numbers import Real
+from typing import Any, Final, TypeAlias
+
+from star_core.contracts import Problem, StepGoal
+from star_core.errors import PluginError
+from star_core.mission_file.sound_parts import Incomplete
+from star_core.plugin_schema import fill_defaults, held
+from star_core.registry import Registry
+from star_core.scene import Scene
+
+Path: TypeAlias = tuple[str | int, ...]
+Fault: TypeAlias = tuple[Path, str]
+"""Where in a mission something is wrong, and what."""
+
+LISTED: Final = 3
+"""How many of the other goals that are refused for the same value a message lists."""
+
+_Answer: TypeAlias = tuple[list[Any], list[Fault]]
+"""What a function of an offer yields, and what is wrong with the function itself."""
+
+
+class PluginChecks:
+    """Calls what plugins offer to check a mission with; once for steps that are alike.
+
+    Args:
+        registry: Where plugins are found.
+        scene: What they are asked about.
+        planner: Name of the mission's planner.
+        planner_options: What the mission gives it.
+        enabled: Whether to call any of them: they may depend on everything in the scene.
+    """
+
+    def __init__(
+        self,
+        registry: Registry,
+        scene: Scene,
+        planner: str,
+        planner_options: Mapping[str, Any],
+        *,
+        enabled: bool = True,
+    ) -> None:
+        self.enabled = enabled
+        self._registry = registry
+        self._scene = scene
+        self._planner = planner
+        self._planner_options = planner_options
+        self._found: dict[str, list[Fault]] = {}
+
+    def faults(
+        self, kind: str, name: str, path: Path, options: Mapping[str, Any], *rows: tuple[int, ...]
+    ) -> Iterator[Fault]:
+        """Yield what is wrong with the options at `path`; a task's check is given its rows."""
+        if not self.enabled:
+            return
+        asked = repr((kind, name, rows, options))
+        if asked not in self._found:
+            found, wrong = self._call(
+                kind, name, "check", (self._scene, *rows), options, _is_problem, "Problem"
+            )
+            if kind == "task" and not found and not wrong:
+                found, wrong = self._goal_problems(name, options, *rows)
+            self._found[asked] = [*found, *wrong]
+        for inner, message in self._found[asked]:
+            yield (*path, *inner), message
+
+    def held(self, verb: str, options: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+        """Return what a step of this verb takes hold of outside of STAR."""
+        if isinstance(options, Incomplete):
+            return ()
+        try:
+            return held(self._registry.find("task", verb).offer, options)
+        except PluginError:
+            return ()
+
+    def _goal_problems(
+        self, verb: str, options: Mapping[str, Any], rows: tuple[int, ...]
+    ) -> _Answer:
+        """Find goals of a step where no agent can be, or that the planner refuses.
+
+        Of the goals that follow from one value the first is reported, and the labels of the others.
+        """
+        goals, wrong = self._call(
+            "task", verb, "goals", (self._scene, rows), options, _is_goal, "StepGoal at [x, y, z]"
+        )
+        if wrong or not goals:
+            return [], wrong
+        faults = [self._scene.world.fault(goal.position) for goal in goals]
+        free = [i for i, fault in enumerate(faults) if fault is None]
+        refused, wrong = self._refused([goals[i].position for i in free])
+        for (index,), reason in refused:
+            x, y, z = goals[free[index]].position
+            faults[free[index]] = f"goal [{x:g}, {y:g}, {z:g}] {reason}"
+        found: dict[Path, dict[str, str]] = {}  # by path, the first fault of each label
+        for goal, fault in zip(goals, faults, strict=True):
+            if fault is not None:
+                found.setdefault(goal.path, {}).setdefault(goal.label, fault)
+        return [(path, _first(by_label)) for path, by_label in found.items()], wrong
+
+    def _refused(self, goals: list[tuple[float, float, float]]) -> _Answer:
+        """Return which goals the planner refuses, by their indices."""
+        if self._planner not in self._registry.names("planner"):
+            return [], []  # that is reported of the planner
+        indices = {(i,) for i in range(len(goals))}
+        return self._call(
+            "planner",
+            self._planner,
+            "check_goals",
+            (self._scene, goals),
+            self._planner_options,
+            lambda one: _is_problem(one) and one.path in indices,
+            "Problem with the index of a goal",
+        )
+
+    def _call(
+        self,
+        kind: str,
+        name: str,
+        function: str,
+        arguments: tuple[Any, ...],
+        options: Mapping[str, Any],
+        sound: Callable[[Any], bool],
+        expected: str,
+    ) -> _Answer:
+        """Return what a function of an offer yields, and what is wrong with the function itself.
+
+        Args:
+            kind: Of the plugin.
+            name: Of the plugin.
+            function: Field of the offer that holds the function; it may be None.
+            arguments: What it is called with.
+            options: Keyword arguments.
+            sound: Whether a value is what it should yield.
+            expected: What that is, in words.
+        """
+        try:
+            found = self._registry.find(kind, name)
+        except PluginError as error:
+            return [], [((), str(error))]
+        call = getattr(found.offer, function)
+        if call is None:
+            return [], []
+        what = f"the {function} of {kind} {name!r} ({found.source})"
+        try:
+            if kind != "task":  # a task's own checks tell options that are given from defaults
+                options = fill_defaults(options, found.offer.options)
+            answer = list(call(*arguments, **options))
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever it may raise
+            return [], [((), f"{what} raised {error!r}")]
+        return [one for one in answer if sound(one)], [
+            ((), f"{what} yields {one!r}, expected {expected}") for one in answer if not sound(one)
+        ]
+
+
+def _is_problem(value: Any) -> bool:
+    return isinstance(value, Problem)
+
+
+def _is_goal(value: Any) -> bool:
+    if not isinstance(value, StepGoal):
+        return False
+    position: Any = value.position
+    try:
+        x, y, z = position
+    except (TypeError, ValueError):
+        return False
+    return all(isinstance(number, Real) for number in (x, y, z))
+
+
+def _first(faults: Mapping[str, str]) -> str:
+    """Return the first of some faults by label, and up to `LISTED` labels of the others."""
+    (label, text), *others = faults.items()
+    also = [other for other, _ in others[:LISTED]] + ["…"] * (len(others) > LISTED)
+    return f"{label}: {text}".removeprefix(": ") + (f" (also {', '.join(also)})" if also else "")

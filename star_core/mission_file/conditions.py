@@ -1,0 +1,201 @@
+"""Conditions of a mission, which are data: whether they hold now, and what is wrong with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from star_core.errors import suggestion
+
+if TYPE_CHECKING:
+    from star_core.messages.events import Event
+    from star_core.messages.state import Estimate, Health
+    from star_core.rotations import Point
+    from star_core.scene import Scene
+
+Condition: TypeAlias = Mapping[str, Any]
+
+ROUNDING: Final = 1e-9
+"""What mission time may lack of a whole number of ticks, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionContext:
+    """What conditions are asked about.
+
+    Attributes:
+        rows: The agents of the step.
+        begun: When the step began, s.
+        time: Mission time, s.
+        estimate: Where everybody is.
+        health: How everybody is.
+        names: Of the agents, by row.
+        targets: Names of those that were found.
+        events: Everything that was told, the newest last.
+    """
+
+    rows: tuple[int, ...]
+    begun: float
+    time: float
+    estimate: Estimate
+    health: Health
+    names: Sequence[str]
+    targets: Sequence[str]
+    events: Sequence[Event]
+
+
+def holds(condition: Condition, now: ConditionContext) -> bool:
+    """Return whether a condition holds.
+
+    Args:
+        condition: A map of one of ``elapsed``, ``found``, ``near``, ``battery_below``, ``event``,
+            ``any``, ``all`` and ``not``, as the mission schema has it.
+        now: What it is asked about.
+    """
+    ((kind, given),) = condition.items()
+    return KINDS[kind](given, now)
+
+
+def longest(condition: Condition) -> float:
+    """Return the longest time that a condition waits for as such, s; 0 if it names none."""
+    ((kind, given),) = condition.items()
+    if kind in {"any", "all"}:
+        return max(longest(inner) for inner in given)
+    if kind == "not":
+        return longest(given)
+    return float(given) if kind == "elapsed" else 0.0
+
+
+def soonest(condition: Condition) -> float:
+    """Return the time before which a condition cannot hold, s, as far as it names times.
+
+    >>> soonest({"all": [{"found": 1}, {"elapsed": 30}]}), soonest({"not": {"elapsed": 30}})
+    (30.0, 0.0)
+    """
+    ((kind, given),) = condition.items()
+    if kind in {"any", "all"}:
+        return (min if kind == "any" else max)(soonest(inner) for inner in given)
+    return float(given) if kind == "elapsed" else 0.0
+
+
+def needs_find(condition: Condition) -> bool:
+    """Return whether a condition cannot hold as long as no target is found.
+
+    >>> needs_find({"all": [{"found": 1}, {"elapsed": 3}]}), needs_find({"not": {"found": 1}})
+    (True, False)
+    """
+    ((kind, given),) = condition.items()
+    if kind == "any":
+        return all(needs_find(inner) for inner in given)
+    if kind == "all":
+        return any(needs_find(inner) for inner in given)
+    return kind == "found" or (kind == "event" and given == "found")
+
+
+def step_faults(
+    step: Mapping[str, Any], scene: Scene, rows: Sequence[int]
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Yield what is wrong with a step's ``until`` that its schema cannot see, and where in it.
+
+    Args:
+        step: The options of the step's verb.
+        scene: The mission's scene.
+        rows: The agents of the step.
+    """
+    given, limit = step["until"], step.get("timeout", math.inf)
+    targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
+    crew = tuple(scene.names[row] for row in rows)
+    wrong = [*faults(given, scene.names, targets, crew, scene.world.fence.distance)]
+    yield from wrong
+    if not wrong and needs_find(given) and all(agent.camera is None for agent in scene.agents):
+        yield (), "no agent has a camera to find a target with; give agents `camera: aideck`"
+    if (least := soonest(given)) > limit:
+        yield (), f"holds after {least:g} s, but the step times out after {limit:g} s"
+
+
+def faults(
+    condition: Condition,
+    agents: Sequence[str],
+    targets: Sequence[str],
+    crew: Sequence[str] = (),
+    outside: Callable[[Point], float] = lambda _: 0.0,
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Yield what is wrong with a condition that its schema cannot see, and where in it.
+
+    Args:
+        condition: What to look at.
+        agents: Names of the agents.
+        targets: Names of the world's targets.
+        crew: Names of the agents of the step.
+        outside: Returns how far a point is from where agents can be, m.
+    """
+    ((kind, given),) = condition.items()
+    inner = given if kind in {"any", "all"} else [given] if kind == "not" else []
+    for i, one in enumerate(inner):
+        for path, message in faults(one, agents, targets, crew, outside):
+            yield ((kind, i, *path) if kind != "not" else (kind, *path)), message
+    if kind == "found" and isinstance(given, str) and given not in targets:
+        yield (kind,), f"no target named {given!r}{suggestion(given, targets, 'there are')}"
+    if kind == "found" and isinstance(given, int) and given > len(targets):
+        yield (kind,), f"{given!r} is more than the {len(targets)} targets of the world"
+    if kind == "near" and ("agent" in given) == ("point" in given):
+        yield (kind,), "needs either 'point' or 'agent'"
+    elif kind == "near" and given.get("agent", agents[0]) not in agents:
+        name = given["agent"]
+        yield (kind, "agent"), f"no agent named {name!r}{suggestion(name, agents, 'there are')}"
+    elif kind == "near" and [*crew] == [given.get("agent")]:
+        yield (kind, "agent"), f"{crew[0]!r} is always near itself; name another agent"
+    elif kind == "near" and "point" in given:
+        away = outside(_point(given["point"]))
+        if away > given["within"]:
+            yield (
+                (kind, "point"),
+                f"{given['point']!r} is {away:.2f} m outside the fence; no agent comes within "
+                f"{given['within']:g} m",
+            )
+
+
+def _point(given: Sequence[float]) -> Point:
+    x, y, z = given
+    return float(x), float(y), float(z)
+
+
+def _near(given: Mapping[str, Any], now: ConditionContext) -> bool:
+    """Whether every agent of the step is near a point, or near another agent."""
+    import numpy as np
+
+    if "agent" in given:
+        point = now.estimate.position[now.names.index(given["agent"])]
+    else:
+        point = np.array(given["point"], float)
+    away = np.linalg.norm(now.estimate.position[list(now.rows)] - point, axis=1)
+    return bool((away <= given["within"]).all())
+
+
+def _found(given: str | int, now: ConditionContext) -> bool:
+    return given in now.targets if isinstance(given, str) else len(now.targets) >= given
+
+
+def _told(kind: str, now: ConditionContext) -> bool:
+    """Whether something of a kind was told since the step began."""
+    for event in reversed(now.events):
+        if event.time < now.begun - ROUNDING:
+            return False
+        if event.kind == kind:
+            return True
+    return False
+
+
+KINDS: Final[Mapping[str, Callable[[Any, ConditionContext], bool]]] = {
+    "any": lambda given, now: any(holds(one, now) for one in given),
+    "all": lambda given, now: all(holds(one, now) for one in given),
+    "not": lambda given, now: not holds(given, now),
+    "elapsed": lambda given, now: bool(now.time - now.begun >= given - ROUNDING),
+    "found": _found,
+    "near": _near,
+    "battery_below": lambda given, now: any(now.health.battery[row] < given for row in now.rows),
+    "event": _told,
+}
+"""How each kind of condition is judged."""

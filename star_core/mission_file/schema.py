@@ -1,0 +1,273 @@
+"""The schemas of every file: composed from what is installed, and checked with places."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import quote, unquote
+
+from star_core.contracts import MissionSpec
+from star_core.errors import InputError
+from star_core.mission_file.located_document import PARTS, Document, read
+from star_core.mission_file.parameter_schema import admitting, depends
+from star_core.plugin_schema import SHARED, references
+
+if TYPE_CHECKING:
+    from jsonschema.protocols import Validator
+
+    from star_core.mission_file.schema_errors import Fault
+
+NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
+"""Keywords whose values are no schemas, whatever they look like."""
+
+
+def load(name: str) -> dict[str, Any]:
+    """Read ``schemas/<name>.schema.json``, as for ``world``; every property has a title."""
+    schema = _as_written(name)
+    _entitle(schema, schema)
+    return schema
+
+
+def read_as(path: Path, name: str) -> Document:
+    """Read the YAML file at `path` and hold it to ``schemas/<name>.schema.json``.
+
+    Raises:
+        InputError: It cannot be read or does not fit; every reason found is listed, with its place.
+    """
+    document = read(path)
+    if found := problems(document, load(name)):
+        raise InputError(found)
+    return document
+
+
+def compose(offers: Mapping[str, Mapping[str, MissionSpec]]) -> dict[str, Any]:
+    """Return the mission schema with the names, options and verbs of these plugins.
+
+    It has neither ``anyOf`` nor ``oneOf`` of its own, so that one mistake is one error and an
+    editor completes what fits.
+
+    Args:
+        offers: By kind and name, each one `sound`; kinds that a mission file does not name are
+            passed over.
+    """
+    mission = _as_written("mission")
+    definitions = mission["$defs"]
+    for kind in PARTS:
+        made = {
+            name: _options(kind, offer, definitions)
+            for name, offer in sorted(offers.get(kind, {}).items())
+        }
+        mission["properties"][kind] = {
+            "title": kind.capitalize(),
+            "description": mission["properties"][kind]["description"],
+            **_part(made),
+        }
+    _put_verbs(definitions, offers)
+    _entitle(mission, mission)
+    return mission
+
+
+def compose_steps(
+    offers: Mapping[str, Mapping[str, MissionSpec]], *, admit: bool = False
+) -> dict[str, Any]:
+    """Return the schema of files of steps, whose steps are those of the schema of missions.
+
+    Args:
+        offers: As for `compose`.
+        admit: Whether it is itself to admit a parameter in the place of every value, as editors
+            need it; `problems` tells parameters apart by itself.
+    """
+    steps, definitions = _as_written("steps"), _as_written("mission")["$defs"]
+    _put_verbs(definitions, offers)
+    steps["$defs"] = _referred_to(steps["properties"], definitions)
+    _entitle(steps, steps)
+    if admit:
+        steps["$defs"] = {name: admitting(held) for name, held in steps["$defs"].items()}
+    return steps
+
+
+def problems(
+    document: Document, schema: Mapping[str, Any], *, parameters: bool = False
+) -> list[str]:
+    """Return every mistake in `document` as one line with its place, in the order of the file.
+
+    The list is empty if there is none.
+
+    Args:
+        document: To be held to the schema.
+        schema: To hold it to.
+        parameters: Whether ``$name`` stands for a value that is not known yet; what depends on it
+            is no mistake.
+    """
+    return located(document, faults(document, schema, parameters=parameters))
+
+
+def faults(
+    document: Document, schema: Mapping[str, Any], *, parameters: bool = False
+) -> list[Fault]:
+    """Return every mistake in `document`; the arguments are those of `problems`."""
+    from star_core.mission_file.schema_errors import explain
+
+    errors = _validator()(dict(schema)).iter_errors(document.data)
+    if parameters:
+        errors = (error for error in errors if not depends(error))
+    return list(explain(errors, document.data))
+
+
+def located(document: Document, faults: Iterable[Fault]) -> list[str]:
+    """Return mistakes as one line each with its place, in the order of the file."""
+    lines = {
+        (document.mark(fault.path, key=fault.key), fault.message): document.problem(
+            fault.path, fault.message, key=fault.key
+        )
+        for fault in faults
+    }
+    return [lines[key] for key in sorted(lines, key=lambda key: (key[0].origin != "", key))]
+
+
+def _as_written(name: str) -> dict[str, Any]:
+    from importlib.resources import files
+
+    packaged = files("star_core") / "schemas"
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "schemas"
+    schema: dict[str, Any] = json.loads(
+        (folder / f"{name}.schema.json").read_text(encoding="utf-8")
+    )
+    if name == "mission":
+        schema["$defs"]["camera"]["properties"] |= _of_camera()
+    return schema
+
+
+def _of_camera() -> dict[str, Any]:
+    """Return what a camera has, be it in a mission or in a file of its own."""
+    properties: dict[str, Any] = _as_written("camera")["properties"]
+    return {name: held for name, held in properties.items() if name not in {"star", "name"}}
+
+
+@cache
+def _validator() -> type[Validator]:
+    """JSON Schema 2020-12, but 2.0 is not a whole number and ``$`` is the very end of a string.
+
+    A plugin that asks for a whole number is given an ``int``; a name that ends in a line break is
+    no name of a folder.
+    """
+    import re
+
+    from jsonschema import Draft202012Validator, ValidationError
+    from jsonschema.validators import extend
+
+    def is_whole(_checker: object, value: object) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool)
+
+    def pattern(_validator: object, wanted: str, value: object, _schema: object) -> Iterator[Any]:
+        to_the_end = re.sub(r"(?<!\\)((?:\\\\)*)\$$", r"\1\\Z", wanted)
+        if isinstance(value, str) and not re.search(to_the_end, value):
+            yield ValidationError(f"{value!r} does not match {wanted!r}")
+
+    checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole)
+    return extend(Draft202012Validator, {"pattern": pattern}, type_checker=checker)  # type: ignore[no-any-return, no-untyped-call]
+
+
+def _put_verbs(
+    definitions: dict[str, Any], offers: Mapping[str, Mapping[str, MissionSpec]]
+) -> None:
+    """Close the definition of a step over the verbs of these plugins."""
+    step = definitions["step"]
+    step["additionalProperties"] = False
+    for verb, offer in sorted(offers.get("task", {}).items()):
+        options = _options("task", offer, definitions)
+        shared = {name: {"$ref": f"#/$defs/{name}"} for name in SHARED}
+        step["properties"][verb] = {**options, "properties": options["properties"] | shared}
+
+
+def _referred_to(schema: Any, definitions: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those definitions that a schema refers to, itself or by way of others."""
+    found: dict[str, Any] = {}
+    waiting = [schema]
+    while waiting:
+        for holder in references(waiting.pop()):
+            name = unquote(holder["$ref"].split("/")[2])
+            if name not in found:
+                found[name] = definitions[name]
+                waiting.append(found[name])
+    return found
+
+
+def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the schema of the choice of a plugin: a name, or ``{use: name, ...options}``."""
+    summaries = [options["description"] for options in made.values()]
+    names = {"enum": list(made), "enumDescriptions": summaries}
+    rules: list[Any] = []
+    for name, options in made.items():
+        used = {
+            "type": "object",
+            "required": ["use"],
+            "properties": {"use": {"const": name}},
+        }
+        given = {**options, "properties": {"use": True, **options["properties"]}}
+        rules.append({"if": used, "then": given})
+        if options.get("required"):
+            needs = {"type": "object", "required": options["required"]}
+            rules.append({"if": {"const": name}, "then": needs})
+    return {
+        "type": ["string", "object"],
+        "examples": list(made),  # what editors offer where nothing is written yet
+        "if": {"type": "string"},
+        "then": names,
+        "else": {
+            "required": ["use"],
+            "properties": {"use": {"description": "The plugin's name.", **names}},
+        },
+        "allOf": rules or [True],
+    }
+
+
+def _entitle(value: Any, root: Mapping[str, Any]) -> None:
+    """Give every property a title that has none and refers to none: its name in words.
+
+    Editors head what they say of a property with its title, or with that of what it is a part of.
+    """
+    if isinstance(value, list):
+        for one in value:
+            _entitle(one, root)
+    if not isinstance(value, dict):
+        return
+    for key, held in value.items():
+        if key not in NO_SCHEMAS:
+            _entitle(held, root)
+    properties = value.get("properties")
+    for name, held in properties.items() if isinstance(properties, dict) else ():
+        if not isinstance(held, dict) or "title" in held or "title" in _referred(held, root):
+            continue
+        held["title"] = name.removesuffix("_deg").replace("_", " ").capitalize()
+
+
+def _referred(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the definition of `root` that a schema refers to; an empty one if there is none."""
+    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
+    found: Mapping[str, Any] = root.get("$defs", {}).get(name, {})
+    return found
+
+
+def _options(kind: str, offer: MissionSpec, definitions: dict[str, Any]) -> dict[str, Any]:
+    """Return a plugin's options as a closed schema that can stand inside another one.
+
+    What they refer to within themselves is put into `definitions`, and the references are turned.
+    """
+    options = deepcopy(dict(offer.options))
+    options.setdefault("properties", {})
+    home = f"{kind}.{offer.name}"
+    for holder in list(references(options)):
+        definitions[home] = options
+        holder["$ref"] = f"#/$defs/{quote(home)}{holder['$ref'][1:]}"
+    return {
+        **options,
+        "title": offer.name,
+        "description": offer.summary,
+        "type": "object",
+        "additionalProperties": False,
+    }

@@ -1,0 +1,144 @@
+"""A world: read from YAML, checked against its schema, frozen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import Any, Final
+
+from star_core.errors import InputError
+from star_core.mission_file.located_document import Document
+from star_core.mission_file.obstacles import Fault, obstacle, obstacle_faults
+from star_core.rotations import Point, moved, turned
+from star_core.world import Fence, Obstacle, Tag, World
+
+SIZE: Final = 0.168
+"""Edge of the black square of a tag that is printed to fill an A4 sheet, m."""
+
+RIM: Final = 1.25
+"""Width of a tag with its white rim over that of its black square: ten modules over eight."""
+
+
+SEEN: Final = 100
+"""Sizes of a tag from which nobody makes it out: with an AI-deck's focal length, 180 px, its eight
+modules are less than two pixels."""
+
+FACE: Final = 0.01
+"""Distance from a face of an obstacle within which a tag is taken to be stuck on it, m."""
+
+
+def world(document: Document) -> World:
+    """Return the world that `document`, which fits the schema of worlds, describes.
+
+    Raises:
+        InputError: It makes no sense; every reason found is listed.
+    """
+    data = document.data
+    faults = [*_fence(data), *_obstacles(data), *_offsets(data), *_tags(data)]
+    if faults:
+        raise InputError(document.told(faults))
+    made = World(
+        name=data["name"],
+        fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
+        obstacles=tuple(obstacle(name, given) for name, given in data.get("obstacles", {}).items()),
+        landmarks=tuple(tag for _, tag in _sheets(data, "landmarks")),
+        targets=tuple(tag for _, tag in _sheets(data, "targets")),
+    )
+    if faults := list(_hidden(data, made)):
+        raise InputError(document.told(faults))
+    return made
+
+
+def point(given: Sequence[float]) -> Point:
+    """Return three numbers as a point."""
+    x, y, z = given
+    return float(x), float(y), float(z)
+
+
+def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | int, ...], Tag]]:
+    """Every tag of the landmarks or of the targets, with the place of its number in the file."""
+    for name, given in data.get(kind, {}).items():
+        rotation = turned(
+            *(math.radians(given.get(f"{angle}_deg", 0.0)) for angle in ("roll", "pitch", "yaw"))
+        )
+        size = float(given.get("size", SIZE))
+        spacing = given.get("spacing", RIM * size)
+        middle = (len(given["tags"]) - 1) / 2
+        row = [((i - middle) * spacing, 0.0) for i in range(len(given["tags"]))]
+        x, y, z = given["at"]
+        for i, (number, (right, up)) in enumerate(
+            zip(given["tags"], given.get("offsets", row), strict=False)
+        ):
+            dx, dy, dz = moved(rotation, (right, up, 0.0))
+            at = (x + dx, y + dy, z + dz)
+            yield (kind, name, "tags", i), Tag(number, size, at, rotation, name)
+
+
+def _fence(data: Mapping[str, Any]) -> Iterator[Fault]:
+    low, high = data["fence"]["low"], data["fence"]["high"]
+    if any(a >= b for a, b in zip(low, high, strict=True)):
+        yield ("fence",), f"the fence's low {low!r} is not below high {high!r} in x, y and z"
+
+
+def _obstacles(data: Mapping[str, Any]) -> Iterator[Fault]:
+    empty = any(_fence(data))
+    fence = None if empty else Fence(point(data["fence"]["low"]), point(data["fence"]["high"]))
+    for name, given in data.get("obstacles", {}).items():
+        for path, message in obstacle_faults(given, fence):
+            yield ("obstacles", name, *path), f"obstacle {name!r} {message}"
+
+
+def _offsets(data: Mapping[str, Any]) -> Iterator[Fault]:
+    for kind in ("landmarks", "targets"):
+        for name, given in data.get(kind, {}).items():
+            n, m = len(given.get("offsets", given["tags"])), len(given["tags"])
+            if n != m:
+                yield (
+                    (kind, name, "offsets"),
+                    f"{kind[:-1]} {name!r} has {n} offsets for {m} tags, expected one each",
+                )
+            if "offsets" in given and "spacing" in given:
+                yield (
+                    (kind, name, "spacing"),
+                    f"{kind[:-1]} {name!r}: 'spacing' does not go with 'offsets'",
+                )
+
+
+def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Fault]:
+    """Tags that no camera inside the fence can make out, and targets that nobody can be at."""
+    for kind in ("landmarks", "targets"):
+        for (_, name, *_), tag in _sheets(data, kind):
+            shown = "[" + ", ".join(f"{value:g}" for value in tag.position) + "]"
+            away = room.fence.distance(tag.position)
+            inside = next((o.name for o in room.obstacles if _deep(o, tag.position)), None)
+            if inside is not None:
+                yield (kind, name, "at"), f"tag {tag.id} at {shown} is inside obstacle {inside!r}"
+            elif away > SEEN * tag.size:
+                yield (
+                    (kind, name, "at"),
+                    f"tag {tag.id} at {shown} is {away:.2f} m outside the fence, too far to be "
+                    f"made out: {SEEN} times its size of {tag.size:g} m",
+                )
+
+
+def _deep(obstacle: Obstacle, at: Point) -> bool:
+    """Whether a point is inside an obstacle, and neither on its faces nor on its top."""
+    x, y, z = at
+    return z < obstacle.height[1] and all(
+        obstacle.contains((x + dx, y + dy, z)) for dx in (-FACE, FACE) for dy in (-FACE, FACE)
+    )
+
+
+def _tags(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Tags that cannot be told apart: of one number, or one over the other."""
+    known: dict[int, tuple[tuple[str | int, ...], Tag]] = {}
+    for path, tag in (*_sheets(data, "landmarks"), *_sheets(data, "targets")):
+        if tag.id in known:
+            of = known[tag.id][1].of
+            yield path, f"tag {tag.id} belongs to {of!r} already; give each its own number"
+        else:
+            known[tag.id] = path, tag
+    for (_, first), (path, second) in combinations(known.values(), 2):
+        if math.dist(first.position, second.position) < (first.size + second.size) / 2:
+            yield path, f"tag {second.id} overlaps tag {first.id} of {first.of!r}"

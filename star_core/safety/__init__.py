@@ -1,0 +1,1 @@
+"""What holds whatever plugins command: the safety filter, safety rules, the estimate gate."""

@@ -1,0 +1,140 @@
+"""The last check before setpoints are sent: geofence, speed limit and braking distances."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from star_core.geometry.neighbours import pairs, warm_up
+from star_core.messages.arrays import Array, Mask
+from star_core.messages.events import Corrected
+from star_core.messages.state import Estimate, Setpoint, with_possible_positions
+from star_core.messages.transforms import Transform
+from star_core.safety.braking_kernels import LAG, PULL, keep_apart, keep_inside
+from star_core.scene import Scene
+
+MIN_CORRECTION: Final = 0.05
+"""Smallest change of a velocity that is reported as a correction, m/s."""
+
+
+class SafetyFilter:
+    """Corrects setpoints from which an agent could not brake in time.
+
+    A velocity is safe if from it the agent can brake inside the geofence and at the minimum
+    separation from every other agent; two agents that are both steered share the braking. With the
+    remaining distance x and the speed c at which it shrinks now, a setpoint may let it shrink by
+    ``PULL (x - LAG c)``: a drone that follows setpoints with that lag comes to rest without
+    overshoot. Nor may it be faster than what the mission's acceleration stops within x. Agents
+    outside the fence or too close to another are therefore moved away. Setpoints are corrected by
+    as little as possible; if the corrections for several neighbors do not converge, agents stop.
+
+    Args:
+        scene: Fence, limits and tick.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
+        self._speed = scene.limits.speed
+        self._brakes = scene.limits.acceleration
+        self._separation = scene.limits.separation
+        self._period = scene.period
+        closing = 2 * self._speed
+        room = closing * (LAG + max(1 / PULL, scene.period + closing / (4 * self._brakes)))
+        wide = math.dist(scene.world.fence.low, scene.world.fence.high)
+        self._reach = self._separation + min(1.5 * room, wide)  # some approach faster than allowed
+        self._warm_up()
+
+    def filter(
+        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint
+    ) -> tuple[Setpoint, Corrected]:
+        """Return the setpoint to send, and the agents whose setpoints were changed.
+
+        Args:
+            estimate: Where the agents are.
+            safe: The avoider's answer. Rows that it leaves inactive get zero velocity; without a
+                setpoint the drone would fall.
+            wanted: Its active rows are sent.
+        """
+        seen, extended = with_possible_positions(estimate, wanted)
+        if seen is estimate:
+            return self._filter(estimate, safe, wanted)
+        _, answered = with_possible_positions(estimate, safe)
+        sent, changed = self._filter(seen, answered, extended)
+        n = len(wanted.yaw)
+        return (
+            Setpoint(sent.velocity[:n], sent.yaw[:n], sent.active[:n]),
+            Corrected(changed.fence[:n], changed.speed[:n], changed.separation[:n]),
+        )
+
+    def _filter(
+        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint
+    ) -> tuple[Setpoint, Corrected]:
+        """Filter tables that list every position at which an agent may be."""
+        active = wanted.active
+        if not np.isfinite(estimate.velocity).all():  # treated as stationary
+            known = np.nan_to_num(estimate.velocity, posinf=0.0, neginf=0.0)
+            estimate = replace(estimate, velocity=known)
+        said = safe.active & active
+        asked = np.where(said[:, None], safe.velocity, 0.0)
+        slowed = self._slowed(asked)
+        now = estimate.position, estimate.velocity, active
+        inside = slowed.copy()
+        keep_inside(inside, *now, self._fence, self._brakes, self._period)
+        apart = self._kept_apart(inside, *now) if self._separation > 0 else inside
+        sent = replace(
+            safe, velocity=apart, yaw=np.where(said, safe.yaw, wanted.yaw), active=active
+        )
+        return sent, Corrected(
+            fence=_differ(inside, slowed) & active,
+            speed=_differ(slowed, asked) & active,
+            separation=_differ(apart, inside) & active,
+        )
+
+    def _kept_apart(self, velocity: Array, position: Array, flown: Array, active: Mask) -> Array:
+        """(N, 3) velocities from which agents can brake before each other."""
+        first, second = pairs(position, self._reach)
+        if not len(first):
+            return velocity
+        steered = active[:, None]
+        kept = np.where(steered, velocity, flown)
+        keep_apart(
+            kept,
+            position,
+            flown,
+            active,
+            first,
+            second,
+            self._fence,
+            self._speed,
+            self._brakes,
+            self._separation,
+            self._period,
+        )
+        return np.where(steered, kept, velocity)
+
+    def _warm_up(self) -> None:
+        """Compile the kernels, or load them from disk, before the flight."""
+        two, level, both = np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)
+        frames, wanted = Transform(level, two), Setpoint(two, level, both)
+        here = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
+        self.filter(here, wanted, wanted)
+        warm_up()
+
+    def _slowed(self, velocity: Array) -> Array:
+        """(N, 3) velocities, none faster than the limit."""
+        square = np.vecdot(velocity, velocity)
+        if square.max(initial=0.0) <= self._speed * self._speed:
+            return velocity
+        slowed: Array = velocity * (self._speed / np.maximum(np.sqrt(square), self._speed))[:, None]
+        return slowed
+
+
+def _differ(one: Array, other: Array) -> Mask:
+    """(N,) rows whose velocities differ by more than `MIN_CORRECTION`."""
+    if one is other:
+        return np.zeros(len(one), np.bool_)
+    differ: Mask = np.abs(one - other).max(axis=1, initial=0.0) > MIN_CORRECTION
+    return differ

@@ -1,0 +1,117 @@
+"""Lands all agents at the end of a flight, whatever failed."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from star_core.errors import PluginError
+from star_core.execution.goal_buffer import GoalBuffer
+from star_core.messages.arrays import Rows
+from star_core.messages.state import AIRBORNE, AgentPhase, Estimate
+from star_core.observers import Observers
+from star_core.operator_stop import OperatorStop
+from star_core.scene import Scene
+from star_core.tick import ControlLoop
+
+MAX_LANDING_DELAY: Final = 10.0
+"""How long after the planned end of its landing an agent counts as not landed, s."""
+
+MAX_SILENCE: Final = 3.0
+"""An agent not heard for this long is not waited for once its landing should be over, s."""
+
+
+class Shutdown:
+    """Lands the agents that are in the air.
+
+    Args:
+        scene: The agents.
+        loop: The control loop that has flown them.
+        observers: Receive the events.
+        stop: The operator's wish to stop the motors.
+    """
+
+    def __init__(
+        self, scene: Scene, loop: ControlLoop, observers: Observers, stop: OperatorStop
+    ) -> None:
+        self._scene = scene
+        self._loop = loop
+        self._vehicles = loop.vehicles
+        self._observers = observers
+        self._stop = stop
+
+    def land_all(self, end: str, *, at_once: bool = False) -> str:
+        """Land all agents; return what went wrong on the way, if anything.
+
+        Args:
+            end: How the mission ended: the trigger of its phase.
+            at_once: Land each agent where it is, without leading it to a free position first,
+                which takes every plugin.
+        """
+        vehicles = self._vehicles
+        if end == "complete":
+            vehicles.phases.fire_mission("land")
+        estimate = vehicles.estimate
+        if estimate is None:
+            return ""
+        begun = vehicles.time
+        goals = GoalBuffer.none(len(self._scene.agents), self._scene.limits.speed)
+        goals.doing = ["landing"]
+        self._command_landings(np.arange(len(self._scene.agents)), estimate, goals, at_once=at_once)
+        age = np.zeros(len(self._scene.agents))  # s, of each agent's newest report
+        while (up := vehicles.phases.among(*AIRBORNE)).any():
+            if self._stop.count > 1:
+                vehicles.emergency_stop(up)
+                return "stopped, motors off"
+            commanded = max(begun, vehicles.down_by, self._loop.landing.until)
+            delay = 0.0 if (age[up] > MAX_SILENCE).all() else MAX_LANDING_DELAY
+            if vehicles.time >= commanded + delay:
+                names = self._scene.named(np.flatnonzero(up).tolist())
+                text = f"{names} did not report to be on the ground"
+                self._observers.event("failure", text)
+                if not (up & ~self._loop.given_up()).any():
+                    break
+                return text
+            telemetry = vehicles.receive()
+            age = telemetry.age
+            estimate = vehicles.locate(telemetry)
+            health = vehicles.track(telemetry, estimate)
+            lost = np.flatnonzero(vehicles.phases.among(AgentPhase.LOST))
+            self._command_landings(lost, estimate, goals, at_once=at_once)
+            if goals.active.any():
+                self._loop.steer(telemetry, estimate, health, goals)
+            else:
+                self._loop.watch(telemetry, estimate, health)
+        fallen = vehicles.phases.among(AgentPhase.EMERGENCY) & ~self._loop.given_up()
+        if end == "complete" and fallen.any():
+            return f"{self._scene.named(np.flatnonzero(fallen).tolist())} ended in emergency"
+        return ""
+
+    def land_all_without_plugins(self) -> str:
+        """Land all agents though a plugin is broken; return what went wrong, if anything."""
+        try:
+            return self.land_all("fail", at_once=True)
+        except PluginError:
+            self._vehicles.stop_locating()  # it may be the localizer that raised
+        try:
+            return self.land_all("fail", at_once=True)
+        except PluginError as error:
+            for row in np.flatnonzero(self._vehicles.phases.among(*AIRBORNE)).tolist():
+                name = self._scene.agents[row].name
+                text = f"{name} is left to the transport's close, and its own time-outs"
+                self._observers.event("failure", text, name)
+            text = f"no agent could be landed: {error}"
+            self._observers.event("failure", text)
+            return text
+
+    def _command_landings(
+        self, rows: Rows, estimate: Estimate, goals: GoalBuffer, *, at_once: bool
+    ) -> None:
+        """Command landings now, or once each agent is at rest above a free position."""
+        goals.active[:] = False
+        if at_once:
+            self._vehicles.land(rows, estimate)
+        else:
+            self._loop.landing.bring(rows)
+            self._loop.landing.step(estimate, goals)

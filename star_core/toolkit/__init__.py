@@ -1,0 +1,1 @@
+"""What plugins share: position control, camera model, poses of squares, trajectories, timeouts."""

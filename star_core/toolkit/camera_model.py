@@ -1,0 +1,202 @@
+"""A camera's projection: from points to pixels and back, with OpenCV's pinhole model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from star_core.camera import Camera
+from star_core.messages.arrays import Array, Mask
+from star_core.messages.rotations import Pose, rotation_from_quaternion
+
+WIDEST: Final = (
+    10.0  # tangent of the angle off the axis, 84 degrees, up to which a lens is examined
+)
+LEAST_SLOPE: Final = 0.25  # of the distorted radius over the ray's: with less the model folds back
+LEAST_CONVERGENCE: Final = 0.1  # by which OpenCV's fixed point shrinks an error in one iteration
+ITERATIONS: Final = 200  # of that, at most
+SETTLED: Final = 1e-7  # px: a point that projects so near to its pixel is undistorted
+
+Number = TypeVar("Number", float, Array)
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """The projection of a camera.
+
+    A *ray* is the direction x / z, y / z in the camera's frame (x right, y down, z ahead): where
+    the image would show a point with a focal length of 1 and no distortion. The middle of the first
+    pixel is at (0, 0).
+
+    A polynomial that was fitted to the middle of the image can fold back before its corners. The
+    model is used up to the ray of length `reach`, where its slope falls to `LEAST_SLOPE`, or where
+    OpenCV's inverse no longer converges; no ray belongs to pixels beyond.
+
+    Attributes:
+        camera: Intrinsics and mounting.
+    """
+
+    camera: Camera
+
+    @cached_property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the image, px."""
+        return self.camera.height, self.camera.width
+
+    @cached_property
+    def matrix(self) -> Array:
+        """(3, 3) intrinsics, px."""
+        fx, fy, cx, cy = self.camera.matrix
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    @cached_property
+    def mounting(self) -> Pose:
+        """The camera's frame in the body frame."""
+        camera = self.camera
+        return Pose(rotation_from_quaternion(camera.rotation), np.array(camera.position))
+
+    @cached_property
+    def reach(self) -> float:
+        """Greatest length of a ray at which the model is used; infinite if it never folds back."""
+        k1, k2, _, _, k3 = self.camera.distortion
+        radius = np.linspace(0.0, WIDEST, 10_000)
+        radial = 1 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6
+        slope = 1 + 3 * k1 * radius**2 + 5 * k2 * radius**4 + 7 * k3 * radius**6
+        with np.errstate(divide="ignore", invalid="ignore"):
+            converges = np.abs(1 - slope / radial) <= 1 - LEAST_CONVERGENCE
+        return float(radius[~(converges & (slope >= LEAST_SLOPE))].min(initial=math.inf))
+
+    @cached_property
+    def rays(self) -> NDArray[np.float32]:
+        """(height, width, 2) rays of the image's pixels, NaN beyond `reach`."""
+        v, u = np.indices(self.shape)
+        return self.undistort(np.stack([u, v], axis=-1)).astype(np.float32)
+
+    def project(self, points: Array) -> Array:
+        """Return the (..., 2) pixels of (..., 3) points in the camera's frame, in front of it."""
+        ray = points[..., :2] / points[..., 2:]
+        fx, fy, cx, cy = self.camera.matrix
+        x, y = distort(ray[..., 0], ray[..., 1], *self.camera.distortion)
+        pixels: Array = np.stack([fx * x + cx, fy * y + cy], axis=-1)
+        return pixels
+
+    def sees(self, points: Array, border: float | Array = 0.0) -> Mask:
+        """Return whether points lie in the image: (...,).
+
+        Args:
+            points: (..., 3) in the camera's frame, m, in front of it.
+            border: Number, or (...,), by which they must be inside the outermost pixels, px.
+        """
+        pixels = self.project(points)
+        u, v = pixels[..., 0], pixels[..., 1]
+        within = (u >= border) & (u <= self.camera.width - 1 - border)
+        seen: Mask = within & (v >= border) & (v <= self.camera.height - 1 - border)
+        return seen & self.in_reach(points)
+
+    def in_reach(self, points: Array) -> Mask:
+        """Return whether the model has pixels for (..., 3) points in the camera's frame: (...,)."""
+        z = points[..., 2]
+        seen: Mask = (z > 0) & (np.hypot(points[..., 0], points[..., 1]) <= self.reach * z)
+        return seen
+
+    def undistort(self, pixels: Array, *, clip: bool = False) -> Array:
+        """Return the (..., 2) rays of (..., 2) pixels, by OpenCV.
+
+        Args:
+            pixels: px, inside the image or not.
+            clip: Whether pixels beyond `reach` have the ray of the last ones within, in place of
+                NaN.
+        """
+        import cv2
+
+        fx, fy, cx, cy = self.camera.matrix
+        flat = np.asarray(pixels, np.float64).reshape(-1, 1, 2)
+        if not len(flat):
+            return np.zeros(pixels.shape)
+        distorted = (flat - (cx, cy)) / (fx, fy)
+        radius = np.hypot(distorted[..., :1], distorted[..., 1:])
+        beyond = radius > self._distorted_reach
+        if clip:
+            ones = np.ones_like(radius)
+            distorted *= np.divide(self._distorted_reach, radius, out=ones, where=beyond)
+            flat = distorted * (fx, fy) + (cx, cy)
+        found = cv2.undistortPoints(
+            flat, self.matrix, np.array(self.camera.distortion), criteria=_CRITERIA
+        )
+        return np.where(beyond & ~np.bool_(clip), np.nan, found).reshape(pixels.shape)
+
+    def magnification(self, rays: Array) -> Array:
+        """Return how many pixels one unit of a ray is worth at (..., 2) rays: (...,).
+
+        It is the geometric mean over the directions, with the radial distortion only: towards the
+        corners of a wide image a pixel covers more.
+        """
+        k1, k2, _, _, k3 = self.camera.distortion
+        r2 = (rays * rays).sum(axis=-1)
+        around = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        along = 1 + r2 * (3 * k1 + r2 * (5 * k2 + r2 * 7 * k3))
+        focal = self.camera.matrix[0] * self.camera.matrix[1]
+        scale: Array = np.sqrt(focal * np.maximum(around * along, 0.01))
+        return scale
+
+    def row_delay(self, pixels: Array) -> Array:
+        """Return when the rows of (..., 2) pixels were read, after the middle row, s: (...,)."""
+        rows = self.camera.height - 1
+        delay: Array = (pixels[..., 1] / rows - 0.5) * self.camera.readout
+        return delay
+
+    @cached_property
+    def _distorted_reach(self) -> float:
+        """Length of the ray of length `reach` after distortion."""
+        if math.isinf(self.reach):
+            return math.inf
+        k1, k2, _, _, k3 = self.camera.distortion
+        return distort(self.reach, 0.0, k1, k2, 0.0, 0.0, k3)[0]
+
+
+def distort(
+    x: Number, y: Number, k1: float, k2: float, p1: float, p2: float, k3: float
+) -> tuple[Number, Number]:
+    """Return a ray as the lens bends it: OpenCV's radial and tangential distortion.
+
+    The model is that of Brown, "Decentering distortion of lenses" (Photogrammetric Engineering 32,
+    1966). It is plain arithmetic: numba compiles it, and it takes numbers as well as arrays.
+
+    >>> distort(0.5, 0.0, -0.1, 0.0, 0.0, 0.0, 0.0)
+    (0.4875, 0.0)
+    """
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    across = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    down = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return across, down
+
+
+def perspective(points: Array) -> tuple[Array, Array]:
+    """Return the rays of points in a camera's frame, and their derivatives by the points.
+
+    Args:
+        points: (..., 3) m, in front of the camera.
+
+    Returns:
+        (..., 2) rays and (..., 2, 3) derivatives, 1/m.
+
+    Example:
+        >>> ray, derivative = perspective(np.array([1.0, 2.0, 4.0]))
+        >>> ray, derivative
+        (array([0.25, 0.5 ]), array([[ 0.25  ,  0.    , -0.0625],
+               [ 0.    ,  0.25  , -0.125 ]]))
+    """
+    depth = points[..., 2:]
+    ray = points[..., :2] / depth
+    derivative: Array = (_ROWS - ray[..., None] * _LAST_ROW) / depth[..., None]
+    return ray, derivative
+
+
+_ROWS, _LAST_ROW = np.eye(3)[:2], np.eye(3)[2]
+_CRITERIA = (3, ITERATIONS, SETTLED)  # cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS

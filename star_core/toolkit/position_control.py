@@ -1,0 +1,137 @@
+"""Velocities and headings that lead to points and come to rest there: what planners share."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from star_core.messages.arrays import Array, Mask
+from star_core.messages.rotations import wrap_angle
+from star_core.messages.state import Estimate, Goals
+from star_core.scene import Scene
+from star_core.toolkit.jit import compiled
+
+BRAKING = 0.5  # of the greatest acceleration: the rest is for wind, avoidance and delay
+NOWHERE = 1e-9  # m: nearer than this there is no direction to the goal
+
+
+class PositionController:
+    """Flies each agent towards a point, at the speed of a point that moves and what closes in.
+
+    Towards a point at distance ``d`` the speed is ``min(speed, gain d, sqrt(2 a d))``: that of the
+    goal, or what a proportional controller says, or what a deceleration ``a`` of half the scene's
+    greatest brings to rest there, whichever is least. The point's own velocity is added, and the
+    sum shortened to the goal's speed and the scene's. A point beyond the scene's heights is flown
+    to at the nearest height within, and no vertical speed leads out of them faster than ``gain``
+    times what is left.
+
+    The heading turns from where the agent looks to the goal's heading the shorter way round, no
+    faster than a limit.
+
+    Args:
+        scene: The mission's scene.
+        gain: Speed towards the point per metre of distance, 1/s.
+        yaw_rate_deg: Greatest yaw rate, degrees/s.
+    """
+
+    def __init__(self, scene: Scene, *, gain: float, yaw_rate_deg: float) -> None:
+        n = len(scene.agents)
+        self._limits = scene.limits
+        self._gain = gain
+        self._most_turn = math.radians(yaw_rate_deg) * scene.period
+        self._yaw: Array = np.zeros(n)  # last asked for, where `_flown`
+        self._flown = np.zeros(n, np.bool_)
+        nowhere = Goals.none(n)
+        self._lead(
+            nowhere.position, nowhere, np.zeros(n)
+        )  # compiled, or fetched, before anybody flies
+
+    def velocity(self, estimate: Estimate, goals: Goals, beyond: Array | None = None) -> Array:
+        """Return the (N, 3) velocity to fly, m/s.
+
+        Args:
+            estimate: Where the agents are.
+            goals: The points to fly towards now.
+            beyond: (N,) how far behind its point each agent is to come to rest, along a path, m.
+        """
+        if beyond is None:
+            beyond = np.zeros(len(goals.speed))
+        return self._lead(estimate.position, goals, beyond)
+
+    def _lead(self, position: Array, goals: Goals, beyond: Array) -> Array:
+        velocity = np.empty((len(position), 3))
+        lead(
+            velocity,
+            position,
+            goals.position,
+            goals.velocity,
+            goals.speed,
+            beyond,
+            self._gain,
+            self._limits.speed,
+            BRAKING * self._limits.acceleration,
+            *self._limits.height,
+        )
+        return velocity
+
+    def heading(self, estimate: Estimate, goals: Goals, active: Mask) -> Array:
+        """Return the (N,) yaw to ask for, rad; 0 where not `active`.
+
+        It goes on from what was asked for last, not from where the agent looks: an agent that
+        always trails a little would else turn slower than the limit.
+        """
+        start = np.where(self._flown, self._yaw, estimate.yaw)
+        error = wrap_angle(goals.yaw - start)
+        turned = start + np.minimum(np.maximum(error, -self._most_turn), self._most_turn)
+        self._yaw = np.where(active, wrap_angle(turned), 0.0)
+        self._flown = active
+        return self._yaw
+
+
+@partial(compiled, alone=True)
+def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+    velocity: Array,
+    position: Array,
+    point: Array,
+    moves: Array,
+    fast: Array,
+    beyond: Array,
+    gain: float,
+    limit: float,
+    brakes: float,
+    low: float,
+    high: float,
+) -> None:
+    """Write down velocities that lead to points, as `PositionController` says.
+
+    Args:
+        velocity: (N, 3) the answer, m/s.
+        position: (N, 3) where the agents are, m.
+        point: (N, 3) where they go, m.
+        moves: (N, 3) how fast that moves, m/s.
+        fast: (N,) how fast to fly, m/s.
+        beyond: (N,) how far behind the point to come to rest, m.
+        gain: Speed by distance, 1/s.
+        limit: Of any speed, m/s.
+        brakes: Deceleration to come to rest with, m/s².
+        low: Least height, m.
+        high: Greatest height, m.
+    """
+    for row in range(len(position)):
+        x, y = point[row, 0] - position[row, 0], point[row, 1] - position[row, 1]
+        z = min(max(point[row, 2], low), high) - position[row, 2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        rest = distance + beyond[row]
+        closing = min(fast[row], gain * rest, math.sqrt(2 * brakes * rest))
+        share = closing / max(distance, NOWHERE)
+        x, y = x * share + moves[row, 0], y * share + moves[row, 1]
+        z = z * share + moves[row, 2]
+        speed = math.sqrt(x * x + y * y + z * z)
+        most = min(fast[row], limit)
+        if speed > most:
+            x, y, z = x * most / speed, y * most / speed, z * most / speed
+        down, up = gain * (low - position[row, 2]), gain * (high - position[row, 2])
+        velocity[row, 0], velocity[row, 1] = x, y
+        velocity[row, 2] = min(max(z, min(down, 0.0)), max(up, 0.0))

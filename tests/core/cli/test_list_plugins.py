@@ -1,0 +1,344 @@
+"""What plugins add to ``star``: how they are listed, the schema, and their commands."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeAlias, cast
+
+import pytest
+
+from star_core import AvoiderSpec, CommandSpec, InputError, TaskSpec, hookimpl
+from star_core.cli import main as cli
+from star_core.cli.list_plugins import as_json, as_text
+from star_core.cli.main import main
+from star_core.mission_file.schema import compose, compose_steps, load
+from star_core.registry import KINDS, Registry, Source
+
+Said: TypeAlias = pytest.CaptureFixture[str]
+
+
+class Shelf:
+    """A plugin that offers avoiders and verbs.
+
+    Args:
+        avoiders: Options of each avoider, by name.
+        verbs: Options of each verb, by name.
+    """
+
+    def __init__(
+        self, avoiders: Mapping[str, Any] | None = None, verbs: Mapping[str, Any] | None = None
+    ) -> None:
+        self._avoiders = avoiders or {}
+        self._verbs = verbs or {}
+
+    @hookimpl
+    def star_avoiders(self) -> Iterable[AvoiderSpec]:
+        return [_offer(name, options, AvoiderSpec) for name, options in self._avoiders.items()]
+
+    @hookimpl
+    def star_tasks(self) -> Iterable[TaskSpec]:
+        return [_offer(name, options) for name, options in self._verbs.items()]
+
+
+def _offer(name: str, options: Mapping[str, Any], spec: Any = TaskSpec) -> Any:
+    return spec(name=name, summary=f"The {name}.", make=cast("Any", object), options=options)
+
+
+def registry(
+    avoiders: Mapping[str, Any] | None = None, verbs: Mapping[str, Any] | None = None
+) -> Registry:
+    """A registry of one plugin, of the distribution ``their-dist``."""
+    only = Registry(installed=False)
+    only.add(Shelf(avoiders, verbs), Source("their-dist:shelf", "1.2"))
+    return only
+
+
+def with_options(properties: Mapping[str, Any], **rules: Any) -> list[str]:
+    """The lines about the options of an avoider."""
+    text = as_text(registry({"shy": {"properties": properties, **rules}}))
+    return [line.strip() for line in text.splitlines() if line.startswith(" " * 6)]
+
+
+@pytest.fixture
+def said(capsys: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Said:
+    """What a command prints that is given in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return capsys
+
+
+# For people
+
+
+def test_plugins_stand_below_their_kind_with_their_distribution() -> None:
+    assert as_text(registry({"shy": {}, "bold": {}}, {"wait": {}})).splitlines() == [
+        "avoiders",
+        "  bold         The bold.  [their-dist 1.2:shelf]",
+        "  shy          The shy.  [their-dist 1.2:shelf]",
+        "",
+        "tasks",
+        "  wait         The wait.  [their-dist 1.2:shelf]",
+    ]
+
+
+def test_an_option_is_told_with_its_description_and_its_default() -> None:
+    told = with_options({"gain": {"description": "Push, 1/s.", "default": 2.5}})
+    assert told == ["gain: Push, 1/s. (default 2.5)"]
+
+
+@pytest.mark.parametrize(
+    ("default", "shown"), [(True, "true"), (None, "null"), ("left", '"left"'), ([1, 2], "[1, 2]")]
+)
+def test_a_default_is_shown_as_a_mission_would_write_it(default: object, shown: str) -> None:
+    assert with_options({"a": {"description": "It.", "default": default}}) == [
+        f"a: It. (default {shown})"
+    ]
+
+
+def test_an_option_that_must_be_given_says_so() -> None:
+    options = {"file": {"description": "It."}, "laps": {"description": "Laps."}}
+    assert with_options(options, required=["file"]) == ["file: It. (must be given)", "laps: Laps."]
+
+
+def test_two_plugins_of_one_name_are_both_told() -> None:
+    both = registry({"shy": {}})
+    both.add(Shelf({"shy": {}}), Source("my-dist:shelf"))
+    text = as_text(both)
+    assert "[their-dist 1.2:shelf]" in text
+    assert "[my-dist:shelf]" in text
+
+
+def test_a_plugin_that_was_left_out_is_told_last_with_the_reason() -> None:
+    some = registry({"shy": {}})
+    some.broken[Source("bad-dist:bad", "0.1")] = "ImportError: no torch"
+    assert as_text(some).splitlines()[-1] == "left out: bad-dist 0.1:bad: ImportError: no torch"
+
+
+def test_an_option_that_may_be_anything_is_told() -> None:
+    assert with_options({"any": True}) == ["any:"]
+
+
+# For scripts
+
+
+def test_the_json_holds_what_the_text_tells() -> None:
+    options = {"type": "object", "properties": {"gain": {"type": "number", "default": 2.5}}}
+    some = registry({"shy": options})
+    some.broken[Source("bad-dist:bad", "0.1")] = "ImportError: no torch"
+    assert json.loads(as_json(some)) == {
+        "plugins": [
+            {
+                "kind": "avoider",
+                "name": "shy",
+                "summary": "The shy.",
+                "plugin": "their-dist:shelf",
+                "version": "1.2",
+                "options": options,
+            }
+        ],
+        "broken": {"bad-dist 0.1:bad": "ImportError: no torch"},
+    }
+
+
+def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
+    properties = MappingProxyType({"gain": MappingProxyType({"type": "number"})})
+    (shy,) = json.loads(as_json(registry({"shy": {"properties": properties}})))["plugins"]
+    assert shy["options"] == {"properties": {"gain": {"type": "number"}}}
+
+
+# What is installed
+
+
+def test_every_built_in_plugin_is_told_in_the_order_of_the_kinds() -> None:
+    told = json.loads(as_json(Registry()))
+    found = [(plugin["kind"], plugin["name"]) for plugin in told["plugins"]]
+    assert found == sorted(found, key=lambda one: (KINDS.index(one[0]), one[1]))
+    assert {
+        ("transport", "sim"),
+        ("localizer", "flow"),
+        ("planner", "straight"),
+        ("avoider", "none"),
+        ("avoider", "orca"),
+        *(("task", verb) for verb in ("follow", "goto", "hold", "land", "takeoff")),
+    } <= set(found)
+
+
+def test_every_option_of_a_built_in_plugin_has_a_description() -> None:
+    for kind, found in Registry():
+        options = getattr(found.offer, "options", {})  # a command has none
+        for name, option in options.get("properties", {}).items():
+            assert option.get("description"), f"{kind} {found.offer.name}: {name}"
+
+
+# star plugins, star schema
+
+
+def test_plugins_lists_every_kind_and_its_plugins(said: Said) -> None:
+    assert main(["plugins"]) == 0
+    lines = said.readouterr().out.splitlines()
+    headings = [line for line in lines if line and not line.startswith(" ")]
+    assert headings[:5] == ["transports", "localizers", "planners", "avoiders", "tasks"]
+    assert any(line.startswith("  orca ") for line in lines)
+
+
+def test_plugins_as_json_are_json(said: Said) -> None:
+    assert main(["plugins", "--json"]) == 0
+    listed = json.loads(said.readouterr().out)
+    assert "orca" in [plugin["name"] for plugin in listed["plugins"]]
+
+
+def test_schema_prints_the_schema_that_missions_are_checked_against(said: Said) -> None:
+    assert main(["schema"]) == 0
+    printed = json.loads(said.readouterr().out)
+    assert printed == compose(Registry().offers())
+    assert "takeoff" in printed["$defs"]["step"]["properties"]
+
+
+def test_schema_of_steps_is_printed_with_every_verb_and_parameters_in_place_of_values(
+    said: Said,
+) -> None:
+    assert main(["schema", "steps"]) == 0
+    printed = json.loads(said.readouterr().out)
+    assert printed == compose_steps(Registry().offers(), admit=True)
+    verbs = compose(Registry().offers())["$defs"]["step"]["properties"]
+    assert list(printed["$defs"]["step"]["properties"]) == list(verbs)
+    assert printed["$defs"]["timeout"]["type"] == ["number", "string"]
+
+
+def test_schema_of_a_world_is_printed(said: Said) -> None:
+    assert main(["schema", "world"]) == 0
+    assert json.loads(said.readouterr().out) == load("world")
+
+
+def test_a_schema_is_written_to_a_file_in_place_of_being_printed(said: Said) -> None:
+    assert main(["schema", "--out", "mission.schema.json"]) == 0
+    assert said.readouterr().out == ""
+    written = json.loads(Path("mission.schema.json").read_text())
+    assert written == compose(Registry().offers())
+
+
+def test_a_schema_that_cannot_be_written_says_why(said: Said) -> None:
+    assert main(["schema", "--out", "nowhere/x.json"]) == 2
+    assert main(["schema", "--out", "."]) == 2
+    assert said.readouterr() == (
+        "",
+        "nowhere/x.json: cannot be written: No such file or directory\n"
+        ".: cannot be written: Is a directory\n",
+    )
+
+
+def test_a_plugin_that_is_left_out_is_named_on_standard_error_too(
+    said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Broken:
+        name, dist = "broken", None
+
+        def load(self) -> object:
+            raise ImportError("no torch")
+
+        def __lt__(self, other: object) -> bool:
+            return True
+
+    own = entry_points(group="star.plugins", name="commands")
+    monkeypatch.setattr("star_core.registry.entry_points", lambda **_: [*own, Broken()])
+    assert main(["plugins"]) == 0
+    out, err = said.readouterr()
+    assert err == "star: plugin broken is left out: ImportError: no torch\n"
+    assert out.endswith("left out: broken: ImportError: no torch\n")
+
+
+# Commands of plugins
+
+
+@pytest.fixture
+def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
+    """Have ``star`` find one plugin more than is installed."""
+
+    def add(plugin: object) -> None:
+        registry = Registry()
+        registry.add(plugin, Source("their-dist:theirs", "1.2"))
+        monkeypatch.setattr(cli, "installed", lambda: registry)
+
+    return add
+
+
+class Greeter:
+    """A plugin that adds the command ``greet``."""
+
+    @hookimpl
+    def star_commands(self) -> Iterable[CommandSpec]:
+        def greet(arguments: Sequence[str]) -> int:
+            if not arguments:
+                raise InputError(["nobody to greet; name somebody"])
+            return [0, 1, 2, 3][len(arguments)]
+
+        return [CommandSpec(name="greet", summary="Greets.", make=greet)]
+
+
+def test_a_command_of_a_plugin_is_given_the_rest_of_the_line_and_answers_the_status(
+    with_plugin: Callable[[object], None],
+) -> None:
+    with_plugin(Greeter())
+    assert main(["greet", "cf1", "--loudly", "cf2"]) == 3
+
+
+def test_what_a_command_of_a_plugin_refuses_exits_with_2(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Greeter())
+    assert main(["greet"]) == 2
+    assert said.readouterr().err == "nobody to greet; name somebody\n"
+
+
+def test_a_command_of_a_plugin_that_raises_names_the_plugin(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Greeter())
+    assert main(["greet", "cf1", "cf2", "cf3", "cf4"]) == 2
+    told = "command 'greet' (their-dist 1.2:theirs): IndexError: list index out of range ("
+    assert said.readouterr().err.startswith(told)
+
+
+def test_an_unknown_command_is_told_of_those_that_plugins_add(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Greeter())
+    assert main(["great"]) == 2
+    assert said.readouterr().err == "star has no command 'great'; did you mean 'greet'?\n"
+
+
+# Readers that go away
+
+ENTER = "import sys; from star_core.cli.main import main; sys.exit(main())"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["schema"],  # more than a buffer holds
+        ["plugins"],
+        ["schema", "world"],
+        ["--help"],
+    ],
+    ids=" ".join,
+)
+def test_a_reader_that_goes_away_is_not_answered_by_an_error(arguments: list[str]) -> None:
+    as_usual = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(
+        [sys.executable, "-c", ENTER, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=as_usual,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode in {0, 1}

@@ -1,0 +1,311 @@
+"""How a flight is shown while it goes, and summed up when it is over."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from star_core import (
+    AgentPhase,
+    Corrected,
+    Event,
+    Flight,
+    Goals,
+    Paths,
+    Plan,
+    Setpoint,
+    Telemetry,
+    Tick,
+    hookimpl,
+)
+from star_core.cli.live_view import Progress
+from star_core.cli.main import main
+from star_core.cli.run import format_summary
+from star_core.mission import load
+from star_core.registry import Registry, Source
+from star_core.runner import fly
+from star_core.testing import estimate, health, scene
+
+HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
+pytestmark = pytest.mark.usefixtures("hop")
+
+
+def paper() -> tuple[Console, Callable[[], str]]:
+    """A console into a file or a pipe, and what was written to it."""
+    file = io.StringIO()
+    return Console(file=file, width=30), file.getvalue
+
+
+def screen() -> tuple[Console, Callable[[], str]]:
+    """A console on a terminal, and what was written to it."""
+    file = io.StringIO()
+    return Console(file=file, width=100, force_terminal=True, color_system=None), file.getvalue
+
+
+def flown(console: Console, *plugins: object) -> list[str]:
+    """Fly the mission and return its events, a line each."""
+    registry = Registry()
+    registry.add(Progress(console), Source("star-swarm:progress"))
+    for number, plugin in enumerate(plugins):
+        registry.add(plugin, Source(f"their-dist:{number}"))
+    return lines(fly(load(Path("hop.yaml"), registry), registry))
+
+
+def lines(summary: Mapping[str, Any]) -> list[str]:
+    """The events of a flight as they should be told."""
+    return [f"{event['time']:8.2f} s  {event['text']}" for event in summary["events"]]
+
+
+def flight(n: int) -> Flight:
+    return Flight("hop", scene(n), manifest={}, folder=None)
+
+
+def tick(n: int, **changes: float) -> Tick:
+    """A tick of `n` agents that hover at z = 1 m."""
+    position = np.array([[row, -row, 1.0] for row in range(n)], np.float64)
+    nothing, zero = np.zeros((n, 3)), np.zeros(n)
+    still = Setpoint(nothing, zero, np.ones(n, np.bool_))
+    return Tick(
+        time=changes.get("time", 1.25),
+        telemetry=Telemetry(0.0, nothing, nothing, np.zeros((n, 4)), zero, zero.astype(int), zero),
+        estimate=estimate(position),
+        health=health(n, AgentPhase.TAKING_OFF),
+        goals=Goals.none(n),
+        plan=Plan(still, Paths(np.zeros(0, np.int64), nothing[:0]), np.zeros(n, np.bool_)),
+        sent=still,
+        truth=None,
+        doing="takeoff cf1",
+        corrected=Corrected(*[np.zeros(n, np.bool_)] * 3),
+    )
+
+
+# Into a file or a pipe
+
+
+def test_off_a_terminal_every_event_is_one_plain_line() -> None:
+    console, written = paper()
+    events = flown(console)
+    assert written().splitlines() == events
+    assert events[0] == "    0.00 s  hop.yaml:13:5: takeoff begins for cf1, cf2"
+
+
+def test_a_line_is_not_broken_however_narrow_the_console() -> None:
+    console, written = paper()
+    text = "m.yaml:3:5: goto begins for " + ", ".join(f"cf{i}" for i in range(40))
+    Progress(console).star_event(Event(12.5, "step", text))
+    assert written() == f"   12.50 s  {text}\n"
+
+
+def test_what_looks_like_markup_is_shown_as_it_is() -> None:
+    console, written = paper()
+    Progress(console).star_event(Event(1.0, "step", "[red]stop[/red] [1, 2] 'cf1'"))
+    assert written() == "    1.00 s  [red]stop[/red] [1, 2] 'cf1'\n"
+
+
+def test_the_hundredth_line_of_a_mission_is_named_as_it_is() -> None:
+    console, written = paper()
+    Progress(console).star_event(Event(1.0, "step", "m.yaml:100:5: land is done"))
+    assert written() == "    1.00 s  m.yaml:100:5: land is done\n"
+
+
+def test_off_a_terminal_ticks_write_nothing() -> None:
+    console, written = paper()
+    progress = Progress(console)
+    progress.star_mission_started(flight(2))
+    progress.star_ticked(tick(2))
+    progress.star_mission_ended({})
+    assert written() == ""
+
+
+# On a terminal
+
+
+def test_on_a_terminal_every_agent_has_a_row() -> None:
+    console, written = screen()
+    progress = Progress(console)
+    progress.star_mission_started(flight(2))
+    progress.star_ticked(tick(2))
+    progress.star_mission_ended({})
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in written().splitlines()]
+    assert ["cf1", "taking off", "0.00", "0.00", "1.00", "4.00"] in rows
+    assert ["cf2", "taking off", "1.00", "-1.00", "1.00", "4.00"] in rows
+    assert "hop  1.2 s  takeoff cf1" in written()
+
+
+def test_the_table_is_drawn_again_once_it_is_a_tenth_of_a_second_old(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = iter([100.0, 100.05, 100.15])
+    monkeypatch.setattr("star_core.cli.live_view.time.monotonic", lambda: next(clock))
+    console, written = screen()
+    progress = Progress(console)
+    progress.star_mission_started(flight(1))
+    for now in (1.0, 2.0, 3.0):
+        progress.star_ticked(tick(1, time=now))
+    drawn = [now for now in ("1.0 s", "2.0 s", "3.0 s") if f"hop  {now}" in written()]
+    assert drawn == ["1.0 s", "3.0 s"]
+    progress.star_mission_ended({})
+
+
+def test_agents_that_are_not_shown_are_counted() -> None:
+    console, written = screen()
+    progress = Progress(console)
+    progress.star_mission_started(flight(25))
+    progress.star_ticked(tick(25))
+    progress.star_mission_ended({})
+    assert "cf25" in written() or "5 more" in written()
+
+
+def test_after_a_flight_the_table_is_gone_and_the_cursor_is_back() -> None:
+    console, written = screen()
+    flown(console)
+    assert written().count(HIDE_CURSOR) == written().count(SHOW_CURSOR) == 1
+    assert written().rindex(SHOW_CURSOR) > written().rindex("agent")
+
+
+def test_on_a_terminal_events_stay_above_the_table() -> None:
+    console, written = screen()
+    events = flown(console)
+    assert [line for line in events if line in written()] == events
+
+
+def test_a_flight_that_is_cut_short_gives_the_cursor_back() -> None:
+    class Breaker:
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            raise KeyboardInterrupt
+
+    console, written = screen()
+    with pytest.raises(KeyboardInterrupt):
+        flown(console, Breaker())
+    assert written().count(HIDE_CURSOR) == written().count(SHOW_CURSOR)
+
+
+# From the command line
+
+
+def test_progress_goes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "hop.yaml", "--out", "out"]) == 0
+    out, err = capsys.readouterr()
+    assert err.splitlines() == lines(json.loads(Path("out/summary.json").read_text()))
+    assert "takeoff" not in out
+
+
+def test_json_is_shown_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "hop.yaml", "--no-record", "--json"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_summary_is_printed_though_nobody_reads_the_events() -> None:
+    code = "import sys; from star_core.cli.main import main; sys.exit(main())"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, "run", "hop.yaml", "--no-record"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stderr.close()
+        out = process.stdout.read()
+    assert out.startswith("hop: completed\n")
+    assert process.returncode == 0
+
+
+# When it is over
+
+
+def summary(**changes: Any) -> dict[str, Any]:
+    return {
+        "outcome": "completed",
+        "reason": "",
+        "mission": "hop",
+        "agents": ["cf1"],
+        "flight_time_s": 12.34,
+        "wall_time_s": 0.0,
+        "realtime_factor": None,
+        "collisions": {"agent_agent": 0, "agent_obstacle": 2},
+        "distances_from": "ground_truth",
+        "corrected": {"fence": 0, "speed": 0, "separation": 0},
+        "late_ticks": 0,
+        "latest_tick_s": 0.0,
+        "compute_s": {},
+        "slow_ticks": {},
+        "min_separation_m": None,
+        "min_clearance_m": None,
+        "position_rmse_m": None,
+        "targets": {"found": 0, "total": 0},
+        "path_length_m": {"total": 1.25},
+    } | changes
+
+
+def test_what_cannot_be_known_is_left_out() -> None:
+    assert format_summary(summary(path_length_m={"total": None}), None).splitlines() == [
+        "hop: completed",
+        "  flight            12.3 s with 1 agent",
+        "  collisions        0 between agents, 2 with obstacles",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"outcome": "failed", "reason": "cf1 fell"}, "hop: failed: cf1 fell"),
+        (
+            {"corrected": {"fence": 3, "speed": 0, "separation": 12}},
+            "  corrected         setpoints: 3 for fence, 12 for separation",
+        ),
+        (
+            {"late_ticks": 3, "latest_tick_s": 0.1234},
+            "  late ticks        3, by 0.12 s at most",
+        ),
+        (
+            {"slow_ticks": {"planner 'far'": {"ticks": 3, "longest_s": 2.04}}},
+            "  slow ticks        3 of planner 'far', the slowest took 2.0 s",
+        ),
+        (
+            {"realtime_factor": 0.31, "wall_time_s": 40.0, "compute_s": {"a": 7.0, "b": 21.0}},
+            "  slowest plugin    b, 21.0 of 40.0 s",
+        ),
+        ({"realtime_factor": 0.31}, "  flight            12.3 s with 1 agent, 0.3 times real time"),
+        ({"realtime_factor": 41.7}, "  flight            12.3 s with 1 agent, 42 times real time"),
+        ({"min_separation_m": 0.456}, "  closest approach  0.46 m"),
+        ({"min_clearance_m": 0.0}, "  clearance         0.00 m at least"),
+        (
+            {"min_separation_m": 0.456, "distances_from": "estimate"},
+            "  closest approach  0.46 m (estimated positions)",
+        ),
+        (
+            {"distances_from": "mixed"},
+            "  collisions        0 between agents, 2 with obstacles (estimated positions)",
+        ),
+        ({}, "  flown             1.2 m in all"),
+        ({"targets": {"found": 1, "total": 2}}, "  targets           1 of 2 found"),
+        ({"position_rmse_m": 0.0321}, "  position error    0.032 m RMS"),
+    ],
+)
+def test_what_is_known_is_told_with_its_unit(changes: Mapping[str, Any], line: str) -> None:
+    assert line in format_summary(summary(**changes), None).splitlines()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"realtime_factor": 1.2, "wall_time_s": 10.0, "compute_s": {"a": 9.0}},
+        {"realtime_factor": 0.8, "wall_time_s": 10.0, "compute_s": {"a": 4.0, "b": 4.0}},
+        {"realtime_factor": 0.8, "wall_time_s": 10.0},
+    ],
+)
+def test_no_plugin_is_named_that_did_not_make_the_flight_slower_than_real_time(
+    changes: Mapping[str, Any],
+) -> None:
+    assert "slowest plugin" not in format_summary(summary(**changes), None)

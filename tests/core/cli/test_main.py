@@ -1,0 +1,454 @@
+"""The command line: what each command prints, where, and its exit status."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import entry_points, version
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import pytest
+
+import star_core
+from star_core import Tick, hookimpl
+from star_core.cli import main as cli
+from star_core.cli.main import main, run
+from star_core.registry import Registry, Source
+
+LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # nobody is up by then
+WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
+ENTER = "import sys; from star_core.cli.main import main; sys.exit(main())"
+Said: TypeAlias = pytest.CaptureFixture[str]
+pytestmark = pytest.mark.usefixtures("hop")
+
+
+@pytest.fixture
+def said(capsys: Said) -> Said:
+    """What is printed, and where."""
+    return capsys
+
+
+@pytest.fixture
+def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
+    """Have ``star`` find one plugin more than is installed."""
+
+    def add(plugin: object) -> None:
+        registry = Registry()
+        registry.add(plugin, Source("their-dist:theirs", "1.2"))
+        monkeypatch.setattr(cli, "installed", lambda: registry)
+
+    return add
+
+
+def flown(said: Said, *arguments: str) -> dict[str, Any]:
+    """Fly the mission and return the JSON that is printed, but for its wall time."""
+    assert main(["run", "hop.yaml", "--json", "--no-record", *arguments]) == 0
+    summary: dict[str, Any] = json.loads(said.readouterr().out)
+    return {key: value for key, value in summary.items() if key not in WALL}
+
+
+def recorded(file: str, folder: str = "out") -> Any:
+    return json.loads((Path(folder) / file).read_text())
+
+
+# Exit status
+
+
+def test_a_mission_that_completes_exits_with_0(said: Said) -> None:
+    assert main(["run", "hop.yaml"]) == 0
+    assert said.readouterr().out.startswith("hop: completed\n")
+
+
+def test_a_mission_that_fails_exits_with_1_and_tells_the_reason(said: Said) -> None:
+    assert main(["run", "hop.yaml", *LATE]) == 1
+    assert said.readouterr().out.startswith("hop: failed: hop.yaml:13:5: takeoff failed: timed out")
+
+
+def test_star_run_is_star_then_run(said: Said) -> None:
+    assert run(["hop.yaml", "--json", "--no-record"]) == 0
+    summary = json.loads(said.readouterr().out)
+    assert {key: summary[key] for key in summary if key not in WALL} == flown(said)
+
+
+def test_both_commands_are_installed() -> None:
+    scripts = {script.name: script for script in entry_points(group="console_scripts")}
+    assert scripts["star"].load() is main
+    assert scripts["star-run"].load() is run
+
+
+def test_without_arguments_the_words_of_the_command_line_are_taken(
+    said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["star", "check", "hop.yaml"])
+    assert main() == 0
+    monkeypatch.setattr(sys, "argv", ["star-run", "hop.yaml", "--no-record"])
+    assert run() == 0
+    assert said.readouterr().out.startswith("hop.yaml: 'hop' can be flown, with 2 agents\nhop: ")
+
+
+# star check
+
+
+def test_a_mission_that_can_be_flown_is_told_so_in_a_line(said: Said) -> None:
+    assert main(["check", "hop.yaml"]) == 0
+    assert said.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
+
+
+@pytest.mark.parametrize(
+    ("steps", "told"),
+    [
+        (
+            "name: s\nmission: [land: {}]",
+            "1 step for missions to include; as a mission it lacks "
+            "world, swarm, transport, localizer, planner, avoider",
+        ),
+        (
+            "parameters: {a: null, b: 1, c: null}\nmission: [hold: {for: $b}, goto: {to: $a}, $c]",
+            "3 steps for missions to include, with a value for a, c",
+        ),
+    ],
+)
+def test_a_file_of_steps_is_said_to_be_one(said: Said, steps: str, told: str) -> None:
+    Path("steps.yaml").write_text(f"star: 1\n{steps}\n")
+    assert main(["check", "steps.yaml"]) == 0
+    assert said.readouterr() == (f"steps.yaml: {told}\n", "")
+
+
+def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
+    Path("steps.yaml").write_text("star: 1\nparameters: {b: 1}\nmission: [hold: {for: $b}]\n")
+    assert main(["check", "steps.yaml", "--set", "parameters.b=-1"]) == 2
+    fault = "--set parameters.b=-1: steps.yaml:3:23: hold: for: -1 is less than the minimum of 0\n"
+    assert said.readouterr() == ("", fault)
+
+
+def test_what_is_set_makes_no_file_a_mission(said: Said) -> None:
+    Path("steps.yaml").write_text("star: 1\nmission: [land: {}]\n")
+    assert main(["run", "steps.yaml", "--speed", "1"]) == 2
+    assert said.readouterr().err.startswith("steps.yaml: holds steps for missions to include")
+    assert main(["check", "steps.yaml", "--speed", "1"]) == 2
+    assert said.readouterr().err.startswith("--set transport.speed=1: unknown key 'transport'")
+
+
+def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
+    Path("m.yaml").write_text("star: 1\nname: m\nworld: w.yaml\nmission: [land: {}]\n")
+    assert main(["check", "m.yaml"]) == 2
+    assert "missing key 'swarm'" in said.readouterr().err
+
+
+WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [(WORLD, "'hall', a world that can be flown in"), (CAMERA, "'mine', a camera for missions")],
+)
+def test_a_file_that_missions_name_is_said_to_be_one(said: Said, text: str, told: str) -> None:
+    Path("file.yaml").write_text(text)
+    assert main(["check", "file.yaml"]) == 0
+    assert said.readouterr() == (f"file.yaml: {told}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (WORLD.replace("low:", "lo:"), "3:9: fence: unknown key 'lo'; did you mean 'low'?"),
+        (WORLD.replace("high: [2", "high: [-3"), "3:8: the fence's low [-2, -2, 0] is not below"),
+        (WORLD + "obstacle: {}\n", "4:1: unknown key 'obstacle'; did you mean 'obstacles'?"),
+        (CAMERA.replace("480", "480.5"), "4:9: height: 480.5 is not a whole number"),
+        (CAMERA.replace("640", "160"), "3:8: the principal point [169.27, 160.6] is outside"),
+    ],
+)
+def test_what_is_wrong_with_a_file_that_missions_name_is_told(
+    said: Said, text: str, fault: str
+) -> None:
+    Path("file.yaml").write_text(text)
+    assert main(["check", "file.yaml"]) == 2
+    out, err = said.readouterr()
+    assert out == ""
+    assert f"file.yaml:{fault}" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (
+            "star: 1\nparameters: {}\nmission: [land: {}]\n",
+            "holds steps for missions to include: name a mission that includes it",
+        ),
+        (
+            "star: 1\nname: m\nmission: [land: {}]\n",
+            "holds steps for missions to include: name a mission that includes it; as a mission "
+            "it lacks world, swarm, transport, localizer, planner, avoider",
+        ),
+        (WORLD, "is a world: name a mission that is flown in it"),
+        (CAMERA, "is a camera: name a mission that has it"),
+    ],
+)
+@pytest.mark.parametrize("command", ["run", "explain"])
+def test_a_file_that_is_no_mission_is_not_flown(
+    said: Said, command: str, text: str, fault: str
+) -> None:
+    Path("file.yaml").write_text(text)
+    assert main([command, "file.yaml"]) == 2
+    assert said.readouterr() == ("", f"file.yaml: {fault}\n")
+
+
+def test_checking_flies_nothing() -> None:
+    before = sorted(Path().rglob("*"))
+    assert main(["check", "hop.yaml"]) == 0
+    assert sorted(Path().rglob("*")) == before
+
+
+# What is set
+
+
+@pytest.mark.parametrize(
+    ("arguments", "where", "value"),
+    [
+        (("--set", "avoider=none"), ("avoider",), "none"),
+        (("--set", "avoider.radius=0.1"), ("avoider",), {"use": "orca", "radius": 0.1}),
+        (("--set", "mission.0.takeoff.height=0.4"), ("mission", 0, "takeoff", "height"), 0.4),
+        (("--set", "mission=[{takeoff: {}}]"), ("mission",), [{"takeoff": {}}]),
+        (("--set", "swarm.cf3.start=[0, 1, 0]"), ("swarm", "cf3"), {"start": [0, 1, 0]}),
+        (("--set", "rate=10", "--set", "rate=50"), ("rate",), 50),
+        (("--seed", "3"), ("seed",), 3),
+        (("--speed", "1e6"), ("transport",), {"use": "sim", "speed": 1e6}),
+        (("--set", "seed=1", "--seed", "2"), ("seed",), 2),
+    ],
+)
+def test_what_is_set_is_what_is_flown_and_kept(
+    arguments: Sequence[str], where: Iterable[str | int], value: object
+) -> None:
+    assert main(["run", "hop.yaml", "--json", "--out", "out", *arguments]) == 0
+    found = recorded("manifest.json")["mission"]
+    for key in where:
+        found = found[key]
+    assert found == value
+
+
+def test_a_step_that_is_set_is_flown(said: Said) -> None:
+    low = flown(said)["path_length_m"]["total"]
+    high = flown(said, "--set", "mission.0.takeoff.height=1.2")["path_length_m"]["total"]
+    assert high > low + 2 * 2 * 0.8  # two agents, up and down, 0.9 m higher
+
+
+def test_a_speed_changes_the_pace_and_nothing_else(said: Said) -> None:
+    assert flown(said, "--speed", "1e6") == flown(said)
+
+
+def test_a_speed_limit_that_nobody_reaches_is_flown(said: Said) -> None:
+    assert flown(said, "--set", "limits.speed=10")["outcome"] == "completed"
+
+
+# Signals
+
+
+class Signaller:
+    """A plugin that sends signals, all in one tick, and notes what would be done about each."""
+
+    def __init__(self, *numbers: int) -> None:
+        self._numbers = list(numbers)
+        self.handlers: dict[int, Any] = {}
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        self.handlers = {number: signal.getsignal(number) for number in signal.Signals}
+        while self._numbers:
+            signal.raise_signal(self._numbers.pop())
+
+
+def test_being_asked_to_terminate_lands_everybody(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Signaller(signal.SIGTERM))
+    assert main(["run", "hop.yaml"]) == 1
+    out, err = said.readouterr()
+    assert out.startswith("hop: aborted: interrupted by the operator\n")
+    assert "star: SIGTERM: landing; again stops the motors\n" in err
+
+
+def test_a_third_interrupt_ends_a_flight_that_hangs(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Signaller(signal.SIGINT, signal.SIGINT, signal.SIGINT))
+    assert main(["run", "hop.yaml"]) == 1
+    assert said.readouterr().err.splitlines()[-1] == "interrupted"
+
+
+def test_after_a_flight_signals_do_what_they_did_before(
+    with_plugin: Callable[[object], None],
+) -> None:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    with_plugin(watcher := Signaller())
+    main(["run", "hop.yaml", "--json", "--no-record"])
+    assert all(watcher.handlers[number] != handler for number, handler in before.items())
+    assert all(signal.getsignal(number) == handler for number, handler in before.items())
+
+
+def test_a_terminal_that_is_closed_lands_everybody(with_plugin: Callable[[object], None]) -> None:
+    with_plugin(watcher := Signaller())
+    main(["run", "hop.yaml", "--json", "--no-record"])
+    assert watcher.handlers[signal.SIGHUP] == watcher.handlers[signal.SIGTERM]
+
+
+# What goes wrong in a plugin
+
+
+def test_verbose_shows_where_a_plugin_raised() -> None:
+    broken = "import star_orca.avoider as orca; del orca.Orca\n" + ENTER
+    command = [sys.executable, "-c", broken, "run", "hop.yaml", "--verbose"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Traceback (most recent call last):" in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("avoider 'orca' (star-swarm ")
+
+
+# What is refused
+
+FENCE = "is outside the fence, from [-2, -2, 0] to [2, 2, 2]"
+
+
+@pytest.fixture
+def refused(said: Said) -> Callable[..., list[str]]:
+    """Run ``star``, see that it refuses and leaves nothing behind, and return what it says."""
+
+    def star(*arguments: str) -> list[str]:
+        before = sorted(Path().rglob("*"))
+        try:
+            status = main(arguments)
+        except SystemExit as error:  # argparse's way to return
+            status = int(error.code or 0)
+        out, err = said.readouterr()
+        assert (status, out) == (2, "")
+        assert sorted(Path().rglob("*")) == before
+        return err.splitlines()
+
+    return star
+
+
+def test_a_rate_at_which_nobody_can_fly_is_refused(refused: Callable[..., list[str]]) -> None:
+    assert len(refused("check", "hop.yaml", "--set", "rate=1e-300")) == 1
+
+
+def test_an_option_that_is_set_again_and_misspelt_is_told_which_was_meant(
+    refused: Callable[..., list[str]],
+) -> None:
+    (line,) = refused("run", "hop.yaml", "--set", "avoider.radius=0.3", "--set", "avoider.radus=1")
+    assert line.endswith("unknown option 'radus'; did you mean 'radius'?")
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ("avoider.horizn=1", "avoider 'orca': unknown option 'horizn'; did you mean 'horizon'?"),
+        (
+            "avoider.radius=-1",
+            "avoider 'orca': radius: -1 is not possible here, expected more than 0",
+        ),
+        ("avoider.radius=big", "avoider 'orca': radius: 'big' is a string, expected a number"),
+        ("transport=bluetooth", "no transport named 'bluetooth'; installed: "),
+        ("mission.9.land={}", "'mission' has no item 9; the last is 1"),
+        ("mission.first={}", "'mission' is a list: expected an index in place of 'first'"),
+        ("mission.0.takeoff.height=9", "9 m is outside the heights to fly at, from 0.2 to 1.8 m"),
+        ("swarm.cf1.start=[9, 9, 9]", f"start [9, 9, 9] {FENCE}"),
+        ("world=no.yaml", "no file 'no.yaml' in the mission's folder"),
+        ("seed", "has no '=', expected path=value such as avoider.radius=0.3"),
+        ("seed=", "has no value after the '='"),
+        ("seed=[1", "not YAML: expected ',' or ']', but got '<stream end>'"),
+    ],
+)
+def test_a_value_that_cannot_be_set_is_told_with_the_assignment(
+    refused: Callable[..., list[str]], given: str, line: str
+) -> None:
+    (found,) = refused("run", "hop.yaml", "--set", given)
+    assert found.startswith(f"--set {given}: {line}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("--seed", "x"), "--set seed=x: seed: 'x' is a string, expected a whole number"),
+        (("--seed", "1.5"), "--set seed=1.5: seed: 1.5 is not a whole number"),
+        (("--seed", "-1"), "--set seed=-1: seed: -1 is less than the minimum of 0"),
+        (("--seed", ""), "--set seed=: has no value after the '='"),
+        (("--speed", "fast"), "--set transport.speed=fast: transport 'sim': speed: 'fast' is a "),
+        (("--speed", "0"), "--set transport.speed=0: transport 'sim': speed: 0 is not possible "),
+    ],
+)
+def test_a_seed_or_a_speed_that_is_none_is_refused(
+    refused: Callable[..., list[str]], arguments: tuple[str, ...], line: str
+) -> None:
+    (found,) = refused("run", "hop.yaml", *arguments)
+    assert found.startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("command", "hint"),
+    [
+        ("chekc", "did you mean 'check'?"),
+        ("rnu", "did you mean 'run'?"),
+        ("fly", "there are: ablate, bench, calibrate, check, "),
+        ("", "there are: ablate, bench, calibrate, check, "),
+    ],
+)
+def test_an_unknown_command_is_told_what_there_is(
+    refused: Callable[..., list[str]], command: str, hint: str
+) -> None:
+    (line,) = refused(command, "hop.yaml")
+    assert line.startswith(f"star has no command {command!r}; {hint}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("run", "hop.yaml", "--sed", "3"), "--sed"),
+        (("check", "hop.yaml", "--no-record"), "--no-record"),
+        (("run",), "mission"),
+        (("run", "hop.yaml", "--set"), "--set"),
+        (("schema", "wrold"), "'wrold'"),
+        ((), "COMMAND"),
+    ],
+)
+def test_what_the_command_line_has_too_much_or_lacks_is_named(
+    refused: Callable[..., list[str]], arguments: tuple[str, ...], named: str
+) -> None:
+    assert named in refused(*arguments)[-1]
+
+
+def test_an_option_of_a_command_that_is_misspelt_is_told_which_was_meant(
+    refused: Callable[..., list[str]],
+) -> None:
+    assert "did you mean '--seed'?" in refused("run", "hop.yaml", "--sed", "3")[-1]
+
+
+class Chatty:
+    """An observer that prints."""
+
+    @hookimpl
+    def star_mission_started(self) -> None:
+        sys.stdout.write("hello\n")
+
+    @hookimpl
+    def star_mission_ended(self, summary: dict[str, Any]) -> None:
+        summary["outcome"] = "great"
+
+
+def test_what_plugins_print_is_not_in_the_json(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Chatty())
+    assert main(["run", "hop.yaml", "--json", "--no-record"]) == 0
+    printed = said.readouterr()
+    assert json.loads(printed.out)["outcome"] == "completed"
+    assert "hello" in printed.err
+
+
+def test_the_version_is_that_of_the_distribution(said: Said) -> None:
+    assert main(["--version"]) == 0
+    assert said.readouterr().out == f"star {version('star-swarm')}\n"
+    assert star_core.__version__ == version("star-swarm")

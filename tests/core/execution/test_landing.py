@@ -1,0 +1,172 @@
+"""Landings: from rest, and where nobody and nothing is below."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase
+from star_core.cli.main import run
+from star_core.execution.goal_buffer import GoalBuffer
+from star_core.execution.landing import LandingManager
+from star_core.testing import estimate, scene
+
+HEAD = """
+star: 1
+name: down
+world: room.yaml
+limits: {speed: 0.5, height: [0.2, 2.2]}
+transport: {use: sim, noise: false}
+localizer: flow
+planner: straight
+avoider: %s
+"""
+ROOM = """
+star: 1
+name: room
+fence: {low: [-4, -4, 0], high: [4, 4, 2.5]}
+obstacles:
+  table: {box: {centre: [2, 0], size: [0.8, 0.8]}, height: [0.6, 0.7]}
+"""
+
+
+def flown(
+    folder: Path, mission: str, avoider: str = "orca", head: str = HEAD, room: str = ROOM
+) -> dict[str, Any]:
+    (folder / "room.yaml").write_text(room)
+    (folder / "down.yaml").write_text(head % avoider + mission)
+    out = folder / "out"
+    run([str(folder / "down.yaml"), "--json", "--out", str(out)])
+    summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
+    return summary
+
+
+def landed(summary: dict[str, Any]) -> list[str]:
+    return [event["text"] for event in summary["events"] if event["kind"] == "landing"]
+
+
+@pytest.mark.parametrize("seconds", [1.6, 1.8, 2.2])
+def test_agents_that_fly_at_each_other_brake_before_they_land(
+    seconds: float, tmp_path: Path
+) -> None:
+    """An on-board landing keeps the speed a drone has: these two would meet on the way down."""
+    mission = f"""
+swarm: {{a: {{start: [-1, 0, 0]}}, b: {{start: [1, 0, 0]}}}}
+mission:
+  - takeoff: {{height: 1.0}}
+  - parallel:
+      - goto: {{agents: a, to: [1, 0, 1], until: {{elapsed: {seconds}}}}}
+      - goto: {{agents: b, to: [-1, 0, 1], until: {{elapsed: {seconds}}}}}
+  - land: {{}}
+"""
+    summary = flown(tmp_path, mission, "none")
+    assert summary["outcome"] == "completed"
+    assert summary["collisions"]["agent_agent"] == 0
+
+
+def test_an_agent_comes_down_where_the_planner_leads_it(tmp_path: Path) -> None:
+    """It starts too near to a pillar to land there, and the planner keeps clear by half a metre."""
+    mission = """
+swarm: {a: {start: [-1.42, 0, 0]}}
+mission:
+  - takeoff: {height: 1.0}
+  - land: {}
+"""
+    pillar = "  pillar: {box: {centre: [-2, 0], size: [1, 1]}, height: [0, 2.5]}\n"
+    planner = "planner: {use: visibility, clearance: 0.5}"
+    head = HEAD.replace("planner: straight", planner)
+    summary = flown(tmp_path, mission, "none", head, ROOM + pillar)
+    assert summary["reason"] == ""
+    assert landed(summary) == ["a lands 0.45 m aside: its place is not free"]
+
+
+def test_who_lands_over_an_agent_on_the_ground_comes_down_beside_it(tmp_path: Path) -> None:
+    mission = """
+swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
+mission:
+  - takeoff: {agents: a, height: 1.0}
+  - goto: {agents: a, to: [0, 0, 1]}
+  - land: {agents: a}
+"""
+    summary = flown(tmp_path, mission)
+    assert summary["collisions"]["agent_agent"] == 0
+    assert landed(summary) == ["a lands 0.35 m aside: its place is not free"]
+
+
+def test_of_two_above_each_other_the_lower_lands_where_it_is(tmp_path: Path) -> None:
+    mission = """
+swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
+mission:
+  - takeoff: {agents: b, height: 0.6}
+  - takeoff: {agents: a, height: 1.8}
+  - goto: {agents: a, to: [0, 0, 1.8]}
+  - land: {}
+"""
+    summary = flown(tmp_path, mission)
+    assert summary["outcome"] == "completed"
+    assert summary["collisions"]["agent_agent"] == 0
+    assert [text[:8] for text in landed(summary)] == ["a lands "]
+
+
+def test_nobody_lands_on_a_table(tmp_path: Path) -> None:
+    mission = """
+swarm: {a: {start: [0, 0, 0]}}
+mission:
+  - takeoff: {height: 1.2}
+  - goto: {to: [2, 0, 1.2]}
+  - land: {}
+"""
+    summary = flown(tmp_path, mission)
+    assert summary["outcome"] == "completed"
+    assert summary["collisions"]["agent_obstacle"] == 0
+    assert len(landed(summary)) == 1
+
+
+def test_the_last_landing_makes_way_too(tmp_path: Path) -> None:
+    mission = """
+swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
+mission:
+  - takeoff: {agents: a, height: 1.0}
+  - goto: {agents: a, to: [0, 0, 1]}
+"""
+    summary = flown(tmp_path, mission)
+    assert summary["outcome"] == "completed"
+    assert summary["collisions"]["agent_agent"] == 0
+    assert len(landed(summary)) == 1
+
+
+def test_agents_at_rest_with_nobody_below_land_where_they_are(tmp_path: Path) -> None:
+    mission = """
+swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
+mission:
+  - takeoff: {height: 1.0}
+  - land: {}
+"""
+    assert landed(flown(tmp_path, mission)) == []
+
+
+def test_who_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None:
+    """The lower one is not located: it lands at once, where it is, and the other makes way."""
+    told: list[str] = []
+    landed: list[list[int]] = []
+    helm: Any = SimpleNamespace(
+        time=0.0,
+        phases=SimpleNamespace(of_agents=lambda: np.full(2, int(AgentPhase.FLYING))),
+        release=lambda _rows: None,
+        land=lambda rows, _estimate, _takes: landed.append(rows.tolist()),
+    )
+    observers: Any = SimpleNamespace(event=lambda _kind, text, _agent: told.append(text))
+    descent = LandingManager(
+        scene(2), helm, observers, lambda places: np.zeros(len(places), np.bool_)
+    )
+    stacked = estimate(np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.5]]))
+    descent.bring([0, 1])
+    descent.step(replace(stacked, valid=np.array([True, False])), GoalBuffer.none(2, 0.5))
+    assert landed == [[1]]
+    assert told == ["cf1 lands 0.35 m aside: its place is not free"]

@@ -1,0 +1,154 @@
+"""Tables of every type name the field whose number of rows differs, or whose rows have no shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import (
+    Command,
+    ContractError,
+    Corrections,
+    Detections,
+    Estimate,
+    Frames,
+    Goals,
+    Health,
+    Odometry,
+    Order,
+    Paths,
+    Plan,
+    PluginError,
+    Setpoint,
+    Sightings,
+    Telemetry,
+    Trajectory,
+    Transform,
+    Truth,
+)
+from star_core.plugin_guard import PluginGuard
+
+
+def rows(n: int, *shape: int) -> np.ndarray:
+    return np.zeros((n, *shape))
+
+
+def setpoint(velocity: int = 2, yaw: int = 2, active: int = 2) -> Setpoint:
+    return Setpoint(rows(velocity, 3), rows(yaw), rows(active) > 0)
+
+
+def estimate(n: int) -> Estimate:
+    still = Transform(rows(2), rows(2, 3))
+    return Estimate(0.0, rows(n, 3), rows(2, 3), rows(2), rows(2, 3, 3), rows(2) > 0, still)
+
+
+def telemetry(n: int, **more: Any) -> Telemetry:
+    state = np.zeros(2, np.int64)
+    return Telemetry(0.0, rows(2, 3), rows(2, 3), rows(n, 4), rows(2), state, rows(2), **more)
+
+
+INTEGERS = np.zeros(2, np.int64)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: setpoint(velocity=1),
+         "Setpoint.velocity has 1 row, but yaw and active have 2; expected one row per agent"),
+        (lambda: setpoint(yaw=3),
+         "Setpoint.yaw has 3 rows, but velocity and active have 2; expected one row per agent"),
+        (lambda: setpoint(1, 2, 3),
+         "Setpoint.velocity has 1 row, yaw has 2 rows, but active has 3; expected one row per "
+         "agent"),
+        (lambda: estimate(1),
+         "Estimate.position has 1 row, but velocity, yaw, covariance, possible_travel, valid and "
+         "map_from_odom have 2; expected one row per agent"),
+        (lambda: Goals(rows(2, 3), rows(2, 3), rows(2), rows(1), rows(2) > 0),
+         "Goals.speed has 1 row, but position, velocity, yaw and active have 2; expected one row "
+         "per agent"),
+        (lambda: Plan(setpoint(), Paths(rows(0), rows(0, 3)), rows(3) > 0),
+         "Plan.unreachable has 3 rows, but setpoint has 2; expected one row per agent"),
+        (lambda: Health(INTEGERS, rows(2), rows(0)),
+         "Health.age has 0 rows, but battery and phase have 2; expected one row per agent"),
+        (lambda: Transform(rows(2), rows(1, 3)),
+         "Transform.yaw has 2 rows, but translation has 1; expected one row per agent"),
+        (lambda: Truth(0.0, rows(2, 3), rows(1, 3), rows(2, 4)),
+         "Truth.velocity has 1 row, but position and attitude have 2; expected one row per agent"),
+        (lambda: telemetry(1),
+         "Telemetry.attitude has 1 row, but position, velocity, battery, age and state have 2; "
+         "expected one row per agent"),
+        (lambda: telemetry(2, signal=rows(1)),
+         "Telemetry.signal has 1 row, but position, velocity, attitude, battery, age and state "
+         "have 2; expected one row per agent"),
+        (lambda: Paths(INTEGERS, rows(1, 3)),
+         "Paths.point has 1 row, but agent has 2; expected one row per point"),
+        (lambda: Odometry(INTEGERS, rows(2), rows(2, 3), rows(2), rows(2), rows(1), rows(2)),
+         "Odometry.pitch has 1 row, but time, velocity, yaw_rate, roll, height and agent have 2; "
+         "expected one row per sample"),
+        (lambda: Frames(INTEGERS, rows(2), rows(2), ()),
+         "Frames.image has 0 rows, but taken, arrived and agent have 2; expected one row per "
+         "image"),
+        (lambda: Detections(INTEGERS, INTEGERS, rows(1, 4, 2), rows(2), rows(2)),
+         "Detections.corners has 1 row, but taken, arrived, agent and tag have 2; expected one row "
+         "per tag"),
+        (lambda: Sightings(INTEGERS, INTEGERS, rows(2), rows(2, 3), rows(1), rows(2, 3, 3)),
+         "Sightings.yaw has 1 row, but time, position, covariance, agent and tag have 2; expected "
+         "one row per tag"),
+        (lambda: Corrections(INTEGERS, rows(2, 3), rows(2, 4), rows(1), rows(2)),
+         "Corrections.position_deviation has 1 row, but position, attitude, attitude_deviation and "
+         "agent have 2; expected one row per fix"),
+        (lambda: Command(Order.LAND, INTEGERS, rows(1, 3), rows(2), rows(2) + 1),
+         "Command.position has 1 row, but yaw, duration and agent have 2; expected one row per "
+         "agent meant"),
+        (lambda: Trajectory(rows(2) + 1, rows(1, 4, 8)),
+         "Trajectory.duration has 2 rows, but coefficients has 1; expected one row per piece"),
+    ],
+)  # fmt: skip
+def test_a_table_names_the_field_that_differs_in_its_number_of_rows(
+    make: Any, message: str
+) -> None:
+    with pytest.raises(ContractError) as caught:
+        make()
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("velocity", "message"),
+    [
+        (rows(2), "Setpoint.velocity has shape (2,), expected (2, 3)"),
+        (rows(2, 2), "Setpoint.velocity has shape (2, 2), expected (2, 3)"),
+        (1.0, "Setpoint.velocity has shape (), expected (N, 3)"),
+        (None, "Setpoint.velocity has shape (), expected (N, 3)"),
+    ],
+)
+def test_a_table_names_the_field_whose_rows_have_another_shape(velocity: Any, message: str) -> None:
+    with pytest.raises(ContractError) as caught:
+        Setpoint(velocity, rows(2), rows(2) > 0)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("counts", "agents", "message"),
+    [
+        ((1, 2, 2), 2, "Setpoint.velocity has 1 row, expected 2, one per agent"),
+        ((1, 2, 1), 2, "Setpoint.velocity and active have 1 row, expected 2, one per agent"),
+        ((1, 2, 3), 2,
+         "Setpoint.velocity has 1 row, active has 3 rows, expected 2, one per agent"),
+    ],
+)  # fmt: skip
+def test_where_the_size_of_the_swarm_is_known_the_fields_with_another_are_named(
+    counts: tuple[int, int, int], agents: int, message: str
+) -> None:
+    with pytest.raises(PluginError) as caught, PluginGuard("avoider 'mine'", agents):
+        setpoint(*counts)
+    assert str(caught.value) == f"avoider 'mine': {message}"
+
+
+def test_rows_that_are_no_agents_are_not_compared_with_the_swarm() -> None:
+    with pytest.raises(PluginError) as caught, PluginGuard("planner 'mine'", 5):
+        Paths(INTEGERS, rows(1, 3))
+    assert str(caught.value) == (
+        "planner 'mine': Paths.point has 1 row, but agent has 2; expected one row per point"
+    )

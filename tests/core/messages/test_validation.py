@@ -1,0 +1,245 @@
+"""What the core holds every answer to, message by message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import (
+    Avoider,
+    ContractError,
+    Estimate,
+    Paths,
+    Plan,
+    Scene,
+    Setpoint,
+    Sightings,
+    Telemetry,
+    Transform,
+    Transport,
+)
+from star_core.messages.validation import (
+    accepts,
+    checked_estimate,
+    checked_plan,
+    checked_setpoint,
+    checked_telemetry,
+    require_methods,
+    require_type,
+)
+from star_core.testing import estimate
+
+TWO = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
+HOLE = np.array([[0.0, 0.0, 1.0], [1.0, np.nan, np.inf]])
+GOOD = estimate(TWO)
+BOTH, FIRST = np.array([True, True]), np.array([True, False])
+GAP = np.array([0.0, np.nan])
+SETPOINT = Setpoint(velocity=TWO, yaw=np.zeros(2), active=BOTH)
+TELEMETRY = Telemetry(
+    time=0.0,
+    position=TWO,
+    velocity=TWO,
+    attitude=np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)),
+    battery=np.full(2, 4.0),
+    state=np.zeros(2, np.int64),
+    age=np.zeros(2),
+)
+PLAN = Plan(SETPOINT, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), ~BOTH)
+
+
+def refused(check: Callable[..., Any], *arguments: Any) -> str:
+    with pytest.raises(ContractError) as caught:
+        check(*arguments)
+    return str(caught.value)
+
+
+def test_an_answer_of_the_right_kind_is_handed_on() -> None:
+    assert require_type(GOOD, Estimate) is GOOD
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (None, "returned NoneType, expected Estimate"),
+        (TWO, "returned ndarray, expected Estimate"),
+        (SETPOINT, "returned Setpoint, expected Estimate"),
+        (Estimate, "returned type, expected Estimate"),
+    ],
+)
+def test_an_answer_of_another_kind_is_refused(answer: object, message: str) -> None:
+    assert refused(require_type, answer, Estimate) == message
+
+
+def test_a_part_that_lacks_methods_is_told_which() -> None:
+    class Half:
+        def connect(self) -> None: ...
+        def wait(self, until: float) -> None: ...
+        def receive(self) -> None: ...
+        def send(self, setpoint: Setpoint) -> None: ...
+
+    assert (
+        refused(require_methods, Half(), Transport)
+        == "Half has no command(), correct(), truth(), close()"
+    )
+
+
+def test_a_part_keeps_its_contract_by_its_shape() -> None:
+    class Mine:
+        def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
+            return wanted
+
+    require_methods(Mine(), Avoider)
+
+
+def line_of(function: Callable[..., Any]) -> str:
+    return f"{__file__}:{function.__code__.co_firstlineno}"
+
+
+def test_a_method_that_takes_other_arguments_is_named_with_its_line() -> None:
+    class Short:
+        def avoid(self, estimate: Estimate) -> None: ...
+
+    assert refused(require_methods, Short(), Avoider) == (
+        "avoid(estimate) cannot be called as avoid(estimate, wanted): "
+        f"too many positional arguments ({line_of(Short.avoid)})"
+    )
+
+
+def test_a_function_that_takes_other_options_is_named_with_its_line() -> None:
+    def make(scene: Scene, gain: float) -> None: ...
+
+    assert refused(accepts, make, "make", ("scene",), {"share": 0.8}) == (
+        "make(scene, gain) cannot be called as make(scene, share=...): "
+        f"missing a required argument: 'gain' ({line_of(make)})"
+    )
+
+
+@pytest.mark.parametrize("function", [max, int, lambda *_, **__: None])
+def test_a_function_whose_signature_allows_it_or_cannot_be_known_is_accepted(
+    function: Callable[..., Any],
+) -> None:
+    accepts(function, "make", ("scene",))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position": HOLE}, "Estimate.position of row 1 is [1.0, nan, inf], expected numbers"),
+        ({"velocity": HOLE}, "Estimate.velocity of row 1 is [1.0, nan, inf], expected numbers"),
+        ({"yaw": [np.nan, 0.0]}, "Estimate.yaw of row 0 is nan, expected numbers"),
+        (
+            {"map_from_odom": Transform(np.array([0.0, np.inf]), TWO)},
+            "Estimate.map_from_odom.yaw of row 1 is inf, expected numbers",
+        ),
+        (
+            {"map_from_odom": Transform(np.zeros(2), HOLE)},
+            "Estimate.map_from_odom.translation of row 1 is [1.0, nan, inf], expected numbers",
+        ),
+    ],
+)
+def test_an_estimate_that_is_valid_and_no_number_is_refused(
+    changes: dict[str, Any], message: str
+) -> None:
+    assert refused(checked_estimate, replace(GOOD, **changes), 2) == message
+
+
+def test_an_estimate_may_hold_anything_where_it_is_not_valid() -> None:
+    hole = replace(GOOD, position=HOLE, velocity=HOLE, yaw=GAP, valid=FIRST)
+    assert checked_estimate(hole, 2) is hole
+
+
+def test_an_estimate_of_another_swarm_is_refused() -> None:
+    message = "every field of Estimate has 2 rows, expected 3, one per agent"
+    assert refused(checked_estimate, GOOD, 3) == message
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"velocity": HOLE}, "Setpoint.velocity of row 1 is [1.0, nan, inf], expected numbers"),
+        ({"yaw": [0.0, np.inf]}, "Setpoint.yaw of row 1 is inf, expected numbers"),
+    ],
+)
+@pytest.mark.parametrize("planned", [False, True])
+def test_a_setpoint_that_is_active_and_no_number_is_refused(
+    changes: dict[str, Any],
+    message: str,
+    planned: bool,  # noqa: FBT001 -- whether a planner gave it
+) -> None:
+    hole = replace(SETPOINT, **changes)
+    if planned:
+        assert refused(checked_plan, replace(PLAN, setpoint=hole), 2) == message
+    else:
+        assert refused(checked_setpoint, hole, 2) == message
+
+
+def test_a_setpoint_may_hold_anything_where_it_is_not_active() -> None:
+    hole = replace(SETPOINT, velocity=HOLE, yaw=GAP, active=FIRST)
+    assert checked_setpoint(hole, 2) is hole
+    assert checked_plan(replace(PLAN, setpoint=hole), 2).setpoint is hole
+
+
+def test_a_setpoint_or_a_plan_of_another_swarm_is_refused() -> None:
+    message = "every field of Setpoint has 2 rows, expected 1, one per agent"
+    assert refused(checked_setpoint, SETPOINT, 1) == message
+    assert refused(checked_plan, PLAN, 1) == message
+
+
+@pytest.mark.parametrize("agent", [-1, 2])
+def test_a_path_of_an_agent_that_there_is_not_is_refused(agent: int) -> None:
+    nowhere = replace(PLAN, paths=Paths(np.array([agent]), np.zeros((1, 3))))
+    message = f"Plan.paths.agent is [{agent}], expected rows below 2"
+    assert refused(checked_plan, nowhere, 2) == message
+
+
+@pytest.mark.parametrize(
+    ("check", "kind"),
+    [
+        (checked_estimate, "Estimate"),
+        (checked_plan, "Plan"),
+        (checked_setpoint, "Setpoint"),
+    ],
+)
+def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
+    assert refused(check, None, 2) == f"returned NoneType, expected {kind}"
+
+
+def test_covariances_of_valid_rows_are_numbers() -> None:
+    broken = replace(GOOD, covariance=np.full((2, 3, 3), np.nan))
+    assert refused(checked_estimate, broken, 2).startswith("Estimate.covariance of row 0 is")
+
+
+def test_sightings_are_of_agents_that_exist() -> None:
+    far = Sightings(
+        agent=np.array([7]),
+        tag=np.array([1]),
+        time=np.zeros(1),
+        position=np.zeros((1, 3)),
+        yaw=np.zeros(1),
+        covariance=np.zeros((1, 3, 3)),
+    )
+    found = refused(checked_estimate, replace(GOOD, sightings=far), 2)
+    assert found == "Estimate.sightings.agent is [7], expected rows below 2"
+
+
+def test_reasons_of_a_plan_are_a_map() -> None:
+    odd: Any = ["walled in"]
+    found = refused(checked_plan, replace(PLAN, reasons=odd), 2)
+    assert found == "Plan.reasons is ['walled in'], expected a map from row to text"
+
+
+def test_a_report_has_a_time() -> None:
+    found = refused(checked_telemetry, replace(TELEMETRY, time=np.nan), 2)
+    assert found == "Telemetry.time is nan, expected a number"
+
+
+@pytest.mark.parametrize("name", ["odometry", "frames", "detections"])
+def test_what_is_reported_is_of_agents_that_exist(name: str) -> None:
+    given: dict[str, Any] = {name: SimpleNamespace(agent=np.array([0, 2]))}
+    found = refused(checked_telemetry, replace(TELEMETRY, **given), 2)
+    assert found == f"Telemetry.{name}.agent is [0, 2], expected rows below 2"

@@ -1,0 +1,182 @@
+"""Collisions and close approaches along known tracks, and what they do to a mission."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Array, Estimate, Obstacle, Scene, Tick, Truth
+from star_core.metrics.contacts import Contacts, Incident
+from star_core.testing import estimate, scene
+from tests.core.conftest import Lab
+from tests.core.metrics.test_summary import PERIOD, PILLAR, tick
+
+FLYING, GROUNDED = AgentPhase.FLYING, AgentPhase.GROUNDED
+SEPARATION = 0.2  # m, the scene's limit
+
+
+def followed(
+    track: Any,
+    *,
+    obstacles: tuple[Obstacle, ...] = (),
+    phase: AgentPhase = FLYING,
+    truth: bool = True,
+) -> tuple[Contacts, list[list[Incident]]]:
+    """The contacts of (T, N, 3) positions, m, with the incidents of each tick and of the end."""
+    positions = np.array(track, np.float64)
+    n = positions.shape[1]
+    contacts = Contacts(furnished(n, obstacles))
+    seen = [
+        contacts.update(moment(k, positions, phase, truth=truth)) for k in range(len(positions))
+    ]
+    return contacts, [*seen, contacts.finish()]
+
+
+def furnished(n: int, obstacles: tuple[Obstacle, ...]) -> Scene:
+    empty = scene(n)
+    return replace(empty, world=replace(empty.world, obstacles=obstacles))
+
+
+def moment(k: int, positions: Array, phase: AgentPhase, *, truth: bool) -> Tick:
+    """Tick `k`, with velocities as differences of the positions."""
+    here, before = positions[k], positions[max(0, k - 1)]
+    n = len(here)
+    velocity = (here - before) / PERIOD
+    now = replace(tick(k * PERIOD, here, None, [phase] * n), estimate=at(here, velocity, k))
+    attitude = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
+    return replace(now, truth=Truth(now.time, here, velocity, attitude)) if truth else now
+
+
+def at(position: Array, velocity: Array, k: int) -> Estimate:
+    return estimate(position, velocity=velocity, time=k * PERIOD)
+
+
+def pair(*distances: float) -> list[list[list[float]]]:
+    """Two agents at these distances from each other along x, m, the first at the origin."""
+    return [[[0.0, 0.0, 1.0], [distance, 0.0, 1.0]] for distance in distances]
+
+
+def test_a_collision_of_two_agents_names_them_and_where_when_and_how_fast() -> None:
+    contacts, seen = followed(pair(0.5, 0.3, 0.1))
+    ((incident,),) = [found for found in seen if found]
+    assert incident.kind == "collision"
+    assert incident.details == {
+        "agents": ["cf1", "cf2"],
+        "time_s": 2 * PERIOD,
+        "position_m": pytest.approx([0.05, 0.0, 1.0]),
+        "relative_speed_m_s": pytest.approx(0.2 / PERIOD),
+        "from": "ground_truth",
+    }
+    assert incident.text == ("cf1 and cf2 collided at [0.05, 0.00, 1.00], relative speed 4.00 m/s")
+    assert (contacts.agent_agent, contacts.agent_obstacle) == (1, 0)
+
+
+def test_a_collision_with_an_obstacle_names_the_obstacle() -> None:
+    contacts, seen = followed([[[0.5, 0, 1]], [[0.96, 0, 1]]], obstacles=(PILLAR,))
+    ((incident,),) = [found for found in seen if found]
+    assert incident.details["agents"] == ["cf1"]
+    assert incident.details["obstacle"] == "pillar"
+    assert "cf1 and obstacle 'pillar' collided at [0.96, 0.00, 1.00]" in incident.text
+    assert (contacts.agent_agent, contacts.agent_obstacle) == (0, 1)
+
+
+def test_a_contact_that_lasts_is_one_collision() -> None:
+    _, seen = followed(pair(0.1, 0.11, 0.1, 0.5, 0.1))
+    assert [len(found) for found in seen] == [1, 0, 0, 0, 1, 0]
+
+
+def test_a_close_approach_is_reported_once_with_its_smallest_distance() -> None:
+    _, seen = followed(pair(0.5, 0.19, 0.15, 0.17, 0.3, 0.5))
+    assert [len(found) for found in seen] == [0, 0, 0, 0, 1, 0, 0]
+    (incident,) = seen[4]
+    assert incident.kind == "close_approach"
+    assert incident.details["distance_m"] == pytest.approx(0.15)
+    assert incident.details["time_s"] == pytest.approx(2 * PERIOD)
+    assert incident.details["agents"] == ["cf1", "cf2"]
+    assert f"closer than limits.separation ({SEPARATION:g} m)" in incident.text
+
+
+def test_a_close_approach_that_is_not_over_is_reported_at_the_end() -> None:
+    _, seen = followed(pair(0.5, 0.15))
+    assert [len(found) for found in seen] == [0, 0, 1]
+
+
+def test_a_distance_that_hovers_about_the_limit_is_one_close_approach() -> None:
+    _, seen = followed(pair(0.5, 0.199, 0.201, 0.199, 0.201, 0.5))
+    assert [len(found) for found in seen] == [0, 0, 0, 0, 0, 1, 0]
+
+
+@pytest.mark.parametrize("distances", [(0.5, 0.15, 0.1, 0.15, 0.5), (0.1, 0.5), (0.5, 0.1)])
+def test_a_collision_is_not_a_close_approach_as_well(distances: Sequence[float]) -> None:
+    _, seen = followed(pair(*distances))
+    assert [one.kind for found in seen for one in found] == ["collision"]
+
+
+def test_agents_that_stand_close_to_each_other_on_the_ground_do_not_approach() -> None:
+    _, seen = followed(pair(0.15, 0.15), phase=GROUNDED)
+    assert not any(seen)
+
+
+def test_without_ground_truth_incidents_are_marked_as_estimated() -> None:
+    contacts, seen = followed(pair(0.5, 0.1), truth=False)
+    ((incident,),) = [found for found in seen if found]
+    assert incident.details["from"] == "estimate"
+    assert incident.text.endswith(" (estimated positions)")
+    assert contacts.source == "estimate"
+
+
+def test_distances_are_from_both_where_ground_truth_is_there_at_times() -> None:
+    contacts = Contacts(scene(2))
+    positions = np.array(pair(0.5, 0.5))
+    contacts.update(moment(0, positions, FLYING, truth=True))
+    assert contacts.source == "ground_truth"
+    contacts.update(moment(1, positions, FLYING, truth=False))
+    assert contacts.source == "mixed"
+
+
+def test_ticks_on_the_ground_do_not_count_for_where_distances_are_from() -> None:
+    contacts = Contacts(scene(2))
+    positions = np.array(pair(0.5, 0.5))
+    contacts.update(moment(0, positions, GROUNDED, truth=False))
+    contacts.update(moment(1, positions, FLYING, truth=True))
+    assert contacts.source == "ground_truth"
+
+
+UNGUARDED = "limits: {separation: 0}\n"
+COLLIDE = """
+  - climb: {}
+  - visit: {to: [0, 0.5, 1]}
+  - visit: {agents: cf1, to: [0, -1, 1]}
+  - descend: {}
+"""
+
+
+def test_a_flight_with_a_collision_fails(lab: Lab) -> None:
+    summary = lab.fly(COLLIDE, more=UNGUARDED)
+    assert summary["collisions"]["agent_agent"] == 1
+    assert (summary["outcome"], summary["reason"]) == ("failed", "1 collision")
+    (event,) = [event for event in lab.events if event.kind == "collision"]
+    assert event.details is not None
+    assert event.details["agents"] == ["cf1", "cf2"]
+    assert summary["distances_from"] == "ground_truth"
+
+
+def test_a_mission_may_state_that_collisions_are_only_recorded(lab: Lab) -> None:
+    summary = lab.fly(COLLIDE, more=UNGUARDED + "collisions: record\n")
+    assert summary["collisions"]["agent_agent"] == 1
+    assert (summary["outcome"], summary["reason"]) == ("completed", "")
+    assert lab.said("collision")
+
+
+def test_a_flight_without_ground_truth_reports_it_once(lab: Lab) -> None:
+    lab.spoil("transport", "truth", lambda _right: None)
+    summary = lab.fly(COLLIDE, more=UNGUARDED)
+    assert lab.said("no_truth") == [
+        "no ground truth: separation and collisions are computed from estimated positions"
+    ]
+    assert summary["distances_from"] == "estimate"
+    assert summary["reason"] == "1 collision (estimated positions)"

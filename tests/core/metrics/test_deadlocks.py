@@ -1,0 +1,154 @@
+"""Who has a goal and gets no nearer to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from star_core import AgentPhase, Goals, Paths, Tick
+from star_core.metrics.deadlocks import Deadlocks, waiting
+
+Track = Callable[[float], float]
+NO_PATHS = Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
+
+
+def flown(
+    tracks: list[tuple[Track, Track]],
+    seconds: float,
+    *,
+    phase: AgentPhase = AgentPhase.FLYING,
+    active: bool = True,
+    paths: Paths = NO_PATHS,
+) -> Deadlocks:
+    """What is counted of agents that are somewhere and want to go somewhere, all on one axis."""
+    n = len(tracks)
+    found = Deadlocks(n)
+    for time in np.arange(0.0, seconds, 0.05):
+        position, goal = np.zeros((n, 3)), np.zeros((n, 3))
+        position[:, 0] = [at(time) for at, _ in tracks]
+        goal[:, 0] = [to(time) for _, to in tracks]
+        goals = Goals(goal, np.zeros((n, 3)), np.zeros(n), np.ones(n), np.full(n, active))
+        setpoint = SimpleNamespace(velocity=np.sign(goal - position))
+        tick = SimpleNamespace(
+            time=float(time),
+            goals=goals,
+            health=SimpleNamespace(phase=np.full(n, int(phase))),
+            estimate=SimpleNamespace(position=position),
+            plan=SimpleNamespace(paths=paths, setpoint=setpoint),
+        )
+        found.add(cast("Tick", tick))
+    return found
+
+
+def deadlocks(x: Track, seconds: float, goal: Track = lambda _time: 5.0, **options: Any) -> int:
+    """How often an agent at `x` that is to fly to `goal` is in a deadlock; nobody else is there."""
+    found = flown([(x, goal)], seconds, **options)
+    assert found.waits == found.count  # who waits, waits for nobody
+    return found.count
+
+
+def stands(x: float, goal: float) -> tuple[Track, Track]:
+    return lambda _time: x, lambda _time: goal
+
+
+def crawls(x: float, goal: float) -> tuple[Track, Track]:
+    return lambda time: x + 0.02 * time, lambda _time: goal
+
+
+def test_who_stands_far_from_its_goal_is_in_one_deadlock_however_long() -> None:
+    assert deadlocks(lambda _time: 1.0, 4.9) == 0
+    assert deadlocks(lambda _time: 1.0, 60.0) == 1
+
+
+def test_who_dances_on_the_spot_is_in_a_deadlock() -> None:
+    assert deadlocks(lambda time: 1.0 + 0.5 * np.sin(4 * time), 20.0) == 1
+
+
+def test_who_made_room_and_comes_back_waits_until_it_stands_still_on_its_way() -> None:
+    def aside(stop: float) -> Track:
+        """From 4 m back to 1 m, and forth again until `stop`."""
+        return lambda time: max(4.0 - time, 0.5 * min(time, stop) - 0.5)
+
+    on_its_way = flown([(aside(20.0), lambda _time: 5.0)], 12.0)
+    assert (on_its_way.waits, on_its_way.count) == (1, 0)
+    assert flown([(aside(6.0), lambda _time: 5.0)], 12.0).count == 1
+
+
+def test_who_gets_on_slowly_is_in_none() -> None:
+    assert deadlocks(lambda time: 0.02 * time, 60.0) == 0
+
+
+def test_who_gets_on_again_and_is_stuck_again_is_in_two() -> None:
+    def steps(time: float) -> float:
+        return 1.0 if time < 10 else min(2.0, time - 9.0)
+
+    assert deadlocks(steps, 30.0) == 2
+
+
+def test_who_has_arrived_is_in_none() -> None:
+    assert deadlocks(lambda _time: 4.8, 60.0) == 0
+
+
+def test_who_has_no_goal_or_does_not_fly_is_in_none() -> None:
+    assert deadlocks(lambda _time: 1.0, 60.0, active=False) == 0
+    assert deadlocks(lambda _time: 1.0, 60.0, phase=AgentPhase.LANDED) == 0
+
+
+def test_who_follows_a_goal_that_moves_is_in_none() -> None:
+    assert deadlocks(lambda _time: 1.0, 60.0, lambda time: 5.0 + 0.1 * time) == 0
+
+
+def test_a_way_round_counts_by_what_is_left_of_it() -> None:
+    ahead: list[Any] = [[0.0, 3.0, 0.0], [5.0, 0.0, 0.0]]
+    round_ = Paths(np.array([0, 0]), np.array(ahead))
+    assert deadlocks(lambda time: 4.8 - 0.05 * time, 20.0) == 1  # it flies away from its goal
+    assert deadlocks(lambda time: 4.8 - 0.05 * time, 20.0, paths=round_) == 0  # on a way round it
+
+
+def test_who_stands_behind_one_that_gets_on_waits() -> None:
+    found = flown([stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
+    assert (found.waits, found.count) == (1, 0)
+
+
+def test_who_stands_behind_one_that_stands_behind_one_that_gets_on_waits() -> None:
+    found = flown([stands(-0.8, 5.0), stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
+    assert (found.waits, found.count) == (2, 0)
+
+
+def test_two_that_stand_face_to_face_are_in_a_deadlock_with_all_behind_them() -> None:
+    found = flown([stands(-0.5, 5.0), stands(0.0, 5.0), stands(0.5, -5.0)], 20.0)
+    assert (found.waits, found.count) == (3, 3)
+
+
+def test_that_one_behind_or_far_ahead_gets_on_helps_nobody() -> None:
+    assert flown([stands(0.0, 5.0), crawls(-0.9, 0.0)], 20.0).count == 1
+    assert flown([stands(0.0, 5.0), crawls(1.6, 5.0)], 20.0).count == 1
+
+
+def test_who_stands_behind_one_that_has_arrived_is_in_a_deadlock() -> None:
+    found = flown([stands(0.0, 5.0), stands(0.5, 0.5)], 20.0)
+    assert (found.waits, found.count) == (1, 1)
+
+
+def test_a_wait_becomes_a_deadlock_when_the_last_that_got_on_stops() -> None:
+    stops: tuple[Track, Track] = (lambda time: 0.5 + 0.02 * min(time, 10.0), lambda _time: 5.0)
+    before, after = (flown([stands(0.0, 5.0), stops], seconds) for seconds in (12.0, 20.0))
+    assert (before.waits, before.count) == (1, 0)
+    assert (after.waits, after.count) == (2, 2)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_who_gets_on_counts_as_such_and_more_that_do_free_no_fewer(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    position, wanted = random.uniform(-1, 1, (2, 12, 3))
+    few = random.random(12) < 0.2
+    more = few | (random.random(12) < 0.2)
+    some, others = waiting(position, wanted, few), waiting(position, wanted, more)
+    assert some[few].all()
+    assert others[some].all()
+    assert not waiting(position, wanted, np.zeros(12, np.bool_)).any()

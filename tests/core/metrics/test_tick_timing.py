@@ -1,0 +1,123 @@
+"""Ticks that come late are counted, and told of now and then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from star_core import AvoiderSpec, Event, Registry, TransportSpec, fly, hookimpl, load
+from star_core.cli.run import format_summary
+from star_core.metrics.tick_timing import AGAIN, TickTiming
+from star_sim.airframe import STEP
+from star_sim.transport import Simulator
+
+PERIOD = 0.05  # s
+
+
+def lateness() -> tuple[TickTiming, dict[str, float]]:
+    took = {"planner": 0.0, "safety": 0.0}
+    return TickTiming(PERIOD, took), took
+
+
+def test_a_tick_that_comes_before_the_next_is_due_is_not_late() -> None:
+    noted, _ = lateness()
+    assert [noted.note(due, due + PERIOD) for due in (0.0, 0.05)] == ["", ""]
+    assert noted.summary() == {"late_ticks": 0, "latest_tick_s": 0.0}
+
+
+def test_the_parts_that_took_the_time_are_named() -> None:
+    noted, took = lateness()
+    noted.note(1.0, 1.0)
+    took["planner"] += 0.045
+    took["safety"] += 0.062
+    assert noted.note(1.05, 1.11) == (
+        "the control loop was 0.060 s late, 0.110 s after the previous tick: the safety filter "
+        "took 0.062 s, the planner took 0.045 s"
+    )
+
+
+def test_what_a_part_took_in_earlier_ticks_is_not_held_against_it() -> None:
+    noted, took = lateness()
+    took["safety"] += 5.0
+    assert noted.note(1.0, 1.0) == ""
+    took["planner"] += 0.01
+    assert noted.note(1.05, 1.15) == (
+        "the control loop was 0.100 s late, 0.150 s after the previous tick: the planner took "
+        "0.010 s, 0.140 s were spent outside localizer, planner and avoider"
+    )
+
+
+def test_late_ticks_are_told_of_now_and_then_and_all_are_counted() -> None:
+    noted, took = lateness()
+    format_summary = []
+    for tick in range(1, 202):
+        took["planner"] += 0.1
+        due = tick * 0.1
+        format_summary.append(noted.note(due, due + 0.06 + 0.01 * (tick == 7)))
+    first, last = (said for said in format_summary if said)
+    assert "the planner took 0.100 s" in first
+    assert last.endswith(f"; {int(AGAIN / 0.1) - 1} more late ticks since the last report")
+    assert noted.summary() == {"late_ticks": 201, "latest_tick_s": 0.07}
+
+
+class Slow:
+    """Offers a simulator with a clock, and an avoider that once takes three ticks; listens.
+
+    Attributes:
+        clock: Time on a virtual clock, s.
+        late: Texts of the events.
+    """
+
+    def __init__(self) -> None:
+        self.clock = 0.0
+        self.late: list[str] = []
+        self._calls = 0
+
+    @hookimpl
+    def star_event(self, event: Event) -> None:
+        if event.kind == "late":
+            self.late.append(event.text)
+
+    @hookimpl
+    def star_transports(self) -> Iterator[TransportSpec]:
+        slow = self
+
+        class RealTime(Simulator):
+            def wait(self, until: float) -> float:
+                slow.clock = max(slow.clock, until)
+                return super().wait(slow.clock)
+
+        yield TransportSpec(name="wall", summary="Goes by the clock.", make=RealTime, realtime=True)
+
+    @hookimpl
+    def star_avoiders(self) -> Iterator[AvoiderSpec]:
+        yield AvoiderSpec(name="slow", summary="Is slow.", make=lambda _scene: self)
+
+    def avoid(self, _estimate: object, wanted: Any) -> Any:
+        self._calls += 1
+        self.clock += 3.5 * PERIOD * (self._calls == 20)
+        return wanted
+
+
+def test_a_plugin_that_is_too_slow_is_reported_in_the_record(
+    hop: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow = Slow()
+    monkeypatch.setattr("star_core.pipeline.perf_counter", lambda: slow.clock)
+    registry = Registry(slow)
+    summary = fly(load(hop / "hop.yaml", registry, ["transport=wall", "avoider=slow"]), registry)
+    assert summary["late_ticks"] == 1
+    assert summary["latest_tick_s"] == pytest.approx(2.5 * PERIOD, abs=STEP)
+    assert len(slow.late) == 1
+    assert "the avoider took 0.175 s" in slow.late[0]
+    assert "  late ticks " in format_summary(summary, None)
+
+
+def test_in_a_simulation_that_waits_for_its_parts_nothing_is_late(hop: Path) -> None:
+    registry = Registry(Slow())
+    summary = fly(load(hop / "hop.yaml", registry, ["avoider=slow"]), registry)
+    assert (summary["late_ticks"], summary["latest_tick_s"]) == (0, 0.0)
+    assert "late ticks" not in format_summary(summary, None)

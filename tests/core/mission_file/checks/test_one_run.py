@@ -1,0 +1,118 @@
+"""One run reports mistakes of every kind, and nothing that only follows from them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from star_core import InputError, Registry, load
+
+WORLD = """\
+star: 1
+name: room
+fence: {low: [-2, -2, 0], high: [2, 2, 2]}
+obstacles:
+  shelf: {box: {centre: [-1, 0], size: [0.4, 0.4]}, height: [1.2, 1.6]}
+"""
+MISSION = """\
+star: 1
+name: m
+world: room.yaml
+limits: {speed: 0.5}
+swarm:
+  cf1: {start: [-1, 0, 0]}
+  cf2: {start: [0, 0, 0]}
+  cf3: {start: [1, 0, 0]}
+groups: {pair: [cf1, cf2]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.8}
+  - goto: {agents: pair, to: [0, 1, 0.8]}
+  - land: {}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("room.yaml").write_text(WORLD)
+
+
+def mistakes(*changes: tuple[str, str], world: str = WORLD) -> list[tuple[str, int]]:
+    """Return the file and line of every mistake in the mission with these texts replaced."""
+    mission = MISSION
+    for old, new in changes:
+        assert mission.count(old) == 1
+        mission = mission.replace(old, new)
+    Path("m.yaml").write_text(mission)
+    Path("room.yaml").write_text(world)
+    with pytest.raises(InputError) as raised:
+        load(Path("m.yaml"), Registry())
+    found = [re.match(r"([^:]+):(\d+):\d+: ", problem) for problem in raised.value.problems]
+    return [(place[1], int(place[2])) for place in found if place]
+
+
+def test_one_run_reports_mistakes_of_every_kind_in_the_order_of_the_file() -> None:
+    found = mistakes(
+        ("speed: 0.5", "speed: fast"),  # schema
+        ("[cf1, cf2]", "[cf1, cf9]"),  # reference
+        ("takeoff: {height: 0.8}", "takeoff: {height: 1.4}"),  # feasibility: into the shelf
+        (
+            "goto: {agents: pair, to: [0, 1, 0.8]}",
+            "goto: {agents: cf3, to: [0, 5, 0.8]}",
+        ),  # feasibility
+        ("  - land: {}", "  - land: {}\n  - goto: {by: [0, 0.2, 0]}\n  - lnad: {}"),
+    )  # airborne state, schema
+    assert found == [("m.yaml", line) for line in (4, 9, 15, 16, 18, 19)]
+
+
+def test_a_mission_in_a_broken_world_still_gets_its_references_checked() -> None:
+    found = mistakes(
+        ("[cf1, cf2]", "[cf1, cf9]"),
+        ("avoider: orca", "avoider: orka"),
+        ("land: {}", "land: {agents: cf8}"),
+        world=WORLD.replace("high: [2, 2, 2]", "high: [2, 2]"),
+    )
+    assert found == [("m.yaml", 9), ("m.yaml", 13), ("m.yaml", 17), ("room.yaml", 3)]
+
+
+def test_a_mission_with_a_world_that_is_not_there_still_gets_its_steps_checked() -> None:
+    found = mistakes(("room.yaml", "rom.yaml"), ("  - takeoff: {height: 0.8}\n", ""))
+    assert found == [("m.yaml", 3), ("m.yaml", 15)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("cf1: {start: [-1, 0, 0]}", "cf1: {start: here}"),
+        ("cf1: {start: [-1, 0, 0]}", "cf1: {}"),
+        ("cf1: {start: [-1, 0, 0]}", "cf1: 5"),
+        ("cf1: {start: [-1, 0, 0]}", "cf1: {start: [-1, 0, 0], camra: aideck}"),
+        ("groups: {pair: [cf1, cf2]}", "groups: {pair: cf1}"),
+        ("groups: {pair: [cf1, cf2]}", "groups: [cf1, cf2]"),
+        ("groups: {pair: [cf1, cf2]}", "groups: {pair: [cf1, cf22]}"),
+        ("limits: {speed: 0.5}", "limits: {height: 1.8}"),
+        ("limits: {speed: 0.5}", "limits: 0.5"),
+        ("avoider: orca", "avoider: {use: orca, radius: wide}"),
+        ("avoider: orca", "avoider:"),
+        ("planner: straight", "planner: strait"),
+        ("takeoff: {height: 0.8}", "takeof: {height: 0.8}"),
+        ("takeoff: {height: 0.8}", "takeoff: {height: high}"),
+        ("takeoff: {height: 0.8}", "takeoff: {hieght: 0.8}"),
+        ("takeoff: {height: 0.8}", "takeoff: {agents: [cf1, cf2, cf4]}"),
+        ("takeoff: {height: 0.8}", "takeoff"),
+        ("takeoff: {height: 0.8}", "parallel: []"),
+        ("takeoff: {height: 0.8}", "repeat: {steps: [takeoff: {}]}"),
+        ("takeoff: {height: 0.8}", "each: {agent: cf1, steps: [takeoff: {}]}"),
+        ("takeoff: {height: 0.8}", "include: {file: up.yaml}"),
+    ],
+)
+def test_nothing_is_reported_that_follows_from_another_mistake(old: str, new: str) -> None:
+    (first,) = {line for _, line in mistakes((old, new))}
+    last = ("  - land: {}", "  - land: {}\n  - goto: {to: [0, 0, 0.8]}")
+    assert {line for _, line in mistakes((old, new), last)} == {first, 18}

@@ -1,0 +1,380 @@
+"""What is wrong with a mission or a world that fits its schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from star_core.contracts import (
+    SPECS,
+    AvoiderSpec,
+    LocalizerSpec,
+    PlannerSpec,
+    Problem,
+    TaskSpec,
+    TransportSpec,
+)
+from star_core.errors import InputError
+from star_core.hookspecs import hookimpl
+from star_core.mission import load
+from star_core.mission_file.checks.references import agents_by_name, rows_of
+from star_core.mission_file.yaml_source import parse
+from star_core.registry import Registry, Source
+from star_core.testing import scene
+
+WORLD = """\
+star: 1
+name: room
+fence: {low: [-2, -2, 0], high: [2, 2, 2]}
+obstacles:
+  pillar: {polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]], height: [0, 2]}
+"""
+MISSION = """\
+star: 1
+name: checked
+world: room.yaml
+limits: {height: [0.2, 1.8]}
+swarm:
+  cf1: {start: [-1, 0, 0]}
+  cf2: {start: [0, 0, 0]}
+  cf3: {start: [1, 0, 0]}
+groups: {pair: [cf1, cf2]}
+transport: link
+localizer: guess
+planner: crow
+avoider: shy
+mission:
+  - wait: {}
+"""
+NUMBER = {"type": "number"}
+
+
+class Parts:
+    """A plugin that offers one part of every kind, and the verb ``wait``.
+
+    Args:
+        options: Properties of the options of each kind that has any.
+        faults: What each kind's own check finds, or raises.
+
+    Attributes:
+        asked: The arguments that each kind's check was called with.
+    """
+
+    def __init__(
+        self,
+        options: Mapping[str, Mapping[str, Any]] | None = None,
+        faults: Mapping[str, Iterable[Problem] | Exception] | None = None,
+    ) -> None:
+        self._options = options or {}
+        self._faults = faults or {}
+        self.asked: dict[str, tuple[Any, ...]] = {}
+
+    @hookimpl
+    def star_transports(self) -> Iterable[TransportSpec]:
+        yield self._offer("transport", "link")
+
+    @hookimpl
+    def star_localizers(self) -> Iterable[LocalizerSpec]:
+        yield self._offer("localizer", "guess")
+
+    @hookimpl
+    def star_planners(self) -> Iterable[PlannerSpec]:
+        yield self._offer("planner", "crow")
+
+    @hookimpl
+    def star_avoiders(self) -> Iterable[AvoiderSpec]:
+        yield self._offer("avoider", "shy")
+
+    @hookimpl
+    def star_tasks(self) -> Iterable[TaskSpec]:
+        yield self._offer("task", "wait")
+
+    def _offer(self, kind: str, name: str) -> Any:
+        def check(*arguments: Any, **options: Any) -> Iterable[Problem]:
+            self.asked[kind] = (*arguments, options)
+            found = self._faults.get(kind, ())
+            if isinstance(found, Exception):
+                raise found
+            return found
+
+        options = {"type": "object", "properties": self._options.get(kind, {})}
+        return SPECS[kind](  # type: ignore[call-arg]
+            name=name, summary=f"The {name}.", make=object, options=options, check=check
+        )
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("room.yaml").write_text(WORLD)
+
+
+def registry(plugin: object | None = None) -> Registry:
+    """A registry of one plugin, of the distribution ``their-dist``."""
+    only = Registry(installed=False)
+    only.add(plugin or Parts(), Source("their-dist:parts", "1.2"))
+    return only
+
+
+def problems(text: str, plugin: object | None = None) -> list[str]:
+    """Why a mission cannot be flown; none if it can."""
+    Path("m.yaml").write_text(text)
+    try:
+        load(Path("m.yaml"), registry(plugin))
+    except InputError as error:
+        return list(error.problems)
+    return []
+
+
+def with_steps(steps: str) -> str:
+    return MISSION.replace("  - wait: {}\n", steps)
+
+
+def test_nothing_is_wrong_with_a_good_mission_in_a_good_world() -> None:
+    assert problems(MISSION) == []
+
+
+# Names
+
+
+def test_a_name_stands_for_the_rows_of_its_agents() -> None:
+    assert agents_by_name(replace(scene(3), groups={"ends": (2, 0)})) == {
+        "ends": (2, 0),
+        "cf1": (0,),
+        "cf2": (1,),
+        "cf3": (2,),
+        "all": (0, 1, 2),
+    }
+
+
+def test_every_part_is_told_the_groups_of_a_mission(missions: Path) -> None:
+    groups = "groups={ends: [cf3, cf1], pair: [cf1, cf2]}"
+    scene = load(missions / "first_flight.yaml", Registry(), [groups]).scene
+    assert scene.groups == {"ends": (2, 0), "pair": (0, 1)}
+    assert hash(scene) == hash(replace(scene, groups={}))
+
+
+@pytest.mark.parametrize(
+    ("given", "rows"),
+    [
+        ("all", tuple(range(9))),
+        ("ends", (0, 8)),
+        (["ends", "cf1"], (0, 8)),
+        (["cf9", "cf2"], (1, 8)),
+    ],
+)
+def test_the_agents_of_a_step_come_once_each_in_the_order_of_the_swarm(
+    given: str | list[str], rows: tuple[int, ...]
+) -> None:
+    groups = agents_by_name(replace(scene(9), groups={"ends": (8, 0)}))
+    assert rows_of(given, groups) == rows
+
+
+def test_a_group_of_nobody_known_is_told_which_name_was_perhaps_meant() -> None:
+    assert problems(MISSION.replace("[cf1, cf2]}", "[cf1, cf22]}")) == [
+        "m.yaml:9:22: no agent named 'cf22'; did you mean 'cf2'?"
+    ]
+
+
+def test_a_group_cannot_be_called_like_an_agent() -> None:
+    assert problems(MISSION.replace("{pair:", "{cf3:")) == [
+        "m.yaml:9:15: 'cf3' already names an agent"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("steps", "place"),
+    [
+        ("  - wait: {agents: pear}\n", "15:20"),
+        ("  - wait: {agents: [cf1, pear]}\n", "15:26"),
+        ("  - parallel: [{wait: {agents: pear}}]\n", "15:32"),
+        ("  - repeat: {times: 2, steps: [{wait: {agents: pear}}]}\n", "15:48"),
+    ],
+)
+def test_a_step_for_nobody_known_is_told_wherever_it_stands(steps: str, place: str) -> None:
+    assert problems(with_steps(steps)) == [
+        f"m.yaml:{place}: no agent or group named 'pear'; did you mean 'pair'?"
+    ]
+
+
+# Who moves in a parallel
+
+
+@pytest.mark.parametrize(
+    "branches",
+    [
+        "{wait: {agents: pair}}, {wait: {agents: cf3}}",
+        "{repeat: {times: 2, steps: [{wait: {agents: cf1}}, {wait: {agents: cf1}}]}}",
+        "{parallel: [{wait: {agents: cf1}}, {wait: {agents: cf2}}]}, {wait: {agents: cf3}}",
+    ],
+)
+def test_agents_of_their_own_may_move_in_every_branch(branches: str) -> None:
+    assert problems(with_steps(f"  - parallel: [{branches}]\n")) == []
+
+
+@pytest.mark.parametrize(
+    ("branches", "column", "who"),
+    [
+        ("{wait: {agents: pair}}, {wait: {}}", 47, "cf1, cf2"),
+        ("{wait: {agents: cf1}}, {repeat: {times: 1, steps: [{wait: {agents: pair}}]}}", 48, "cf1"),
+        ("{parallel: [{wait: {agents: cf3}}]}, {wait: {agents: [cf2, cf3]}}", 60, "cf3"),
+    ],
+)
+def test_an_agent_cannot_move_in_two_branches(branches: str, column: int, who: str) -> None:
+    assert problems(with_steps(f"  - parallel: [{branches}]\n")) == [
+        f"m.yaml:15:{column}: {who} already moves in another branch of this 'parallel'; "
+        "name the agents of each branch"
+    ]
+
+
+# Starts and limits
+
+
+def test_a_start_that_nobody_can_be_at_is_refused() -> None:
+    away, within = MISSION.replace("[-1, 0, 0]", "[-1, 0, -1]"), MISSION.replace("[1,", "[1, 1, 0,")
+    assert problems(away) == [
+        "m.yaml:6:16: start [-1, 0, -1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]"
+    ]
+    assert problems(within.replace("1, 0, 0, 0]", "1, 0]")) == [
+        "m.yaml:8:16: start [1, 1, 0] is inside obstacle 'pillar'"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("avoider", "options", "apart"),
+    [
+        ("{use: shy, radius: 0.51}", {"radius": NUMBER}, "1.02"),
+        ("shy", {"radius": NUMBER | {"default": 0.6}}, "1.20"),
+        ("{use: shy, radius: 0.75}", {"radius": NUMBER | {"default": 0.1}}, "1.50"),
+    ],
+)
+def test_starts_are_at_least_two_radii_of_the_avoider_apart(
+    avoider: str, options: Mapping[str, Any], apart: str
+) -> None:
+    mission = MISSION.replace("avoider: shy", f"avoider: {avoider}")
+    closer = f"closer than twice avoider.radius ({apart} m)"
+    assert problems(mission, Parts({"avoider": options})) == [
+        f"m.yaml:7:16: 'cf2' starts 1.00 m from 'cf1', {closer}",
+        f"m.yaml:8:16: 'cf3' starts 1.00 m from 'cf2', {closer}",
+    ]
+
+
+def test_starts_may_be_just_two_radii_apart() -> None:
+    mission = MISSION.replace("avoider: shy", "avoider: {use: shy, radius: 0.5}")
+    assert problems(mission, Parts({"avoider": {"radius": NUMBER}})) == []
+
+
+def test_without_a_radius_starts_are_apart_by_the_span_of_a_drone() -> None:
+    close, closer = (MISSION.replace("[1, 0, 0]", f"[{x}, 0, 0]") for x in ("0.12", "0.11"))
+    assert problems(close) == []
+    assert problems(closer) == [
+        "m.yaml:8:16: 'cf3' starts 0.11 m from 'cf2', closer than twice a drone's radius (0.12 m)"
+    ]
+
+
+@pytest.mark.parametrize("height", ["[1, 1]", "[2, 1]"])
+def test_the_lowest_height_is_below_the_highest(height: str) -> None:
+    low, high = parse(height).data
+    assert problems(MISSION.replace("[0.2, 1.8]", height)) == [
+        f"m.yaml:4:18: lowest {low} is not below highest {high}"
+    ]
+
+
+# Plugins' own checks
+
+
+@pytest.mark.parametrize("kind", ["transport", "localizer", "planner", "avoider"])
+def test_what_the_check_of_a_part_finds_stands_at_its_option(kind: str) -> None:
+    name = {"transport": "link", "localizer": "guess", "planner": "crow", "avoider": "shy"}[kind]
+    mission = MISSION.replace(f"{kind}: {name}", f"{kind}: {{use: {name}, odd: 3}}")
+    plugin = Parts({kind: {"odd": NUMBER}}, {kind: [Problem(("odd",), "3 is odd")]})
+    line = ["transport", "localizer", "planner", "avoider"].index(kind) + 10
+    column = len(f"{kind}: {{use: {name}, odd: ") + 1
+    assert problems(mission, plugin) == [f"m.yaml:{line}:{column}: 3 is odd"]
+
+
+def test_the_check_of_a_part_is_given_the_scene_and_the_options() -> None:
+    plugin = Parts({"planner": {"odd": NUMBER}})
+    problems(MISSION.replace("planner: crow", "planner: {use: crow, odd: 3}"), plugin)
+    given, options = plugin.asked["planner"]
+    assert given.names == ("cf1", "cf2", "cf3")
+    assert options == {"odd": 3}
+
+
+def test_the_check_of_a_verb_is_given_the_rows_and_only_the_options_of_its_own() -> None:
+    plugin = Parts({"task": {"odd": NUMBER}})
+    step = "  - wait: {agents: [cf3, cf1], odd: 3, timeout: 9, on_failure: land}\n"
+    problems(with_steps(step), plugin)
+    _, rows, options = plugin.asked["task"]
+    assert rows == (0, 2)
+    assert options == {"odd": 3}
+
+
+def test_a_verb_for_nobody_known_is_not_checked_further() -> None:
+    plugin = Parts(faults={"task": [Problem((), "follows from it")]})
+    assert len(problems(with_steps("  - wait: {agents: pear}\n"), plugin)) == 1
+
+
+def test_what_the_check_of_a_verb_finds_stands_in_its_step() -> None:
+    plugin = Parts({"task": {"odd": NUMBER}}, {"task": [Problem(("odd",), "3 is odd")]})
+    step = "  - repeat:\n      times: 2\n      steps:\n        - wait: {odd: 3}\n"
+    assert problems(with_steps(step), plugin) == ["m.yaml:18:23: 3 is odd"]
+
+
+@pytest.mark.parametrize(("kind", "name"), [("avoider", "shy"), ("task", "wait")])
+def test_a_check_that_raises_is_told_as_a_fault_of_its_plugin(kind: str, name: str) -> None:
+    plugin = Parts(faults={kind: ZeroDivisionError("oops")})
+    (found,) = problems(MISSION, plugin)
+    assert found.partition(": ")[2] == (
+        f"the check of {kind} {name!r} (their-dist 1.2:parts) raised ZeroDivisionError('oops')"
+    )
+
+
+def test_a_check_that_yields_something_else_is_told_as_a_fault_of_its_plugin() -> None:
+    plugin = Parts(faults={"avoider": [(("odd",), "3 is odd")]})  # type: ignore[list-item]
+    (found,) = problems(MISSION, plugin)
+    assert found.partition(": ")[2] == (
+        "the check of avoider 'shy' (their-dist 1.2:parts) yields (('odd',), '3 is odd'), "
+        "expected Problem"
+    )
+
+
+def test_a_name_that_two_plugins_offer_is_refused_where_it_is_used() -> None:
+    both = registry()
+    both.add(Parts(), Source("my-dist:parts"))
+    Path("m.yaml").write_text(MISSION)
+    with pytest.raises(InputError) as caught:
+        load(Path("m.yaml"), both)
+    first = caught.value.problems[0]
+    assert first.startswith("m.yaml:10:12: two plugins offer ")
+    assert first.endswith(" 'link': my-dist:parts and their-dist 1.2:parts; uninstall one")
+
+
+# All at once
+
+WRONG = MISSION.replace("[0.2, 1.8]", "[2, 1]").replace("-1, 0, 0]", "-9, 0, 0]")
+WRONG = WRONG.replace("cf1, cf2]}", "cf1, cf9]}").replace("wait: {}", "wait: {agents: cf8}")
+
+
+def test_everything_wrong_with_a_mission_is_listed() -> None:
+    plugin = Parts(faults={"avoider": [Problem((), "too shy")]})
+    found = {problem.split(":")[1] for problem in problems(WRONG, plugin)}
+    assert found == {"4", "6", "9", "13", "15"}
+
+
+def test_everything_wrong_with_a_mission_is_listed_in_the_order_of_the_file() -> None:
+    plugin = Parts(faults={"avoider": [Problem((), "too shy")]})
+    lines = [int(problem.split(":")[1]) for problem in problems(WRONG, plugin)]
+    assert lines == sorted(lines)
+
+
+def test_a_check_receives_the_defaults_of_options_that_are_not_given() -> None:
+    inner = {"type": "object", "properties": {"rate": {"type": "number", "default": 5}}}
+    plugin = Parts({"avoider": {"gap": {"type": "number", "default": 2}, "link": inner}})
+    text = MISSION.replace("avoider: shy", "avoider: {use: shy, link: {}}")
+    assert problems(text, plugin) == []
+    assert plugin.asked["avoider"][-1] == {"gap": 2, "link": {"rate": 5}}

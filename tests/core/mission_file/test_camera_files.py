@@ -1,0 +1,162 @@
+"""Cameras from files of their own: put in, overruled by the mission, kept with the flight."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from star_core import Camera, InputError, Registry, load
+from star_core.cli.main import main
+from star_core.metrics.manifest import manifest
+from star_core.mission_file import schema
+
+FILE = """\
+star: 1
+name: lens
+width: 320
+height: 240
+matrix: [190, 191, 160, 120]
+pitch_deg: 20
+"""
+OWN = {"width": 320, "height": 240, "matrix": [190, 191, 160, 120], "pitch_deg": 20}
+CAMERAS = "cameras: {mine: {file: cameras/lens.yaml, rate: 8, pitch_deg: 30}}\n"
+
+
+@pytest.fixture(autouse=True)
+def _seeing(hop: Path) -> None:
+    """The mission hop.yaml, whose first agent has the camera of a file."""
+    (hop / "cameras").mkdir()
+    (hop / "cameras/lens.yaml").write_text(FILE)
+    text = (hop / "hop.yaml").read_text().replace("0, 0]}", "0, 0], camera: mine}", 1)
+    (hop / "hop.yaml").write_text(text + CAMERAS)
+
+
+def camera(*assignments: str) -> Camera:
+    """What the first agent sees with."""
+    found = load("hop.yaml", Registry(), assignments).scene.agents[0].camera
+    assert found is not None
+    return found
+
+
+def refusal(*assignments: str) -> str:
+    with pytest.raises(InputError) as caught:
+        load("hop.yaml", Registry(), assignments)
+    return str(caught.value)
+
+
+def test_an_agent_sees_with_what_the_file_says() -> None:
+    found = camera()
+    assert (found.width, found.height) == (320, 240)
+    assert found.matrix == (190.0, 191.0, 160.0, 120.0)
+
+
+def test_what_the_mission_says_itself_wins() -> None:
+    found = camera()
+    assert found.rate == 8
+    assert found.pitch == pytest.approx(0.5236, abs=1e-4)
+
+
+def test_what_neither_says_is_an_ai_deck_s() -> None:
+    assert camera().distortion == Camera().distortion
+
+
+def test_what_is_set_on_the_command_line_wins_over_both() -> None:
+    assert camera("cameras.mine.rate=5", "cameras.mine.width=324").width == 324
+    assert camera("cameras.mine.rate=5").rate == 5
+
+
+def test_another_file_may_be_set_on_the_command_line() -> None:
+    Path("other.yaml").write_text(FILE.replace("190", "200"))
+    assert camera("cameras.mine.file=other.yaml").matrix[0] == 200
+    assert camera("cameras={mine: {file: other.yaml}}").pitch == pytest.approx(0.3491, abs=1e-4)
+
+
+def test_two_cameras_may_be_of_one_file() -> None:
+    Path("hop.yaml").write_text(
+        Path("hop.yaml")
+        .read_text()
+        .replace("cameras: {", "cameras: {low: {file: cameras/lens.yaml}, ")
+    )
+    assert camera("swarm.cf1.camera=low").pitch == pytest.approx(0.3491, abs=1e-4)
+
+
+def test_a_file_that_is_not_there_is_told_where_the_mission_names_it() -> None:
+    Path("cameras/lens.yaml").unlink()
+    line = len(Path("hop.yaml").read_text().splitlines())
+    assert refusal() == (f"hop.yaml:{line}:24: no file 'cameras/lens.yaml' in the mission's folder")
+
+
+def test_a_file_that_is_set_and_not_there_is_told_as_set() -> None:
+    assert refusal("cameras.mine.file=cameras/lans.yaml") == (
+        "--set cameras.mine.file=cameras/lans.yaml: no file 'cameras/lans.yaml' in the mission's"
+        " folder; did you mean 'cameras/lens.yaml'?"
+    )
+
+
+def test_a_link_out_of_the_folder_is_not_followed(tmp_path_factory: pytest.TempPathFactory) -> None:
+    outside = tmp_path_factory.mktemp("outside") / "lens.yaml"
+    outside.write_text(FILE)
+    Path("cameras/link.yaml").symlink_to(outside)
+    assert "is outside the mission's folder" in refusal("cameras.mine.file=cameras/link.yaml")
+
+
+def test_every_mistake_in_a_file_is_told_once_though_two_cameras_are_of_it() -> None:
+    Path("cameras/lens.yaml").write_text(FILE.replace("width", "widht").replace("1\n", "2\n", 1))
+    two = "cameras={mine: {file: cameras/lens.yaml}, low: {file: cameras/lens.yaml}}"
+    assert refusal(two).splitlines() == [
+        "cameras/lens.yaml:1:7: this version reads `star: 1`, this file is of 2",
+        "cameras/lens.yaml:3:1: unknown key 'widht'; did you mean 'width'?",
+    ]
+
+
+def test_a_mistake_that_only_file_and_mission_make_together_is_told_in_the_file() -> None:
+    assert refusal("cameras.mine.width=100") == (
+        "cameras/lens.yaml:5:9: the principal point [160, 120] is outside the image of 100 x 240 px"
+    )
+
+
+def test_a_mission_is_kept_with_what_its_cameras_files_say() -> None:
+    kept = manifest(load("hop.yaml", Registry()))["mission"]
+    assert kept["cameras"] == {"mine": {**OWN, "rate": 8, "pitch_deg": 30}}
+
+
+def test_what_is_kept_of_a_flight_is_enough_to_have_the_same_cameras() -> None:
+    before = camera()
+    mission = manifest(load("hop.yaml", Registry()))["mission"]
+    Path("cameras/lens.yaml").unlink()
+    Path("hop.yaml").write_text(json.dumps(mission))
+    assert camera() == before
+
+
+@pytest.mark.parametrize("command", ["check", "explain"])
+def test_commands_read_a_mission_with_the_camera_of_a_file(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "hop.yaml"]) == 0
+    assert "hop" in capsys.readouterr().out
+
+
+def test_a_camera_in_a_file_has_what_one_in_a_mission_has() -> None:
+    in_file = schema.load("camera")["properties"]
+    in_mission = schema.load("mission")["$defs"]["camera"]["properties"]
+    assert {key: in_file[key] for key in in_file.keys() - {"star", "name"}} == {
+        key: in_mission[key] for key in in_mission.keys() - {"file"}
+    }
+
+
+def test_the_schema_knows_every_key_of_a_camera_and_its_default() -> None:
+    known: dict[str, Any] = schema.load("camera")["properties"]
+    usual = Camera()
+    names = {field.name for field in fields(Camera)}
+    assert {key.removesuffix("_deg") for key in known} == names | {"star", "name"}
+    for key in names & known.keys():
+        assert known[key]["default"] == pytest.approx(getattr(usual, key)), key
+
+
+def test_the_schema_of_a_camera_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema", "camera"]) == 0
+    assert json.loads(capsys.readouterr().out) == schema.load("camera")

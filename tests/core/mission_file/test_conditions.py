@@ -1,0 +1,186 @@
+"""Conditions: when they hold, how long they wait, and what cannot be meant."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Event
+from star_core.mission_file import conditions, schema
+from star_core.mission_file.conditions import ConditionContext, faults, holds, longest
+from star_core.testing import estimate, health
+
+NAMES = ("cf1", "cf2", "cf3")
+
+
+def now(**changes: Any) -> ConditionContext:
+    """Three agents on a line, 1 m apart, of which the step has the first two; it began 10 s ago."""
+    line = np.array([[0.0, 0, 1], [1.0, 0, 1], [2.0, 0, 1]])
+    there = ConditionContext(
+        rows=(0, 1),
+        begun=5.0,
+        time=15.0,
+        estimate=estimate(line, time=15.0),
+        health=replace(health(3), battery=np.array([3.9, 3.6, 3.1])),
+        names=NAMES,
+        targets=("survivor", "bag"),
+        events=[Event(4.0, "safety", "slow"), Event(7.0, "found", "there")],
+    )
+    return replace(there, **changes)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"elapsed": 10},
+        {"found": 2},
+        {"found": "bag"},
+        {"near": {"point": [0.5, 0, 1], "within": 0.5}},
+        {"near": {"agent": "cf3", "within": 2}},
+        {"battery_below": 3.7},
+        {"event": "found"},
+        {"any": [{"elapsed": 11}, {"found": 1}]},
+        {"all": [{"elapsed": 1}, {"found": 1}]},
+        {"not": {"elapsed": 11}},
+    ],
+    ids=str,
+)
+def test_a_condition_holds(condition: dict[str, Any]) -> None:
+    assert holds(condition, now())
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"elapsed": 10.01},
+        {"found": 3},
+        {"found": "cat"},
+        {"near": {"point": [0.5, 0, 1], "within": 0.49}},
+        {"near": {"agent": "cf3", "within": 1.9}},  # cf1 is 2 m away
+        {"battery_below": 3.5},  # cf3 is not of the step
+        {"event": "safety"},  # that was before the step
+        {"any": [{"elapsed": 11}, {"found": 3}]},
+        {"all": [{"elapsed": 11}, {"found": 1}]},
+        {"not": {"elapsed": 10}},
+    ],
+    ids=str,
+)
+def test_a_condition_does_not_hold(condition: dict[str, Any]) -> None:
+    assert not holds(condition, now())
+
+
+def test_an_agent_that_is_nowhere_is_near_nothing() -> None:
+    nowhere = np.full((3, 3), np.nan)
+    there = now(estimate=estimate(nowhere, time=15.0))
+    assert not holds({"near": {"point": [0, 0, 1], "within": 99}}, there)
+
+
+def test_a_battery_that_is_not_reported_is_not_low() -> None:
+    assert not holds(
+        {"battery_below": 9}, now(health=replace(health(3), battery=np.full(3, np.nan)))
+    )
+
+
+@pytest.mark.parametrize(
+    ("condition", "time"),
+    [
+        ({"elapsed": 3}, 3.0),
+        ({"found": 3}, 0.0),
+        ({"any": [{"found": 1}, {"all": [{"elapsed": 7}, {"elapsed": 2}]}]}, 7.0),
+        ({"not": {"elapsed": 4}}, 4.0),
+    ],
+    ids=str,
+)
+def test_how_long_a_condition_waits_is_the_longest_time_in_it(
+    condition: dict[str, Any], time: float
+) -> None:
+    assert longest(condition) == time
+
+
+def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None:
+    near = {"near": {"point": [3, 0, 0], "within": 1}}
+
+    def found(metres: float) -> list[Any]:
+        return list(faults(near, NAMES, (), outside=lambda _: metres))
+
+    assert found(1.0) == []
+    assert [path for path, _ in found(1.1)] == [("near", "point")]
+
+
+def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
+    near = {"near": {"agent": NAMES[0], "within": 1}}
+    assert list(faults(near, NAMES, (), crew=NAMES[:2])) == []
+    ((path, message),) = faults(near, NAMES, (), crew=NAMES[:1])
+    assert path == ("near", "agent")
+    assert message == f"{NAMES[0]!r} is always near itself; name another agent"
+
+
+@pytest.mark.parametrize(
+    ("condition", "fault"),
+    [
+        ({"found": "cat"}, (("found",), "no target named 'cat'; did you mean 'bat'?")),
+        ({"found": 3}, (("found",), "3 is more than the 2 targets of the world")),
+        ({"near": {"within": 1}}, (("near",), "needs either 'point' or 'agent'")),
+        (
+            {"near": {"agent": "cf1", "point": [0, 0, 0], "within": 1}},
+            (("near",), "needs either 'point' or 'agent'"),
+        ),
+        (
+            {"any": [{"found": 1}, {"not": {"near": {"agent": "cf9", "within": 1}}}]},
+            (("any", 1, "not", "near", "agent"), "no agent named 'cf9'; did you mean 'cf3'?"),
+        ),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_meant_is_told_with_its_place(
+    condition: dict[str, Any], fault: tuple[tuple[str | int, ...], str]
+) -> None:
+    assert list(faults(condition, NAMES, ("bat", "survivor"))) == [fault]
+
+
+# Events
+
+CORE = Path(conditions.__file__).parents[1]
+TOLD = re.compile(
+    r"""(?:\bevent|\b_tell|\b_report|\bIncident)\(\s*"(\w+)"|partial\(observers\.event, "(\w+)"\)"""
+)
+
+
+def kinds() -> list[str]:
+    """The kinds of events that a condition may ask for."""
+    known = schema.load("mission")["$defs"]["condition"]["properties"]["event"]["enum"]
+    return list(known)
+
+
+def test_a_condition_may_ask_for_every_kind_of_event_that_the_core_tells() -> None:
+    told = {a or b for f in CORE.rglob("*.py") for a, b in TOLD.findall(f.read_text("utf-8"))}
+    assert told == {*kinds()}
+
+
+def test_the_docs_list_the_kinds_of_events() -> None:
+    text = (CORE.parent / "docs" / "missions.md").read_text("utf-8")
+    table = text[text.index("### Kinds of events") :].split("\n\n")[1]
+    assert re.findall(r"^\| `(\w+)`", table, re.MULTILINE) == kinds()
+
+
+@pytest.mark.parametrize(
+    ("condition", "needs"),
+    [
+        ({"found": 1}, True),
+        ({"event": "found"}, True),
+        ({"event": "safety"}, False),
+        ({"not": {"found": 1}}, False),
+        ({"any": [{"found": 1}, {"elapsed": 3}]}, False),
+        ({"any": [{"found": 1}, {"all": [{"elapsed": 3}, {"found": "red"}]}]}, True),
+    ],
+)
+def test_a_condition_that_cannot_hold_without_a_find_is_known(
+    condition: dict[str, Any],
+    needs: bool,  # noqa: FBT001 -- what is expected
+) -> None:
+    assert conditions.needs_find(condition) is needs

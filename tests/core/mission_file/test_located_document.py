@@ -1,0 +1,301 @@
+"""Reading YAML with places, and refusing what a mission may not hold."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from star_core.errors import InputError
+from star_core.mission_file.located_document import LARGEST, Document, read
+from star_core.mission_file.yaml_source import MOST_PROBLEMS, MOST_VALUES
+
+MISSION = """\
+# a comment
+name: swap
+limits: {speed: 0.5, height: [0.2, 1.8]}
+swarm:
+  cf1:
+    start: [0, 0, 0]
+avoider: orca
+mission:
+  - takeoff: {height: 1}
+  - land:
+"""
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Document:
+    return write(tmp_path, MISSION)
+
+
+def write(folder: Path, content: str | bytes) -> Document:
+    """Read `content` from a file and call it ``m.yaml``."""
+    path = folder / "m.yaml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return read(path)
+
+
+def refusals(folder: Path, content: str | bytes) -> list[str]:
+    """Return why a file is refused, without its folder."""
+    with pytest.raises(InputError) as caught:
+        write(folder, content)
+    return [problem.removeprefix(f"{folder}/") for problem in caught.value.problems]
+
+
+# Places
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "key"),
+    [
+        ((), "2:1", "2:1"),
+        (("name",), "2:7", "2:1"),
+        (("limits", "speed"), "3:17", "3:10"),
+        (("limits", "height", 1), "3:36", "3:36"),
+        (("swarm", "cf1", "start", 2), "6:19", "6:19"),
+        (("mission", 0), "9:5", "9:5"),
+        (("mission", 0, "takeoff", "height"), "9:23", "9:15"),
+    ],
+)
+def test_every_value_and_every_key_has_its_place(
+    mission: Document, path: tuple[str | int, ...], value: str, key: str
+) -> None:
+    assert mission.place(path) == f"{mission.path}:{value}"
+    assert mission.place(path, key=True) == f"{mission.path}:{key}"
+
+
+def test_nothing_after_a_key_stands_at_the_key(mission: Document) -> None:
+    assert mission.data["mission"][1] == {"land": None}
+    assert mission.place(("mission", 1, "land")) == f"{mission.path}:10:5"
+
+
+def test_what_is_not_there_has_the_place_of_its_nearest_parent(mission: Document) -> None:
+    assert mission.place(("swarm", "cf1", "uri", 3)) == f"{mission.path}:5:3"
+    assert mission.place(("swarm", "cf9"), key=True) == mission.place(("swarm",))
+
+
+def test_in_a_document_that_was_never_written_everything_is_at_the_start() -> None:
+    assert Document({"a": 1}, Path("made.yaml"), {}).place(("a",)) == "made.yaml:1:1"
+
+
+def test_a_problem_is_a_message_after_its_place(mission: Document) -> None:
+    assert mission.problem(("name",), "too short") == f"{mission.path}:2:7: too short"
+
+
+def test_a_file_is_called_what_the_user_calls_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("here.yaml").write_text("a: 1")
+    assert read(Path("here.yaml")).place(("a",)) == "here.yaml:1:4"
+
+
+def test_a_byte_order_mark_and_windows_line_ends_shift_no_place(tmp_path: Path) -> None:
+    document = write(tmp_path, b"\xef\xbb\xbfa: 1\r\nb: {c: 2}\r\n")
+    assert document.data == {"a": 1, "b": {"c": 2}}
+    assert document.place(("a",), key=True).endswith(":1:1")
+    assert document.place(("b", "c")).endswith(":2:8")
+
+
+# What scalars mean
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1", 1),
+        ("-0.5", -0.5),
+        ("1e-3", 0.001),
+        ("+2", 2),
+        (".5", 0.5),
+        ("true", True),
+        ("~", None),
+        ("on", "on"),
+        ("NO", "NO"),
+        ("1:30", "1:30"),
+        ("'1'", "1"),
+        ("'.nan'", ".nan"),
+        ('"2001-01-01"', "2001-01-01"),
+        ('"\\ud83d\\ude80"', "\N{ROCKET}"),
+        ("|\n  two\n  lines", "two\nlines"),
+    ],
+)
+def test_a_scalar_means_what_yaml_1_2_and_json_say(
+    tmp_path: Path, text: str, value: object
+) -> None:
+    found = write(tmp_path, f"a: {text}").data["a"]
+    assert found == value
+    assert type(found) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("content", "beginning"),
+    [
+        ("", "m.yaml:1:1: the file is empty, expected a map such as `star: 1`"),
+        ("# only\n", "m.yaml:1:1: the file is empty, expected a map such as `star: 1`"),
+        ("- 1\n", "m.yaml:1:1: the file holds a list, expected a map such as `star: 1`"),
+        ("swap", "m.yaml:1:1: the file holds 'swap', expected a map such as `star: 1`"),
+        ("a: &x 1", "m.yaml:1:4: anchor '&x' is refused; write the value out"),
+        ("a: *x", "m.yaml:1:4: alias '*x' is refused; write the value out"),
+        ("*x : 1", "m.yaml:1:1: alias '*x' is refused; write the value out"),
+        ("a: !y 1", "m.yaml:1:4: tag '!y' is refused; a mission is data and never code"),
+        ("a: !!set {}", "m.yaml:1:4: tag 'tag:yaml.org,2002:set' is refused;"),
+        ("a: 1\nb: 2\na: 3", "m.yaml:3:1: key 'a' is already there at line 1, column 1; keep"),
+        ("1: a", "m.yaml:1:1: key 1 is not a string; put it in quotes: '1'"),
+        ("true: a", "m.yaml:1:1: key True is not a string; put it in quotes: 'true'"),
+        ("[a]: 1", "m.yaml:1:1: a map or a list cannot be a key"),
+        ("? {a: {b: [c]}}\n: 1", "m.yaml:1:3: a map or a list cannot be a key"),
+        ("<<: {a: 1}", "m.yaml:1:1: merge key '<<' is refused; write the keys out"),
+        ("a: .nan", "m.yaml:1:4: .nan is not a finite number"),
+        ("a: -.inf", "m.yaml:1:4: -.inf is not a finite number"),
+        ("a: 1e999", "m.yaml:1:4: 1e999 is not a finite number"),
+        ("a: 1_000", "m.yaml:1:4: 1_000 is not a plain decimal number; write it as one, or in"),
+        ("a: 0x10", "m.yaml:1:4: 0x10 is not a plain decimal number; write it as one, or in"),
+        ("a: 012", "m.yaml:1:4: 012 is not a plain decimal number; write it as one, or in"),
+        ("a: 18446744073709551616", "m.yaml:1:4: 18446744073709551616 does not fit in 64 bits"),
+        ("a: " + "9" * 5000, "m.yaml:1:4: 999999999999999999999999... does not fit in 64 bits"),
+        ("a: 2026-01-01", "m.yaml:1:4: 2026-01-01 is a date; put it in quotes"),
+        ("a: 1\n---\nb: 2", "m.yaml:2:1: a second document begins here, expected one; remove"),
+        ("%YAML 1.1\n---\na: 1", "m.yaml:2:1: a %YAML line for another version than 1.2 is"),
+        ("a: " + "[" * 500, "m.yaml:1:35: nested deeper than 32 levels"),
+        ("- " * 500 + "1", "m.yaml:1:65: nested deeper than 32 levels"),
+        ("a: 1\nb: x\0y", "m.yaml:2:5: character '\\x00' is refused; it cannot be printed"),
+        ("a: x\u2028y", "m.yaml:1:5: character '\\u2028' is refused; it cannot be printed"),
+        ('a: "\\0"', "m.yaml:1:4: character '\\x00' is refused; it cannot be printed"),
+        ('a: "\\ud800"', "m.yaml:1:4: half of a pair of surrogates is refused"),
+        (b"a: 1\r\nb: \xff", "m.yaml:2:4: byte 0xff is not UTF-8; save the file as UTF-8"),
+        (b"\xef\xbb\xbf\xff", "m.yaml:1:1: byte 0xff is not UTF-8; save the file as UTF-8"),
+        ("%YAML 1.0\n---\na: 1", "m.yaml:1:1: not YAML hereafter: version minor part can only"),
+        ("a: 1\n\tb: 2", "m.yaml:2:1: a tab stands here; YAML is indented with spaces"),
+        ("a: b: c", "m.yaml:1:5: a ':' cannot stand here; check the indentation, or put the"),
+        ("a: [1,\nb: 2", "m.yaml:2:5: not YAML: expected ',' or ']', but got '<stream end>' "),
+        ("a: 'b", "m.yaml:1:6: not YAML: found unexpected end of stream (while scanning a qu"),
+        ('a: "\\U00110000"', "m.yaml:1:1: not YAML hereafter: chr() arg not in range(0x110000)"),
+        ("a: [" + "1," * MOST_VALUES + "]", "m.yaml:1:100003: more than 50000 values"),
+        ("#" * LARGEST + "\n", "m.yaml: is larger than 1048576 bytes, the most that is read"),
+    ],
+    ids=lambda value: repr(value[:20]) if isinstance(value, (str, bytes)) else "",
+)
+def test_what_a_mission_may_not_hold_is_refused_with_its_place(
+    tmp_path: Path, content: str | bytes, beginning: str
+) -> None:
+    (problem,) = refusals(tmp_path, content)
+    assert problem.startswith(beginning)
+
+
+def test_everything_refused_is_listed_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+    found = refusals(tmp_path, "a: .nan\nb: &x [1_0, !t 2]\na: *x\nc: [1")
+    assert [problem.split(":")[1:3] for problem in found] == [
+        ["1", "4"],
+        ["2", "4"],
+        ["2", "8"],
+        ["2", "13"],
+        ["3", "1"],
+        ["3", "4"],
+        ["4", "6"],
+    ]
+
+
+def test_a_file_of_nothing_but_mistakes_lists_so_many_and_no_more(tmp_path: Path) -> None:
+    assert len(refusals(tmp_path, "a:\n" + "- .nan\n" * (MOST_PROBLEMS + 5))) == MOST_PROBLEMS
+
+
+def test_an_alias_bomb_is_refused_without_unfolding_it(tmp_path: Path) -> None:
+    bomb = "a0: &a0 [x]\n" + "".join(
+        f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)
+    )
+    assert len(refusals(tmp_path, bomb)) == 10 + 81
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.yaml: no such file$"):
+        read(tmp_path / "nowhere.yaml")
+
+
+def test_a_directory_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r": is a directory, expected a YAML file$"):
+        read(tmp_path)
+
+
+def test_a_file_below_a_file_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").touch()
+    with pytest.raises(InputError, match=r"m\.yaml/x: cannot be read: Not a directory$"):
+        read(tmp_path / "m.yaml" / "x")
+
+
+# Properties
+
+TEXT = st.text(
+    st.characters(exclude_categories=("Cc", "Cs", "Zl", "Zp", "Cn"), exclude_characters="\ufeff"),
+    max_size=20,
+)
+DATA = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**63), 2**64 - 1)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | TEXT,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXT, inner, max_size=4),
+    max_leaves=15,
+)
+quick = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@quick
+@given(data=st.dictionaries(TEXT, DATA, max_size=5), indent=st.none() | st.integers(1, 4))
+def test_what_is_written_as_json_is_read_as_it_was(
+    tmp_path: Path, data: dict[str, Any], indent: int | None
+) -> None:
+    assert write(tmp_path, json.dumps(data, indent=indent)).data == data
+
+
+@quick
+@given(data=st.dictionaries(TEXT, DATA, max_size=5))
+def test_what_ruamel_writes_in_blocks_is_read_as_it_was(
+    tmp_path: Path, data: dict[str, Any]
+) -> None:
+    from ruamel.yaml import YAML
+
+    writer = YAML(typ="safe", pure=True)
+    writer.default_flow_style = False
+    writer.representer.ignore_aliases = lambda _: True
+    with (tmp_path / "m.yaml").open("w", encoding="utf-8") as file:
+        writer.dump(data, file)
+    assert read(tmp_path / "m.yaml").data == data
+
+
+PIECES = st.lists(
+    st.sampled_from(
+        [*"-?:,[]{}#&*!|>'\"%@`~<=.\n \t\\0a1_", "- ", ": ", "\n  ", "---\n", "<<", "!!", "%YAML "]
+    )
+    | st.text(max_size=3)
+).map("".join)
+
+
+@quick
+@given(content=st.binary(max_size=60) | PIECES.map(lambda text: text.encode("utf-8", "replace")))
+def test_whatever_a_file_holds_is_read_or_refused_by_name(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_bytes(content)
+    try:
+        assert isinstance(read(path).data, dict)
+    except InputError as error:
+        assert error.problems  # noqa: PT017 -- either outcome is right
+        assert all(problem.startswith(f"{path}:") for problem in error.problems)  # noqa: PT017
+        assert not any("\n" in problem for problem in error.problems)  # noqa: PT017
+
+
+def test_importing_the_reader_imports_no_yaml_and_no_numpy() -> None:
+    code = (
+        "import sys, star_core.mission_file.located_document, star_core.mission_file.schema;"
+        "print({'ruamel', 'numpy', 'jsonschema'}.intersection(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,130 @@
+"""Estimated positions that an agent can have reached by flying, and others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from star_core import Estimate, Order, Telemetry
+from star_core.safety.estimate_gate import LEAST_SPEED, MARGIN, SIGMAS, EstimateGate
+from star_core.testing import estimate
+from tests.core.conftest import Lab
+
+SPEED, PERIOD = 0.5, 0.05  # m/s, s
+AIRBORNE = np.ones(1, np.bool_)
+
+
+def believed(x: float, time: float, *, std: float = 0.01) -> Estimate:
+    """An agent at (x, 0, 1), m, with this standard deviation along every axis, m."""
+    now = estimate(np.array([[x, 0.0, 1.0]]), time=time)
+    return replace(now, covariance=std**2 * np.eye(3)[None])
+
+
+def gated(*positions: float) -> list[bool]:
+    """Which of these positions along x, m, in consecutive ticks in flight are accepted."""
+    gate = EstimateGate(1, SPEED)
+    return [
+        bool(gate.check(believed(x, k * PERIOD), AIRBORNE)[0].valid[0])
+        for k, x in enumerate(positions)
+    ]
+
+
+def test_flight_at_the_speed_limit_is_accepted() -> None:
+    assert all(gated(*(SPEED * PERIOD * np.arange(200)).tolist()))
+
+
+def test_a_jump_is_rejected_until_the_estimate_is_back() -> None:
+    assert gated(0.0, 50.0, 50.0, 0.1) == [True, False, False, True]
+
+
+def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
+    gate = EstimateGate(1, SPEED)
+    gate.check(believed(0.3, 0.0), AIRBORNE)
+    moved = replace(believed(50.0, PERIOD), velocity=np.ones((1, 3)))
+    answer, (jump,) = gate.check(moved, AIRBORNE)
+    assert answer.position.tolist() == [[0.3, 0.0, 1.0]]
+    assert answer.velocity.tolist() == [[0.0, 0.0, 0.0]]
+    assert not answer.valid.any()
+    assert (jump.row, jump.distance, jump.seconds) == pytest.approx((0, 49.7, PERIOD))
+    assert jump.plausible == pytest.approx(LEAST_SPEED * PERIOD + MARGIN)
+
+
+def test_a_jump_is_reported_once() -> None:
+    gate = EstimateGate(1, SPEED)
+    gate.check(believed(0.0, 0.0), AIRBORNE)
+    jumps = [gate.check(believed(50.0, k * PERIOD), AIRBORNE)[1] for k in range(1, 5)]
+    assert [len(found) for found in jumps] == [1, 0, 0, 0]
+
+
+def test_many_small_jumps_are_a_large_one() -> None:
+    step = LEAST_SPEED * PERIOD + 0.9 * MARGIN
+    assert gated(0.0, step, 2 * step) == [True, True, False]
+
+
+def test_a_correction_that_the_covariance_announced_is_accepted() -> None:
+    gate = EstimateGate(1, SPEED)
+    drift = 1.0  # m, standard deviation along every axis
+    gate.check(believed(0.0, 0.0, std=drift), AIRBORNE)
+    correction = 0.9 * SIGMAS * drift
+    for k in range(1, 40):  # and does not count against later ticks
+        answer, jumps = gate.check(believed(correction, k * PERIOD), AIRBORNE)
+        assert answer.valid.all()
+        assert not jumps
+
+
+def test_a_large_covariance_that_stays_large_announces_no_correction() -> None:
+    gate = EstimateGate(1, SPEED)
+    gate.check(believed(0.0, 0.0, std=1.0), AIRBORNE)
+    answer, _ = gate.check(believed(2.0, PERIOD, std=1.0), AIRBORNE)
+    assert not answer.valid.any()
+
+
+def test_everything_is_accepted_on_the_ground() -> None:
+    gate, grounded = EstimateGate(1, SPEED), np.zeros(1, np.bool_)
+    gate.check(believed(0.0, 0.0), grounded)
+    assert gate.check(believed(50.0, PERIOD), grounded)[0].valid.all()
+    assert gate.check(believed(50.0, 2 * PERIOD), AIRBORNE)[0].valid.all()
+
+
+def test_an_agent_that_was_not_located_may_be_anywhere_it_can_have_flown() -> None:
+    gate = EstimateGate(1, SPEED)
+    gate.check(believed(0.0, 0.0), AIRBORNE)
+    lost = replace(believed(np.nan, 1.0), valid=np.zeros(1, np.bool_))
+    gate.check(lost, AIRBORNE)
+    assert gate.check(believed(2 * LEAST_SPEED, 2.0), AIRBORNE)[0].valid.all()
+
+
+HOLD = "\n  - climb: {}\n  - wait: {seconds: 6}\n  - descend: {}"
+
+
+def jumping(after: float) -> Callable[..., Estimate]:
+    """A localizer that is right until a mission time, s, and then 50 m off for the first agent."""
+
+    def locate(right: Callable[..., Estimate], telemetry: Telemetry) -> Estimate:
+        answer = right(telemetry)
+        off = np.array([[50.0, 0.0, 50.0], [0.0, 0.0, 0.0]]) * (telemetry.time > after)
+        return replace(answer, position=answer.position + off)
+
+    return locate
+
+
+def test_a_localizer_that_jumps_is_reported_and_its_agent_lands_soon(lab: Lab) -> None:
+    lab.spoil("localizer", "locate", jumping(after=3.0))
+    summary = lab.fly(HOLD)
+    (text,) = lab.said("estimate")
+    assert text.startswith("cf1 brakes: its estimated position moved 70.71 m in 0.10 s")
+    assert "localizer 'seer' (their-dist 1.2:lab)" in text
+    assert summary["reason"].endswith("cf1 is lost")
+    landings = [command for _, command in lab.robots.commands if command.order is Order.LAND]
+    assert max(float(command.duration.max()) for command in landings) < 5.0
+    assert summary["flight_time_s"] < 15.0
+
+
+def test_a_localizer_that_jumps_is_a_case_for_the_rule_position_lost(lab: Lab) -> None:
+    lab.spoil("localizer", "locate", jumping(after=3.0))
+    summary = lab.fly(HOLD, more="safety: {position_lost: {after: 1.0}}\n")
+    assert summary["outcome"] == "completed"
+    assert lab.said("safety") == ["cf1 lands: position_lost: not located for 1 s"]

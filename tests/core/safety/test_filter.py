@@ -1,0 +1,210 @@
+"""What the core changes in setpoints before they are sent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from star_core import Agent, Array, Corrected, Estimate, Fence, Limits, Scene, Setpoint, World
+from star_core.safety.filter import SafetyFilter
+from star_core.testing import estimate
+
+FENCE = Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 2.0))
+SPEED, BRAKES, APART, TICK = 1.0, 2.0, 0.2, 0.05
+
+
+def scene(n: int) -> Scene:
+    return Scene(
+        agents=tuple(Agent(f"cf{i}", (0.0, 0.0, 0.0)) for i in range(n)),
+        period=TICK,
+        world=World("room", FENCE),
+        limits=Limits(speed=SPEED, acceleration=BRAKES, separation=APART),
+    )
+
+
+def setpoint(velocity: Any, active: Any = None) -> Setpoint:
+    array = np.array(velocity, float)
+    n = len(array)
+    return Setpoint(
+        array, np.zeros(n), np.ones(n, np.bool_) if active is None else np.array(active)
+    )
+
+
+def filtered(position: Any, velocity: Any, active: Any = None) -> tuple[Array, Corrected]:
+    """What is sent to agents that should fly so, and who was corrected."""
+    wanted = setpoint(velocity, active)
+    now = estimate(np.array(position, float))
+    sent, corrected = SafetyFilter(scene(len(wanted.yaw))).filter(now, wanted, wanted)
+    return sent.velocity, corrected
+
+
+def nobody(corrected: Corrected) -> bool:
+    return not (corrected.fence | corrected.speed | corrected.separation).any()
+
+
+def flown(position: Any, wish: Any, seconds: float = 6.0) -> Array:
+    """Where agents go, (T, N, 3), that follow what is sent within their brakes, a tick late."""
+    guard, path = SafetyFilter(scene(len(position))), [np.array(position, float)]
+    velocity = late = np.zeros_like(path[0])
+    for _ in range(round(seconds / TICK)):
+        now: Estimate = replace(estimate(path[-1]), velocity=velocity)
+        sent, _ = guard.filter(now, setpoint(wish), setpoint(wish))
+        change = late - velocity
+        length = np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
+        velocity = velocity + change * np.minimum(1.0, BRAKES * TICK / length)
+        late = sent.velocity
+        path.append(path[-1] + TICK * velocity)
+    return np.array(path)
+
+
+@pytest.mark.parametrize("wish", [(1, 0, 0), (0, -1, 0), (0.6, 0.6, 0.4), (0, 0, -1), (0, 0, 1)])
+def test_nobody_leaves_the_fence(wish: tuple[float, float, float]) -> None:
+    path = flown([[0.0, 0.0, 1.0]], [wish])[:, 0]
+    assert (path >= np.array(FENCE.low) - 0.01).all()
+    assert (path <= np.array(FENCE.high) + 0.01).all()
+    assert any(
+        abs(path[-1, k] - (FENCE.high if wish[k] > 0 else FENCE.low)[k]) < 0.1
+        for k in range(3)
+        if wish[k]
+    )  # and it comes near
+
+
+def test_who_is_outside_the_fence_is_drawn_back_and_may_come_in() -> None:
+    velocity, corrected = filtered([[3.5, 0.0, 1.0]], [[0.5, 0.2, 0.0]])
+    assert velocity.tolist() == [[-0.2, 0.2, 0.0]]
+    assert corrected.fence.tolist() == [True]
+    back, corrected = filtered([[3.5, 0.0, 1.0]], [[-0.5, 0.2, 0.0]])
+    assert back.tolist() == [[-0.5, 0.2, 0.0]]
+    assert nobody(corrected)
+
+
+def test_nobody_is_faster_than_the_limit() -> None:
+    velocity, corrected = filtered([[0.0, 0.0, 1.0]], [[3.0, 0.0, 0.0]])
+    assert velocity[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert corrected.speed.tolist() == [True]
+
+
+FREE = st.tuples(*[st.floats(-100.0, 100.0)] * 3)
+
+
+@given(st.lists(FREE, min_size=3, max_size=3), st.lists(st.booleans(), min_size=3, max_size=3))
+def test_a_velocity_that_is_too_fast_keeps_its_direction_and_a_slow_one_stays(
+    wish: list[tuple[float, float, float]], active: list[bool]
+) -> None:
+    wide = replace(scene(3), world=World("hall", Fence((-1e6,) * 3, (1e6,) * 3)))
+    wanted = setpoint(wish, active)
+    here = estimate(np.arange(3)[:, None] * [1000.0, 0.0, 0.0])
+    sent, _ = SafetyFilter(wide).filter(here, wanted, wanted)
+    lengths = np.linalg.norm(wanted.velocity, axis=1)
+    factor = np.minimum(1.0, SPEED / np.maximum(lengths, 1e-300)) * np.array(active)
+    assert sent.velocity == pytest.approx(wanted.velocity * factor[:, None], abs=1e-12)
+    assert sent.active.tolist() == active
+
+
+@pytest.mark.parametrize("across", [0.0, 0.05, 0.15])
+def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
+    path = flown(
+        [[-1.5, across, 1.0], [1.5, 0.0, 1.0]], [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], seconds=5.0
+    )
+    assert np.linalg.norm(path[:, 0] - path[:, 1], axis=1).min() >= APART - 1e-6
+
+
+def test_many_that_fly_at_one_place_stop_apart() -> None:
+    angle = np.linspace(0, math.tau, 8, endpoint=False)
+    ring = np.column_stack([2 * np.cos(angle), 2 * np.sin(angle), np.ones(8)])
+    wish = np.column_stack([-np.cos(angle), -np.sin(angle), np.zeros(8)])
+    path = flown(ring, wish)
+    for i in range(8):
+        for j in range(i):
+            assert np.linalg.norm(path[:, i] - path[:, j], axis=1).min() >= APART - 1e-6
+
+
+def test_who_is_in_the_way_and_not_steered_is_braked_for() -> None:
+    velocity, corrected = filtered(
+        [[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]], [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False]
+    )
+    assert 0 <= velocity[0, 0] < 0.35
+    assert corrected.separation.tolist() == [True, False]
+
+
+def test_who_is_in_the_way_and_says_nothing_of_its_velocity_is_braked_for() -> None:
+    wanted = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
+    here = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
+    silent = estimate(here, velocity=np.array([[0.0] * 3, [math.nan] * 3]))
+    sent, corrected = SafetyFilter(scene(2)).filter(silent, wanted, wanted)
+    still, _ = filtered(here, wanted.velocity, [True, False])
+    assert sent.velocity[0].tolist() == still[0].tolist()
+    assert corrected.separation.tolist() == [True, False]
+
+
+def test_a_separation_of_zero_lets_agents_collide() -> None:
+    wanted = setpoint([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    now = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]]))
+    free = replace(scene(2), limits=Limits(speed=SPEED, separation=0.0))
+    sent, corrected = SafetyFilter(free).filter(now, wanted, wanted)
+    assert sent.velocity.tolist() == wanted.velocity.tolist()
+    assert nobody(corrected)
+
+
+def test_who_flies_apart_or_side_by_side_is_left_alone() -> None:
+    position = [[0.0, 0.0, 1.0], [0.15, 0.0, 1.0], [0.3, 0.3, 1.0]]
+    wish = [[-0.5, 0.1, 0.0], [0.5, 0.1, 0.0], [0.5, 0.5, 0.0]]
+    velocity, corrected = filtered(position, wish)
+    assert velocity.tolist() == wish
+    assert nobody(corrected)
+
+
+def test_two_in_one_place_part_along_x_or_not_at_all() -> None:
+    velocity, _ = filtered([[0.0, 0.0, 1.0]] * 2, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    assert np.isfinite(velocity).all()
+    assert velocity[0, 0] >= velocity[1, 0] - 1e-3
+
+
+def test_what_the_avoider_leaves_out_brakes() -> None:
+    wanted = setpoint([[0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    safe = setpoint([[0.5, 0.0, 0.0], [math.nan] * 3], [True, False])
+    now = estimate(np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
+    sent, _ = SafetyFilter(scene(2)).filter(now, safe, wanted)
+    assert sent.active.all()
+    assert sent.velocity.tolist() == [[0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]
+
+
+def test_inactive_rows_are_never_sent() -> None:
+    wanted = setpoint([[0.5, 0.0, 0.0]], [False])
+    sent, corrected = SafetyFilter(scene(1)).filter(
+        estimate(np.array([[9.0, 0.0, 1.0]])), wanted, wanted
+    )
+    assert not sent.active.any()
+    assert nobody(corrected)
+
+
+def test_who_is_nowhere_is_in_nobodys_way() -> None:
+    velocity, corrected = filtered(
+        [[0.0, 0.0, 1.0], [math.nan] * 3], [[1.0, 0.0, 0.0]] * 2, [True, False]
+    )
+    assert velocity[0].tolist() == [1.0, 0.0, 0.0]
+    assert nobody(corrected)
+
+
+@given(st.integers(1, 12), st.integers(0, 10_000))
+def test_what_is_sent_is_always_safe_or_comes_from_others(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    position = rng.uniform([-1, -1, 0.2], [1, 1, 1.8], (n, 3))
+    active = rng.random(n) < 0.8
+    velocity, _ = filtered(position, rng.normal(0, 1, (n, 3)), active)
+    assert np.linalg.norm(velocity[active], axis=1).max(initial=0) <= SPEED + 2e-3
+    for i in range(n):
+        for j in range(i):
+            if not (active[i] and active[j]):
+                continue
+            offset = position[i] - position[j]
+            apart = float(np.linalg.norm(offset))
+            closing = float(offset @ (velocity[j] - velocity[i])) / apart
+            room = max(0.0, apart - APART)
+            assert closing <= math.sqrt(2 * 2 * BRAKES * room) + 2e-3

@@ -1,0 +1,127 @@
+"""Where agents may be that are no longer heard, and how others keep clear of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from star_core import Array, Estimate, Registry, Setpoint
+from star_core.messages.state import with_possible_positions
+from star_core.safety.filter import SafetyFilter
+from star_core.safety.unheard import FLIES_ON_FOR, UnheardAgents
+from star_core.testing import estimate, scene
+
+HEARD, UNHEARD = 0.0, 0.6  # s, ages of reports
+
+
+def marked(velocity: Array, *ages: float) -> Estimate:
+    """The estimate of two agents at some (N, 3) velocity, m/s, after reports of these ages, s."""
+    tracker = UnheardAgents(len(velocity))
+    now = estimate(np.zeros_like(velocity), velocity=velocity)
+    for age in ages:
+        answer = tracker.mark(now, np.array([0.0, age]))
+    return answer
+
+
+VELOCITY = np.array([[0.1, 0.0, 0.0], [0.4, -0.2, 0.0]])
+
+
+def test_agents_that_are_heard_are_where_they_are() -> None:
+    answer = marked(VELOCITY, HEARD)
+    assert not answer.possible_travel.any()
+    assert answer.velocity.tolist() == VELOCITY.tolist()
+
+
+def test_an_agent_that_is_not_heard_stands_still_or_flies_on() -> None:
+    answer = marked(VELOCITY, HEARD, UNHEARD)
+    assert answer.velocity.tolist() == [VELOCITY[0].tolist(), [0, 0, 0]]
+    assert answer.possible_travel[0].tolist() == [0, 0, 0]
+    assert answer.possible_travel[1] == pytest.approx(FLIES_ON_FOR * VELOCITY[1])
+
+
+def test_an_agent_that_is_heard_again_is_where_it_is() -> None:
+    answer = marked(VELOCITY, HEARD, UNHEARD, HEARD)
+    assert not answer.possible_travel.any()
+
+
+def test_the_velocity_is_the_last_one_that_was_reported() -> None:
+    tracker = UnheardAgents(1)
+    flying = estimate(np.zeros((1, 3)), velocity=np.array([[0.5, 0.0, 0.0]]))
+    unknown = replace(flying, velocity=np.full((1, 3), np.nan))
+    tracker.mark(flying, np.array([HEARD]))
+    answer = tracker.mark(unknown, np.array([UNHEARD]))
+    assert answer.possible_travel[0] == pytest.approx([FLIES_ON_FOR * 0.5, 0, 0])
+
+
+def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
+    now = marked(VELOCITY, HEARD, UNHEARD)
+    every = np.ones(2, np.bool_)
+    wanted = Setpoint(VELOCITY, np.zeros(2), every)
+    seen, extended = with_possible_positions(now, wanted, spacing=0.2)
+    added = seen.position[2:]
+    assert added[-1] == pytest.approx(FLIES_ON_FOR * VELOCITY[1])
+    steps = np.diff(np.vstack([now.position[1], added]), axis=0)
+    assert np.linalg.norm(steps, axis=1).max() <= 0.2
+    assert extended.active.tolist() == [True, True] + [False] * len(added)
+    assert not seen.velocity[2:].any()
+
+
+# Flights: the second agent is last heard at the origin, flying along +x, and is in fact there or
+# flies on for two seconds; the first crosses its way.
+
+PERIOD, RADIUS = 0.05, 0.3  # s, m
+FIRST = np.array([True, False])
+
+
+def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
+    """How near the first agent comes to the one that is not heard, m, on its way to a goal."""
+    room = scene(2)
+    made = (
+        Registry()
+        .find("avoider", avoider)
+        .offer.make(room, **({} if avoider == "none" else {"radius": RADIUS}))
+    )
+    tracker, guard = UnheardAgents(2), SafetyFilter(room)
+    speed, position = 0.5, np.array([start, np.zeros(3)])
+    last = np.array([[0.0, 0.0, 0.0], [speed, 0.0, 0.0]])
+    tracker.mark(estimate(position, velocity=last), np.zeros(2))
+    other, velocity, nearest = np.zeros(3), np.zeros(3), np.inf
+    for k in range(round(12 / PERIOD)):
+        time = k * PERIOD
+        if not stopped and time < FLIES_ON_FOR:
+            other = other + PERIOD * last[1]
+        nearest = min(nearest, float(np.linalg.norm(position[0] - other)))
+        now = estimate(
+            np.array([position[0], np.zeros(3)]), velocity=np.array([velocity, last[1]]), time=time
+        )
+        now = replace(tracker.mark(now, np.array([0.0, 0.6 + time])), valid=FIRST)
+        way = goal - position[0]
+        wish = way * speed / max(np.linalg.norm(way), speed)
+        wanted = Setpoint(np.array([wish, np.zeros(3)]), np.zeros(2), FIRST)
+        sent, _ = guard.filter(now, made.avoid(now, wanted), wanted)
+        velocity = velocity + PERIOD / 0.3 * (sent.velocity[0] - velocity)  # lag of first order
+        position[0] = position[0] + PERIOD * velocity
+    return nearest
+
+
+@pytest.mark.parametrize("avoider", ["orca", "voronoi"])
+@pytest.mark.parametrize("stopped", [True, False])
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [((0.5, -1.5), (0.5, 1.5)), ((-1.5, 0.1), (2.5, 0.1)), ((2.5, -0.1), (-1.5, -0.1))],
+)
+def test_an_agent_that_is_not_heard_is_kept_clear_of_wherever_it_may_be(
+    avoider: str,
+    stopped: bool,  # noqa: FBT001 -- the case
+    start: tuple[float, float],
+    goal: tuple[float, float],
+) -> None:
+    nearest = crossed(avoider, np.array([*start, 0.0]), np.array([*goal, 0.0]), stopped=stopped)
+    assert nearest >= 0.93 * 2 * RADIUS
+
+
+def test_the_safety_filter_keeps_clear_of_wherever_an_agent_may_be() -> None:
+    nearest = crossed("none", np.array([0.5, -1.5, 0.0]), np.array([0.5, 1.5, 0.0]), stopped=False)
+    assert nearest >= 0.95 * scene(1).limits.separation

@@ -1,0 +1,402 @@
+"""Parts that misbehave: whatever one does, it is named, and everybody comes down."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+from star_core import (
+    AvoiderSpec,
+    Command,
+    Corrections,
+    Goals,
+    Order,
+    PluginError,
+    Registry,
+    Setpoint,
+    TaskOutput,
+    Truth,
+    fly,
+    hookimpl,
+    load,
+)
+from star_core.registry import Source
+from tests.core.conftest import Lab
+
+Wrong: TypeAlias = BaseException | Callable[..., Any]
+
+NAMED = {
+    "transport": "transport 'robots' (their-dist 1.2:lab)",
+    "localizer": "localizer 'seer' (their-dist 1.2:lab)",
+    "planner": "planner 'dash' (their-dist 1.2:lab)",
+    "avoider": "avoider 'idle' (their-dist 1.2:lab)",
+    "wait": "task 'wait' (their-dist 1.2:lab)",
+}
+PARTS = ("transport", "localizer", "planner", "avoider")
+FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st
+ONCE = range(20, 21)
+BOOM = RuntimeError("boom")
+NAN = np.full((2, 3), np.nan)
+ROW = np.array([0])
+FOUR = np.zeros((4, 3))
+FOR_FOUR = Setpoint(FOUR, FOUR[:, 0], FOUR[:, 0] > 0)
+EVERYBODY = np.array([True, True])
+ODD: Any = "done"
+
+
+def change(**values: Any) -> Wrong:
+    """Answer what is right, with other values."""
+    return lambda right, *args: replace(right(*args), **values)
+
+
+def brought_down(lab: Lab) -> bool:
+    """Whether everybody was told to land, and did."""
+    told = {0, 1} <= set(lab.ordered(Order.LAND))
+    return told and all(lab.went(name)[-2:] == ["landing", "landed"] for name in lab.swarm)
+
+
+@pytest.mark.parametrize("role", NAMED)
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (BOOM, "RuntimeError: boom ("),
+        (PluginError("no camera"), "no camera"),
+        (SystemExit("bye"), "SystemExit: bye ("),
+        (lambda *_, **__: 3, "int has no "),
+    ],
+    ids=["raises", "raises STAR's own", "exits", "makes something else"],
+)
+def test_nothing_moves_when_a_part_cannot_be_made_and_it_is_named(
+    lab: Lab, role: str, wrong: Wrong, message: str
+) -> None:
+    lab.spoil(role, "make", wrong)
+    with pytest.raises(PluginError) as caught:
+        lab.fly()
+    assert str(caught.value).startswith(f"{NAMED[role]}: {message}")
+    assert lab.ticks == []
+    assert role == "transport" or (lab.robots.commands, lab.robots.sent) == ([], [])
+
+
+@pytest.mark.parametrize("role", NAMED)
+def test_the_parts_that_were_made_are_closed_when_the_next_cannot_be(lab: Lab, role: str) -> None:
+    lab.spoil(role, "make", BOOM)
+    with pytest.raises(PluginError):
+        lab.fly()
+    made = [kind for kind in PARTS if role == "wait" or PARTS.index(kind) < PARTS.index(role)]
+    assert {kind: lab.closed[kind] for kind in PARTS} == {k: int(k in made) for k in PARTS}
+
+
+def test_links_that_cannot_be_opened_are_told_and_every_part_is_closed(lab: Lab) -> None:
+    lab.spoil("transport", "connect", PluginError("cannot reach cf2"))
+    with pytest.raises(PluginError) as caught:
+        lab.fly()
+    assert str(caught.value) == f"{NAMED['transport']}: cannot reach cf2"
+    assert lab.ticks == []
+    assert {kind: lab.closed[kind] for kind in PARTS} == dict.fromkeys(PARTS, 1)
+
+
+@pytest.mark.parametrize("wrong", [BOOM, SystemExit("bye")], ids=["raises", "exits"])
+@pytest.mark.parametrize(
+    ("role", "method", "calls"),
+    [
+        ("transport", "wait", ONCE),
+        ("transport", "receive", ONCE),
+        ("transport", "command", range(1, 2)),  # the order to land
+        ("transport", "send", FLYING),
+        ("transport", "truth", ONCE),
+        ("localizer", "locate", FLYING),
+        ("planner", "plan", FLYING),
+        ("avoider", "avoid", FLYING),
+        ("wait", "begin", None),
+        ("wait", "step", range(5, 10**6)),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_everybody_lands_when_a_part_raises_in_flight_and_it_is_named(
+    lab: Lab, role: str, method: str, calls: range | None, wrong: Wrong
+) -> None:
+    lab.spoil(role, method, wrong, calls)
+    summary = lab.fly()
+    assert summary["outcome"] == lab.went(None)[-1] == "failed"
+    assert summary["reason"].startswith(f"{NAMED[role]}: {type(wrong).__name__}: {wrong} (")
+    assert lab.said("failure") == [summary["reason"]]
+    assert brought_down(lab)
+
+
+def going(speed: float) -> Goals:
+    """Goals for both agents."""
+    zero = np.zeros(2)
+    return Goals(np.zeros((2, 3)), np.zeros((2, 3)), zero, zero + speed, EVERYBODY)
+
+
+def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> TaskOutput:
+    """A step that orders the first agent to go to its start."""
+    one = np.zeros(1)
+    return TaskOutput(
+        commands=(Command(order, np.array([0]), np.zeros((1, 3)), one, one + duration),)
+    )
+
+
+@pytest.mark.parametrize(
+    ("role", "method", "wrong", "message"),
+    [
+        ("transport", "wait", lambda *_: None, "TypeError: float() argument must be"),
+        ("transport", "receive", lambda *_: None, "returned NoneType, expected Telemetry"),
+        ("transport", "receive", lambda *_: FOR_FOUR, "returned Setpoint, expected Telemetry"),
+        (
+            "transport",
+            "receive",
+            change(
+                position=FOUR,
+                velocity=FOUR,
+                attitude=np.zeros((4, 4)),
+                battery=FOUR[:, 0],
+                state=FOUR[:, 0],
+                age=FOUR[:, 0],
+            ),
+            "every field of Telemetry has 4 rows, expected 2",
+        ),
+        ("transport", "send", lambda *_: None, "returned NoneType, expected Setpoint"),
+        (
+            "transport",
+            "send",
+            lambda *_: FOR_FOUR,
+            "every field of Setpoint has 4 rows, expected 2",
+        ),
+        ("transport", "send", change(velocity=NAN), "Setpoint.velocity of row 0 is [nan, nan, nan"),
+        ("transport", "truth", lambda *_: FOR_FOUR, "returned Setpoint, expected Truth"),
+        ("localizer", "locate", lambda *_: None, "returned NoneType, expected Estimate"),
+        ("localizer", "locate", lambda *_: FOR_FOUR, "returned Setpoint, expected Estimate"),
+        ("localizer", "locate", change(position=NAN), "Estimate.position of row 0 is [nan, nan, "),
+        ("localizer", "locate", change(velocity=NAN), "Estimate.velocity of row 0 is [nan, nan, "),
+        ("localizer", "locate", change(yaw=[0, np.inf]), "Estimate.yaw of row 1 is inf, expected"),
+        ("localizer", "locate", change(valid=[True]), "Estimate.valid has 1 row, expected 2, one"),
+        ("planner", "plan", lambda *_: None, "returned NoneType, expected Plan"),
+        ("planner", "plan", lambda *_: FOR_FOUR, "returned Setpoint, expected Plan"),
+        (
+            "planner",
+            "plan",
+            change(setpoint=FOR_FOUR, unreachable=[False] * 4),
+            "every field of Setpoint has 4 rows, expected 2",
+        ),
+        (
+            "planner",
+            "plan",
+            change(setpoint=Setpoint(NAN, NAN[:, 0], EVERYBODY)),
+            "Setpoint.velocity of row 0 is [nan, nan, nan], expected numbers",
+        ),
+        ("avoider", "avoid", lambda *_: None, "returned NoneType, expected Setpoint"),
+        ("avoider", "avoid", lambda *_: TaskOutput(), "returned TaskOutput, expected Setpoint"),
+        ("avoider", "avoid", lambda *_: FOR_FOUR, "every field of Setpoint has 4 rows, expected 2"),
+        ("avoider", "avoid", change(yaw=[0, np.nan]), "Setpoint.yaw of row 1 is nan, expected"),
+        ("wait", "begin", lambda *_: None, "begin() returned None, expected how long it takes, s"),
+        ("wait", "begin", lambda *_: np.inf, "begin() returned inf, expected how long it takes, s"),
+        ("wait", "begin", lambda *_: np.nan, "begin() returned nan, expected how long it takes, s"),
+        ("wait", "begin", lambda *_: -1.0, "begin() returned -1.0, expected how long it takes, s"),
+        (
+            "wait",
+            "step",
+            lambda *_: TaskOutput(status=ODD),
+            "Step.status is 'done', expected a Stat",
+        ),
+        (
+            "wait",
+            "step",
+            lambda *_: TaskOutput(going(speed=-1.0)),
+            "Goals.speed is [-1.0, -1.0], expec",
+        ),
+        ("wait", "step", lambda *_: ordering(duration=0.0), "Command.duration is [0.0], expected"),
+        ("wait", "step", lambda *_: ordering(order="up"), "Command.order is 'up', expected an O"),
+        ("planner", "plan", change(reasons=["no"]), "Plan.reasons is ['no'], expected a map fro"),
+        ("wait", "step", lambda *_: None, "returned NoneType, expected TaskOutput"),
+        ("wait", "step", lambda *_: FOR_FOUR, "returned Setpoint, expected TaskOutput"),
+    ],
+)
+def test_everybody_lands_when_an_answer_breaks_its_contract_and_the_part_is_named(
+    lab: Lab, role: str, method: str, wrong: Wrong, message: str
+) -> None:
+    lab.spoil(role, method, wrong, None if role == "wait" else ONCE)
+    summary = lab.fly()
+    assert summary["outcome"] == "failed"
+    assert summary["reason"].startswith(f"{NAMED[role]}: ")
+    assert message in summary["reason"]
+    assert brought_down(lab)
+
+
+def test_the_field_with_the_wrong_number_of_rows_is_named_though_others_follow_it(
+    lab: Lab,
+) -> None:
+    first = np.zeros((1, 3))
+    lab.spoil("avoider", "avoid", lambda *_: Setpoint(first, np.zeros(2), ROW == 0), FLYING)
+    assert lab.fly()["reason"] == (
+        f"{NAMED['avoider']}: Setpoint.velocity and active have 1 row, expected 2, one per agent"
+    )
+    assert brought_down(lab)
+
+
+def test_a_part_that_is_made_or_called_with_other_arguments_is_named_with_its_line(
+    hop: Path,
+) -> None:
+    def of(make: Callable[..., Any]) -> str:
+        plugin = SimpleNamespace(
+            star_avoiders=hookimpl(lambda: [AvoiderSpec(name="odd", summary="Odd.", make=make)])
+        )
+        registry = Registry()
+        registry.add(plugin, Source("their-dist:odd", "1.2"))
+        with pytest.raises(PluginError) as caught:
+            fly(load(hop / "hop.yaml", registry, ["avoider=odd"]), registry)
+        return str(caught.value)
+
+    whose, here = "avoider 'odd' (their-dist 1.2:odd)", f"({__file__}:"
+    assert of(lambda scene, gain: (scene, gain)).startswith(
+        f"{whose}: make(scene, gain) cannot be called as make(scene): missing a required argument: "
+        f"'gain' {here}"
+    )
+    short = SimpleNamespace(avoid=lambda estimate: estimate)
+    assert of(lambda _scene: short).startswith(
+        f"{whose}: avoid(estimate) cannot be called as avoid(estimate, wanted): too many "
+        f"positional arguments {here}"
+    )
+
+
+@pytest.mark.parametrize("spoilt", [None, *PARTS])
+def test_every_part_is_closed_once_however_a_mission_ends(lab: Lab, spoilt: str | None) -> None:
+    method = {"localizer": "locate", "planner": "plan", "avoider": "avoid", "transport": "wait"}
+    if spoilt:
+        lab.spoil(spoilt, method[spoilt], BOOM, FLYING)
+    lab.fly()
+    assert {kind: lab.closed[kind] for kind in PARTS} == dict.fromkeys(PARTS, 1)
+
+
+def test_every_task_is_closed_once(lab: Lab) -> None:
+    lab.fly()
+    assert Counter({verb: lab.closed[verb] for verb in ("climb", "wait", "descend")}) == Counter(
+        climb=1, wait=1, descend=1
+    )
+
+
+@pytest.mark.parametrize("wrong", [BOOM, SystemExit("bye")], ids=["raises", "exits"])
+@pytest.mark.parametrize("role", PARTS)
+def test_a_part_that_cannot_be_closed_is_told_and_the_others_are_closed(
+    lab: Lab, role: str, wrong: Wrong
+) -> None:
+    lab.spoil(role, "close", wrong)
+    summary = lab.fly()
+    (text,) = lab.said("failure")
+    assert text.startswith(f"{NAMED[role]}: {type(wrong).__name__}: {wrong} (")
+    assert text in [event["text"] for event in summary["events"]]
+    assert summary["outcome"] == "completed"
+    assert {kind: lab.closed[kind] for kind in PARTS} == {k: int(k != role) for k in PARTS}
+
+
+def test_a_part_needs_no_close(lab: Lab) -> None:
+    lab.spoil("avoider", "make", lambda *_: type("Bare", (), {"avoid": lambda _, __, w: w})())
+    assert lab.fly()["outcome"] == "completed"
+
+
+def test_a_truth_for_another_swarm_names_the_transport(lab: Lab) -> None:
+    lab.spoil("transport", "truth", lambda *_: Truth(0.0, FOUR, FOUR, np.zeros((4, 4))), ONCE)
+    assert lab.fly()["reason"].startswith(f"{NAMED['transport']}: ")
+
+
+def test_everybody_lands_though_the_truth_cannot_be_known(lab: Lab) -> None:
+    lab.spoil("transport", "truth", BOOM, FLYING)
+    lab.fly()
+    assert brought_down(lab)
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, 0.0])
+def test_a_clock_that_does_not_tell_the_time_it_is_names_the_transport(
+    lab: Lab, time: float
+) -> None:
+    lab.spoil("transport", "wait", lambda *_: time, ONCE)
+    assert lab.fly()["reason"].startswith(f"{NAMED['transport']}: ")
+
+
+def test_no_step_takes_for_ever_when_a_localizer_does_not_tell_the_time_it_is(lab: Lab) -> None:
+    lab.spoil("localizer", "locate", change(time=0.0))
+    lab.fly()
+    assert lab.ticks[-1].time < 40.0
+
+
+@pytest.mark.parametrize("order", [Order.GOTO, Order.LAND, Order.TAKEOFF])
+def test_an_order_that_is_no_number_is_not_given(lab: Lab, order: Order) -> None:
+    one = np.ones(1)
+    lab.spoil(
+        "wait", "step", lambda *_: TaskOutput(commands=(Command(order, ROW, NAN[:1], one, one),))
+    )
+    summary = lab.fly()
+    assert summary["reason"].startswith(f"{NAMED['wait']}: ")
+
+
+def goals(n: int, *, active: tuple[bool, ...], speed: float = 0.5) -> Goals:
+    zero = np.zeros(n)
+    return Goals(np.zeros((n, 3)), np.zeros((n, 3)), zero, zero + speed, np.array(active))
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (TaskOutput(goals(2, active=(True, True))), "has goals for agents that are not its own"),
+        (
+            TaskOutput(goals(3, active=(True,) * 3)),
+            "every field of Goals has 3 rows, expected 2, one per agent",
+        ),
+        (
+            TaskOutput(goals(2, active=(True, False), speed=np.inf)),
+            "Goals.speed is [inf], expected numbers",
+        ),
+        (
+            TaskOutput(
+                commands=(Command(Order.STOP, np.array([0, 1]), NAN, NAN[:, 0], NAN[:, 0]),)
+            ),
+            "commands agents [0, 1], its own are (0,)",
+        ),
+        (TaskOutput(commands=("land",)), "returned str, expected Command"),  # type: ignore[arg-type]
+        (TaskOutput(goals=NAN), "returned ndarray, expected Goals"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_task_that_speaks_for_others_or_out_of_turn_is_named(
+    lab: Lab, answer: TaskOutput, message: str
+) -> None:
+    lab.spoil("wait", "step", lambda *_: answer)
+    summary = lab.fly("\n  - climb: {}\n  - wait: {agents: cf1, seconds: 1}")
+    assert summary["reason"] == f"{NAMED['wait']}: {message}"
+    assert brought_down(lab)
+
+
+@pytest.mark.parametrize("around", ["parallel: [{STEP}]", "repeat: {times: 1, steps: [{STEP}]}"])
+def test_every_task_is_made_before_anything_moves(lab: Lab, around: str) -> None:
+    lab.spoil("wait", "make", BOOM)
+    with pytest.raises(PluginError):
+        lab.fly(f"\n  - climb: {{}}\n  - {around.replace('STEP', 'wait: {seconds: 1}')}")
+    assert lab.ticks == []
+
+
+def corrections(position: float, agent: int = 1) -> Corrections:
+    one = np.array([0.1])
+    attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
+    return Corrections(np.array([agent]), np.full((1, 3), position), attitude, one, one)
+
+
+def test_what_a_localizer_corrects_reaches_the_transport_and_nobody_else_is_told(lab: Lab) -> None:
+    lab.spoil("localizer", "locate", change(corrections=corrections(0.5)), ONCE)
+    assert lab.fly()["outcome"] == "completed"
+    (told,) = lab.robots.corrected
+    assert (told.agent.tolist(), told.position.tolist()) == ([1], [[0.5, 0.5, 0.5]])
+
+
+@pytest.mark.parametrize("wrong", [corrections(np.nan), corrections(0.5, agent=2)])
+def test_a_correction_of_nobody_or_to_nowhere_names_the_localizer(
+    lab: Lab, wrong: Corrections
+) -> None:
+    lab.spoil("localizer", "locate", change(corrections=wrong), ONCE)
+    assert lab.fly()["reason"].startswith(f"{NAMED['localizer']}: Estimate.corrections.")
+    assert lab.robots.corrected == []

@@ -1,0 +1,88 @@
+"""Whose fault it is when a plugin raises."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+import pytest
+
+from star_core import ContractError, InputError, PluginError
+from star_core.plugin_guard import PluginGuard
+
+WHOM = "planner 'mine' (my-dist 1.0:mine)"
+
+
+def blamed(error: BaseException) -> PluginError:
+    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+        raise error
+    return caught.value
+
+
+def test_nothing_is_blamed_when_nothing_is_raised() -> None:
+    with PluginGuard(WHOM):
+        answer = 42
+    assert answer == 42
+
+
+def test_what_a_plugin_raises_is_told_with_its_kind_and_its_place() -> None:
+    told = str(blamed(ZeroDivisionError("by nought")))
+    assert told.startswith(f"{WHOM}: ZeroDivisionError: by nought ({__file__}:")
+
+
+def test_the_place_is_that_of_the_innermost_call() -> None:
+    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+        int("three", base=99)  # raised in C: the line here is the innermost there is
+    here = caught.value.__cause__
+    assert here is not None
+    assert here.__traceback__ is not None
+    assert str(caught.value).endswith(f"({__file__}:{here.__traceback__.tb_lineno})")
+
+
+def test_the_place_is_inside_the_plugin_and_not_where_it_was_called() -> None:
+    def plugin() -> None:
+        raise RuntimeError("boom")
+
+    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+        plugin()
+    assert str(caught.value).endswith(f":{plugin.__code__.co_firstlineno + 1})")
+
+
+@pytest.mark.parametrize("error", [ContractError("no rows"), InputError(["a", "b"])])
+def test_what_star_itself_says_needs_no_place(error: Exception) -> None:
+    assert str(blamed(error)) == f"{WHOM}: {error}"
+
+
+def test_a_plugin_that_ends_the_process_is_blamed() -> None:
+    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+        sys.exit("bye")
+    assert str(caught.value).startswith(f"{WHOM}: SystemExit: bye (")
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), GeneratorExit()])
+def test_an_interrupt_is_nobodys_fault(error: BaseException) -> None:
+    with pytest.raises(type(error)), PluginGuard(WHOM):
+        raise error
+
+
+def test_the_error_itself_stays_at_hand() -> None:
+    error = KeyError("gain")
+    assert blamed(error).__cause__ is error
+
+
+def test_the_traceback_is_logged_for_who_wants_it(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.DEBUG, logger="star_core.plugin_guard")
+    blamed(KeyError("gain"))
+    (record,) = caplog.records
+    assert record.getMessage() == f"{WHOM} raised"
+    assert record.exc_info
+
+
+def test_one_problem_may_be_given_as_text() -> None:
+    assert InputError("no such file").problems == ("no such file",)
+    assert str(InputError(["a", "b"])) == "a\nb"
+
+
+def test_an_error_of_many_lines_is_told_on_one() -> None:
+    with pytest.raises(PluginError, match="whoever: ValueError: a b "), PluginGuard("whoever"):
+        raise ValueError("a\nb")

@@ -1,0 +1,155 @@
+"""What a plugin offers must fit into the mission language."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from star_core import Scene, fly, hookimpl
+from star_core import load as load_mission
+from star_core.contracts import AvoiderSpec, Exclusive, TaskSpec
+from star_core.errors import PluginError
+from star_core.mission_file.schema import load
+from star_core.plugin_schema import OWN, RESERVE, fill_defaults, held, sound
+from star_core.registry import Found, Registry, Source
+
+NEVER_MADE: Any = object
+
+
+def offer(name: str, properties: dict[str, Any] | None = None, **rules: Any) -> TaskSpec:
+    """An offer of a plugin that cannot do anything."""
+    options = {"type": "object", "properties": properties or {}, **rules}
+    return TaskSpec(name=name, summary=f"The {name}.", make=NEVER_MADE, options=options)
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (offer("x", {"a": {"type": "nmuber"}}), "options.properties.a.type is no JSON Schema: "),
+        (offer("x", {"a": {"pattern": "("}}), "options.properties.a.pattern is no JSON Schema: "),
+        (offer("x", {"a": {"default": float("nan")}}), "options are no JSON: "),
+        (offer("x", {"a": {"default": object()}}), "options are no JSON: "),
+        (offer("x", type="string"), "options are no schema of an object, expected type: object"),
+        (offer("x", {"use": {}}), "option 'use' has a name that STAR uses itself"),
+        (offer("x", required=["a"]), "option 'a' is required but not among its properties"),
+        (offer("x", {"a": {"$ref": "#/$defs/a"}}), "options refer to '#/$defs/a', which is not"),
+        (offer("x", {"a": {"$ref": "https://a.b/c"}}), "options refer to 'https://a.b/c', which"),
+    ],
+)
+def test_a_plugin_whose_options_are_no_schema_is_named(broken: TaskSpec, message: str) -> None:
+    with pytest.raises(PluginError) as caught:
+        sound("avoider", broken)
+    assert str(caught.value).startswith(f"avoider 'x': {message}")
+
+
+def test_options_that_are_true_are_no_schema_of_an_object() -> None:
+    broken = TaskSpec(name="x", summary="", make=object, options=True)  # type: ignore[arg-type]
+    with pytest.raises(PluginError, match=r"^planner 'x': options are no schema of an object"):
+        sound("planner", broken)
+
+
+@pytest.mark.parametrize("name", ["agents", "timeout", "on_failure"])
+def test_a_verb_cannot_have_an_option_that_every_verb_has(name: str) -> None:
+    with pytest.raises(PluginError, match=rf"^task 'x': option '{name}' has a name that STAR"):
+        sound("task", offer("x", {name: {}}))
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("task", "parallel"), ("task", "repeat"), *(("command", c) for c in OWN["command"])],
+)
+def test_nothing_can_be_called_like_one_of_stars_own(kind: str, name: str) -> None:
+    with pytest.raises(PluginError, match=rf"^{kind} '{name}': STAR has a {kind} of that name"):
+        sound(kind, offer(name))
+
+
+@pytest.mark.parametrize("name", ["Orca", "", "two words", "é", 7])
+def test_a_name_is_plain(name: Any) -> None:
+    with pytest.raises(PluginError, match=r"^avoider .*: a name is lower-case letters, digits"):
+        sound("avoider", offer(name))
+
+
+def _id(part: str | Found) -> str:
+    return part if isinstance(part, str) else part.offer.name
+
+
+@pytest.mark.parametrize(("kind", "found"), list(Registry()), ids=_id)
+def test_what_star_offers_itself_is_sound(kind: str, found: Found) -> None:
+    assert sound(kind, found.offer, trusted=kind == "command") == found.offer
+    for option in getattr(found.offer, "options", {}).get("properties", {}).values():
+        assert option["description"]
+        default = [option["default"]] if "default" in option else []
+        for value in option.get("examples", []) + default:
+            Draft202012Validator(option).validate(value)
+
+
+def test_a_plugin_with_an_unsound_offer_is_left_out_whole() -> None:
+    class Crooked:
+        @hookimpl
+        def star_tasks(self) -> list[TaskSpec]:
+            return [offer("good"), offer("bad", {"a": {"type": "nmuber"}})]
+
+    registry = Registry(installed=False)
+    with pytest.raises(PluginError, match=r"^task 'bad': options\.properties\.a\.type is no"):
+        registry.add(Crooked(), Source("crooked:plugin"))
+    assert registry.names("task") == ()
+
+
+def test_a_reserve_is_taken_for_what_the_schema_says_of_it() -> None:
+    said = load("mission")["properties"]["reserve"]["properties"]
+    assert {name: said[name]["default"] for name in RESERVE} == RESERVE
+
+
+def test_what_a_verb_holds_is_identified_by_options_that_it_has() -> None:
+    exclusive = Exclusive(options=("port",), unless="planner", timeout=5.0)
+    verb = replace(offer("x", {"port": {}}), exclusive=exclusive)
+    with pytest.raises(PluginError, match=r"^task 'x': exclusive names option 'planner', which is"):
+        sound("task", verb)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, (("host", None), ("port", 7))),
+        ({"host": "here", "port": 8}, (("host", "here"), ("port", 8))),
+        ({"port": 8, "planner": "orbit"}, ()),
+    ],
+)
+def test_a_step_holds_what_its_options_identify(given: dict[str, Any], expected: Any) -> None:
+    exclusive = Exclusive(options=("host", "port"), unless="planner", timeout=5.0)
+    verb = replace(offer("x", {"host": {}, "port": {"default": 7}}), exclusive=exclusive)
+    assert held(verb, given) == expected
+    assert held(offer("x"), given) == ()
+
+
+def test_options_that_are_not_given_have_the_defaults_of_the_schema() -> None:
+    inner = {"properties": {"rate": {"default": 5}, "name": {}}}
+    schema = {"properties": {"gap": {"default": [1]}, "one": inner, "two": inner, "free": True}}
+    filled = fill_defaults({"one": {"name": "x"}}, schema)
+    assert filled == {"one": {"name": "x", "rate": 5}, "gap": [1]}
+    filled["gap"].append(2)
+    assert fill_defaults({"gap": [3]}, schema) == {"gap": [3]}
+    assert fill_defaults({}, schema) == {"gap": [1]}
+
+
+@pytest.mark.usefixtures("hop")
+def test_a_plugin_is_made_with_the_defaults_of_its_schema() -> None:
+    given: dict[str, Any] = {}
+
+    def make(_scene: Scene, **options: Any) -> Any:
+        given.update(options)
+
+    class Theirs:
+        @hookimpl
+        def star_avoiders(self) -> Iterable[AvoiderSpec]:
+            options = {"type": "object", "properties": {"gap": {"type": "number", "default": 2}}}
+            yield AvoiderSpec(name="theirs", summary="Theirs.", make=make, options=options)
+
+    registry = Registry(Theirs())
+    with pytest.raises(PluginError, match="theirs"):
+        fly(load_mission("hop.yaml", registry, ["avoider=theirs"]), registry)
+    assert given == {"gap": 2}

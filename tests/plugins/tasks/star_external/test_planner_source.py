@@ -1,0 +1,272 @@
+"""The verb ``external``, step by step, with a planner in this process."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import star_external
+from star_core import Estimate, Goals, PluginError, Scene, Status, Task, TaskOutput
+from star_core.testing import estimate, health, scene
+from star_external.planner import Done, ExternalPlanner, Failed, Goal
+from star_external.planner_registry import GROUP
+from star_external.planner_source import PlannerSource
+
+AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
+WHO = "external planner 'theirs' (their_package:Planner): "
+THERE = Goal((0.5, 0.5, 1.0))
+
+Install = Callable[..., None]
+
+
+class Says:
+    """A planner that answers one thing after the other, and the last one from then on."""
+
+    def __init__(self, *answers: Any) -> None:
+        self._answers = list(answers)
+        self.asked: list[tuple[float, tuple[int, ...]]] = []
+
+    def __call__(self, *_scene_and_rows: object) -> Says:
+        return self
+
+    def plan(self, estimate: Estimate, _health: object, rows: tuple[int, ...]) -> Any:
+        self.asked.append((estimate.time, rows))
+        answer = self._answers.pop(0) if len(self._answers) > 1 else self._answers[0]
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
+
+
+@pytest.fixture
+def made(install: Install) -> Callable[..., Any]:
+    """Make the task of the first two of three agents with a planner, and begin it."""
+
+    def task(planner: Callable[..., object], **options: Any) -> Any:
+        install(planner)
+        (offer,) = star_external.star_tasks()
+        made: Any = offer.make(scene(3), (0, 1), planner="theirs", **options)
+        assert made.begin(estimate(AIR), health(3)) == 60.0
+        return made
+
+    return task
+
+
+def step(task: Task, time: float = 0.0) -> TaskOutput:
+    return task.step(estimate(AIR, time=time), health(3))
+
+
+def goals(of: TaskOutput) -> Goals:
+    assert of.goals is not None
+    return of.goals
+
+
+def test_what_a_planner_is_made_with_are_the_scene_and_the_rows(made: Any) -> None:
+    got: list[object] = []
+
+    def make(*arguments: object) -> Says:
+        got.extend(arguments)
+        return Says({})
+
+    assert isinstance(made(make), Task)
+    assert got == [scene(3), (0, 1)]
+
+
+def test_a_planner_is_one_by_its_shape() -> None:
+    assert isinstance(Says({}), ExternalPlanner)
+
+
+def test_agents_are_sent_to_the_goals(made: Any) -> None:
+    given = goals(step(made(Says({"cf2": Goal((0.5, 0.5, 1.0), (0.1, 0, 0), 1.0, 0.3)}))))
+    assert given.active.tolist() == [False, True, False]
+    assert given.position[1].tolist() == [0.5, 0.5, 1.0]
+    assert given.velocity[1].tolist() == [0.1, 0.0, 0.0]
+    assert (given.yaw[1], given.speed[1]) == (1.0, 0.3)
+
+
+def test_goals_may_be_made_of_arrays(made: Any) -> None:
+    place = np.array([0.5, 0.5, 1.0], np.float32)
+    given = goals(step(made(Says({"cf1": Goal(place, yaw=np.float32(1))}))))  # type: ignore[arg-type]
+    assert given.position[0].tolist() == [0.5, 0.5, 1.0]
+    assert given.yaw[0] == 1.0
+
+
+def test_no_goals_keep_those_there_are(made: Any) -> None:
+    task = made(Says({"cf1": THERE}, {}))
+    step(task)
+    assert goals(step(task, 0.05)).position[0].tolist() == [0.5, 0.5, 1.0]
+
+
+def test_before_the_first_goals_agents_keep_what_they_do(made: Any) -> None:
+    assert step(made(Says({}))) == TaskOutput()
+
+
+def test_the_planner_is_asked_in_every_tick(made: Any) -> None:
+    planner = Says({})
+    task = made(planner)
+    for tick in range(3):
+        step(task, tick * 0.05)
+    assert planner.asked == [(0.0, (0, 1)), (0.05, (0, 1)), (0.1, (0, 1))]
+
+
+def test_the_planner_is_asked_at_the_rate(made: Any) -> None:
+    planner = Says({})
+    task = made(planner, rate=5)
+    for tick in range(9):
+        step(task, tick * 0.05)
+    assert [time for time, _ in planner.asked] == [0.0, 0.2, 0.4]
+
+
+def test_a_step_ends_when_the_planner_is_done(made: Any) -> None:
+    assert step(made(Says(Done()))) == TaskOutput(status=Status.SUCCESS)
+
+
+def test_a_step_fails_when_the_planner_gives_up_and_it_is_named(made: Any) -> None:
+    ended = step(made(Says(Failed("no\nway"))))
+    assert ended.status is Status.FAILURE
+    assert ended.reason == "external planner 'theirs' (their_package:Planner) gave up: no way"
+
+
+def test_who_left_is_in_the_rows_no_more_and_has_no_goal(made: Any) -> None:
+    planner = Says({"cf1": THERE, "cf2": THERE}, {})
+    task = made(planner)
+    step(task)
+    task.on_agents_removed((1,))
+    assert goals(step(task)).active.tolist() == [False, True, False]
+    assert planner.asked[-1][1] == (1,)
+
+
+def test_who_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any) -> None:
+    planner = Says({"cf1": THERE}, {})
+    task = made(planner)
+    step(task)
+    task.on_agent_replaced(0, 2)
+    given = goals(step(task))
+    assert planner.asked[-1][1] == (2, 1)
+    assert given.active.tolist() == [False, False, True]
+    assert given.position[2].tolist() == [0.5, 0.5, 1.0]
+
+
+def test_who_joins_is_in_the_rows_and_can_be_given_goals(made: Any) -> None:
+    planner = Says({}, {"cf3": THERE})
+    task = made(planner)
+    step(task)
+    task.on_agents_added((0, 1, 2))
+    assert goals(step(task)).active.tolist() == [False, False, True]
+    assert planner.asked[-1][1] == (0, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (None, "plan() returned None, expected goals by agent, Done() or Failed(why)"),
+        (Failed(7), "plan() returned Failed(why=7), expected goals"),  # type: ignore[arg-type]
+        (Done, "plan() returned <class 'star_...planner.Done'>, expected goals"),
+        ({"cf1": (1, 0, 1)}, "cf1: the goal is (1, 0, 1), expected a Goal"),
+        ({"cf3": THERE}, "no agent named 'cf3' in this step; there are: cf1, cf2"),
+        ({0: THERE}, "no agent named 0 in this step; there are: cf1, cf2"),
+        ({"cf1": Goal((0, math.nan, 1))}, "cf1: position has nan, expected a finite number"),
+        ({"cf1": Goal((99, 0, 1))}, "cf1: [99, 0, 1] is outside the fence"),
+        ({"cf1": Goal((0, 0, 2))}, "cf1: [0, 0, 2] is outside the heights to fly at"),
+        ({"cf1": Goal((0, 0, 1), speed=2)}, "cf1: speed of 2 m/s is above limits.speed, 0.5 m/s"),
+        (KeyError("gain"), "KeyError: 'gain' ("),
+        (PluginError("no map of the room"), "no map of the room"),
+        (SystemExit("bye"), "SystemExit: bye ("),
+    ],
+)
+def test_what_a_planner_does_wrong_is_told_in_its_name(made: Any, answer: Any, why: str) -> None:
+    task = made(Says(answer))
+    with pytest.raises(PluginError) as raised:
+        step(task)
+    assert str(raised.value).startswith(WHO + why)
+
+
+def test_who_wants_to_end_the_program_may(made: Any) -> None:
+    task = made(Says(KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        step(task)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(position=st.tuples(st.floats(), st.floats(), st.floats()), yaw=st.none() | st.floats())
+def test_whatever_a_planner_wants_agents_are_sent_to_places_inside_the_fence(
+    made: Any, position: tuple[float, float, float], yaw: float | None
+) -> None:
+    room: Scene = scene(3)
+    task = made(Says({"cf1": Goal(position, yaw=yaw)}))
+    try:
+        given = goals(step(task))
+    except PluginError as error:
+        assert str(error).startswith(f"{WHO}cf1: ")  # noqa: PT017 -- whichever it is
+        return
+    assert room.world.fault(position) is None
+    assert np.isfinite(given.yaw).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        ("star_nowhere:Spiral", "ModuleNotFoundError: No module named 'star_nowhere'"),
+        ("builtins:Spiral", "AttributeError: module 'builtins' has no attribute 'Spiral'"),
+        ("builtins:slice", "made slice, expected plan(estimate, health, rows)"),
+        ("builtins:len", "TypeError: len() takes exactly one argument (2 given)"),
+    ],
+)
+def test_a_planner_that_cannot_be_made_is_told_in_its_name(
+    install: Install, value: str, why: str
+) -> None:
+    install(EntryPoint("theirs", value, GROUP))
+    (offer,) = star_external.star_tasks()
+    with pytest.raises(PluginError) as raised:
+        offer.make(scene(3), (0, 1), planner="theirs")
+    assert str(raised.value).startswith(f"external planner 'theirs' ({value}): {why}")
+
+
+def test_no_port_is_opened_for_a_planner(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("socket.create_server", None)  # whoever calls it raises
+    task = made(Says(Done()))
+    assert step(task).status is Status.SUCCESS
+    task.close()
+
+
+def test_a_planner_that_can_be_closed_is_closed(made: Any) -> None:
+    class Closes(Says):
+        closed = 0
+
+        def close(self) -> None:
+            self.closed += 1
+
+    planner = Closes({})
+    made(planner).close()
+    assert planner.closed == 1
+
+
+def test_a_planner_that_raises_when_it_is_closed_is_named(made: Any) -> None:
+    class Sticks(Says):
+        def close(self) -> None:
+            raise OSError("stuck")
+
+    task = made(Sticks({}))
+    with pytest.raises(PluginError) as raised:
+        task.close()
+    assert str(raised.value).startswith(f"{WHO}OSError: stuck (")
+
+
+def test_who_installed_a_planner_is_named_with_it() -> None:
+    theirs = SimpleNamespace(name="their-dist", version="1.0")
+    point = EntryPoint("theirs", "their_package:Planner", GROUP)._for(theirs)  # type: ignore[attr-defined]
+    with pytest.raises(PluginError, match=r"planner 'theirs' \(their-dist 1\.0: their_package:Pl"):
+        PlannerSource(scene(1), (0,), point)
+
+
+def test_an_error_of_many_lines_is_told_on_one(made: Any) -> None:
+    task = made(Says(ValueError("singular\nmatrix")))
+    with pytest.raises(PluginError, match="ValueError: singular matrix "):
+        step(task)

@@ -1,0 +1,92 @@
+"""Verbs that go on without some of their agents."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Estimate, Health, Status, Task, TaskOutput
+from star_core.testing import estimate, health, scene
+
+LEFT = 2.0  # s
+STAYING = (0, 2)
+AIR = [[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]]
+FLYING: dict[str, dict[str, Any]] = {
+    "goto": {"to": [0.0, 1.0, 0.8]},
+    "hold": {"at": [0.0, 1.0, 0.8], "for": 3.0},
+    "follow": {"path": "box", "size": 2.0, "centre": [0.0, 1.0, 0.8]},
+}
+
+
+class Leaving:
+    """A task of three agents that the second leaves at a time, s."""
+
+    def __init__(self, task: Task, when: float) -> None:
+        self._task = task
+        self._when = when
+        self._told = False
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        return self._task.begin(estimate, health)
+
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        if estimate.time >= self._when and not self._told:
+            self._told = True
+            self._task.on_agents_removed(STAYING)  # type: ignore[attr-defined]
+        return self._task.step(estimate, health)
+
+
+def stuck(time: float) -> Any:
+    return np.array([False, time > 1.0, False])
+
+
+@pytest.mark.parametrize("verb", FLYING)
+def test_without_one_that_is_stuck_the_others_are_done(make: Any, fly: Any, verb: str) -> None:
+    room = scene(3)
+    whole = fly(make(verb, room, (0, 1, 2), **FLYING[verb]), room, AIR, stuck=stuck)
+    assert whole.status is Status.RUNNING
+    task = Leaving(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT)
+    flown = fly(task, room, AIR, stuck=stuck)
+    assert flown.status is Status.SUCCESS
+    assert flown.goals[-1].active.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("verb", FLYING)
+def test_who_stays_flies_where_it_would_have_flown(make: Any, fly: Any, verb: str) -> None:
+    room = scene(3)
+    whole = fly(make(verb, room, (0, 1, 2), **FLYING[verb]), room, AIR)
+    task = Leaving(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT)
+    flown = fly(task, room, AIR)
+    for row in STAYING:
+        assert flown.end[row] == pytest.approx(whole.end[row], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("verb", "begins", "ends"),
+    [
+        ("takeoff", AgentPhase.GROUNDED, AgentPhase.FLYING),
+        ("land", AgentPhase.FLYING, AgentPhase.LANDED),
+    ],
+)
+def test_who_stays_climbs_and_descends(
+    make: Any, verb: str, begins: AgentPhase, ends: AgentPhase
+) -> None:
+    now = estimate(np.array(AIR))
+    phases = np.full(3, int(ends))
+    phases[1] = int(begins)  # the one that leaves never gets there
+    task = make(verb, scene(3), (0, 1, 2))
+    task.begin(now, health(3, begins))
+    task.step(now, health(3, begins))
+    there = Health(phases, np.full(3, 4.0), np.zeros(3))
+    assert task.step(now, there).status is Status.RUNNING
+    task.on_agents_removed(STAYING)
+    assert task.step(now, there).status is Status.SUCCESS
+
+
+def test_whoever_waits_wants_nothing(make: Any, fly: Any) -> None:
+    room = scene(3)
+    flown = fly(make("wait", room, (0, 1, 2)), room, AIR, longest=3.0)
+    assert flown.status is Status.RUNNING
+    assert set(flown.goals) == {None}

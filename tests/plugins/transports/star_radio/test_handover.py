@@ -1,0 +1,124 @@
+"""What of an order is repeated so that it takes over from setpoints, without any link."""
+
+from __future__ import annotations
+
+import pytest
+
+from star_core import Supervisor
+from star_radio import orders
+from star_radio.handover import Handover, Repeat, Report
+
+FLIES = int(Supervisor.FLYING)
+PLANNED = int(Supervisor.FLYING | Supervisor.COMMANDER_ACTIVE)
+LAND, STOP = orders.land(0.0, 2.5), orders.stop()
+TAKEOFF, GOTO = orders.takeoff(0.5, 1.0), orders.go_to((1, 0, 1), 0.0, 2.0, 12)
+PERIOD = 0.05  # s, between two ticks
+
+
+def repeated(
+    order: bytes,
+    *,
+    height: tuple[float, float] = (0.5, 0.5),
+    state: int = PLANNED,
+    seen: bool = True,
+    confirmed: float | None = 0.0,
+    seconds: float = 4.0,
+    steered: bool = True,
+) -> list[tuple[float, Repeat]]:
+    """Give an order at 0 s; return when what is repeated.
+
+    Args:
+        order: To give.
+        height: That the drone reports at 0 s and, changing evenly, 1 s later, m.
+        state: That it reports.
+        seen: Whether it reports.
+        confirmed: When the order is confirmed, s.
+        seconds: For how long to look.
+        steered: Whether setpoints flew it before.
+    """
+    handover = Handover(order, "do", 0.0, steered=steered)
+    assert handover.repeat(0.0, None) is Repeat.ORDER
+    found: list[tuple[float, Repeat]] = []
+    for tick in range(1, round(seconds / PERIOD)):
+        now = tick * PERIOD
+        if confirmed is not None and now >= confirmed:
+            handover.confirmed = confirmed
+        at = height[0] + (height[1] - height[0]) * now
+        what = handover.repeat(now, Report(now - 0.01, at, state) if seen else None)
+        if what is not Repeat.NOTHING:
+            found.append((round(now, 2), what))
+    return found
+
+
+def last(found: list[tuple[float, Repeat]]) -> float:
+    return found[-1][0] if found else 0.0
+
+
+def test_an_order_is_held_back_until_its_time() -> None:
+    handover = Handover(LAND, "land", 1.0, steered=True)
+    assert handover.repeat(0.95, None) is Repeat.NOTHING
+    assert handover.repeat(1.0, None) is Repeat.ORDER
+
+
+def test_a_landing_is_repeated_for_half_a_second() -> None:
+    found = repeated(LAND, height=(0.5, 0.2))
+    assert {what for _when, what in found} == {Repeat.ORDER}
+    assert 0.4 <= last(found) <= 0.5
+
+
+def test_a_landing_is_repeated_while_the_drone_does_not_descend_until_the_watchdog() -> None:
+    found = repeated(LAND)
+    assert 1.9 <= last(found) <= 2.0
+    assert len(found) > 15
+
+
+def test_a_landing_that_is_seen_late_to_descend_is_repeated_no_more() -> None:
+    found = repeated(LAND, height=(0.5, 0.4 - 1e-6))
+    assert last(found) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("height", "state"),
+    [(0.05, PLANNED), (0.5, int(Supervisor.CAN_FLY)), (0.5, FLIES | int(Supervisor.LOCKED))],
+    ids=["low", "motors off", "locked"],
+)
+@pytest.mark.parametrize("confirmed", [0.0, None])
+def test_a_drone_that_is_down_is_not_landed_again(
+    height: float, state: int, confirmed: float | None
+) -> None:
+    assert repeated(LAND, height=(height, height), state=state, confirmed=confirmed) == []
+
+
+def test_a_drone_that_is_not_seen_may_be_down_and_is_not_landed_again() -> None:
+    assert last(repeated(LAND, seen=False, confirmed=None)) <= 1.3
+
+
+def test_a_landing_that_was_never_confirmed_is_repeated_when_the_drone_is_seen() -> None:
+    assert last(repeated(LAND, confirmed=None)) > 3.8
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_a_stop_is_repeated_until_half_a_second_after_its_confirmation(*, seen: bool) -> None:
+    found = repeated(STOP, seen=seen, confirmed=1.0)
+    assert {what for _when, what in found} == {Repeat.ORDER}
+    assert 1.4 <= last(found) <= 1.5
+
+
+@pytest.mark.parametrize("order", [TAKEOFF, GOTO])
+def test_of_other_orders_the_notification_alone_is_repeated(order: bytes) -> None:
+    found = repeated(order)
+    assert {what for _when, what in found} == {Repeat.NOTIFICATION}
+    assert last(found) <= 0.5
+
+
+def test_an_order_that_a_late_setpoint_cancelled_is_given_again() -> None:
+    assert {what for _when, what in repeated(GOTO, state=FLIES)} == {Repeat.ORDER}
+    without = repeated(GOTO, state=FLIES, steered=False)
+    assert {what for _when, what in without} == {Repeat.NOTIFICATION}
+
+
+def test_what_is_seen_before_an_order_is_sent_does_not_end_it() -> None:
+    handover = Handover(LAND, "land", 1.0, steered=True)
+    assert handover.repeat(0.9, Report(0.89, 0.05, PLANNED)) is Repeat.NOTHING
+    assert not handover.over
+    assert handover.repeat(1.1, Report(1.09, 0.05, PLANNED)) is Repeat.ORDER
