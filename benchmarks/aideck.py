@@ -18,9 +18,9 @@ import time
 import numpy as np
 
 from star_core import Image
+from star_fleet.aideck.server import AideckServer
+from star_fleet.aideck.switchboard import Switchboard
 from star_radio.camera.client import CameraClient
-from star_sim.fleet.aideck.server import AideckServer
-from star_sim.fleet.aideck.switchboard import Switchboard
 
 SHAPE = (244, 324)
 SIZE = SHAPE[0] * SHAPE[1]

@@ -23,9 +23,9 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from star_core import Agent, Fence, Scene, World
-from star_sim.fleet.packet import Port, join
-from star_sim.fleet.server import Fleet
-from star_sim.fleet.variables import ENTRIES
+from star_fleet.packet import Port, join
+from star_fleet.server import Fleet
+from star_fleet.variables import ENTRIES
 
 FLIGHT = 12.0  # s
 ALOFT = 0.4  # m

@@ -42,7 +42,7 @@ DEAD = "udp://127.0.0.1:9"  # no drone answers there
 
 def serve(n: int, told: Connection) -> None:
     """Serve `n` drones until told to stop; runs in a process of its own."""
-    from star_sim.fleet.server import Fleet
+    from star_fleet.server import Fleet
 
     with Fleet(scene(n), port=0, noise=False) as fleet:
         told.send(fleet.addresses)

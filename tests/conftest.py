@@ -24,7 +24,7 @@ TOGETHER: Final = (
     "tests/plugins/localizers/apriltag/test_simulated.py",
     "tests/plugins/localizers/test_feedback.py",
     "tests/plugins/observers/test_record.py",
-    "tests/plugins/transports/fleet/test_cflib.py",
+    "tests/plugins/commands/star_fleet/test_cflib.py",
 )
 
 ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from star_core.operator_stop import OperatorStop
-from star_sim.fleet.link_faults import LinkFaults
+from star_fleet.link_faults import LinkFaults
 from tests.end_to_end.virtual_air import TAKEN_OFF, Air, Flown, flown
 
 pytest.importorskip("cflib")

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 from star_core import Array, Registry, Scene, load
+from star_fleet.server import Fleet
+from star_fleet.wifi import Wifi
 from star_sim.camera_options import CameraOptions
-from star_sim.fleet.server import Fleet
-from star_sim.fleet.wifi import Wifi
 
 pytest.importorskip("cflib")
 

@@ -21,9 +21,9 @@ import pytest
 
 from star_core import Array, Mask, Registry, Scene, fly, load
 from star_core.operator_stop import OperatorStop
+from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
+from star_fleet.server import Fleet
 from star_radio.link_protocol import LinkListener
-from star_sim.fleet.link_faults import Direction, FaultyLinks, LinkFaults
-from star_sim.fleet.server import Fleet
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from star_core import CommandSpec, Problem, TransportSpec, hookimpl
+from star_core import Problem, TransportSpec, hookimpl
 from star_sim import camera_options
 
 if TYPE_CHECKING:
@@ -104,19 +104,3 @@ def star_transports() -> Iterable[TransportSpec]:
         options=OPTIONS,
         check=check,
     )
-
-
-@hookimpl
-def star_commands() -> Iterable[CommandSpec]:
-    yield CommandSpec(
-        name="fleet",
-        summary="Serve a mission's drones as simulated Crazyflies over UDP, for any client.",
-        make=_fleet,
-        group="Hardware",
-    )
-
-
-def _fleet(arguments: Sequence[str]) -> int:
-    from star_sim.fleet.command import run
-
-    return run(arguments)

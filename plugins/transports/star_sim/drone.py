@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from star_sim import airframe, battery
 
-# What flies a drone: nothing, its commander, velocity setpoints, or a setpoint of `star_sim.fleet`.
+# What flies a drone: nothing, its commander, velocity setpoints, or a setpoint of `star_fleet`.
 OFF, TRAJECTORY, VELOCITY, DEMAND = 0, 1, 2, 3
 
 FREE, SPEED, PLACE = 0, 1, 2  # control of an axis by a demand: none, velocity, position

@@ -14,8 +14,8 @@ import pytest
 from star_core import Frames, PluginError
 from star_core.camera import Camera
 from star_core.testing import scene
+from star_fleet.aideck.server import AideckServer
 from star_radio.ai_decks import AiDecks
-from star_sim.fleet.aideck.server import AideckServer
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 SHAPE = (32, 48)

@@ -11,8 +11,8 @@ import pytest
 import star_radio
 from star_core import PluginError
 from star_core.testing import scene
-from star_sim.fleet.link_faults import LinkFaults
-from star_sim.fleet.server import Fleet
+from star_fleet.link_faults import LinkFaults
+from star_fleet.server import Fleet
 
 DRONES = 5
 ROUNDS = 20

@@ -27,9 +27,9 @@ from star_core import (
     load,
 )
 from star_core.testing import scene
+from star_fleet.aideck.crtp import CrtpOverTcp
+from star_fleet.server import Fleet
 from star_radio.transport import Radio
-from star_sim.fleet.aideck.crtp import CrtpOverTcp
-from star_sim.fleet.server import Fleet
 
 TICK = 0.05  # s
 MISSION = """\

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from star_core import Command, Order, PluginError, Scene, Setpoint, Supervisor, Telemetry
 from star_core.testing import scene
+from star_fleet.server import Fleet
 from star_radio import orders
 from star_radio.broadcast_commands import BroadcastCommands
 from star_radio.connection_options import ConnectionOptions
@@ -23,7 +24,6 @@ from star_radio.steering import Velocities
 from star_radio.tables import Tables
 from star_radio.transport import Radio, Rules
 from star_radio.udp_links import UdpLinks
-from star_sim.fleet.server import Fleet
 from tests.plugins.transports.star_radio.conftest import Peers, reached
 from tests.plugins.transports.star_radio.peer import Peer
 

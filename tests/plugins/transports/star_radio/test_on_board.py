@@ -27,9 +27,9 @@ from star_core import (
 )
 from star_core.operator_stop import OperatorStop
 from star_core.testing import scene
+from star_fleet.server import Fleet
 from star_radio import orders
 from star_radio.transport import Radio
-from star_sim.fleet.server import Fleet
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 ACTIVE, FINISHED = 0x10F, 0x30F  # supervisor.info of one that is on the way, and of one that was

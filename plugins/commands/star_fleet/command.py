@@ -1,0 +1,261 @@
+"""The command ``star fleet``: serves a mission's drones until it is interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from errno import EADDRNOTAVAIL as NOWHERE
+from pathlib import Path
+from socket import gaierror
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from star_core import InputError, Mission, PluginError, Registry, load
+from star_sim.camera_options import CameraOptions
+
+if TYPE_CHECKING:
+    from star_fleet.server import Fleet
+
+LAST_PORT = 65535
+CAMERAS = 5000
+"""Default port of the first camera, as on an AI-deck."""
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Serve until interrupted and return the exit status, 0.
+
+    Raises:
+        InputError: The mission cannot be flown, or a port is not available.
+    """
+    options = parser().parse_args(arguments)
+    assignments = [] if options.seed is None else [f"seed={options.seed}"]
+    mission = load(Path(options.mission), Registry(), assignments)
+    agents = mission.scene.agents
+    carried = sum(agent.camera is not None for agent in agents)
+    cameras = _first_camera(options, carried)
+    _check_ports("--port", options.port, len(agents))
+    _check_ports("--tcp", options.tcp, len(agents))
+    _check_ports("--cameras", cameras, carried)
+    _check_apart(options.tcp, len(agents), cameras, carried)
+    from star_fleet.server import Fleet
+
+    with ExitStack() as opened:
+        with _port_errors("--port", options.port):
+            fleet = Fleet(
+                mission.scene,
+                host=options.host,
+                port=options.port,
+                speed=options.speed,
+                arms_itself=not options.brushless,
+                **_of_simulator(mission, seen=cameras is not None),
+            )
+        opened.callback(fleet.close)
+        more = _over_tcp(fleet, mission, options, cameras, opened)
+        with _until_interrupted(fleet):
+            for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
+                sys.stdout.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
+            sys.stdout.flush()
+            fleet.serve(options.duration)
+    if fleet.slipped:
+        sys.stderr.write(f"star: fleet: the clock stood still for {fleet.slipped:.1f} s in all\n")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command-line parser; separate for use by docs and tests."""
+    star = argparse.ArgumentParser(
+        prog="star fleet",
+        description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
+        epilog="Noise, battery, endurance and camera are taken from the mission's transport `sim`.",
+        allow_abbrev=False,
+    )
+    star.add_argument("mission", help="mission file (YAML)")
+    star.add_argument(
+        "--port",
+        type=_port,
+        default=19850,
+        metavar="N",
+        help="UDP port of the first drone, the others follow; 0 selects free ports: %(default)s",
+    )
+    star.add_argument(
+        "--tcp",
+        type=_port,
+        metavar="N",
+        help="also serve the links as CPX over TCP, from port N on; 0 selects free ports",
+    )
+    decks = star.add_mutually_exclusive_group()
+    decks.add_argument(
+        "--cameras",
+        type=_port,
+        metavar="N",
+        help="stream the agents' cameras like AI-decks, from port N on; 0 selects free ports: "
+        f"{CAMERAS}",
+    )
+    decks.add_argument("--no-cameras", action="store_true", help="do not stream cameras")
+    star.add_argument("--jpeg", action="store_true", help="compress the cameras' images as JPEG")
+    star.add_argument(
+        "--brushless",
+        action="store_true",
+        help="drones with brushless motors, which must be armed before flight",
+    )
+    star.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
+    star.add_argument("--seed", help="random seed (default: the mission's)")
+    star.add_argument(
+        "--speed",
+        type=_positive,
+        default=1.0,
+        metavar="X",
+        help="simulation speed factor: %(default)g",
+    )
+    star.add_argument(
+        "--duration",
+        type=_positive,
+        metavar="S",
+        help="simulated seconds to serve (default: unlimited)",
+    )
+    return star
+
+
+def _first_camera(options: argparse.Namespace, carried: int) -> int | None:
+    """Return the port of the first camera, 0 for a free one; None if no camera is streamed.
+
+    Raises:
+        InputError: Camera options were given, but there are no cameras.
+    """
+    none = "" if carried else f"no agent of {options.mission} carries a 'camera'"
+    if options.cameras is not None and none:
+        raise InputError([f"--cameras {options.cameras}: {none}"])
+    if options.jpeg and (none or options.no_cameras):
+        raise InputError([f"--jpeg: there are no images to compress: {none or '--no-cameras'}"])
+    if none or options.no_cameras:
+        return None
+    return CAMERAS if options.cameras is None else int(options.cameras)
+
+
+def _check_ports(flag: str, first: int | None, count: int) -> None:
+    """Check that there are enough ports from the first one on.
+
+    Raises:
+        InputError: There are not.
+    """
+    if first and first + count - 1 > LAST_PORT:
+        raise InputError([f"{flag} {first}: no {count} ports from there, {LAST_PORT} is the last"])
+
+
+def _check_apart(links: int | None, agents: int, cameras: int | None, carried: int) -> None:
+    """Check that the TCP ports of links and cameras do not overlap.
+
+    Raises:
+        InputError: They overlap.
+    """
+    if links and cameras and links < cameras + carried and cameras < links + agents:
+        raise InputError(
+            [
+                f"--tcp {links}: the links of {agents} agents would take ports of the cameras, "
+                f"which begin at {cameras}; name others by --tcp N or --cameras N"
+            ]
+        )
+
+
+@contextmanager
+def _port_errors(flag: str, port: int, instead: str = "") -> Iterator[None]:
+    """Name the flag of a port that is not available.
+
+    Raises:
+        InputError: The port is not available.
+    """
+    try:
+        yield
+    except PluginError as error:
+        other = f"name another port by {flag} N{instead}"
+        cause = error.__cause__
+        if isinstance(cause, OSError) and (isinstance(cause, gaierror) or cause.errno == NOWHERE):
+            other = "--host is to be an address of this computer"
+        raise InputError([f"{flag} {port}: {error}; {other}"]) from error
+
+
+def _over_tcp(
+    fleet: Fleet,
+    mission: Mission,
+    options: argparse.Namespace,
+    cameras: int | None,
+    opened: ExitStack,
+) -> dict[int, list[str]]:
+    """Serve links and cameras over TCP if requested, and return their addresses, by row.
+
+    Raises:
+        InputError: A port is not available.
+    """
+    if options.tcp is None and cameras is None:
+        return {}
+    from star_fleet.wifi import Wifi  # image compression is slow to import
+
+    found: dict[int, list[str]] = {}
+    scene, host = mission.scene, options.host
+    if options.tcp is not None:
+        with _port_errors("--tcp", options.tcp):
+            wifi = Wifi(fleet, scene, host, links=options.tcp, cameras=None)
+        opened.callback(wifi.close)
+        found = {row: [uri] for row, uri in wifi.links.items()}
+    if cameras is not None:
+        with _port_errors("--cameras", cameras, ", or --no-cameras"):
+            wifi = Wifi(fleet, scene, host, links=None, cameras=cameras, jpeg=options.jpeg)
+        opened.callback(wifi.close)
+        for row, address in wifi.cameras.items():
+            found.setdefault(row, []).append(f"camera {address}")
+    return found
+
+
+def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
+    """Return the mission's options for the simulator, or the defaults for another transport.
+
+    Args:
+        mission: The mission.
+        seen: Whether cameras are streamed; they are then rendered, whatever the mission's mode.
+    """
+    part = mission.parts["transport"]
+    options = part.options if part.use == "sim" else {}
+    camera = CameraOptions.of({**options.get("camera", {}), "mode": "rendered"})
+    return {
+        "noise": options.get("noise", True),
+        "battery": options.get("battery", 1.0),
+        "endurance": options.get("endurance", 420.0),
+        "camera": camera if seen else None,
+    }
+
+
+@contextmanager
+def _until_interrupted(fleet: Fleet) -> Iterator[None]:
+    """Stop serving on SIGINT (Ctrl-C) or SIGTERM."""
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        fleet.stop()
+
+    caught = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, stop) for number in caught]
+    try:
+        yield
+    finally:
+        for number, handler in zip(caught, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _port(text: str) -> int:
+    number = int(text)
+    if not 0 <= number <= LAST_PORT:
+        raise ValueError(text)
+    return number
+
+
+def _positive(text: str) -> float:
+    number = float(text)
+    if not 0 < number < float("inf"):
+        raise ValueError(text)
+    return number
+
+
+_port.__name__ = "port"  # as argparse calls them
+_positive.__name__ = "positive number"

@@ -1,0 +1,113 @@
+"""Faults of radio links: packet loss, duplicates, delay, jitter and cuts, reproducible by a seed.
+
+`star_fleet.server.Fleet` applies them to its UDP links, in both directions; links over TCP,
+which delivers every packet in order, have none.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final, TypeAlias
+
+import numpy as np
+
+GRAIN: Final = 1e-6  # s, by which sums of times may be off
+
+Deliver: TypeAlias = Callable[[], object]
+"""Hands a packet to its receiver."""
+
+
+class Direction(IntEnum):
+    """Where a packet goes; each direction of a link draws its own random numbers."""
+
+    TO_VEHICLE = 0
+    TO_CLIENT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class LinkFaults:
+    """What happens to the packets of a link, each way, independently for each packet.
+
+    Attributes:
+        loss: Probability that a packet is lost, 0 to 1.
+        duplicates: Probability that a packet that is not lost arrives twice, 0 to 1.
+        delay: Of every packet, s of simulated time.
+        jitter: Greatest additional delay, s, uniformly distributed: packets may overtake others.
+        cuts: Intervals of simulated time, (from, to), s; packets that are sent in one are lost.
+
+    Raises:
+        ValueError: A probability is not from 0 to 1, or a delay is negative.
+    """
+
+    loss: float = 0.0
+    duplicates: float = 0.0
+    delay: float = 0.0
+    jitter: float = 0.0
+    cuts: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, most in (("loss", 1.0), ("duplicates", 1.0), ("delay", None), ("jitter", None)):
+            value = getattr(self, name)
+            if not 0 <= value <= (np.inf if most is None else most):
+                expected = "at least 0" if most is None else "0 to 1"
+                raise ValueError(f"{name} is {value!r}, expected {expected}")
+
+    def arrivals(self, sent: float, random: np.random.Generator) -> list[float]:
+        """Return when the copies of a packet arrive that is sent at a time, s; none if it is lost.
+
+        >>> LinkFaults(delay=0.5, cuts=((2.0, 3.0),)).arrivals(1.0, np.random.default_rng(0))
+        [1.5]
+        >>> LinkFaults(delay=0.5, cuts=((2.0, 3.0),)).arrivals(2.0, np.random.default_rng(0))
+        []
+        """
+        lost, twice, *extra = random.random(4).tolist()
+        if lost < self.loss or any(begin <= sent < end for begin, end in self.cuts):
+            return []
+        copies = 2 if twice < self.duplicates else 1
+        return [sent + self.delay + self.jitter * share for share in extra[:copies]]
+
+
+NO_FAULTS: Final = LinkFaults()
+
+
+class FaultyLinks:
+    """The links of a swarm, with the packets that are on their way.
+
+    For use by one thread, except that `faults` may be replaced at any time.
+
+    Args:
+        n: Number of links.
+        faults: Of every link at first.
+        seed: Of the random numbers.
+
+    Attributes:
+        faults: Of each link.
+    """
+
+    def __init__(self, n: int, faults: LinkFaults = NO_FAULTS, seed: int = 0) -> None:
+        self.faults = [faults] * n
+        self._random = [
+            [np.random.default_rng([seed, row, direction]) for direction in Direction]
+            for row in range(n)
+        ]
+        self._under_way: list[tuple[float, int, Deliver]] = []  # a heap by time of arrival, s
+        self._number = itertools.count()  # keeps packets of the same arrival in order
+
+    def send(self, row: int, direction: Direction, now: float, deliver: Deliver) -> None:
+        """Carry a packet that is sent at `now`, s; without a delay it is delivered at once."""
+        faults = self.faults[row]
+        if faults == NO_FAULTS and not self._under_way:
+            deliver()
+            return
+        for due in faults.arrivals(now, self._random[row][direction]):
+            heapq.heappush(self._under_way, (due, next(self._number), deliver))
+        self.deliver(now)
+
+    def deliver(self, now: float) -> None:
+        """Deliver the packets that arrive by `now`, s."""
+        while self._under_way and self._under_way[0][0] <= now + GRAIN:
+            heapq.heappop(self._under_way)[2]()

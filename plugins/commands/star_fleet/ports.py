@@ -1,0 +1,92 @@
+"""The UDP ports of a fleet: one per vehicle, and the client that receives its packets."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from collections.abc import Iterator, Sequence
+from typing import Final, TypeAlias
+
+from star_core import PluginError, Scene
+from star_fleet.packet import is_null
+
+DATAGRAM: Final = 64  # bytes: more than a packet has, so that one that is too long shows
+SILENT: Final = 5.0  # s of the clock on the wall, after which a client counts as gone
+
+Client: TypeAlias = tuple[str, int]
+"""A host and a port."""
+
+
+class Ports:
+    """One UDP port per agent; its stream is sent to the client of the last packet received.
+
+    Args:
+        scene: The agents.
+        host: Address to serve at.
+        numbers: Of the port of each agent; 0 for a free one.
+
+    Attributes:
+        sockets: Of each agent; they do not block.
+
+    Raises:
+        PluginError: A port cannot be had; it is named.
+    """
+
+    def __init__(self, scene: Scene, host: str, numbers: Sequence[int]) -> None:
+        self.sockets: list[socket.socket] = []
+        self._clients: list[tuple[Client, float] | None] = [None] * len(scene.agents)
+        try:
+            for agent, number in zip(scene.agents, numbers, strict=True):
+                self.sockets.append(_opened(agent.name, host, number))
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def addresses(self) -> list[str]:
+        """Address of each agent, as the ``uri`` in a mission."""
+        return [f"udp://{host}:{port}" for host, port in (s.getsockname() for s in self.sockets)]
+
+    def receive(self, row: int) -> Iterator[tuple[bytes, Client]]:
+        """Yield one packet and its sender; the selector reports any that follow."""
+        try:
+            packet, client = self.sockets[row].recvfrom(DATAGRAM)
+        except OSError:  # none after all, or a client has closed its port
+            return
+        if not is_null(packet):  # null packets only search for vehicles
+            self._clients[row] = client, time.monotonic()
+        yield packet, client
+
+    def client(self, row: int) -> Client | None:
+        """Return the client that last sent a packet to the agent, for 5 s after that packet."""
+        known = self._clients[row]
+        return known[0] if known and time.monotonic() - known[1] < SILENT else None
+
+    def send(self, row: int, packet: bytes, client: Client) -> None:
+        """Send a packet of an agent's to a client."""
+        with contextlib.suppress(OSError):  # its buffer is full, or it has gone
+            self.sockets[row].sendto(packet, client)
+
+    def close(self) -> None:
+        """Close the ports. Safe to call twice."""
+        for each in self.sockets:
+            each.close()
+
+
+def _opened(name: str, host: str, number: int) -> socket.socket:
+    """Return the socket of the agent of that name.
+
+    Raises:
+        PluginError: The port cannot be had.
+    """
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        made.setblocking(False)  # noqa: FBT003 -- it has no name
+        made.bind((host, number))
+    except (OSError, OverflowError) as error:
+        made.close()
+        raise PluginError(
+            f"agent {name!r}: port {number} of {host!r} cannot be had: {error}"
+        ) from error
+    return made

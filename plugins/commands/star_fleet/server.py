@@ -1,0 +1,331 @@
+"""The fleet: all drones of a scene in one simulation, each with its own UDP port."""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from types import TracebackType
+from typing import Final, Self, TypeAlias
+
+import numpy as np
+
+from star_core import Agent, Frames, Image, PluginError, Scene
+from star_fleet.craft import Craft
+from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
+from star_fleet.ports import Client, Ports
+from star_fleet.readings import Readings, Source
+from star_fleet.supervisor import PERIOD
+from star_fleet.variables import VARIABLES
+from star_fleet.vehicle import Vehicle
+from star_sim.airframe import CYCLE
+from star_sim.battery import HOVER_TIME
+from star_sim.camera_options import CameraOptions
+from star_sim.transport import Simulator
+
+PORT: Final = 19850  # where clients look first
+ADDRESS: Final = 0xE7E7E7E700  # of the radio of the vehicle in row -1
+MOST_LATE: Final = 0.25  # s, that are caught up with; of more the clock lets go
+BOOT_TIME: Final = 1.0  # s
+BOOT: Final = range(3)  # updates of a supervisor until a vehicle that stands well is ready to fly
+DRAIN: Final = 0.5  # s, after which unread packets are discarded
+
+_SUPERVISE: Final = round(PERIOD / CYCLE)
+_DRAIN: Final = round(DRAIN / CYCLE)
+
+
+Watcher: TypeAlias = tuple[Callable[[Image, float], object], Callable[[], bool]]
+"""Receives an image and the time of its exposure, s; and whether it needs images."""
+
+
+class Fleet:
+    """Serves the drones of a scene as CRTP over UDP, in real time.
+
+    Each agent has the port `port` plus its row, or a free one if `port` is 0. Its stream is sent to
+    the client of the last received packet, for 5 s after that packet.
+
+    ``with Fleet(scene) as fleet:`` serves in a thread of its own.
+
+    Args:
+        scene: Agents, world and seed.
+        host: Address to serve at.
+        port: Of the first agent.
+        ports: Of each agent, in place of `port`.
+        noise: Whether the estimators err.
+        battery: Charge at the start, as a fraction of full.
+        endurance: How long a full battery lets a drone hover, s.
+        camera: How cameras err; None switches them off.
+        speed: Simulated seconds per second.
+        arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
+        feed_forward: Whether a vehicle that follows a plan or holds a position heeds the velocity
+            and acceleration of its reference, as with the Mellinger controller. Without, it lags by
+            0.5 s, as with the firmware's default controller.
+        faults: Of every UDP link, in both directions; see `links` to change them in flight. A
+            delay is rounded up to whole cycles of 10 ms.
+        seed: Of the random numbers of the faults; the scene's if not given.
+
+    Attributes:
+        simulator: What flies; the truth is there.
+        links: The UDP links; ``links.faults[row]`` may be replaced at any time.
+        vehicles: The firmware of each row.
+
+    Raises:
+        PluginError: A port cannot be had; it is named.
+    """
+
+    def __init__(  # noqa: PLR0913
+        self,
+        scene: Scene,
+        *,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        ports: Sequence[int] | None = None,
+        noise: bool = True,
+        battery: float = 1.0,
+        endurance: float = HOVER_TIME,
+        camera: CameraOptions | None = None,
+        speed: float = 1.0,
+        arms_itself: bool = True,
+        feed_forward: bool = True,
+        faults: LinkFaults = NO_FAULTS,
+        seed: int | None = None,
+    ) -> None:
+        self.simulator = Simulator(
+            scene,
+            noise=noise,
+            battery=battery,
+            endurance=endurance,
+            camera=camera,
+            wanted=self.watched,
+        )
+        if not feed_forward:
+            self.simulator.drones["feed_forward"] = 0.0
+        self._agents, self._arms_itself = scene.agents, arms_itself
+        self.vehicles = [self._started(row) for row in range(len(scene.agents))]
+        self._boots_until = np.zeros(len(scene.agents))  # s
+        self.links = FaultyLinks(len(scene.agents), faults, scene.seed if seed is None else seed)
+        self.slipped = 0.0
+        """Seconds that the simulation has fallen behind real time, on a slow machine."""
+        self.busy = 0.0
+        """Seconds spent other than waiting for packets or time."""
+        self._speed = speed
+        self._watchers: dict[int, list[Watcher]] = {}
+        self._saw = False
+        self._cycle = 0
+        self._info = np.zeros(len(scene.agents), np.int64)
+        self._lock = threading.RLock()
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._streams: list[list[Callable[[bytes], object]]] = [[] for _ in scene.agents]
+        try:
+            numbers = _numbers(scene, port, ports)
+            self._ports = Ports(scene, host, numbers)
+        except BaseException:
+            self.simulator.close()
+            raise
+        self.simulator.connect()
+        for _ in BOOT:
+            self._supervise(0.0)
+
+    @property
+    def addresses(self) -> list[str]:
+        """Address of each agent, as the ``uri`` in a mission."""
+        return self._ports.addresses
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.simulator.time
+
+    def handle(self, row: int, packet: bytes) -> list[bytes]:
+        """Give a packet to the vehicle in a row, from any thread, and return its answers."""
+        with self._lock:
+            if self.simulator.time < self._boots_until[row]:
+                return []
+            return self.vehicles[row].handle(packet, self.simulator.time)
+
+    def reboot(self, row: int) -> None:
+        """Restart a vehicle's firmware, from any thread, as a brownout in flight does.
+
+        Its motors stop, its log blocks, parameters and trajectories are gone, its clock and its
+        estimator begin anew, and it answers nothing for `BOOT_TIME`.
+        """
+        with self._lock:
+            self._boots_until[row] = self.simulator.time + BOOT_TIME
+            self.vehicles[row] = self._started(row)
+            Craft(self.simulator, row).restart()
+
+    def listen(self, row: int, send: Callable[[bytes], object]) -> None:
+        """Call `send` with every packet that a vehicle streams, in addition to its UDP client."""
+        self._streams[row].append(send)
+
+    def watch(
+        self, row: int, show: Callable[[Image, float], object], wanted: Callable[[], bool]
+    ) -> None:
+        """Call `show` with every image of a vehicle's camera and the time of its exposure, s.
+
+        No images are rendered while `wanted` returns false.
+        """
+        with self._lock:
+            self._watchers.setdefault(row, []).append((show, wanted))
+
+    def watched(self, row: int) -> bool:
+        """Whether the images of a vehicle's camera are needed."""
+        return any(wanted() for _, wanted in self._watchers.get(row, ()))
+
+    def advance(self) -> None:
+        """Advance by one cycle of 10 ms."""
+        with self._lock:
+            self.simulator.wait((self._cycle + 1) * CYCLE)
+            self._cycle += 1
+            now = self.simulator.time
+            if self._cycle % _SUPERVISE == 0:
+                self._supervise(now)
+            readings = Readings(
+                Source(
+                    self.simulator.drones,
+                    self.simulator.sample,
+                    self._info,
+                    now,
+                    self.simulator.fusion,
+                ),
+                VARIABLES,
+            )
+            streamed = [vehicle.advance(readings, now) for vehicle in self.vehicles]
+            saw, self._saw = self._saw, any(map(self.watched, self._watchers))
+            frames = Frames.none()
+            if self._saw or self._cycle % _DRAIN == 0:
+                heard = self.simulator.receive().frames
+                frames = heard if saw else frames  # converted to the time of the receiver
+        for row, packets in enumerate(streamed):
+            if packets:
+                self._stream(row, packets)
+        self.links.deliver(self.simulator.time)
+        for row, taken, image in zip(
+            frames.agent.tolist(), frames.taken.tolist(), frames.image, strict=True
+        ):
+            for show, _ in self._watchers.get(row, ()):
+                show(image, taken)
+
+    def serve(self, until: float | None = None) -> None:
+        """Answer packets and let time pass, until `until`, s of simulated time, or `stop`."""
+        with selectors.DefaultSelector() as selector:
+            for row, each in enumerate(self._ports.sockets):
+                selector.register(each, selectors.EVENT_READ, row)
+            began = time.monotonic() - self.simulator.time / self._speed
+            woke = time.monotonic()
+            while not self._stopped.is_set() and (until is None or self.simulator.time < until):
+                behind = woke - began - self.simulator.time / self._speed
+                if behind > MOST_LATE:
+                    began += behind
+                    self.slipped += behind
+                elif behind * self._speed >= CYCLE:
+                    self.advance()
+                due = began + (self.simulator.time + CYCLE) / self._speed
+                slept = time.monotonic()
+                ready = selector.select(max(0.0, due - slept))
+                self.busy += slept - woke
+                woke = time.monotonic()
+                for key, _ in ready:
+                    self._receive(key.data)
+
+    def stop(self) -> None:
+        """End `serve`, from any thread."""
+        self._stopped.set()
+
+    def close(self) -> None:
+        """Stop serving and close the ports. Safe to call twice."""
+        self.stop()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        self._ports.close()
+        self.simulator.close()
+
+    def __enter__(self) -> Self:
+        self._thread = threading.Thread(target=self.serve, name="fleet", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _started(self, row: int) -> Vehicle:
+        """Return the firmware of an agent's vehicle as it is after a boot."""
+        agent = self._agents[row]
+        return Vehicle(
+            Craft(self.simulator, row),
+            row,
+            address(agent, row),
+            arms_itself=self._arms_itself,
+            camera=agent.camera is not None,
+            booted=self.simulator.time,
+        )
+
+    def _supervise(self, now: float) -> None:
+        drones = self.simulator.drones
+        columns = (
+            drones["tumbled"].tolist(),
+            drones["crashed"].tolist(),
+            (now - drones["motors_time"]).tolist(),
+        )
+        found = zip(self.vehicles, *columns, strict=True)
+        for row, (vehicle, tumbled, crashed, resting) in enumerate(found):
+            vehicle.supervise(now, tumbled=tumbled != 0, crashed=crashed != 0, resting=resting)
+            self._info[row] = vehicle.info
+
+    def _receive(self, row: int) -> None:
+        """Take one packet from the port of a row."""
+        for packet, client in self._ports.receive(row):
+            self.links.send(
+                row,
+                Direction.TO_VEHICLE,
+                self.simulator.time,
+                partial(self._answer, row, packet, client),
+            )
+
+    def _answer(self, row: int, packet: bytes, client: Client) -> None:
+        for answer in self.handle(row, packet):
+            self._send(row, answer, client)
+
+    def _stream(self, row: int, packets: list[bytes]) -> None:
+        for send in self._streams[row]:
+            for packet in packets:
+                send(packet)
+        if (client := self._ports.client(row)) is not None:
+            for packet in packets:
+                self._send(row, packet, client)
+
+    def _send(self, row: int, packet: bytes, client: Client) -> None:
+        deliver = partial(self._ports.send, row, packet, client)
+        self.links.send(row, Direction.TO_CLIENT, self.simulator.time, deliver)
+
+
+def _numbers(scene: Scene, port: int, ports: Sequence[int] | None) -> Sequence[int]:
+    """Return the number of each agent's port, 0 for a free one.
+
+    Raises:
+        PluginError: There are more or fewer `ports` than agents.
+    """
+    if ports is None:
+        return [port + row if port else 0 for row in range(len(scene.agents))]
+    if len(ports) != len(scene.agents):
+        raise PluginError(f"{len(ports)} ports for {len(scene.agents)} agents")
+    return ports
+
+
+def address(agent: Agent, row: int) -> int:
+    """Return an agent's address on the radio: that of its ``radio://`` URI, or one by its row."""
+    last = (agent.uri or "").partition("?")[0].rpartition("/")[2]
+    if (agent.uri or "").startswith("radio://") and len(last) == 10:  # noqa: PLR2004 -- hex digits
+        with contextlib.suppress(ValueError):
+            return int(last, 16)
+    return ADDRESS + row + 1

@@ -1,0 +1,265 @@
+"""Setpoints as they come over the link, and what each asks of the position loop.
+
+Signs are the firmware's: pitch in packets is nose up positive (``attitude.pitch`` of the legacy
+body frame), yaw is anticlockwise positive except in three old formats and in degrees except in a
+full state, and thrust is of 65535.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from star_core import yaw_from_quaternion
+from star_fleet.packet import expand, read, sound
+from star_sim.airframe import THRUST_MAX
+from star_sim.drone import FREE, PLACE, SPEED
+
+Three = tuple[float, float, float]
+NOTHING: Final[Three] = (0.0, 0.0, 0.0)
+
+LEAST_THRUST, MOST_THRUST = 1000, 60000  # of 65535, ``crtp_commander_rpyt.c``
+FULL_THRUST: Final = 65535
+MOST_CLIMB: Final = 32767.0  # of thrust per m/s in ``flightmode.althold``
+STICK: Final = 30.0  # degrees per m/s in ``flightmode.poshold``
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What a setpoint asks for. Where x and y are FREE it is a tilt.
+
+    Attributes:
+        axes: FREE, SPEED or PLACE along x, y and z.
+        position: Of the axes that are PLACE, odometry frame, m.
+        velocity: m/s; of a PLACE what it moves with.
+        acceleration: m/s².
+        in_body: Whether the horizontal velocity is ahead and aside instead of along x and y.
+        tilt: Roll and pitch (nose down positive), rad.
+        tilt_rate: At which they change, rad/s.
+        lift: Thrust of all motors where z is FREE, N; none stops them.
+        yaw: Heading, rad; None keeps what it is and turns it by `turn_rate`.
+        turn_rate: rad/s.
+    """
+
+    axes: tuple[int, int, int] = (FREE, FREE, FREE)
+    position: Three = NOTHING
+    velocity: Three = NOTHING
+    acceleration: Three = NOTHING
+    in_body: bool = False
+    tilt: tuple[float, float] = (0.0, 0.0)
+    tilt_rate: tuple[float, float] = (0.0, 0.0)
+    lift: float = 0.0
+    yaw: float | None = None
+    turn_rate: float = 0.0
+
+    @property
+    def stops(self) -> bool:
+        """Whether it asks for no thrust at all."""
+        return self.axes[2] == FREE and self.lift <= 0
+
+    def levelled(self) -> Demand:
+        """What the supervisor makes of it when no other follows: level, no turn, z as it is."""
+        return replace(
+            self,
+            axes=(FREE, FREE, self.axes[2]),
+            tilt=(0.0, 0.0),
+            tilt_rate=(0.0, 0.0),
+            yaw=None,
+            turn_rate=0.0,
+        )
+
+
+STOP: Final = Demand()
+
+
+def decode(payload: bytes) -> Demand | None:
+    """Return what a packet of the port SETPOINT asks for; None if it cannot be flown."""
+    kind = payload[0] if payload else -1
+    reader = _READERS.get(kind)
+    return None if reader is None else reader(payload, kind)
+
+
+class Sticks:
+    """Reads the packets of roll, pitch, yaw rate and thrust that come from a hand.
+
+    Thrust is locked until a packet with none has come. ``flightmode`` parameters give the sticks
+    another meaning.
+    """
+
+    def __init__(self) -> None:
+        self._locked = True
+
+    def decode(self, payload: bytes, mode: Mapping[str, float]) -> Demand | None:
+        """Return what a packet asks for; None if it cannot be flown.
+
+        Args:
+            payload: Roll, pitch and yaw rate in degrees, thrust.
+            mode: Values of the parameters ``althold``, ``poshold``, ``posSet``, ``stabModeRoll``
+                and ``stabModePitch``.
+        """
+        values = read("fffH", payload)
+        if values is None or not sound(values[:3]):
+            return None
+        roll, pitch, yaw, thrust = values
+        if thrust == 0:
+            self._locked = False
+        if mode["posSet"] and thrust:
+            place = (-pitch, roll, thrust / 1000)
+            return Demand((PLACE, PLACE, PLACE), place, yaw=math.radians(yaw))
+        high = FREE
+        climb = lift = 0.0
+        if mode["althold"]:
+            high, climb = SPEED, (thrust - MOST_CLIMB) / MOST_CLIMB
+        elif not self._locked and thrust >= LEAST_THRUST:
+            lift = _lift(min(thrust, MOST_THRUST))
+        turn = math.radians(yaw)
+        if mode["poshold"]:
+            velocity = (pitch / STICK, roll / STICK, climb)
+            return Demand((SPEED, SPEED, high), NOTHING, velocity, lift=lift, turn_rate=turn)
+        rated = [mode["stabModeRoll"] == 0, mode["stabModePitch"] == 0]
+        angles = [math.radians(roll), -math.radians(pitch)]
+        return Demand(
+            (FREE, FREE, high),
+            velocity=(0.0, 0.0, climb),
+            tilt=(0.0 if rated[0] else angles[0], 0.0 if rated[1] else angles[1]),
+            tilt_rate=(angles[0] if rated[0] else 0.0, angles[1] if rated[1] else 0.0),
+            lift=lift,
+            turn_rate=turn,
+        )
+
+
+def _stop(_payload: bytes, _kind: int) -> Demand:
+    return STOP
+
+
+def _four(payload: bytes) -> tuple[float, ...] | None:
+    values = read("ffff", payload, 1)
+    return values if values is not None and sound(values) else None
+
+
+def _velocity(payload: bytes, kind: int) -> Demand | None:
+    """Vx, vy, vz in the odometry frame, and a turn."""
+    if (values := _four(payload)) is None:
+        return None
+    *velocity, turn = values
+    return Demand(
+        (SPEED, SPEED, SPEED), velocity=_three(velocity), turn_rate=_turn(turn, kind in _LEGACY)
+    )
+
+
+def _distance(payload: bytes, kind: int) -> Demand | None:
+    """Roll, pitch, turn, height."""
+    if (values := _four(payload)) is None:
+        return None
+    roll, pitch, turn, height = values
+    return Demand(
+        (FREE, FREE, PLACE),
+        (0.0, 0.0, height),
+        tilt=(math.radians(roll), -math.radians(pitch)),
+        turn_rate=_turn(turn, kind in _LEGACY),
+    )
+
+
+def _climb(payload: bytes, _kind: int) -> Demand | None:
+    """Roll, pitch, turn, vertical velocity."""
+    if (values := _four(payload)) is None:
+        return None
+    roll, pitch, turn, climb = values
+    return Demand(
+        (FREE, FREE, SPEED),
+        velocity=(0.0, 0.0, climb),
+        tilt=(math.radians(roll), -math.radians(pitch)),
+        turn_rate=math.radians(turn),
+    )
+
+
+def _hover(payload: bytes, kind: int) -> Demand | None:
+    """Velocity ahead and aside, turn, height."""
+    if (values := _four(payload)) is None:
+        return None
+    ahead, aside, turn, height = values
+    return Demand(
+        (SPEED, SPEED, PLACE),
+        (0.0, 0.0, height),
+        (ahead, aside, 0.0),
+        in_body=True,
+        turn_rate=_turn(turn, kind in _LEGACY),
+    )
+
+
+def _place(payload: bytes, _kind: int) -> Demand | None:
+    """X, y, z, and yaw in degrees."""
+    if (values := _four(payload)) is None:
+        return None
+    *position, yaw = values
+    return Demand((PLACE, PLACE, PLACE), _three(position), yaw=math.radians(yaw))
+
+
+def _full_state(payload: bytes, _kind: int) -> Demand | None:
+    """Position, velocity, acceleration in mm, attitude; body rates in mrad/s go unused.
+
+    So they do in the firmware with its default controller, which this one stands for:
+    ``fullStateDecoder`` (``crtp_commander_generic.c``) disables roll, pitch and yaw and has heading
+    by the quaternion, and ``controller_pid.c`` heeds rates only where one of them is a velocity.
+    A client that packs deg/s for rad/s is therefore not seen to be wrong here, nor there; with the
+    Mellinger controller (``controller_mellinger.c``), which damps towards them, it is.
+    """
+    values = read("9hI3h", payload, 1)
+    if values is None:
+        return None
+    metres = [value / 1000 for value in values[:9]]
+    return Demand(
+        (PLACE, PLACE, PLACE),
+        _three(metres[:3]),
+        _three(metres[3:6]),
+        _three(metres[6:]),
+        yaw=float(yaw_from_quaternion(expand(values[9]))),
+    )
+
+
+def _manual(payload: bytes, _kind: int) -> Demand | None:
+    """Roll, pitch (angles or rates), turn, thrust."""
+    values = read("fffHB", payload, 1)
+    if values is None or not sound(values[:3]):
+        return None
+    roll, pitch, turn, thrust, rated = values
+    angles = (math.radians(roll), -math.radians(pitch))
+    return Demand(
+        tilt=(0.0, 0.0) if rated else angles,
+        tilt_rate=angles if rated else (0.0, 0.0),
+        lift=_lift(thrust),
+        turn_rate=math.radians(turn),
+    )
+
+
+_LEGACY: Final = frozenset({1, 2, 5})  # they turn clockwise
+
+_READERS: Final[Mapping[int, Callable[[bytes, int], Demand | None]]] = {
+    0: _stop,
+    1: _velocity,
+    2: _distance,
+    4: _climb,
+    5: _hover,
+    6: _full_state,
+    7: _place,
+    8: _velocity,
+    9: _distance,
+    10: _hover,
+    11: _manual,
+}
+
+
+def _lift(thrust: int) -> float:
+    """Return the thrust of all motors, N."""
+    return 4 * THRUST_MAX * thrust / FULL_THRUST
+
+
+def _turn(degrees: float, clockwise: bool) -> float:  # noqa: FBT001
+    return math.radians(-degrees if clockwise else degrees)
+
+
+def _three(values: list[float]) -> Three:
+    x, y, z = values
+    return x, y, z

@@ -1,0 +1,186 @@
+"""A camera is read whatever its deck does, and nobody waits for it."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+
+from star_core import Image
+from star_fleet.aideck.image import framed
+from star_fleet.aideck.server import AideckServer
+from star_radio.camera.client import CameraClient
+from star_radio.camera.stream import Counts
+
+Until: TypeAlias = Callable[..., bool]
+
+SHAPE = (244, 324)
+BLANK = np.zeros(SHAPE, np.uint8)
+
+
+@pytest.fixture
+def server() -> Iterator[AideckServer]:
+    with AideckServer(port=0) as server:
+        yield server
+
+
+@pytest.fixture
+def client(server: AideckServer, until: Until) -> Iterator[CameraClient]:
+    with CameraClient(*server.address) as client:
+        assert until(lambda: server.connected and client.fault is None)
+        yield client
+
+
+# Images
+
+
+@pytest.mark.parametrize("jpeg", [False, True])
+def test_images_arrive(*, jpeg: bool, picture: Image, until: Until) -> None:
+    with AideckServer(port=0, jpeg=jpeg) as server, CameraClient(*server.address) as client:
+        assert client.reached(5.0)
+        assert until(lambda: server.connected)
+        server.publish(picture, 0.0)
+        assert until(lambda: client.counts.images)
+        (shot,) = client.arrived()
+        assert abs(shot.image.astype(int) - picture).max() <= (4 if jpeg else 0)
+        assert client.arrived() == []
+
+
+def test_an_image_was_taken_the_latency_before_its_first_packet(until: Until) -> None:
+    now, read = 10.0, threading.Event()
+
+    def clock() -> float:
+        value = now
+        read.set()
+        return value
+
+    whole = framed(BLANK)
+    with closing(socket.create_server(("127.0.0.1", 0))) as listener:
+        address = listener.getsockname()
+        with CameraClient(*address[:2], latency=0.2, clock=clock) as client:
+            deck, _ = listener.accept()
+            with deck:
+                deck.sendall(whole[:5000])
+                assert read.wait(5)
+                now = 10.6
+                deck.sendall(whole[5000:])
+                assert until(lambda: client.counts.images)
+            (shot,) = client.arrived()
+    assert (shot.arrived, shot.taken) == (10.6, 9.8)
+
+
+def test_images_that_nobody_fetches_are_dropped_oldest_first(
+    server: AideckServer, until: Until
+) -> None:
+    with CameraClient(*server.address, waiting=3) as client:
+        assert until(lambda: server.connected)
+        for value in range(5):
+            server.publish(BLANK + np.uint8(value), 0.0)
+            assert until(lambda wanted=value + 1: client.counts.images == wanted)
+        assert [int(shot.image[0, 0]) for shot in client.arrived()] == [2, 3, 4]
+        assert client.counts.dropped == 2
+
+
+# Connections
+
+
+def test_a_deck_that_was_away_is_read_again(picture: Image, until: Until) -> None:
+    server = AideckServer(port=0)
+    with CameraClient(*server.address) as client:
+        assert client.reached(5.0)
+        server.close()
+        assert until(lambda: client.fault is not None)
+        with AideckServer(port=server.address[1]) as again:
+            assert client.reached(5.0)
+            assert until(lambda: again.connected)
+            again.publish(picture, 0.0)
+            assert until(client.arrived)
+        assert client.counts.connections == 2
+
+
+def test_a_deck_that_hung_up_is_named(until: Until) -> None:
+    server = AideckServer(port=0)
+    with CameraClient(*server.address) as client:
+        assert client.reached(5.0)
+        server.close()
+        assert until(lambda: client.fault is not None)
+        assert client.fault is not None
+        assert client.fault.startswith(f"127.0.0.1:{server.address[1]}: ")
+
+
+def test_a_deck_that_is_not_there_is_named(until: Until) -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+    with CameraClient("127.0.0.1", port) as client:
+        wanted = f"127.0.0.1:{port}: Connection refused"
+        assert until(lambda: client.fault == wanted)
+        assert not client.reached(0.0)
+
+
+@pytest.mark.parametrize(("host", "port"), [("127.0.0.1", 70_000), ("a" * 64 + ".b", 5000)])
+def test_an_address_that_there_cannot_be_is_a_fault_like_another(
+    host: str, port: int, until: Until
+) -> None:
+    with CameraClient(host, port) as client:
+        assert until(lambda: client.fault != f"{host}:{port}: not called yet")
+        assert client._thread.is_alive()
+
+
+def test_a_deck_that_falls_silent_is_called_anew(server: AideckServer, until: Until) -> None:
+    with CameraClient(*server.address, silence=0.3) as client:
+        assert until(lambda: client.counts.connections >= 2)
+
+
+def test_a_deck_that_hangs_up_at_once_is_not_called_without_a_pause() -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as listener:
+        listener.settimeout(0.05)
+        stop = threading.Event()
+
+        def refuse() -> None:
+            while not stop.is_set():
+                with suppress(TimeoutError):
+                    listener.accept()[0].close()
+
+        thread = threading.Thread(target=refuse)
+        thread.start()
+        with CameraClient(*listener.getsockname()[:2]) as client:
+            time.sleep(1.0)
+            assert 1 <= client.counts.connections <= 6
+        stop.set()
+        thread.join()
+
+
+def test_a_thousand_malformed_frames_are_survived(picture: Image, until: Until) -> None:
+    random = np.random.default_rng(11)
+    with (
+        closing(socket.create_server(("127.0.0.1", 0))) as listener,
+        CameraClient(*listener.getsockname()[:2]) as client,
+    ):
+        deck, _ = listener.accept()
+        with deck:
+            for _ in range(1000):
+                deck.sendall(random.bytes(int(random.integers(1, 400))))
+            for _ in range(3):
+                deck.sendall(framed(picture))
+            assert until(lambda: client.counts.images >= 2)
+        assert client.counts.malformed > 0
+        assert client.counts.connections == 1
+
+
+def test_closing_ends_the_thread(server: AideckServer) -> None:
+    client = CameraClient(*server.address)
+    assert client._thread.is_alive()
+    client.close()
+    client.close()
+    assert not client._thread.is_alive()
+
+
+def test_counts_are_a_copy(client: CameraClient) -> None:
+    client.counts.images = 7
+    assert client.counts == Counts(connections=1)

@@ -1,0 +1,73 @@
+"""The decks of simulated Crazyflies stream what their cameras see, and carry their links."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+from star_core import Agent, Camera, Fence, Image, Scene, World
+from star_fleet.aideck.crtp import CrtpOverTcp
+from star_fleet.server import Fleet
+from star_fleet.wifi import Wifi
+from star_radio.camera.client import CameraClient
+from star_sim.camera_options import CameraOptions
+
+Until: TypeAlias = Callable[..., bool]
+
+
+def scene() -> Scene:
+    world = World("lab", Fence((-2, -2, 0), (2, 2, 2)))
+    return Scene((Agent("cf0", (0.0, 0.0, 0.0), camera=Camera()),), 0.05, world, realtime=True)
+
+
+@pytest.fixture
+def fleet() -> Iterator[Fleet]:
+    with Fleet(scene(), ports=[0], camera=CameraOptions()) as fleet:
+        yield fleet
+
+
+def test_what_a_simulated_camera_sees_arrives(fleet: Fleet, until: Until) -> None:
+    published: list[Image] = []
+    fleet.watch(0, lambda image, _taken: published.append(image), lambda: True)
+    wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0)
+    host, port = wifi.cameras[0].split(":")
+    with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
+        assert until(lambda: client.counts.images >= 2, within=30.0)
+        shots = client.arrived()
+    assert any((shots[0].image == image).all() for image in list(published))
+
+
+def test_what_a_simulated_camera_sees_arrives_compressed(fleet: Fleet, until: Until) -> None:
+    published: list[Image] = []
+    fleet.watch(0, lambda image, _taken: published.append(image), lambda: True)
+    wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0, jpeg=True)
+    host, port = wifi.cameras[0].split(":")
+    with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
+        assert until(lambda: client.counts.images >= 2, within=30.0)
+        shots = client.arrived()
+    off = [np.abs(shots[0].image.astype(int) - image).mean() for image in list(published)]
+    assert 0 < min(off) < 5  # grey values: JPEG keeps them nearly
+
+
+@pytest.mark.usefixtures("capfd")  # cflib prints
+def test_cflib_connects_over_tcp(fleet: Fleet, until: Until, tmp_path: Path) -> None:
+    crazyflie: Any = pytest.importorskip("cflib.crazyflie")
+    crtp = pytest.importorskip("cflib.crtp")
+    crtp.init_drivers()
+    with CrtpOverTcp("127.0.0.1", 0, partial(fleet.handle, 0)) as link:
+        fleet.listen(0, link.push)
+        cf = crazyflie.Crazyflie(rw_cache=str(tmp_path))
+        connected: list[str] = []
+        cf.fully_connected.add_callback(connected.append)
+        cf.open_link("tcp://{}:{}".format(*link.address))
+        assert until(lambda: connected, within=30.0)
+        router = cf.link.cpx._router
+        cf.close_link()
+        router.join(5)
+    assert len(connected) == 1

@@ -1,0 +1,176 @@
+"""A simulated deck streams as a deck does, and waits for nobody."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+
+from star_core import ContractError, Image, PluginError
+from star_fleet.aideck.image import framed
+from star_fleet.aideck.server import AideckServer
+from star_fleet.aideck.switchboard import Switchboard
+from star_radio.camera.stream import Counts, Stream
+
+Until: TypeAlias = Callable[..., bool]
+
+SHAPE = (244, 324)
+BLANK = np.zeros(SHAPE, np.uint8)
+
+
+def received(client: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        piece = client.recv(size - len(data))
+        assert piece
+        data += piece
+    return data
+
+
+@pytest.mark.parametrize("jpeg", [False, True])
+def test_a_client_gets_the_image_and_nothing_else(
+    *, jpeg: bool, picture: Image, until: Until
+) -> None:
+    with (
+        AideckServer(port=0, jpeg=jpeg) as server,
+        socket.create_connection(server.address, 5) as client,
+    ):
+        assert until(lambda: server.connected)
+        server.publish(picture, 0.0)
+        whole = framed(picture, jpeg=jpeg)
+        assert received(client, len(whole)) == whole
+    assert server.dropped == 0
+
+
+def test_a_client_that_does_not_read_misses_whole_images_and_delays_nobody(until: Until) -> None:
+    counts = Counts()
+    stream = Stream(SHAPE, counts)
+    with AideckServer(port=0) as server, socket.create_connection(server.address, 5) as client:
+        assert until(lambda: server.connected)
+        for value in range(200):
+            server.publish(BLANK + np.uint8(value), 0.0)  # would not return if it waited
+        assert server.dropped > 0
+        values: list[int] = []
+        client.settimeout(5)
+        while 199 not in values:
+            values += [int(a.image[0, 0]) for a in stream.feed(client.recv(65_536), 0.0)]
+    assert values == sorted(set(values))
+    assert len(values) == 200 - server.dropped
+    assert (counts.broken, counts.malformed) == (0, 0)
+
+
+def test_images_without_a_client_are_lost_and_not_counted() -> None:
+    with AideckServer(port=0) as server:
+        server.publish(BLANK, 0.0)
+        assert server.dropped == 0
+
+
+def test_another_client_is_served_when_the_first_has_gone(picture: Image, until: Until) -> None:
+    whole = framed(picture)
+    with AideckServer(port=0) as server:
+        for _ in range(3):
+            with socket.create_connection(server.address, 5) as client:
+                assert until(lambda: server.connected)
+                server.publish(picture, 0.0)
+                assert received(client, len(whole)) == whole
+            assert until(lambda: not server.connected)
+
+
+def test_a_second_client_waits_for_the_first_to_go(until: Until) -> None:
+    with AideckServer(port=0) as server:
+        first = socket.create_connection(server.address, 5)
+        assert until(lambda: server.connected)
+        with socket.create_connection(server.address, 5) as second:
+            server.publish(BLANK, 0.0)
+            second.settimeout(0.1)
+            with pytest.raises(TimeoutError):
+                second.recv(1)
+            first.close()
+            second.settimeout(None)
+            thread = threading.Thread(target=second.recv, args=(1,), daemon=True)
+            thread.start()
+
+            def served() -> bool:
+                server.publish(BLANK, 0.0)
+                return not thread.is_alive()
+
+            assert until(served)
+
+
+def test_a_client_that_breaks_off_in_an_image_leaves_the_next_one_a_whole(
+    picture: Image, until: Until
+) -> None:
+    with AideckServer(port=0) as server:
+        with socket.create_connection(server.address, 5) as client:
+            assert until(lambda: server.connected)
+            for _ in range(60):
+                server.publish(BLANK, 0.0)
+            received(client, 5000)
+        assert until(lambda: not server.connected)
+        with socket.create_connection(server.address, 5) as client:
+            assert until(lambda: server.connected)
+            server.publish(picture, 0.0)
+            assert received(client, 15) == framed(picture)[:15]
+
+
+def test_thirty_decks_share_one_thread(
+    switchboard: Switchboard, picture: Image, until: Until
+) -> None:
+    before = threading.active_count()
+    servers = [AideckServer(port=0, switchboard=switchboard) for _ in range(30)]
+    clients = [socket.create_connection(server.address, 5) for server in servers]
+    assert until(lambda: all(server.connected for server in servers))
+    assert threading.active_count() == before
+    whole = framed(picture)
+    for server, client in zip(servers, clients, strict=True):
+        server.publish(picture, 0.0)
+        assert received(client, len(whole)) == whole
+    for client in clients:
+        client.close()
+    for server in servers:
+        server.close()
+
+
+def test_a_port_is_free_again_when_its_deck_is_closed(switchboard: Switchboard) -> None:
+    server = AideckServer(port=0, switchboard=switchboard)
+    server.close()
+    server.close()
+    AideckServer(port=server.address[1], switchboard=switchboard).close()
+
+
+def test_closing_a_deck_ends_its_own_thread() -> None:
+    before = threading.active_count()
+    AideckServer(port=0).close()
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_port_that_is_taken_is_named(*, shared: bool, switchboard: Switchboard) -> None:
+    before = threading.active_count()
+    with AideckServer(port=0, switchboard=switchboard) as server:
+        port = server.address[1]
+        wanted = rf"^cannot listen on 127\.0\.0\.1:{port}: .*in use"
+        with pytest.raises(PluginError, match=wanted):
+            AideckServer(port=port, switchboard=switchboard if shared else None)
+    assert threading.active_count() == before
+
+
+def test_a_number_that_is_no_port_is_named(switchboard: Switchboard) -> None:
+    with pytest.raises(PluginError, match=r"^cannot listen on 127\.0\.0\.1:70000: .*65535$"):
+        AideckServer(port=70_000, switchboard=switchboard)
+
+
+def test_an_image_of_another_shape_is_refused(switchboard: Switchboard) -> None:
+    with (
+        AideckServer(port=0, switchboard=switchboard) as server,
+        pytest.raises(
+            ContractError,
+            match=r"^image of an AI-deck has shape \(324, 244\) and dtype uint8, expected"
+            r" \(244, 324\) and uint8$",
+        ),
+    ):
+        server.publish(BLANK.T, 0.0)

@@ -1,0 +1,198 @@
+"""Unmodified cflib, over UDP: what the firmware's own client library sees."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from star_core.testing import scene
+from star_fleet.server import Fleet
+
+crtp = pytest.importorskip("cflib.crtp")
+SPEED = 5.0  # simulated seconds per second
+PATIENCE = 30.0  # s of the clock on the wall
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Iterator[Fleet]:
+    crtp.init_drivers()
+    with Fleet(scene(4), port=0, noise=False, speed=SPEED) as made:
+        yield made
+
+
+@pytest.fixture
+def link(fleet: Fleet, tmp_path: Path) -> Iterator[Callable[[int], Any]]:
+    """Opens the link to the vehicle in a row."""
+    from cflib.crazyflie import Crazyflie
+
+    opened = []
+
+    def connect(row: int) -> Any:
+        vehicle = Crazyflie(rw_cache=str(tmp_path / "cache"))
+        done: list[bool] = []
+        vehicle.fully_connected.add_callback(lambda _uri: done.append(True))
+        vehicle.connection_failed.add_callback(lambda _uri, _why: done.append(False))
+        vehicle.open_link(fleet.addresses[row])
+        opened.append(vehicle)
+        until(lambda: bool(done))
+        assert done == [True]
+        return vehicle
+
+    yield connect
+    for vehicle in opened:
+        vehicle.close_link()
+
+
+def until(met: Callable[[], bool]) -> None:
+    """Wait for something to be so."""
+    end = time.monotonic() + PATIENCE
+    while not met():
+        assert time.monotonic() < end, "it was never so"
+        time.sleep(0.01)
+
+
+def logged(vehicle: Any, *names: str) -> dict[str, float]:
+    """Return the values of variables, as a log block of cflib's brings them."""
+    from cflib.crazyflie.log import LogConfig
+
+    seen: list[dict[str, float]] = []
+    config = LogConfig("values", period_in_ms=20)
+    for name in names:
+        config.add_variable(name)
+    vehicle.log.add_config(config)
+    config.data_received_cb.add_callback(lambda _time, values, _config: seen.append(values))
+    config.start()
+    until(lambda: len(seen) >= 2)
+    config.stop()
+    config.delete()
+    until(lambda: not config.added)
+    return seen[-1]
+
+
+def height(fleet: Fleet, row: int) -> float:
+    return float(fleet.simulator.drones["position"][row, 2])
+
+
+def test_it_takes_off_goes_and_lands(fleet: Fleet, link: Callable[[int], Any]) -> None:
+    vehicle = link(0)
+    acknowledged: list[bytes] = []
+    vehicle.add_port_callback(8, lambda packet: acknowledged.append(bytes(packet.data)))
+    vehicle.commander.send_notify_setpoint_stop()
+    vehicle.high_level_commander.takeoff(0.7, 2.0)
+    until(lambda: height(fleet, 0) > 0.65)
+    vehicle.high_level_commander.go_to(0.4, 0.2, 0.7, 0.0, 2.0)
+    place = fleet.simulator.drones[0]["believed_position"]
+    until(lambda: abs(place[0] - 0.4) < 0.02 and abs(place[1] - 0.2) < 0.02)
+    vehicle.high_level_commander.land(0.0, 2.0)
+    until(lambda: not fleet.simulator.drones["mode"][0])
+    assert height(fleet, 0) < 0.05
+    until(lambda: not vehicle.supervisor.is_flying)
+    assert [answer[3] for answer in acknowledged] == [0, 0, 0]
+
+
+def test_it_writes_and_reads_a_parameter(link: Callable[[int], Any]) -> None:
+    vehicle = link(1)
+    assert float(vehicle.param.get_value("locSrv.extPosStdDev")) == pytest.approx(0.01)
+    written: list[str] = []
+    vehicle.param.add_update_callback("locSrv", "extPosStdDev", lambda _n, v: written.append(v))
+    vehicle.param.set_value("locSrv.extPosStdDev", 0.5)
+    until(lambda: bool(written))
+    assert float(written[-1]) == 0.5
+    with pytest.raises(AttributeError, match="read-only"):
+        vehicle.param.set_value("deck.bcFlow2", 0)
+
+
+def test_it_reads_stores_and_clears_a_persistent_parameter(link: Callable[[int], Any]) -> None:
+    vehicle = link(1)
+    got: list[Any] = []
+    vehicle.param.persistent_get_state("ring.effect", lambda _name, state: got.append(state))
+    until(lambda: len(got) == 1)
+    assert (got[0].is_stored, got[0].default_value) == (False, 6)
+    vehicle.param.persistent_store("ring.effect", lambda _name, done: got.append(done))
+    until(lambda: len(got) == 2)
+    assert got[1] is True
+
+
+def test_it_logs(link: Callable[[int], Any]) -> None:
+    values = logged(link(1), "pm.vbat", "stateEstimate.z", "supervisor.info", "stateEstimateZ.quat")
+    assert values["pm.vbat"] == pytest.approx(4.19, abs=0.02)
+    assert values["supervisor.info"] == 0b1110
+
+
+def test_it_reads_the_supervisor(link: Callable[[int], Any]) -> None:
+    vehicle = link(1)
+    assert vehicle.supervisor.read_state_list() == ["Is armed", "Is auto armed", "Can fly"]
+    assert vehicle.platform.get_protocol_version() == 12
+
+
+def test_it_uploads_a_trajectory_and_starts_it(fleet: Fleet, link: Callable[[int], Any]) -> None:
+    from cflib.crazyflie.mem import MemoryElement
+    from cflib.crazyflie.mem.trajectory_memory import Poly4D
+
+    vehicle = link(2)
+    vehicle.commander.send_notify_setpoint_stop()
+    vehicle.high_level_commander.takeoff(0.7, 1.5)
+    until(lambda: height(fleet, 2) > 0.65)
+    (memory,) = vehicle.mem.get_mems(MemoryElement.TYPE_TRAJ)
+    zero = [0.0] * 8
+    memory.trajectory = [
+        Poly4D(
+            2.0,
+            Poly4D.Poly([0.0, 0.25, *zero[2:]]),
+            Poly4D.Poly(zero),
+            Poly4D.Poly([0.7, *zero[1:]]),
+            Poly4D.Poly(zero),
+        )
+    ]
+    assert memory.write_data_sync()
+    vehicle.high_level_commander.define_trajectory(1, 0, 1)
+    vehicle.high_level_commander.start_trajectory(1, 1.0)
+    place = fleet.simulator.drones[2]["believed_position"]
+    until(lambda: abs(place[0] - 0.5) < 0.02)
+    assert place[2] == pytest.approx(0.7, abs=0.05)
+    vehicle.high_level_commander.land(0.0, 1.5)
+    until(lambda: not vehicle.supervisor.is_flying)
+
+
+def test_it_flies_setpoints_and_hands_over(fleet: Fleet, link: Callable[[int], Any]) -> None:
+    vehicle = link(2)
+    vehicle.commander.send_notify_setpoint_stop()
+    vehicle.high_level_commander.takeoff(0.7, 1.5)
+    until(lambda: height(fleet, 2) > 0.65)
+    drone = fleet.simulator.drones[2]
+
+    def push() -> bool:
+        vehicle.commander.send_velocity_world_setpoint(0.0, 0.3, 0.0, 0.0)
+        return bool(drone["believed_velocity"][1] > 0.25)
+
+    until(push)
+    vehicle.high_level_commander.land(0.0, 1.5)
+    vehicle.commander.send_notify_setpoint_stop()
+    until(lambda: not vehicle.supervisor.is_flying)
+    assert not vehicle.supervisor.is_locked
+
+
+def test_closing_the_link_after_a_landing_too_early_locks(
+    fleet: Fleet, link: Callable[[int], Any]
+) -> None:
+    vehicle = link(3)
+    vehicle.commander.send_notify_setpoint_stop()
+    vehicle.high_level_commander.takeoff(0.5, 1.0)
+    until(lambda: height(fleet, 3) > 0.45)
+    vehicle.high_level_commander.land(0.0, 1.0)
+    until(lambda: not fleet.simulator.drones["mode"][3])
+    vehicle.close_link()
+    until(lambda: bool(fleet.simulator.drones["locked"][3]))
+    assert link(3).supervisor.is_locked
+
+
+def test_its_estimator_reset_ends(link: Callable[[int], Any]) -> None:
+    names = [f"kalman.var{axis}" for axis in ("PX", "PY", "PZ")]
+    vehicle = link(1)
+    vehicle.param.set_value("kalman.resetEstimation", 1)
+    first, second = logged(vehicle, *names), logged(vehicle, *names)
+    assert all(abs(first[name] - second[name]) < 1e-3 for name in names)

@@ -1,0 +1,237 @@
+"""``star fleet`` as its user sees it."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+import pytest
+
+from star_core import InputError, Supervisor
+from star_fleet.aideck.server import PORT
+from star_fleet.command import CAMERAS, run
+from star_fleet.packet import Port, join
+
+MISSIONS = Path(__file__).parents[4] / "missions"
+FIRST = str(MISSIONS / "first_flight.yaml")
+EYES = str(MISSIONS / "three_eyes.yaml")
+
+
+def free(count: int = 1) -> int:
+    """A port that nobody has, to be served at, nor those after it of so many."""
+    while True:
+        with ExitStack() as taken, suppress(OSError, OverflowError):
+            first = taken.enter_context(socket.create_server(("127.0.0.1", 0)))
+            port: int = first.getsockname()[1]
+            for more in range(1, count):
+                taken.enter_context(socket.create_server(("127.0.0.1", port + more)))
+            return port
+
+
+def called(port: int) -> socket.socket:
+    """Call a port until somebody answers."""
+    for _ in range(600):
+        with suppress(OSError):
+            return socket.create_connection(("127.0.0.1", port))
+        time.sleep(0.1)
+    raise TimeoutError
+
+
+def test_it_says_where_each_drone_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([FIRST, "--port", "0", "--duration", "0.2", "--speed", "10"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["cf1", "cf2", "cf3"]
+    assert all(line.split()[1].startswith("udp://127.0.0.1:") for line in lines)
+
+
+def test_an_interrupt_ends_it_well() -> None:
+    command = [
+        sys.executable,
+        "-c",
+        "from star_core.cli.main import main; raise SystemExit(main())",
+    ]
+    command += ["fleet", FIRST, "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served:
+        assert served.stdout is not None
+        assert served.stdout.readline().startswith(b"cf1  udp://127.0.0.1:")
+        served.send_signal(signal.SIGINT)
+        _out, told = served.communicate(timeout=60)
+    assert served.returncode == 0, told
+
+
+def test_a_port_that_is_taken_is_named() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        wanted = rf"^--port {port}: agent 'cf1': port {port} of '127.0.0.1' cannot be had: "
+        with pytest.raises(InputError, match=wanted):
+            run([FIRST, "--port", str(port), "--duration", "0.1"])
+
+
+@pytest.mark.parametrize(("flag", "instead"), [("--tcp", ""), ("--cameras", ", or --no-cameras")])
+def test_a_port_of_tcp_that_is_taken_is_named_with_its_flag(flag: str, instead: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError) as caught:
+            run([EYES, "--port", "0", "--cameras", "0", flag, str(port), "--duration", "0.1"])
+    assert caught.value.problems == (
+        f"{flag} {port}: cannot listen on 127.0.0.1:{port}: Address already in use"
+        f"; name another port by {flag} N{instead}",
+    )
+
+
+def test_ports_end() -> None:
+    with pytest.raises(InputError, match="--port 65534: no 3 ports from there, 65535 is the last"):
+        run([FIRST, "--port", "65534"])
+
+
+def test_as_many_ports_are_needed_as_there_are_cameras(hop: Path) -> None:
+    seeing = (hop / "hop.yaml").read_text().replace("0, 0]}", "0, 0], camera: aideck}", 1)
+    (hop / "seeing.yaml").write_text(seeing)
+    flags = ["--port", "0", "--cameras", "65535"]
+    assert run([str(hop / "seeing.yaml"), *flags, "--duration", "0.01"]) == 0
+    with pytest.raises(InputError, match=r"^--cameras 65535: no 3 ports from there, 65535 is the"):
+        run([EYES, *flags])
+
+
+def test_cameras_are_streamed_from_the_port_of_an_ai_deck_unless_told_otherwise(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert CAMERAS == PORT == 5000
+    first = free(3)
+    monkeypatch.setattr("star_fleet.command.CAMERAS", first)
+    assert run([EYES, "--port", "0", "--duration", "0.01"]) == 0
+    told = [line.split(":")[-1] for line in capsys.readouterr().out.splitlines()]
+    assert told == [str(first + row) for row in range(3)]
+
+
+@pytest.mark.parametrize("arguments", [[FIRST], [EYES, "--no-cameras"]])
+def test_no_camera_is_streamed_where_there_is_none_or_none_is_wanted(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*arguments, "--port", "0", "--duration", "0.01"]) == 0
+    assert "camera" not in capsys.readouterr().out
+
+
+def test_the_mission_may_stand_behind_the_flags(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--port", "0", "--cameras", "0", EYES, "--duration", "0.01"]) == 0
+    assert capsys.readouterr().out.count("camera ") == 3
+
+
+def test_cameras_are_not_both_wanted_and_not(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        run([EYES, "--cameras", "0", "--no-cameras"])
+    assert "not allowed with argument --cameras" in capsys.readouterr().err
+
+
+def test_links_and_cameras_are_served_over_tcp_if_wanted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    flags = ["--port", "0", "--tcp", "0", "--cameras", "0", "--duration", "0.1", "--speed", "10"]
+    assert run([EYES, *flags]) == 0
+    for line in capsys.readouterr().out.splitlines():
+        _name, udp, tcp, camera, where = line.split()
+        assert udp.startswith("udp://")
+        assert tcp.startswith("tcp://127.0.0.1:")
+        assert (camera, where.split(":")[0]) == ("camera", "127.0.0.1")
+
+
+def test_cameras_of_a_mission_that_has_none_are_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        run([FIRST, "--port", "0", "--cameras", "0"])
+    assert caught.value.problems == (f"--cameras 0: no agent of {FIRST} carries a 'camera'",)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        ([EYES, "--no-cameras"], "--no-cameras"),
+        ([FIRST], f"no agent of {FIRST} carries a 'camera'"),
+    ],
+)
+def test_compression_without_cameras_is_refused(arguments: list[str], why: str) -> None:
+    with pytest.raises(InputError) as caught:
+        run([*arguments, "--port", "0", "--jpeg"])
+    assert caught.value.problems == (f"--jpeg: there are no images to compress: {why}",)
+
+
+@pytest.mark.parametrize(("flags", "form"), [([], 0), (["--jpeg"], 1)])
+def test_images_are_compressed_if_wanted(flags: list[str], form: int) -> None:
+    heads: list[bytes] = []
+
+    def watch(port: int) -> None:
+        with called(port) as deck:
+            deck.settimeout(60)
+            heads.append(deck.recv(15, socket.MSG_WAITALL))
+
+    port = free()
+    reader = threading.Thread(target=watch, args=(port,))
+    reader.start()
+    assert run([EYES, "--port", "0", "--cameras", str(port), *flags, "--duration", "1.5"]) == 0
+    reader.join()
+    assert heads[0][4] == 0xBC
+    assert heads[0][10] == form
+
+
+@pytest.mark.parametrize(
+    ("flags", "state"),
+    [
+        ([], Supervisor.ARMED | Supervisor.AUTO_ARM | Supervisor.CAN_FLY),
+        (["--brushless"], Supervisor.CAN_ARM),
+    ],
+)
+def test_drones_with_brushless_motors_wait_to_be_armed(flags: list[str], state: Supervisor) -> None:
+    answers: list[bytes] = []
+
+    def ask(port: int) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.settimeout(0.1)
+            for _ in range(300):
+                client.sendto(join(Port.SUPERVISOR, 0, b"\x0c"), ("127.0.0.1", port))
+                with suppress(OSError):
+                    answers.append(client.recv(64))
+                    return
+
+    port = free()
+    client = threading.Thread(target=ask, args=(port,))
+    client.start()
+    assert run([FIRST, "--port", str(port), *flags, "--duration", "0.5"]) == 0
+    client.join()
+    assert answers == [join(Port.SUPERVISOR, 0, b"\x8c" + int(state).to_bytes(2, "little"))]
+
+
+def test_links_and_cameras_that_want_the_same_ports_are_refused() -> None:
+    with pytest.raises(InputError) as told:
+        run([EYES, "--port", "0", "--tcp", "4998"])
+    assert str(told.value) == (
+        "--tcp 4998: the links of 3 agents would take ports of the cameras, which begin at 5000; "
+        "name others by --tcp N or --cameras N"
+    )
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "nobody.invalid"])
+def test_a_host_that_is_not_here_is_told_as_that(host: str) -> None:
+    with pytest.raises(InputError, match=r"; --host is to be an address of this computer$"):
+        run([FIRST, "--port", "0", "--host", host])
+
+
+@pytest.mark.parametrize(
+    "flags", [["--port", "70000"], ["--speed", "0"], ["--duration", "inf"], ["--port", "x"]]
+)
+def test_a_flag_that_makes_no_sense_is_refused(
+    flags: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        run([FIRST, *flags])
+    assert f"argument {flags[0]}: invalid" in capsys.readouterr().err
+
+
+def test_a_mission_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no\.yaml"):
+        run([str(tmp_path / "no.yaml")])

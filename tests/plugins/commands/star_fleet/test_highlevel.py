@@ -1,0 +1,235 @@
+"""The high-level commander: what it flies, and what it answers."""
+
+from __future__ import annotations
+
+import errno
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from star_core import Supervisor
+from star_fleet.packet import Port
+
+Start = Callable[..., Any]
+
+
+def upload(bench: Any, data: bytes, offset: int = 0) -> None:
+    for at in range(0, len(data), 24):
+        head = struct.pack("<BI", 1, offset + at)
+        (answer,) = bench.ask(Port.MEMORY, 2, head + data[at : at + 24])
+        assert answer[5] == 0
+
+
+def piece(duration: float, x: list[float] | None = None, z: list[float] | None = None) -> bytes:
+    rows = [row + [0.0] * (8 - len(row)) for row in (x or [0.0], [0.0], z or [0.0], [0.0])]
+    return struct.pack("<33f", *rows[0], *rows[1], *rows[2], *rows[3], duration)
+
+
+def define(bench: Any, number: int = 1, count: int = 1, kind: int = 0, offset: int = 0) -> int:
+    return int(bench.command("BBBBIB", 6, number, 1, kind, offset, count))
+
+
+def begin(bench: Any, number: int = 1, scale: float = 1.0, **flags: bool) -> int:
+    names = ("relative", "turned", "backwards")
+    bits = [flags.get(name, False) for name in names]
+    return int(bench.command("BBBBBBf", 13, 0, *bits, number, scale))
+
+
+def aloft(start: Start, **options: Any) -> Any:
+    bench = start(**options)
+    assert bench.takeoff() == 0
+    bench.fly(3.0)
+    return bench
+
+
+def test_a_take_off_rises_and_hovers(start: Start) -> None:
+    bench = start()
+    assert bench.takeoff(0.8, 1.5) == 0
+    bench.fly(1.0)
+    assert Supervisor.COMMANDER_ACTIVE | Supervisor.FLYING in bench.state()
+    assert Supervisor.COMMANDER_FINISHED not in bench.state()
+    bench.fly(2.0)
+    assert bench.position == pytest.approx([0, 0, 0.8], abs=0.02)
+    assert Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED in bench.state()
+
+
+def test_a_second_take_off_is_refused(start: Start) -> None:
+    bench = aloft(start)
+    assert bench.takeoff(1.5) == 1
+    bench.fly(2.0)
+    assert bench.position[2] == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_take_off_turns_to_its_yaw_in_radians(start: Start) -> None:
+    bench = start()
+    bench.takeoff(yaw=1.0)
+    bench.fly(3.0)
+    assert bench.log("stateEstimate.yaw")[0] == pytest.approx(math.degrees(1.0), abs=1)
+
+
+def test_a_landing_stops_the_motors_and_is_over_two_seconds_later(start: Start) -> None:
+    bench = aloft(start)
+    assert bench.land() == 0
+    assert bench.land() == 1
+    bench.fly(1.6)
+    assert not bench.turned
+    assert Supervisor.COMMANDER_ACTIVE not in bench.state()
+    assert Supervisor.FLYING in bench.state()
+    bench.fly(2.1)
+    assert Supervisor.FLYING not in bench.state()
+    assert bench.position[2] == pytest.approx(0.0, abs=0.01)
+    assert bench.takeoff() == 0
+
+
+def test_a_go_to_reaches_its_place_and_yaw(start: Start) -> None:
+    bench = aloft(start)
+    assert bench.go(0.5, -0.3, 1.0, 0.7) == 0
+    bench.fly(4.0)
+    assert bench.position == pytest.approx([0.5, -0.3, 1.0], abs=0.03)
+    assert bench.log("stateEstimate.yaw")[0] == pytest.approx(math.degrees(0.7), abs=1)
+
+
+def test_a_relative_go_to_adds_to_the_goal_before(start: Start) -> None:
+    bench = aloft(start)
+    bench.go(0.4, 0.0, 0.8, 0.0)
+    bench.fly(4.0)
+    assert bench.go(0.4, 0.2, 0.0, 0.0, relative=True) == 0
+    bench.fly(4.0)
+    assert bench.position == pytest.approx([0.8, 0.2, 0.8], abs=0.03)
+
+
+def test_a_linear_go_to_has_one_speed(start: Start) -> None:
+    bench = aloft(start)
+    bench.command("BBBBfffff", 12, 0, 0, 1, 1.0, 0.0, 0.8, 0.0, 4.0)
+    bench.fly(2.0)
+    assert bench.log("ctrltarget.x", "ctrltarget.vx") == pytest.approx((0.5, 0.25), abs=0.01)
+
+
+def test_the_old_forms_are_understood(start: Start) -> None:
+    bench = start()
+    assert bench.command("BBff", 1, 0, 0.6, 1.5) == 0
+    bench.fly(3.0)
+    assert bench.command("BBBfffff", 4, 0, 0, 0.3, 0.0, 0.6, 0.0, 1.5) == 0
+    bench.fly(3.0)
+    assert bench.position == pytest.approx([0.3, 0, 0.6], abs=0.03)
+    assert bench.command("BBff", 2, 0, 0.0, 1.5) == 0
+    bench.fly(2.0)
+    assert not bench.turned
+
+
+def test_a_mean_speed_may_be_given_instead_of_a_time(start: Start) -> None:
+    bench = start()
+    assert bench.command("BBf?f?f", 9, 0, 0.8, 1, 0.0, 1, 0.4) == 0
+    bench.fly(1.9)
+    assert Supervisor.COMMANDER_FINISHED not in bench.state()
+    bench.fly(1.5)
+    assert bench.position[2] == pytest.approx(0.8, abs=0.02)
+    bench.write("hlCommander.vland", "f", 0.0)
+    assert bench.command("BBf?f?f", 10, 0, 0.0, 0, 0.0, 1, 0.0) == errno.ENOEXEC
+    bench.write("hlCommander.vland", "f", 0.8)
+    assert bench.command("BBf?f?f", 10, 0, 0.0, 0, 0.0, 1, 0.0) == 0
+    bench.fly(1.2)
+    assert not bench.turned
+
+
+def test_a_stop_stops_the_motors_and_locks_nothing(start: Start) -> None:
+    bench = aloft(start)
+    assert bench.command("BB", 3, 0) == 0
+    bench.fly(0.02)
+    assert not bench.turned
+    bench.fly(3.0)
+    assert Supervisor.LOCKED not in bench.state()
+
+
+def test_only_its_groups_obey(start: Start) -> None:
+    bench = start()
+    assert bench.command("BB", 0, 0b010) == 0
+    (answer,) = bench.ask(Port.PARAMETERS, 3, b"\0hlCommander\0groupmask\0\x08\x02")
+    assert answer[-1] == 0
+    assert bench.command("BBff?f", 7, 0b101, 0.8, 0.0, 0, 1.5) == 0
+    bench.fly(1.0)
+    assert not bench.turned
+    assert bench.command("BBff?f", 7, 0b110, 0.8, 0.0, 0, 1.5) == 0
+    bench.fly(1.0)
+    assert bench.turned
+
+
+def test_what_is_unknown_or_cannot_be_flown_is_not_executed(start: Start) -> None:
+    bench = aloft(start)
+    assert bench.command("B", 99) == errno.ENOEXEC
+    assert bench.command("BBBBffff", 12, 0, 0, 0, 1, 1, 1, 1) == errno.ENOEXEC
+    assert bench.go(math.nan, 0.0, 1.0, 0.0) == errno.ENOEXEC
+    assert bench.go(1e9, 0.0, 1.0, 0.0) == errno.ENOEXEC
+    for duration in (0.0, -1.0, math.inf, 1e9):
+        assert bench.go(0.0, 0.0, 1.0, 0.0, duration=duration) == errno.ENOEXEC
+    bench.fly(1.0)
+    assert bench.position == pytest.approx([0, 0, 0.8], abs=0.02)
+
+
+def test_an_uploaded_trajectory_is_flown_piece_by_piece(start: Start) -> None:
+    bench = aloft(start)
+    upload(bench, piece(1.0, [0, 0.3], [0.8]) + piece(2.0, [0.3, 0.1], [0.8]))
+    assert define(bench, count=2) == 0
+    assert begin(bench) == 0
+    bench.fly(0.5)
+    assert bench.log("ctrltarget.x", "ctrltarget.vx") == pytest.approx((0.15, 0.3), abs=0.005)
+    bench.fly(1.0)
+    assert bench.log("ctrltarget.x", "ctrltarget.vx") == pytest.approx((0.35, 0.1), abs=0.005)
+    assert Supervisor.COMMANDER_FINISHED not in bench.state()
+    bench.fly(3.0)
+    assert Supervisor.COMMANDER_FINISHED in bench.state()
+    assert bench.position == pytest.approx([0.5, 0, 0.8], abs=0.03)
+
+
+def test_a_trajectory_is_flown_backwards_and_slower(start: Start) -> None:
+    bench = aloft(start)
+    upload(bench, piece(1.0, [0, 0.3], [0.8]) + piece(1.0, [0.3, 0.1], [0.8]))
+    define(bench, count=2)
+    assert begin(bench, scale=2.0, backwards=True) == 0
+    bench.fly(1.0)
+    assert bench.log("ctrltarget.x", "ctrltarget.vx") == pytest.approx((0.35, -0.05), abs=0.005)
+
+
+def test_a_relative_trajectory_starts_where_the_vehicle_is_and_looks(start: Start) -> None:
+    bench = aloft(start)
+    bench.go(0.5, 0.2, 0.8, math.pi / 2)
+    bench.fly(4.0)
+    upload(bench, piece(2.0, [3.0, 0.2], [1.0]), offset=264)
+    define(bench, offset=264)
+    assert begin(bench, relative=True, turned=True) == 0
+    bench.fly(4.0)
+    assert bench.position == pytest.approx([0.5, 0.6, 0.8], abs=0.04)
+
+
+def test_a_compressed_trajectory_is_flown(start: Start) -> None:
+    bench = aloft(start)
+    data = struct.pack("<hhhh", 0, 0, 800, 0) + struct.pack("<BHh", 1, 2000, 500)
+    upload(bench, data + struct.pack("<BH", 0, 0))
+    assert define(bench, kind=1, count=3) == 0
+    assert begin(bench, scale=2.0) == errno.ENOEXEC
+    assert begin(bench, backwards=True) == errno.ENOEXEC
+    assert begin(bench) == 0
+    bench.fly(1.0)
+    assert bench.log("ctrltarget.x", "ctrltarget.vx") == pytest.approx((0.25, 0.25), abs=0.005)
+    bench.fly(2.5)
+    assert bench.position == pytest.approx([0.5, 0, 0.8], abs=0.03)
+
+
+def test_a_trajectory_that_is_not_there_is_accepted_and_nothing_flies(start: Start) -> None:
+    bench = aloft(start)
+    assert begin(bench, number=5) == 0
+    assert begin(bench, number=200) == 0
+    bench.fly(1.0)
+    assert bench.position == pytest.approx([0, 0, 0.8], abs=0.02)
+
+
+def test_a_trajectory_outside_the_memory_is_not_executed(start: Start) -> None:
+    bench = aloft(start)
+    assert define(bench, number=10) == errno.ENOEXEC
+    define(bench, count=32)
+    assert begin(bench) == errno.ENOEXEC
+    define(bench, kind=7)
+    assert begin(bench) == 0

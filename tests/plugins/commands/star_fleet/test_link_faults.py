@@ -1,0 +1,114 @@
+"""Packet loss, duplicates, delay, jitter and cuts of simulated links."""
+
+from __future__ import annotations
+
+import socket
+from functools import partial
+from typing import Any
+
+import pytest
+
+from star_core.testing import scene
+from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
+from star_fleet.packet import Port, join
+from star_fleet.server import Fleet
+
+UP, DOWN = Direction.TO_VEHICLE, Direction.TO_CLIENT
+N = 2000
+
+
+def carried(faults: LinkFaults, *, seed: int = 1, direction: Direction = UP) -> list[list[float]]:
+    """Send a packet every 10 ms; return the times at which each arrives, s."""
+    links = FaultyLinks(1, faults, seed)
+    arrived: list[list[float]] = [[] for _ in range(N)]
+    now = 0.0
+
+    def arrive(i: int) -> None:
+        arrived[i].append(now)
+
+    for i in range(N):
+        now = i / 100
+        links.deliver(now)
+        links.send(0, direction, now, partial(arrive, i))
+    now = N / 100 + 10
+    links.deliver(now)
+    return arrived
+
+
+def test_packets_without_faults_arrive_at_once() -> None:
+    assert carried(LinkFaults()) == [[i / 100] for i in range(N)]
+
+
+def test_packets_are_lost_with_their_probability() -> None:
+    lost = sum(not times for times in carried(LinkFaults(loss=0.2)))
+    assert 0.16 * N < lost < 0.24 * N
+
+
+def test_packets_are_duplicated_with_their_probability() -> None:
+    twice = sum(len(times) == 2 for times in carried(LinkFaults(duplicates=0.3)))
+    assert 0.26 * N < twice < 0.34 * N
+
+
+def test_a_delay_keeps_the_order_of_packets() -> None:
+    late = [times[0] - i / 100 for i, times in enumerate(carried(LinkFaults(delay=0.05)))]
+    assert late[: N - 10] == pytest.approx([0.05] * (N - 10))
+
+
+def test_jitter_lets_packets_overtake_each_other() -> None:
+    arrived = [times[0] for times in carried(LinkFaults(delay=0.02, jitter=0.1))[: N - 20]]
+    late = [time - i / 100 for i, time in enumerate(arrived)]
+    assert min(late) >= 0.02 - 1e-9
+    assert 0.1 < max(late) <= 0.13 + 1e-9
+    assert arrived != sorted(arrived)
+
+
+def test_packets_that_are_sent_during_a_cut_are_lost() -> None:
+    arrived = carried(LinkFaults(cuts=((1.0, 2.0), (3.0, 3.5))))
+    assert {i for i, times in enumerate(arrived) if not times} == {
+        *range(100, 200),
+        *range(300, 350),
+    }
+
+
+def test_faults_are_reproducible_and_differ_by_seed_and_direction() -> None:
+    faults = LinkFaults(loss=0.2, jitter=0.1)
+    assert carried(faults) == carried(faults)
+    assert carried(faults) != carried(faults, seed=2)
+    assert carried(faults) != carried(faults, direction=DOWN)
+
+
+@pytest.mark.parametrize(("name", "wrong"), [("loss", 1.5), ("duplicates", -0.1), ("jitter", -1)])
+def test_values_out_of_range_are_refused(name: str, wrong: float) -> None:
+    options: dict[str, Any] = {name: wrong}
+    with pytest.raises(ValueError, match=f"{name} is {wrong}, expected"):
+        LinkFaults(**options)
+
+
+def test_a_fleet_delays_packets_in_both_directions() -> None:
+    with (
+        Fleet(scene(1), port=0, faults=LinkFaults(delay=0.1)) as fleet,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
+    ):
+        host, _, port = fleet.addresses[0].removeprefix("udp://").rpartition(":")
+        client.settimeout(5.0)
+        ping, began = join(Port.LINK, 0, b"ping"), fleet.time
+        client.sendto(ping, (host, int(port)))
+        assert client.recv(64) == ping
+        assert fleet.time - began >= 0.2 - 0.011
+
+
+def test_the_links_of_a_fleet_are_cut_while_it_serves() -> None:
+    with (
+        Fleet(scene(1), port=0) as fleet,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
+    ):
+        host, _, port = fleet.addresses[0].removeprefix("udp://").rpartition(":")
+        fleet.links.faults[0] = LinkFaults(loss=1.0)
+        client.settimeout(0.2)
+        client.sendto(join(Port.LINK, 0, b"lost"), (host, int(port)))
+        with pytest.raises(TimeoutError):
+            client.recv(64)
+        fleet.links.faults[0] = LinkFaults()
+        ping = join(Port.LINK, 0, b"ping")
+        client.sendto(ping, (host, int(port)))
+        assert client.recv(64) == ping

@@ -1,0 +1,139 @@
+"""The fleet on its sockets, in real time and faster."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from star_core import Camera, Fence, Image, PluginError, Scene, Tag, World
+from star_core.testing import scene
+from star_fleet.packet import NULL, Port, join
+from star_fleet.server import Fleet, address
+from star_sim.camera_options import CameraOptions
+
+FAST = 10.0
+
+
+@pytest.fixture
+def client() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
+        made.settimeout(5.0)
+        yield made
+
+
+def place(uri: str) -> tuple[str, int]:
+    host, _, port = uri.removeprefix("udp://").rpartition(":")
+    return host, int(port)
+
+
+def test_every_agent_has_a_port_of_its_own(client: socket.socket) -> None:
+    with Fleet(scene(3), port=0) as fleet:
+        assert len(set(fleet.addresses)) == 3
+        for uri in fleet.addresses:
+            client.sendto(NULL, place(uri))
+            assert client.recvfrom(64) == (NULL, place(uri))
+
+
+def test_ports_follow_the_first_one() -> None:
+    with Fleet(scene(1), port=0) as probe:
+        first = place(probe.addresses[0])[1]
+    with Fleet(scene(1), port=first) as fleet:
+        assert fleet.addresses == [f"udp://127.0.0.1:{first}"]
+
+
+def test_a_port_that_somebody_else_has_is_named() -> None:
+    with Fleet(scene(1), port=0) as fleet:
+        taken = place(fleet.addresses[0])[1]
+        match = rf"agent 'cf2': port {taken} of '127.0.0.1' cannot be had: "
+        with pytest.raises(PluginError, match=match):
+            Fleet(scene(2), ports=[0, taken])
+
+
+def test_there_is_a_port_for_each_agent() -> None:
+    with pytest.raises(PluginError, match="1 ports for 2 agents"):
+        Fleet(scene(2), ports=[0])
+
+
+def test_what_is_asked_for_is_streamed_to_who_asked_last(client: socket.socket) -> None:
+    with Fleet(scene(1), port=0, speed=FAST) as fleet:
+        there = place(fleet.addresses[0])
+        client.sendto(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)), there)
+        assert client.recv(64) == join(Port.LOG, 1, b"\x06\x01\0")
+        client.sendto(join(Port.LOG, 1, b"\x03\x01\x0a"), there)
+        seen = [client.recv(64) for _ in range(10)]
+        assert sum(packet[:2] == b"\x52\x01" for packet in seen) >= 4
+
+
+def test_simulated_time_goes_at_its_speed() -> None:
+    with Fleet(scene(1), port=0, speed=4.0) as fleet:
+        first, began = fleet.time, time.monotonic()
+        time.sleep(0.5)
+        rate = (fleet.time - first) / (time.monotonic() - began)
+        assert fleet.slipped > 0 or rate == pytest.approx(4.0, rel=0.5)
+
+
+def test_serving_ends_at_a_time_and_at_a_word() -> None:
+    fleet = Fleet(scene(1), port=0, speed=FAST)
+    fleet.serve(until=0.5)
+    assert fleet.time == pytest.approx(0.5, abs=0.011)
+    threading.Timer(0.1, fleet.stop).start()
+    fleet.serve()
+    fleet.close()
+    fleet.close()
+    assert 0 < fleet.busy < 60
+
+
+def test_ports_are_free_again_when_it_is_closed() -> None:
+    with Fleet(scene(1), port=0) as fleet:
+        port = place(fleet.addresses[0])[1]
+    with Fleet(scene(1), port=port):
+        pass
+
+
+def test_the_same_seed_gives_the_same_flight() -> None:
+    ends = []
+    for _ in range(2):
+        fleet = Fleet(scene(2, seed=5), port=0)
+        fleet.handle(0, join(Port.HIGH_LEVEL, 0, struct.pack("<BBff?f", 7, 0, 0.8, 0, 1, 1)))
+        for _ in range(200):
+            fleet.advance()
+        ends.append(fleet.simulator.drones["position"].copy())
+        fleet.close()
+    assert (ends[0] == ends[1]).all()
+    assert ends[0][0, 2] > 0.5
+
+
+def test_images_are_handed_on() -> None:
+    camera = Camera()
+    tag = Tag(0, 0.16, (1.0, 0.0, 0.3), (0.5, 0.5, 0.5, 0.5), "mark")
+    world = World("room", Fence((-5, -5, 0), (5, 5, 3)), landmarks=(tag,))
+    agents = tuple(type(agent)(agent.name, agent.start, camera=camera) for agent in scene(1).agents)
+    fleet = Fleet(Scene(agents, 0.05, world), port=0, camera=CameraOptions())
+    seen: list[tuple[Image, float, float]] = []
+    fleet.watch(0, lambda image, taken: seen.append((image, taken, fleet.time)), lambda: True)
+    for _ in range(100):
+        fleet.advance()
+    fleet.close()
+    assert len(seen) >= 3
+    assert seen[0][0].shape == (camera.height, camera.width)
+    assert all(now > taken for _, taken, now in seen)
+
+
+@pytest.mark.parametrize(
+    ("uri", "expected"),
+    [
+        ("radio://0/80/2M/E7E7E7E70A", 0xE7E7E7E70A),
+        ("radio://0/80/2M/E7E7E7E70B?rate_limit=100", 0xE7E7E7E70B),
+        ("radio://0/80/2M", 0xE7E7E7E703),
+        ("udp://127.0.0.1:19850", 0xE7E7E7E703),
+        (None, 0xE7E7E7E703),
+    ],
+)
+def test_an_address_is_that_of_the_radio_or_follows_the_row(uri: str | None, expected: int) -> None:
+    agent = scene(1).agents[0]
+    assert address(type(agent)(agent.name, agent.start, uri=uri), 2) == expected

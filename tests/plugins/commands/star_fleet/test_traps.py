@@ -1,0 +1,273 @@
+"""What bites a client of the firmware bites a client of the simulation."""
+
+from __future__ import annotations
+
+import errno
+import math
+import struct
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Supervisor
+from star_fleet.packet import Port
+
+Start = Callable[..., Any]
+VELOCITY = ("Bffff", 8, 0.2, 0.0, 0.0, 0.0)
+
+
+def close_link(bench: Any) -> None:
+    """What cflib sends last."""
+    bench.ask(Port.ATTITUDE, 0, struct.pack("<fffH", 0.0, 0.0, 0.0, 0))
+
+
+def aloft(start: Start, **options: Any) -> Any:
+    bench = start(**options)
+    assert bench.takeoff() == 0
+    bench.fly(3.0)
+    return bench
+
+
+def test_after_a_disconnect_a_take_off_is_accepted_and_not_flown(start: Start) -> None:
+    bench = start()
+    close_link(bench)
+    bench.fly(5.0)
+    assert bench.takeoff() == 0
+    bench.fly(1.0)
+    assert Supervisor.COMMANDER_ACTIVE in bench.state()
+    assert not bench.turned
+    bench.fly(2.0)
+    assert bench.position[2] == 0
+    bench.let_go()
+    bench.command("BB", 3, 0)
+    assert bench.takeoff() == 0
+    bench.fly(3.0)
+    assert bench.position[2] == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_command_under_setpoints_is_accepted_and_not_flown_until_they_let_go(
+    start: Start,
+) -> None:
+    bench = aloft(start)
+    bench.fly(0.5, *VELOCITY)
+    assert bench.go(0.0, 1.0, 0.8, 0.0, duration=3.0) == 0
+    bench.fly(0.4)
+    assert abs(bench.log("stateEstimate.vy")[0]) < 0.02
+    bench.let_go()
+    bench.fly(5.0)
+    assert bench.position == pytest.approx([0, 1, 0.8], abs=0.03)
+
+
+def test_who_lets_go_with_no_plan_falls(start: Start) -> None:
+    bench = aloft(start)
+    bench.fly(0.5, *VELOCITY)
+    bench.let_go()
+    bench.fly(0.02)
+    assert not bench.turned
+
+
+def test_a_landing_right_after_letting_go_is_flown(start: Start) -> None:
+    bench = aloft(start)
+    bench.fly(0.5, *VELOCITY)
+    bench.let_go()
+    assert bench.land() == 0
+    bench.fly(0.75)
+    assert bench.turned
+    assert 0.2 < bench.position[2] < 0.7
+    bench.fly(3.5)
+    assert bench.position[2] == pytest.approx(0, abs=0.01)
+    assert Supervisor.LOCKED not in bench.state()
+
+
+def test_closing_the_link_right_after_landing_locks_the_vehicle(start: Start) -> None:
+    bench = aloft(start)
+    bench.land()
+    bench.fly(1.5 + 0.5)
+    close_link(bench)
+    bench.fly(2.5)
+    assert Supervisor.LOCKED in bench.state()
+    assert bench.takeoff() == errno.EBUSY
+    assert b"".join(packet[1:] for packet in bench.streamed[0] if packet[0] == 0).endswith(
+        b"SUP: Locked, reboot required\n"
+    )
+
+
+def test_closing_the_link_two_seconds_after_landing_locks_nothing(start: Start) -> None:
+    bench = aloft(start)
+    bench.land()
+    bench.fly(1.5 + 2.1)
+    assert Supervisor.FLYING not in bench.state()
+    close_link(bench)
+    bench.fly(3.0)
+    assert Supervisor.LOCKED not in bench.state()
+
+
+def test_half_a_second_without_setpoints_levels_out(start: Start) -> None:
+    bench = aloft(start)
+    bench.fly(0.6, "Bffff", 9, 10.0, 0.0, 0.0, 0.8)
+    bench.fly(0.4)
+    assert bench.log("stateEstimate.roll")[0] == pytest.approx(10, abs=1)
+    bench.fly(0.5)
+    assert bench.log("stateEstimate.roll")[0] == pytest.approx(0, abs=1)
+    assert bench.log("stateEstimate.z")[0] == pytest.approx(0.8, abs=0.1)
+    assert Supervisor.FLYING | Supervisor.CAN_FLY in bench.state()
+
+
+def test_setpoints_that_come_again_in_time_are_flown(start: Start) -> None:
+    bench = aloft(start)
+    bench.fly(0.5, *VELOCITY)
+    bench.fly(1.5)
+    bench.fly(2.0, *VELOCITY)
+    assert bench.log("stateEstimate.vx")[0] == pytest.approx(0.2, abs=0.03)
+    assert Supervisor.LOCKED not in bench.state()
+
+
+def test_two_seconds_without_setpoints_lock_the_vehicle(start: Start) -> None:
+    bench = aloft(start)
+    bench.fly(0.5, *VELOCITY)
+    bench.fly(1.9)
+    assert bench.turned
+    bench.fly(0.2)
+    assert not bench.turned
+    assert Supervisor.LOCKED in bench.state()
+    bench.fly(1.0, *VELOCITY)
+    assert not bench.turned
+    bench.let_go()
+    assert bench.takeoff() == errno.EBUSY
+
+
+def test_the_high_level_commander_hovers_without_a_link_for_as_long_as_it_can(
+    start: Start,
+) -> None:
+    bench = aloft(start)
+    bench.fly(20.0)
+    assert bench.position[2] == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_setpoint_stops_the_plan(start: Start) -> None:
+    bench = aloft(start)
+    bench.fly(0.1, *VELOCITY)
+    assert Supervisor.COMMANDER_ACTIVE not in bench.state()
+
+
+@pytest.mark.parametrize(
+    ("port", "channel", "payload"),
+    [(Port.SUPERVISOR, 1, b"\x03"), (Port.LOCALISATION, 1, b"\x03")],
+)
+def test_an_emergency_stop_is_not_answered_and_latches(
+    start: Start, port: int, channel: int, payload: bytes
+) -> None:
+    bench = aloft(start)
+    assert bench.ask(port, channel, payload) == []
+    bench.fly(0.05)
+    assert not bench.turned
+    bench.fly(3.0)
+    assert Supervisor.LOCKED in bench.state()
+    assert bench.ask(Port.SUPERVISOR, 1, b"\x01\x01") == [b"\x81\x00\x00"]
+    assert bench.takeoff() == errno.EBUSY
+
+
+def test_a_parameter_stops_the_motors_too(start: Start) -> None:
+    bench = aloft(start)
+    bench.write("stabilizer.stop", "B", 1)
+    bench.fly(0.05)
+    assert Supervisor.LOCKED in bench.state()
+
+
+@pytest.mark.parametrize(
+    ("port", "payload"), [(Port.SUPERVISOR, b"\x04"), (Port.LOCALISATION, b"\x04")]
+)
+def test_the_watchdog_stops_whoever_is_not_told_for_a_second(
+    start: Start, port: int, payload: bytes
+) -> None:
+    bench = aloft(start)
+    for _ in range(4):
+        assert bench.ask(port, 1, payload) == []
+        bench.fly(0.9)
+    assert bench.turned
+    bench.fly(0.2)
+    assert Supervisor.LOCKED in bench.state()
+
+
+def full_state(yaw_rate: float) -> bytes:
+    """What cflib packs for a hover and this rate; its words say deg/s, the wire says mrad/s."""
+    commander: Any = pytest.importorskip("cflib.crazyflie.commander")
+    sent: list[Any] = []
+    client = commander.Commander(SimpleNamespace(send_packet=sent.append))
+    zero = (0.0, 0.0, 0.0)
+    client.send_full_state_setpoint((0.0, 0.0, 0.8), zero, zero, (0, 0, 0, 1), 0, 0, yaw_rate)
+    return bytes(sent[0].data)
+
+
+def test_a_full_states_rates_in_degrees_do_not_fit_beyond_what_rad_per_s_allow() -> None:
+    assert struct.unpack("<h", full_state(math.radians(45))[-2:]) == (785,)
+    with pytest.raises(struct.error):
+        full_state(45.0)
+
+
+def test_a_full_states_rates_in_degrees_are_57_times_too_fast_and_not_flown(start: Start) -> None:
+    def after(yaw_rate: float) -> Any:
+        bench = aloft(start)
+        for _ in range(20):
+            bench.ask(Port.SETPOINT, 0, full_state(yaw_rate))
+            bench.fly(0.05)
+        return bench.fleet.simulator.drones[0].copy()
+
+    assert struct.unpack("<h", full_state(30.0)[-2:]) == (30_000,)  # 1719 deg/s
+    assert after(30.0) == after(math.radians(30.0))
+
+
+def test_a_vehicle_with_brushed_motors_is_armed_by_itself(start: Start) -> None:
+    bench = start()
+    flags = Supervisor.ARMED | Supervisor.AUTO_ARM | Supervisor.CAN_FLY
+    assert bench.state() == flags
+    assert bench.ask(Port.SUPERVISOR, 1, b"\x01\x01") == [b"\x81\x01\x01"]
+    assert bench.ask(Port.SUPERVISOR, 0, b"\x02") == [b"\x82\x01"]
+    assert bench.ask(Port.SUPERVISOR, 0, b"\x05") == [b"\x85\x00"]
+
+
+def test_a_vehicle_with_brushless_motors_flies_when_it_is_armed(start: Start) -> None:
+    bench = start(arms_itself=False)
+    assert bench.state() == Supervisor.CAN_ARM
+    assert bench.takeoff() == errno.EBUSY
+    assert bench.ask(Port.SUPERVISOR, 1, b"\x01\x01") == [b"\x81\x01\x01"]
+    bench.fly(0.1)
+    assert bench.takeoff() == 0
+    bench.fly(3.0)
+    assert bench.position[2] == pytest.approx(0.8, abs=0.02)
+    assert bench.ask(Port.PLATFORM, 0, b"\x01\x00") == [b"\x01\x01\x00"]
+    bench.fly(0.1)
+    assert not bench.turned
+
+
+def test_who_does_not_fly_for_half_a_minute_is_disarmed(start: Start) -> None:
+    bench = start(arms_itself=False)
+    bench.ask(Port.SUPERVISOR, 1, b"\x01\x01")
+    bench.fly(29.0)
+    assert Supervisor.ARMED in bench.state()
+    bench.fly(2.0)
+    assert bench.state() == Supervisor.CAN_ARM
+
+
+def test_who_tumbles_in_flight_has_crashed_and_can_recover(start: Start) -> None:
+    bench = aloft(start)
+    drone = bench.fleet.simulator.drones[0]
+    for _ in range(30):
+        drone["attitude"] = np.array([1.0, 0.0, 0.0, 0.0])  # on its back
+        bench.fleet.advance()
+    bench.fly(0.1)
+    crashed = Supervisor.CRASHED | Supervisor.TUMBLED
+    assert crashed in bench.state()
+    assert not bench.turned
+    assert bench.ask(Port.SUPERVISOR, 1, b"\x02") == [b"\x82\x00\x00"]
+    drone["attitude"] = np.array([0.0, 0.0, 0.0, 1.0])
+    bench.fly(2.5)
+    assert Supervisor.CRASHED in bench.state()
+    assert bench.ask(Port.SUPERVISOR, 1, b"\x02") == [b"\x82\x01\x01"]
+    bench.fly(0.2)
+    assert Supervisor.CAN_FLY in bench.state()
+    assert Supervisor.CRASHED not in bench.state()
+    assert bench.takeoff() == 0

@@ -1,0 +1,154 @@
+"""Links and cameras over TCP."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from star_core import Camera, Image, PluginError, Scene
+from star_core.testing import scene
+from star_fleet.packet import Port, join
+from star_fleet.server import Fleet
+from star_fleet.wifi import Wifi
+from star_sim.camera_options import CameraOptions
+from star_sim.eye.renderer import Renderer
+
+
+def eyes() -> Scene:
+    room = scene(2)
+    one, two = room.agents
+    return replace(room, agents=(one, replace(two, camera=Camera())))
+
+
+def receive(client: socket.socket, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        more = client.recv(count - len(data))
+        assert more, "it hung up"
+        data += more
+    return data
+
+
+def place(address: str) -> tuple[str, int]:
+    host, _, port = address.removeprefix("tcp://").rpartition(":")
+    return host, int(port)
+
+
+def test_a_link_over_tcp_is_answered_and_streamed_to() -> None:
+    with Fleet(scene(1), port=0, speed=10.0) as fleet:
+        wifi = Wifi(fleet, scene(1), "127.0.0.1", links=0, cameras=None)
+        with socket.create_connection(place(wifi.links[0]), timeout=10) as client:
+
+            def say(packet: bytes) -> None:
+                client.sendall(struct.pack("<HBB", 2 + len(packet), 0x40 | 3 << 3 | 1, 3) + packet)
+
+            def hear() -> bytes:
+                (length,) = struct.unpack("<H", receive(client, 2))
+                return receive(client, length)[2:]
+
+            say(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)))
+            heard = [hear()]
+            say(join(Port.LOG, 1, b"\x03\x01\x01"))
+            heard += [hear() for _ in range(10)]
+            assert join(Port.LOG, 1, b"\x06\x01\0") in heard
+            assert sum(packet[:2] == b"\x52\x01" for packet in heard) > 3
+        wifi.close()
+
+
+def test_only_agents_with_a_camera_stream_images() -> None:
+    room = eyes()
+    with Fleet(room, port=0, camera=CameraOptions()) as fleet:
+        wifi = Wifi(fleet, room, "127.0.0.1", links=None, cameras=0)
+        assert list(wifi.cameras) == [1]
+        with socket.create_connection(place(wifi.cameras[1]), timeout=60) as client:
+            (length,) = struct.unpack("<H", receive(client, 2))
+            head = receive(client, length)[2:]
+            magic, width, height, depth, kind, size = struct.unpack("<BHHBBI", head)
+            assert (magic, width, height, depth, kind) == (0xBC, 324, 244, 1, 0)
+            assert size == 324 * 244
+        wifi.close()
+
+
+def test_a_port_that_is_taken_leaves_nothing_open() -> None:
+    with Fleet(scene(2), port=0) as fleet, socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(PluginError):
+            Wifi(fleet, eyes(), "127.0.0.1", links=0, cameras=port)
+        with pytest.raises(PluginError):
+            Wifi(fleet, eyes(), "127.0.0.1", links=port, cameras=0)
+        assert not fleet._watchers
+
+
+def test_an_image_is_sent_in_the_cycle_in_which_it_arrives() -> None:
+    fleet = Fleet(eyes(), port=0, camera=CameraOptions(latency=0.1, jitter=0.0))
+    late: list[float] = []
+    fleet.watch(1, lambda _image, taken: late.append(fleet.time - taken), lambda: True)
+    for _ in range(100):
+        fleet.advance()
+    fleet.close()
+    assert len(late) > 4
+    assert 0.1 - 1e-9 <= min(late) <= max(late) < 0.11
+
+
+def test_no_image_is_made_while_nobody_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    fleet = Fleet(eyes(), port=0, camera=CameraOptions())
+    made: list[float] = []
+    render = Renderer.render
+
+    def noted(*given: Any) -> Image:
+        made.append(fleet.time)
+        return render(*given)
+
+    monkeypatch.setattr(Renderer, "render", noted)
+    wifi = Wifi(fleet, eyes(), "127.0.0.1", links=None, cameras=0)
+    there = []
+
+    def fly(cycles: int) -> int:
+        before = len(made)
+        for _ in range(cycles):
+            fleet.advance()
+        there.append(fleet.watched(1))
+        return len(made) - before
+
+    assert fly(100) == 0
+    with socket.create_connection(place(wifi.cameras[1]), timeout=10):
+        until(lambda: fleet.watched(1))
+        assert fly(100) >= 9
+    until(lambda: not fleet.watched(1))
+    assert fly(100) == 0
+    assert there == [False, True, False]
+    wifi.close()
+    fleet.close()
+
+
+def test_who_comes_later_gets_no_image_of_before() -> None:
+    fleet = Fleet(eyes(), port=0, camera=CameraOptions(latency=0.1, jitter=0.0))
+    watching = True
+    late: list[float] = []
+    fleet.watch(1, lambda _image, taken: late.append(fleet.time - taken), lambda: watching)
+    while not late:
+        fleet.advance()
+    watching = False  # with an image on its way
+    for _ in range(20):
+        fleet.advance()
+    watching = True
+    for _ in range(60):
+        fleet.advance()
+    fleet.close()
+    assert len(late) > 3
+    assert max(late) < 0.11
+
+
+def until(holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + 10
+    while not holds():
+        assert time.monotonic() < end, "nothing changes"
+        time.sleep(0.005)
