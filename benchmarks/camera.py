@@ -22,14 +22,14 @@ import cv2
 import numpy as np
 
 from star_core import Array, Camera, Fence, Image, Tag, World
-from star_sim.eye.floor import SIDE, TEXEL, Floor, floor
-from star_sim.eye.geometric import Spotter
-from star_sim.eye.motion import mounting, poses
-from star_sim.eye.optics import optics, rays
-from star_sim.eye.renderer import LEAST_SLICES, Renderer
-from star_sim.eye.sensor import vignette
-from star_sim.eye.sheets import CELLS, MODULES, corners, frames, prints
-from star_sim.eye.shot import Shot
+from star_sim.camera_sim.floor_texture import SIDE, TEXEL, Floor, floor
+from star_sim.camera_sim.geometric import Spotter
+from star_sim.camera_sim.motion import mounting, poses
+from star_sim.camera_sim.optics import optics, rays
+from star_sim.camera_sim.renderer import LEAST_SLICES, Renderer
+from star_sim.camera_sim.sensor import vignette
+from star_sim.camera_sim.shot import Shot
+from star_sim.camera_sim.tag_tables import CELLS, MODULES, corners, frames, prints
 
 ROUNDS, TIMES = 15, 10
 FINE = 2  # times as fine along each side

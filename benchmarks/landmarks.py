@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 
+from star_apriltag.agent_estimator import Settings, Sight, Smoothed
 from star_apriltag.batch import Batched
-from star_apriltag.floor import Floor
-from star_apriltag.follower import Sight, Smoothed
+from star_apriltag.floor_odometry import Floor
 from star_apriltag.smoother import Smoother
-from star_apriltag.vision import look
+from star_apriltag.vision import tag_measurement
 from star_core import Array, Odometry, Registry, fly, load
-from star_sim.eye.geometric import Spotter
-from star_sim.eye.shot import Shot
+from star_sim.camera_sim.geometric import Spotter
+from star_sim.camera_sim.shot import Shot
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 MINUTES = 20.0
@@ -49,11 +49,11 @@ def main() -> None:
 def frames() -> dict[str, float]:
     """From image to pose, where a tag was found; guided matching, a tag; following the floor."""
     took = timed(Smoothed, "look", lambda answer: bool(answer and answer[0].views))
-    matching = timed(look, "find")
+    matching = timed(tag_measurement, "find")
     flown("paper_box.yaml", "localizer={use: apriltag, processes: 0}")
     ordered = sorted(took)
     measuring = timed(Floor, "look")
-    flown("paper_box.yaml", "localizer={use: apriltag, floor: true, processes: 0}")
+    flown("paper_box.yaml", "localizer={use: apriltag, floor_odometry: true, processes: 0}")
     theirs = timed(Batched, "_optimise")
     flown("paper_box.yaml", "localizer={use: apriltag, method: batch, processes: 0}")
     return {
@@ -71,9 +71,8 @@ def growth() -> dict[str, float]:
     (agent,) = scene.agents
     assert agent.camera is not None
     spotter = Spotter(agent.camera, scene.world.landmarks, scene.world)
-    follower = Smoothed(
-        agent, scene.world.landmarks, (), camera_deviation=0.02, lag=2.5, latency=0.15
-    )
+    settings = Settings("smoother", 2, 0.15, 0.02, 2.5, guided_matching=True, floor_odometry=False)
+    follower = Smoothed(agent, scene.world.landmarks, (), settings)
     took = timed(Smoother, "add")
     rng = np.random.default_rng(0)
     before = 0

@@ -34,7 +34,7 @@ name: thousand
 world: room.yaml
 limits: {{speed: {speed}, acceleration: 2.0, height: [0.3, 1.8]}}
 transport: {{use: sim, noise: false}}
-localizer: {{use: flow, error: 0.03, error_time: 1.0}}
+localizer: {{use: flow, error_std: 0.03, error_time_constant: 1.0}}
 planner: straight
 avoider: orca
 swarm:

@@ -16,7 +16,7 @@ UNIT = re.compile(
 )
 COUNT = re.compile(
     r"how (often|many)|so many|as many as|\b(seed|share|fraction|number|factor|ticks|paths planned"
-    r"|per second of|rows|columns|grey value|port|processes|images)\b",
+    r"|per second of|rows|columns|gray value|port|processes|images)\b",
     re.IGNORECASE,
 )
 """What a description says of a number that has no unit."""
@@ -121,7 +121,9 @@ def test_every_quantity_says_its_unit_and_every_other_number_what_it_counts() ->
     assert silent == []
 
 
-@pytest.mark.parametrize("key", ["limits/speed", "safety/battery_low/below", "localizer/stale"])
+@pytest.mark.parametrize(
+    "key", ["limits/speed", "safety/battery_low/below", "localizer/max_report_age"]
+)
 def test_a_unit_is_found_where_there_is_one(key: str) -> None:
     assert UNIT.search(dict(EVERY)[f"mission/{key}"].schema["description"])
 

@@ -26,7 +26,7 @@ limits: {speed: 0.5, height: [0.2, 1.8]}
 swarm:
   cf1: {start: [0, 0, 0]}
 transport: sim
-localizer: {use: flow, stale: 0.5}
+localizer: {use: flow, max_report_age: 0.5}
 planner: straight
 avoider: {use: orca, radius: 0.2}
 """
@@ -199,7 +199,7 @@ def test_the_values_of_an_option_are_offered(
         ("- hold:", "elapsed", "Elapsed", "s"),
         ("- hold:", "timeout", "Time-out", "s"),
         ("battery_low:", "below", "Below", "V"),
-        ("localizer:", "stale", "Stale", "s"),
+        ("localizer:", "max_report_age", "Max report age", "s"),
         ("avoider:", "radius", "Radius", "m"),
         ("cf1:", "start", "Start", "m"),
     ],

@@ -76,7 +76,7 @@ def cases(draw: st.DrawFn) -> Case:
             "swap_time": draw(st.sampled_from([None, 3])),
             "camera": camera,
         },
-        "localizer": draw(st.sampled_from(["flow", {"use": "flow", "error": 0.03}])),
+        "localizer": draw(st.sampled_from(["flow", {"use": "flow", "error_std": 0.03}])),
         "planner": draw(st.sampled_from(["straight", "visibility"])),
         "avoider": draw(st.sampled_from(["none", "orca", "potential", "voronoi"])),
         "safety": draw(safety),

@@ -20,7 +20,7 @@ import pytest
 from star_core import Array, Registry, Scene, load
 from star_fleet.server import Fleet
 from star_fleet.wifi import Wifi
-from star_sim.camera_options import CameraOptions
+from star_sim.camera_sim.options import camera_options
 
 pytest.importorskip("cflib")
 
@@ -28,7 +28,7 @@ MISSIONS = Path(__file__).parents[2] / "missions"
 PATIENCE = 240.0  # s on the wall, for a flight of half a minute on a busy machine
 
 # The greatest RMSE of seeds 0 to 9 of three_eyes.yaml in the simulator itself, with images that are
-# not stamped, as a deck's are not (`--set transport.camera.stamped=false`); the least is 0.017 m.
+# not stamped, as a deck's are not (`--set transport.camera.timestamps=false`); least: 0.017 m.
 NEAR = 0.023  # m
 
 # The greatest of first_flight.yaml, which flies by dead reckoning; the least is 0.10 m.
@@ -83,7 +83,7 @@ def over_the_air(
         RMS, s. So much is an image late, whose time is told by when it arrives.
     """
     scene = load(mission, Registry()).scene
-    camera = CameraOptions() if cameras else None
+    camera = camera_options() if cameras else None
     with Fleet(scene, port=0, noise=noise, camera=camera) as fleet:
         wifi = Wifi(fleet, scene, "127.0.0.1", links=None, cameras=0 if cameras else None)
         with closing(wifi):

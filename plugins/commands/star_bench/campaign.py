@@ -13,7 +13,7 @@ from star_bench.mission_file import mission_text, world_text
 
 NOISE: Final[Mapping[str, Mapping[str, Any]]] = {
     "off": {},
-    "on": {"localizer": {"use": "flow", "error": 0.03, "error_time": 1.0}},
+    "on": {"localizer": {"use": "flow", "error_std": 0.03, "error_time_constant": 1.0}},
 }
 """Estimation error: none, or 3 cm along each axis with a correlation time of 1 s."""
 

@@ -14,7 +14,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Mission, PluginError, Registry, load
-from star_sim.camera_options import CameraOptions
+from star_sim.camera_sim.options import camera_options
 
 if TYPE_CHECKING:
     from star_fleet.server import Fleet
@@ -218,7 +218,7 @@ def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
     """
     part = mission.parts["transport"]
     options = part.options if part.use == "sim" else {}
-    camera = CameraOptions.of({**options.get("camera", {}), "mode": "rendered"})
+    camera = camera_options(**{**options.get("camera", {}), "mode": "rendered"})
     return {
         "noise": options.get("noise", True),
         "battery": options.get("battery", 1.0),

@@ -23,7 +23,7 @@ from star_fleet.variables import VARIABLES
 from star_fleet.vehicle import Vehicle
 from star_sim.airframe import CYCLE
 from star_sim.battery import HOVER_TIME
-from star_sim.camera_options import CameraOptions
+from star_sim.camera_sim.options import CameraOptions
 from star_sim.transport import Simulator
 
 PORT: Final = 19850  # where clients look first

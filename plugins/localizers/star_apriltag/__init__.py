@@ -1,4 +1,4 @@
-"""Localizer ``apriltag``: AprilTags whose places are known correct the drift of odometry."""
+"""Localizer ``apriltag``: odometry, corrected by AprilTags at known positions."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ OPTIONS: dict[str, Any] = {
             "description": "smoother: fixed-lag, gated, with odometry calibrated in flight; batch: "
             "the original STAR's graph of every pose since take-off, for comparison.",
         },
-        "tags_per_landmark": {
+        "max_tags_per_landmark": {
             "type": "integer",
             "minimum": 0,
             "default": 2,
-            "description": "Of each landmark no more than so many tags are used, for ablations.",
+            "description": "Greatest number of tags of each landmark that are used; for ablations.",
         },
         "feedback": {
             "enum": ["none", "extpos", "extpose"],
             "default": "none",
-            "description": "none: drones fly in their own odometry frames, which the core turns "
-            "into the map; extpose: new fixes are sent to their estimators as well; extpos: of "
-            "these the positions only, from which the estimators correct their headings too, but "
+            "description": "none: drones fly in their own odometry frames, which the core "
+            "transforms to the map; extpose: new poses are sent to their estimators as well; "
+            "extpos: positions only, by which the estimators correct their headings too, but "
             "slowly and in motion only.",
         },
         "latency": {
@@ -39,41 +39,40 @@ OPTIONS: dict[str, Any] = {
             "minimum": 0,
             "maximum": 2,
             "default": 0.15,
-            "description": "From taking an image to its arrival, for images that do not say when "
-            "they were taken, s.",
+            "description": "Time from exposure to arrival, for images without a timestamp, s.",
         },
-        "camera_deviation_deg": {
+        "mounting_std_deg": {
             "type": "number",
             "exclusiveMinimum": 0,
             "maximum": 15,
             "default": 1.0,
-            "description": "How wrong a camera's mounting angles may be, degrees, one deviation; "
-            "they are estimated in flight.",
+            "description": "Standard deviation of a camera's mounting angles, degrees; they are "
+            "estimated in flight.",
         },
-        "survey": {
+        "survey_std": {
             "type": "number",
             "minimum": 0,
             "default": 0.005,
-            "description": "What the places of the landmarks are good for, m, one deviation; part "
-            "of the covariance that is reported.",
+            "description": "Standard deviation of the landmarks' surveyed positions, m; added to "
+            "the covariance that is reported.",
         },
         "lag": {
             "type": "number",
             "minimum": 1,
             "maximum": 20,
             "default": 2.5,
-            "description": "For how long poses are optimised again, with method: smoother, s.",
+            "description": "Time for which poses are optimized again, with method: smoother, s.",
         },
-        "guided": {
+        "guided_matching": {
             "type": "boolean",
             "default": True,
-            "description": "Whether tags of the map that are not detected, for they are too far or "
-            "partly out of sight, are looked for where they should be; with method: smoother.",
+            "description": "Whether to search tags of the map that are not detected, because they "
+            "are far or partly outside the image, at their expected pixels; with method: smoother.",
         },
-        "floor": {
+        "floor_odometry": {
             "type": "boolean",
             "default": False,
-            "description": "Whether the floor's texture measures the way from image to image, "
+            "description": "Whether to measure motion from image to image by the floor's texture, "
             "where it has any; the floor is the map's plane z = 0; with method: smoother.",
         },
         "processes": {
@@ -81,73 +80,54 @@ OPTIONS: dict[str, Any] = {
             "minimum": 0,
             "maximum": 64,
             "default": None,
-            "description": "How many processes look at images beside the tick; null: one for each "
-            "camera, but a core is left for the tick. Results do not depend on it.",
+            "description": "Number of processes that analyze images beside the tick; null: one for "
+            "each camera, with a core left for the tick. Results do not depend on it.",
         },
-        "worst": {
+        "max_position_std": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 1.0,
-            "description": "Deviation of the position up to which an agent is fit to fly, m.",
+            "description": "Standard deviation of the position up to which an agent is located, m.",
         },
-        "stale": {
+        "max_report_age": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 0.5,
-            "description": "Age past which an agent's report is not flown on, s.",
+            "description": "Age up to which an agent's report is valid, s.",
         },
     },
 }
 
 
-def make(  # noqa: PLR0913 -- a mission's own options
+def make(
     scene: Scene,
     *,
-    method: str = "smoother",
-    tags_per_landmark: int = 2,
-    feedback: str = "none",
-    latency: float = 0.15,
-    camera_deviation_deg: float = 1.0,
-    survey: float = 0.005,
-    lag: float = 2.5,
-    guided: bool = True,
-    floor: bool = False,
-    processes: int | None = None,
-    worst: float = 1.0,
-    stale: float = 0.5,
+    feedback: str,
+    survey_std: float,
+    processes: int | None,
+    max_position_std: float,
+    max_report_age: float,
+    mounting_std_deg: float,
+    **settings: Any,
 ) -> Localizer:
-    from star_apriltag.group import Settings
+    from star_apriltag.agent_estimator import Settings
     from star_apriltag.localizer import AprilTag
 
     return AprilTag(
         scene,
-        Settings(
-            method=method,
-            tags_per_landmark=tags_per_landmark,
-            latency=latency,
-            camera_deviation=math.radians(camera_deviation_deg),
-            lag=lag,
-            guided=guided,
-            floor=floor,
-        ),
+        Settings(mounting_std=math.radians(mounting_std_deg), **settings),
         processes=processes,
         feedback=feedback,
-        survey=survey,
-        worst=worst,
-        stale=stale,
+        survey_std=survey_std,
+        max_position_std=max_position_std,
+        max_report_age=max_report_age,
     )
 
 
 def check(
-    scene: Scene,
-    *,
-    method: str = "smoother",
-    feedback: str = "none",
-    lag: float = 2.5,
-    latency: float = 0.15,
-    **_others: Any,
+    scene: Scene, *, method: str, feedback: str, lag: float, latency: float, **_others: Any
 ) -> Iterable[Problem]:
-    """Say what would leave this localizer blind, and which options do not go together."""
+    """Yield options that contradict each other, and scenes in which no tag can be seen."""
     if method == "batch" and feedback != "none":
         yield Problem(("feedback",), f"{feedback!r} goes with method: smoother only")
     if lag < latency + 1.0:
@@ -162,7 +142,7 @@ def check(
 def star_localizers() -> Iterable[LocalizerSpec]:
     yield LocalizerSpec(
         name="apriltag",
-        summary="Odometry, corrected by AprilTags whose places are known.",
+        summary="Odometry, corrected by AprilTags at known positions.",
         make=make,
         options=OPTIONS,
         check=check,

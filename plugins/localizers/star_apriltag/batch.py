@@ -21,14 +21,14 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
-from star_apriltag.follower import Sight
-from star_apriltag.reckoning import Belief, Known, travel
+from star_apriltag.agent_estimator import Sight
+from star_apriltag.dead_reckoning import Belief, Known, travel
+from star_apriltag.odometry_track import Track
 from star_apriltag.smoother import Node
-from star_apriltag.track import Track
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.homography import flat_pose
 from star_apriltag.vision.landmark import Place
-from star_apriltag.vision.look import Look
+from star_apriltag.vision.tag_measurement import Look
 from star_core import Agent, CameraModel, Odometry, Pose, Rows, Tag
 
 PERIOD: Final = 1 / 6  # s from one node to the next, at least

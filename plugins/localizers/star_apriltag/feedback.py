@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.reckoning import Belief
+from star_apriltag.dead_reckoning import Belief
 from star_core import Corrections, Telemetry, Transform, quaternion_from_euler
 
 # An estimator takes the errors of one correction after the other for independent ones, which they

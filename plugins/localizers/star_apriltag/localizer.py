@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.beside import Beside, suited
+from star_apriltag.agent_estimator import Settings, Sight
+from star_apriltag.agent_group import Heard
+from star_apriltag.dead_reckoning import Belief, Reckoner
 from star_apriltag.feedback import Feedback
-from star_apriltag.follower import Sight
-from star_apriltag.group import Heard, Settings
-from star_apriltag.reckoning import Belief, Reckoner
-from star_apriltag.reports import Reports
+from star_apriltag.report_odometry import Reports
+from star_apriltag.worker_pool import Beside, suited
 from star_core import Estimate, Scene, Sightings, Supervisor, Telemetry, Transform
 
 AHEAD: Final = 0.02  # s, by which an image may be newer than the newest report
@@ -32,10 +32,10 @@ class AprilTag:
         processes: In how many processes beside this one; None for what suits the machine.
         feedback: ``none``, or what the agents' own estimators are corrected with: ``extpose``,
             or ``extpos`` for positions only.
-        survey: What the map's places are good for, m: no estimate is surer than that.
-        worst: Deviation of a position, along its worst direction, with which an agent is still fit
-            to fly, m.
-        stale: Age past which an agent's report is not flown on, s.
+        survey_std: What the map's places are good for, m: no estimate is surer than that.
+        max_position_std: Standard deviation of a position, along its worst direction, up to which
+            an agent is located, m.
+        max_report_age: Age past which an agent's report is not flown on, s.
     """
 
     def __init__(
@@ -45,16 +45,16 @@ class AprilTag:
         *,
         processes: int | None,
         feedback: str,
-        survey: float,
-        worst: float,
-        stale: float,
+        survey_std: float,
+        max_position_std: float,
+        max_report_age: float,
     ) -> None:
         self._reckoners = [Reckoner(agent) for agent in scene.agents]
         self._reports = Reports(len(scene.agents))
         self._latency = settings.latency
-        self._survey = survey
-        self._worst = worst
-        self._stale = stale
+        self._survey_std = survey_std
+        self._max_position_std = max_position_std
+        self._max_report_age = max_report_age
         self._frames = Transform(
             np.array([agent.yaw for agent in scene.agents]),
             np.array([agent.start for agent in scene.agents]),
@@ -92,7 +92,7 @@ class AprilTag:
         position = np.array([belief.position for belief in beliefs])
         yaw = np.array([math.remainder(belief.yaw, math.tau) for belief in beliefs])
         covariance = np.array([belief.covariance[:3, :3] for belief in beliefs])
-        covariance += np.eye(3) * self._survey**2
+        covariance += np.eye(3) * self._survey_std**2
         reported = np.isfinite(telemetry.position.sum(axis=1) + telemetry.attitude.sum(axis=1))
         lies = yaw - telemetry.heading
         turned = Transform(lies, np.zeros_like(position)).turn(telemetry.position)
@@ -100,7 +100,7 @@ class AprilTag:
             np.where(reported, lies, self._frames.yaw),
             np.where(reported[:, None], position - turned, self._frames.translation),
         )
-        fit = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]) <= self._worst
+        fit = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]) <= self._max_position_std
         fit[self._beside.lost] = False
         return Estimate(
             time=telemetry.time,
@@ -108,7 +108,7 @@ class AprilTag:
             velocity=np.array([belief.velocity for belief in beliefs]),
             yaw=yaw,
             covariance=covariance,
-            valid=fit & reported & (telemetry.age <= self._stale),
+            valid=fit & reported & (telemetry.age <= self._max_report_age),
             map_from_odom=self._frames,
             sightings=_joined(sightings),
         )

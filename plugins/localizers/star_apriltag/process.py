@@ -8,7 +8,7 @@ import traceback
 from multiprocessing.connection import Connection
 from typing import NamedTuple
 
-from star_apriltag.group import NOTHING, Group, Learnt, together
+from star_apriltag.agent_group import NOTHING, Group, Learnt, together
 
 
 class Answer(NamedTuple):

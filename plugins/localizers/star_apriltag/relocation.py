@@ -9,7 +9,7 @@ from typing import Final
 
 import gtsam
 
-from star_apriltag.track import Track
+from star_apriltag.odometry_track import Track
 from star_core import Array
 
 IMAGES: Final = 4  # one after the other that must agree

@@ -12,7 +12,7 @@ import numpy as np
 from gtsam.symbol_shorthand import E, X
 
 from star_apriltag.tag_factor import factor
-from star_apriltag.vision.pose import HEIGHT_DEVIATION, LEVEL_DEVIATION, Motion, View
+from star_apriltag.vision.body_pose import HEIGHT_DEVIATION, LEVEL_DEVIATION, Motion, View
 from star_core import Array, Pose
 
 log = logging.getLogger(__name__)
@@ -59,7 +59,7 @@ class Smoother:
 
     Args:
         mounting: Where the camera is believed to sit.
-        camera_deviation: How wrong its rotation may be, rad.
+        mounting_std: How wrong its rotation may be, rad.
         lag: For how long poses stay in the graph, s.
 
     Attributes:
@@ -67,10 +67,10 @@ class Smoother:
         restarts: How often it had to be begun anew.
     """
 
-    def __init__(self, mounting: Pose, *, camera_deviation: float, lag: float) -> None:
+    def __init__(self, mounting: Pose, *, mounting_std: float, lag: float) -> None:
         self._mounting = mounting
         self._extra = gtsam.Rot3()
-        self._extra_deviations = np.full(3, camera_deviation)
+        self._extra_deviations = np.full(3, mounting_std)
         self._lag = lag
         self._count = 0
         self.node = Node(0.0, gtsam.Pose3(), np.eye(6))

@@ -7,7 +7,7 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from star_apriltag.vision.pose import Motion, View, reproject
+from star_apriltag.vision.body_pose import Motion, View, reproject
 from star_core import Array, Pose, skew
 
 HUBER = 1.5

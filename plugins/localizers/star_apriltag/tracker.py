@@ -8,13 +8,13 @@ from typing import Final
 
 import gtsam
 
-from star_apriltag.calibration import Calibration, Place
-from star_apriltag.floor import Floor
-from star_apriltag.reckoning import Belief, Known, carried, carry, standing, travel
+from star_apriltag.dead_reckoning import Belief, Known, carried, carry, standing, travel
+from star_apriltag.floor_odometry import Floor
+from star_apriltag.odometry_calibration import Calibration, Place
+from star_apriltag.odometry_track import Motion, Track
 from star_apriltag.smoother import Node, Smoother
-from star_apriltag.track import Motion, Track
-from star_apriltag.vision.pose import AT_REST, View
-from star_apriltag.vision.pose import Motion as BodyMotion
+from star_apriltag.vision.body_pose import AT_REST, View
+from star_apriltag.vision.body_pose import Motion as BodyMotion
 from star_core import Agent, Array, Image
 
 NODE_EVERY: Final = 0.5  # s: without tags the graph goes on all the same

@@ -3,25 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from star_core import LocalizerSpec, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Localizer, Scene
 
+OPTIONS: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "max_report_age": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "description": "Age up to which an agent's report is valid, s.",
+            "default": 0.5,
+        },
+        "error_std": {
+            "type": "number",
+            "minimum": 0,
+            "description": "For studies: standard deviation along each axis of an artificial "
+            "position error, m; its variance is part of the covariance.",
+            "default": 0.0,
+        },
+        "error_time_constant": {
+            "type": "number",
+            "exclusiveMinimum": 0,
+            "description": "For studies: correlation time of the artificial error, s.",
+            "default": 1.0,
+        },
+        "latency": {
+            "type": "number",
+            "minimum": 0,
+            "maximum": 2,
+            "description": "Time from exposure to arrival, for on-board tag detections without a "
+            "timestamp, s.",
+            "default": 0.15,
+        },
+    },
+}
 
-def make(
-    scene: Scene,
-    *,
-    stale: float = 0.5,
-    error: float = 0.0,
-    error_time: float = 1.0,
-    latency: float = 0.15,
-) -> Localizer:
+
+def make(scene: Scene, **options: float) -> Localizer:
     from star_flow.localizer import Flow
 
-    return Flow(scene, stale=stale, error=error, error_time=error_time, latency=latency)
+    return Flow(scene, **options)
 
 
 @hookimpl
@@ -30,37 +56,5 @@ def star_localizers() -> Iterable[LocalizerSpec]:
         name="flow",
         summary="Trust the on-board estimate from where each agent started; it drifts.",
         make=make,
-        options={
-            "type": "object",
-            "properties": {
-                "stale": {
-                    "type": "number",
-                    "exclusiveMinimum": 0,
-                    "description": "Age past which an agent's report is not flown on, s.",
-                    "default": 0.5,
-                },
-                "error": {
-                    "type": "number",
-                    "minimum": 0,
-                    "description": "For studies: standard deviation along each axis of an error "
-                    "that is added to every position on purpose, m; the covariance says so too.",
-                    "default": 0.0,
-                },
-                "error_time": {
-                    "type": "number",
-                    "exclusiveMinimum": 0,
-                    "description": "For studies: time constant with which that error is "
-                    "forgotten, s.",
-                    "default": 1.0,
-                },
-                "latency": {
-                    "type": "number",
-                    "minimum": 0,
-                    "maximum": 2,
-                    "description": "From taking an image to its arrival, for tags found on board "
-                    "that do not say when they were taken, s.",
-                    "default": 0.15,
-                },
-            },
-        },
+        options=OPTIONS,
     )

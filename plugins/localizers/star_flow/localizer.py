@@ -1,48 +1,54 @@
-"""Where the agents are if their on-board estimate is right."""
+"""Positions by the on-board estimate."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from star_core import Estimate, Scene, Telemetry, Transform, wrap_angle
+from star_flow.artificial_error import ArtificialError
 from star_flow.drift import Drift
-from star_flow.error import Error
-from star_flow.lookout import Lookout
+from star_flow.target_sightings import TargetSightings
 
 
 class Flow:
-    """Puts each agent's odometry frame where the scene says it stands, and leaves it there.
+    """Keeps each agent's odometry frame at its start.
 
-    A row is valid while the agent was heard no longer than `stale` ago and reports a finite
-    position, velocity and attitude. A row that reports none stays where it was last, at rest, so
-    that others can still keep clear of it.
+    A row is valid while its report is no older than `max_report_age` and has a finite position,
+    velocity and attitude. A row without them keeps its last position, at rest, so that other agents
+    can still avoid it.
 
-    Targets are seen where a camera finds tags on board; they drift with the agent that sees them.
-    For studies an error can be added to the positions; the covariance then holds its variance too.
+    Targets are located where a camera detects tags on board; they drift with the agent that sees
+    them. For studies an artificial error can be added to the positions; its variance is part of the
+    covariance.
 
     Args:
         scene: The mission's scene.
-        stale: Age past which a report is not flown on, s.
-        error: Standard deviation along each axis of the error that is added, m.
-        error_time: Time constant with which it is forgotten, s.
-        latency: From taking an image to its arrival, for tags that do not say when, s.
+        max_report_age: Age up to which a report is valid, s.
+        error_std: Standard deviation along each axis of the artificial error, m.
+        error_time_constant: Its correlation time, s.
+        latency: Time from exposure to arrival, for detections without a timestamp, s.
     """
 
     def __init__(
-        self, scene: Scene, *, stale: float, error: float, error_time: float, latency: float
+        self,
+        scene: Scene,
+        *,
+        max_report_age: float,
+        error_std: float,
+        error_time_constant: float,
+        latency: float,
     ) -> None:
-        self._stale = stale
-        self._error = Error(scene, size=error, time_constant=error_time) if error > 0 else None
-        self._variance = error**2 * np.eye(3)
+        self._max_report_age = max_report_age
+        self._error = ArtificialError(scene, std=error_std, time_constant=error_time_constant)
+        self._variance = error_std**2 * np.eye(3)
         self._map_from_odom = Transform(
             yaw=np.array([agent.yaw for agent in scene.agents]),
             translation=np.array([agent.start for agent in scene.agents]),
         )
-        self._reckoned = self._map_from_odom.translation
-        self._position = self._reckoned
+        self._reckoned = self._position = self._map_from_odom.translation
         self._yaw = self._map_from_odom.yaw
         self._drift = Drift(self._reckoned)
-        self._lookout = Lookout(scene, latency=latency)
+        self._targets = TargetSightings(scene, latency=latency)
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         reckoned = self._map_from_odom.apply(telemetry.position)
@@ -50,11 +56,8 @@ class Flow:
         yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
         known = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
         self._reckoned = np.where(known[:, None], reckoned, self._reckoned)
-        if self._error is None:
-            self._position = self._reckoned
-        else:
-            shown = self._reckoned + self._error.at(telemetry.time)
-            self._position = np.where(known[:, None], shown, self._position)
+        shown = self._reckoned + self._error.at(telemetry.time)
+        self._position = np.where(known[:, None], shown, self._position)
         self._yaw = np.where(known, yaw, self._yaw)
         covariance = self._drift.covariance(telemetry.time, self._reckoned) + self._variance
         return Estimate(
@@ -63,7 +66,9 @@ class Flow:
             velocity=np.where(known[:, None], velocity, 0.0),
             yaw=self._yaw,
             covariance=covariance,
-            valid=known & (telemetry.age <= self._stale),
+            valid=known & (telemetry.age <= self._max_report_age),
             map_from_odom=self._map_from_odom,
-            sightings=self._lookout.see(telemetry, self._map_from_odom, self._position, covariance),
+            sightings=self._targets.locate(
+                telemetry, self._map_from_odom, self._position, covariance
+            ),
         )

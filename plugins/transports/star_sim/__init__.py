@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, hookimpl
-from star_sim import camera_options
+from star_sim.camera_sim import options as camera_options
 
 if TYPE_CHECKING:
     from star_core import Scene, Transport
@@ -65,7 +65,7 @@ def make(
     """Return the simulator of a scene's agents."""
     from star_sim.transport import Simulator
 
-    wanted = camera_options.CameraOptions.of(camera or {})
+    wanted = camera_options.camera_options(**camera or {})
     return Simulator(
         scene,
         noise=noise,

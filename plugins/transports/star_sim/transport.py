@@ -26,7 +26,7 @@ from star_core import (
 from star_sim import commander
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.battery import HOVER_CURRENT, HOVER_TIME, VOLTAGE_OF_CHARGE
-from star_sim.camera_options import CameraOptions
+from star_sim.camera_sim.options import CameraOptions
 from star_sim.contact import SWEEP, prisms
 from star_sim.drone import OFF, standing
 from star_sim.fusion import Fusion
@@ -71,7 +71,7 @@ class Simulator:
         n = len(scene.agents)
         self._cameras = None
         if camera is not None and any(agent.camera for agent in scene.agents):
-            from star_sim.cameras import Cameras
+            from star_sim.camera_sim.cameras import Cameras
 
             self._cameras = Cameras(scene, camera, wanted)
         self._scene = scene

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from star_apriltag.dead_reckoning import Belief
 from star_apriltag.feedback import LEAST, LEAST_YAW, RETURN, RETURN_YAW, Feedback
-from star_apriltag.reckoning import Belief
 from star_core import (
     Array,
     Corrections,

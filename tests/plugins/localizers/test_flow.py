@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +14,7 @@ from jsonschema import Draft202012Validator
 from scipy.spatial.transform import Rotation
 
 import star_flow
-from star_core import Agent, Array, Localizer, Scene, Telemetry
+from star_core import Agent, Array, Localizer, Scene, Telemetry, fill_defaults
 from star_core.testing import scene
 from star_flow.drift import Drift
 
@@ -43,7 +42,7 @@ def facing(yaw: float, start: tuple[float, float, float] = (1.0, 2.0, 0.0)) -> S
 
 def flow(room: Scene, **options: float) -> Localizer:
     (offer,) = star_flow.star_localizers()
-    return offer.make(room, **options)
+    return offer.make(room, **fill_defaults(options, offer.options))
 
 
 def test_an_agent_that_has_not_moved_is_at_its_start() -> None:
@@ -86,7 +85,7 @@ def test_a_row_is_valid_while_the_agent_was_heard(age: float, valid: bool) -> No
 
 
 def test_how_old_a_report_may_be_is_an_option() -> None:
-    found = flow(facing(0.0), stale=2.0).locate(report([[0, 0, 1]], age=np.array([1.5])))
+    found = flow(facing(0.0), max_report_age=2.0).locate(report([[0, 0, 1]], age=np.array([1.5])))
     assert found.valid.tolist() == [True]
 
 
@@ -153,7 +152,7 @@ def test_three_laps_drift_as_much_as_in_the_simulation_it_is_fitted_to(
 def errors(seconds: float, period: float = 0.05, seed: int = 0, n: int = 40) -> Array:
     """(T, N, 3) what is added on purpose to agents that stand still."""
     room = scene(n, seed=seed)
-    localizer = flow(room, error=0.03, error_time=1.0)
+    localizer = flow(room, error_std=0.03, error_time_constant=1.0)
     starts = np.array([agent.start for agent in room.agents])
     still = np.zeros((n, 3))
     times = np.arange(round(seconds / period)) * period
@@ -193,29 +192,26 @@ def test_errors_on_purpose_come_from_the_seed_and_each_agent_has_its_own() -> No
 def test_the_covariance_says_that_there_is_an_error_on_purpose() -> None:
     at = report([[1, 0, 0.8]])
     without = flow(facing(0.0)).locate(at).covariance
-    assert flow(facing(0.0), error=0.03).locate(at).covariance == pytest.approx(
+    assert flow(facing(0.0), error_std=0.03).locate(at).covariance == pytest.approx(
         without + 0.03**2 * np.eye(3)
     )
 
 
 def test_an_error_on_purpose_is_no_drift() -> None:
     away = [report([[0, 0, 0.8]], time=0.05 * i) for i in range(600)]
-    shaken, calm = flow(facing(0.0), error=0.03), flow(facing(0.0))
+    shaken, calm = flow(facing(0.0), error_std=0.03), flow(facing(0.0))
     last = [(shaken.locate(at).covariance, calm.locate(at).covariance) for at in away][-1]
     assert last[0] == pytest.approx(last[1] + 0.03**2 * np.eye(3))
 
 
 def test_who_reports_nothing_stays_where_it_was_with_an_error_on_purpose_too() -> None:
-    localizer = flow(facing(0.0), error=0.03)
+    localizer = flow(facing(0.0), error_std=0.03)
     before = localizer.locate(report([[1, 0, 1]]))
     gone = report([[np.nan] * 3], time=1.0)
     assert localizer.locate(gone).position.tolist() == before.position.tolist()
 
 
-def test_the_schema_is_a_schema_with_the_defaults_of_the_factory() -> None:
+def test_the_options_are_a_schema_with_descriptions() -> None:
     (offer,) = star_flow.star_localizers()
     Draft202012Validator.check_schema(offer.options)
-    given = inspect.signature(offer.make).parameters
-    for name, option in offer.options["properties"].items():
-        assert given[name].default == option["default"]
-        assert option["description"]
+    assert all(option["description"] for option in offer.options["properties"].values())

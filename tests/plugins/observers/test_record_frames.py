@@ -26,7 +26,7 @@ cameras: {slow: {rate: 4}}
 swarm:
   cf1: {start: [0, 0, 0], camera: slow}
   cf2: {start: [0, 1, 0]}
-transport: {use: sim, camera: {latency: 0.1, jitter: 0}}
+transport: {use: sim, camera: {latency: 0.1, latency_std: 0}}
 localizer: flow
 planner: straight
 avoider: none

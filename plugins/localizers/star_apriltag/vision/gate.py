@@ -6,7 +6,7 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from star_apriltag.vision.pose import Fix
+from star_apriltag.vision.body_pose import Fix
 from star_core import Array, Pose, skew
 
 MOST_SURPRISE: Final = 25.0  # squared deviations in x, y and yaw

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from star_apriltag.vision.body_pose import LEVEL_DEVIATION, Fix, View, refine
 from star_apriltag.vision.gate import MOST_SURPRISE, Verdict, judge, surprise, tilt
-from star_apriltag.vision.pose import LEVEL_DEVIATION, Fix, View, refine
 from star_apriltag.vision.prediction import Prediction
 from star_apriltag.vision.square import Square, solve
 from star_core import Array, CameraModel, Pose, Tag, rotation_from_quaternion, square_corners

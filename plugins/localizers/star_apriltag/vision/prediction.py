@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from star_apriltag.vision.pose import Level, Motion
+from star_apriltag.vision.body_pose import Level, Motion
 from star_core import Array, Pose
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.vision.pose import View, refine
+from star_apriltag.vision.body_pose import View, refine
 from star_apriltag.vision.prediction import Prediction
 from star_apriltag.vision.square import Solution, solve
 from star_core import Array, CameraModel, Pose, skew, square_corners

@@ -69,7 +69,7 @@ def test_a_noisy_flight_flies_on_an_estimate_that_errs(tmp_path: Path) -> None:
     (row, _) = csv.DictReader((out / "bench.csv").read_text().splitlines())
     assert row["noise"] == "on"
     (study,) = (out / "flown").glob("study.json")
-    assert '"error": 0.03' in study.read_text()
+    assert '"error_std": 0.03' in study.read_text()
 
 
 def test_with_write_only_nothing_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -91,8 +91,8 @@ def test_the_noise_is_one_that_the_localizer_takes(tmp_path: Path) -> None:
     mission = tmp_path / "out" / "missions" / "stack-2-0.yaml"
     settings = [f"{path}={value}" for path, value in NOISE["on"].items()]
     assert load(mission, Registry(), settings).parts["localizer"].options == {
-        "error": 0.03,
-        "error_time": 1.0,
+        "error_std": 0.03,
+        "error_time_constant": 1.0,
     }
 
 

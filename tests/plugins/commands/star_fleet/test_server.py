@@ -14,7 +14,7 @@ from star_core import Camera, Fence, Image, PluginError, Scene, Tag, World
 from star_core.testing import scene
 from star_fleet.packet import NULL, Port, join
 from star_fleet.server import Fleet, address
-from star_sim.camera_options import CameraOptions
+from star_sim.camera_sim.options import camera_options
 
 FAST = 10.0
 
@@ -113,7 +113,7 @@ def test_images_are_handed_on() -> None:
     tag = Tag(0, 0.16, (1.0, 0.0, 0.3), (0.5, 0.5, 0.5, 0.5), "mark")
     world = World("room", Fence((-5, -5, 0), (5, 5, 3)), landmarks=(tag,))
     agents = tuple(type(agent)(agent.name, agent.start, camera=camera) for agent in scene(1).agents)
-    fleet = Fleet(Scene(agents, 0.05, world), port=0, camera=CameraOptions())
+    fleet = Fleet(Scene(agents, 0.05, world), port=0, camera=camera_options())
     seen: list[tuple[Image, float, float]] = []
     fleet.watch(0, lambda image, taken: seen.append((image, taken, fleet.time)), lambda: True)
     for _ in range(100):

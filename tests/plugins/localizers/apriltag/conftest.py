@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 import star_apriltag
+from star_apriltag.agent_estimator import Settings
 from star_apriltag.localizer import AprilTag
-from star_apriltag.vision.pose import View
+from star_apriltag.vision.body_pose import View
 from star_apriltag.vision.square import deviation
 from star_core import (
     Agent,
@@ -29,6 +30,7 @@ from star_core import (
     Tag,
     Telemetry,
     World,
+    fill_defaults,
     rotation_from_quaternion,
     square_corners,
 )
@@ -45,6 +47,16 @@ AHEAD = 1.28  # m, from the centre: what the camera looks at
 SIZE, APART = 0.168, 0.21  # m, of a tag and between the two of a sheet
 FARTHEST = 2.0  # m: a tag further away is not made out
 TARGET = Tag(200, SIZE, (0.6, 1.15, 0.0), turned(0, 0, 0.4), "survivor")
+
+SETTINGS = Settings(
+    method="smoother",
+    max_tags_per_landmark=2,
+    latency=0.15,
+    mounting_std=0.02,
+    lag=2.5,
+    guided_matching=True,
+    floor_odometry=False,
+)
 
 Change = Callable[[Telemetry], Telemetry]
 
@@ -157,7 +169,8 @@ def room(
 
 def localizer(scene: Scene, **changes: Any) -> AprilTag:
     """The localizer with its default options, but for some."""
-    made = star_apriltag.make(scene, **({"processes": 0} | changes))
+    options = fill_defaults({"processes": 0} | changes, star_apriltag.OPTIONS)
+    made = star_apriltag.make(scene, **options)
     assert isinstance(made, AprilTag)
     return made
 

@@ -81,13 +81,13 @@ def test_an_agent_without_a_camera_has_odometry_only() -> None:
 
 def test_with_no_tag_of_a_landmark_in_use_it_is_blind() -> None:
     circle = Circle(10, scale=SCALE)
-    blind = flown(localizer(room([circle], TAGS), tags_per_landmark=0), [circle], 10.0, TAGS)
+    blind = flown(localizer(room([circle], TAGS), max_tags_per_landmark=0), [circle], 10.0, TAGS)
     assert same(blind, flown(localizer(room([circle], TAGS)), [circle], 10.0))
 
 
 def test_with_one_tag_of_each_landmark_the_others_do_not_matter() -> None:
     circle = Circle(10, scale=SCALE)
-    one = flown(localizer(room([circle], TAGS), tags_per_landmark=1), [circle], 10.0, TAGS)
+    one = flown(localizer(room([circle], TAGS), max_tags_per_landmark=1), [circle], 10.0, TAGS)
     fewer = flown(localizer(room([circle], TAGS)), [circle], 10.0, TAGS[::2])
     assert same(one, fewer)
 
@@ -257,7 +257,7 @@ def test_before_it_reports_anything_its_frame_lies_where_it_starts() -> None:
 
 def test_a_report_that_is_stale_is_not_flown_on() -> None:
     circle = Circle(1)
-    made = localizer(room([circle], TAGS), stale=0.5)
+    made = localizer(room([circle], TAGS), max_report_age=0.5)
     heard = telemetry([circle], 0.5)
     assert made.locate(replace(heard, age=np.array([0.5]))).valid[0]
     assert not made.locate(replace(heard, age=np.array([0.51]))).valid[0]
@@ -266,7 +266,7 @@ def test_a_report_that_is_stale_is_not_flown_on() -> None:
 
 def test_it_is_no_longer_fit_to_fly_on_once_its_deviation_exceeds_the_worst() -> None:
     circle = Circle(20)
-    estimates = flown(localizer(room([circle], TAGS), worst=0.08), [circle], 20.0)
+    estimates = flown(localizer(room([circle], TAGS), max_position_std=0.08), [circle], 20.0)
     fit = np.array([e.valid[0] for e in estimates])
     assert np.array_equal(fit, np.array(spread(estimates)) <= 0.08)
     assert fit[0]
@@ -275,7 +275,7 @@ def test_it_is_no_longer_fit_to_fly_on_once_its_deviation_exceeds_the_worst() ->
 
 def test_no_estimate_is_surer_than_the_map() -> None:
     circle = Circle(10)
-    estimates = flown(localizer(room([circle], TAGS), survey=0.05), [circle], 10.0, TAGS)
+    estimates = flown(localizer(room([circle], TAGS), survey_std=0.05), [circle], 10.0, TAGS)
     assert min(np.linalg.eigvalsh(e.covariance[0])[0] for e in estimates) >= 0.05**2
 
 

@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.follower import Sight, Smoothed
+from star_apriltag.agent_estimator import Sight, Smoothed
 from star_core import Agent, Array, Camera, Odometry, Tag
-from tests.plugins.localizers.apriltag.test_floor import HEIGHT, picture
+from tests.plugins.localizers.apriltag.conftest import SETTINGS
+from tests.plugins.localizers.apriltag.test_floor_odometry import HEIGHT, picture
 
 SPEED, TOLD = 0.3, 0.36  # m/s: what it flies, and what its odometry says
 SECONDS: Final = 3.0
@@ -19,9 +20,7 @@ NOWHERE = Tag(7, 0.168, (50.0, 50.0, 0.0), (0.0, 0.0, 0.0, 1.0), "far away")
 def followed(*, floor: bool = True, stains: float = 1.0) -> Smoothed:
     """An agent after a straight flight along x over a floor without tags."""
     agent = Agent("cf1", (0.0, 0.0, HEIGHT), camera=Camera(readout=0.0))
-    follower = Smoothed(
-        agent, (NOWHERE,), (), camera_deviation=0.02, lag=2.5, latency=0.15, floor=floor
-    )
+    follower = Smoothed(agent, (NOWHERE,), (), SETTINGS._replace(floor_odometry=floor))
     for k in range(1, round(10 * SECONDS) + 1):
         follower.hear(odometry(0.1 * k + np.arange(-9, 1) / 100), np.arange(10), motors=True)
         image = picture(SPEED * 0.1 * k + 0j, stains=stains, key=k)

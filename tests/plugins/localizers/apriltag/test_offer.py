@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import star_apriltag
-from star_core import Localizer
+from star_core import Localizer, Problem, Scene, fill_defaults
 from star_core.registry import Registry
-from tests.plugins.localizers.apriltag.conftest import Circle, room, sheets
+from tests.plugins.localizers.apriltag.conftest import Circle, localizer, room, sheets
 
 SCENE = room([Circle(1)], sheets())
 
 
 def test_it_is_a_localizer() -> None:
-    assert isinstance(star_apriltag.make(SCENE, processes=0), Localizer)
+    assert isinstance(localizer(SCENE), Localizer)
 
 
 def test_it_is_offered_by_its_name() -> None:
@@ -22,35 +23,32 @@ def test_it_is_offered_by_its_name() -> None:
     assert "apriltag" in Registry().offers()["localizer"]
 
 
-def test_the_defaults_that_are_described_are_those_of_make() -> None:
-    described = {
-        name: option["default"] for name, option in star_apriltag.OPTIONS["properties"].items()
-    }
-    assert described == star_apriltag.make.__kwdefaults__
+def problems(scene: Scene, **changes: Any) -> list[Problem]:
+    return list(star_apriltag.check(scene, **fill_defaults(changes, star_apriltag.OPTIONS)))
 
 
 def test_a_world_without_landmarks_leaves_it_blind() -> None:
-    (problem,) = star_apriltag.check(room([Circle(1)], []))
+    (problem,) = problems(room([Circle(1)], []))
     assert problem.message == "world 'room' has no landmarks; use 'flow' without them"
 
 
 def test_agents_without_a_camera_leave_it_blind() -> None:
-    (problem,) = star_apriltag.check(room([Circle(1)], sheets(), camera=None))
+    (problem,) = problems(room([Circle(1)], sheets(), camera=None))
     assert problem.message == "no agent has a camera; give agents `camera: aideck`, or use 'flow'"
 
 
 def test_one_agent_with_a_camera_is_enough() -> None:
     (seeing,) = SCENE.agents
     both = replace(SCENE, agents=(seeing, replace(seeing, name="cf2", camera=None)))
-    assert not list(star_apriltag.check(both))
+    assert not problems(both)
 
 
 def test_a_batch_has_nothing_to_send_back() -> None:
-    (problem,) = star_apriltag.check(SCENE, method="batch", feedback="extpose")
+    (problem,) = problems(SCENE, method="batch", feedback="extpose")
     assert problem == (("feedback",), "'extpose' goes with method: smoother only")
 
 
 def test_the_graph_reaches_back_beyond_images_that_are_under_way() -> None:
-    (problem,) = star_apriltag.check(SCENE, lag=1.0, latency=0.2)
+    (problem,) = problems(SCENE, lag=1.0, latency=0.2)
     assert problem == (("lag",), "1 s is not 1 s more than the latency of 0.2 s")
-    assert not list(star_apriltag.check(SCENE, lag=1.2, latency=0.2))
+    assert not problems(SCENE, lag=1.2, latency=0.2)

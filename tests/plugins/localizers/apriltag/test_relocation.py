@@ -7,8 +7,8 @@ import math
 import gtsam
 import numpy as np
 
+from star_apriltag.odometry_track import Track
 from star_apriltag.relocation import APART, IMAGES, TURNED, Claim, Relocation
-from star_apriltag.track import Track
 from tests.plugins.localizers.apriltag.conftest import Circle
 
 CIRCLE = Circle(20)

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-import star_apriltag
 import star_sim
 from star_core import Agent, Array, Camera, Command, Fence, Order, Scene, Setpoint, World
 from star_core.cli.main import run
 from tests.plugins.localizers.apriltag.conftest import TICK, sheets
+from tests.plugins.localizers.apriltag.conftest import localizer as apriltag
 
 RISE, SPEED, TURN = 2.0, 0.28, 0.28  # s, m/s and rad/s
 SECONDS = 12.0
@@ -64,8 +64,8 @@ def flight(seed: int, mode: str = "geometric", wrong_ids: float = 0.0, tags: int
         world=World("mat", Fence((-5, -5, 0), (5, 5, 3)), landmarks=tuple(sheets(4))),
         seed=seed,
     )
-    simulator = star_sim.make(scene, camera={"mode": mode, "wrong_ids": wrong_ids})
-    localizer = star_apriltag.make(scene, tags_per_landmark=tags, processes=0)
+    simulator = star_sim.make(scene, camera={"mode": mode, "wrong_id_rate": wrong_ids})
+    localizer = apriltag(scene, max_tags_per_landmark=tags)
     simulator.connect()
     row, on = np.zeros(1, np.int64), np.ones(1, np.bool_)
     simulator.command(

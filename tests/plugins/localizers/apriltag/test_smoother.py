@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from star_apriltag.smoother import Leg, Smoother
-from star_apriltag.vision.pose import AT_REST, View
+from star_apriltag.vision.body_pose import AT_REST, View
 from star_core import Array, Pose, Tag, rotation_from_vector
 from tests.plugins.localizers.apriltag.conftest import LENS, Circle, sheets, views
 
@@ -28,9 +28,9 @@ def of(body: Pose) -> gtsam.Pose3:
 class Flight:
     """A smoother that is told of an exact flight."""
 
-    def __init__(self, start: Pose, *, camera_deviation: float = math.radians(1.0)) -> None:
+    def __init__(self, start: Pose, *, mounting_std: float = math.radians(1.0)) -> None:
         self.circle = Circle(1.0)
-        self.smoother = Smoother(LENS.mounting, camera_deviation=camera_deviation, lag=2.5)
+        self.smoother = Smoother(LENS.mounting, mounting_std=mounting_std, lag=2.5)
         self.smoother.start(0.0, of(start), START)
         self.steps = 0
 
@@ -154,7 +154,7 @@ def test_without_tags_the_deviation_only_grows() -> None:
 
 def test_it_learns_how_the_camera_is_turned() -> None:
     extra = rotation_from_vector(np.radians([1.0, -0.7, 0.5]))
-    flight = right(camera_deviation=math.radians(2.0))
+    flight = right(mounting_std=math.radians(2.0))
     mounting = LENS.mounting
     real = mounting._replace(rotation=mounting.rotation @ extra.T)
     for _ in range(200):
@@ -234,7 +234,7 @@ def test_begun_anew_it_is_no_surer_than_before() -> None:
 
 
 def test_what_was_learnt_of_the_camera_outlives_the_graph() -> None:
-    flight = right(camera_deviation=math.radians(2.0))
+    flight = right(mounting_std=math.radians(2.0))
     flight.fly(40)
     flight.smoother._extra = gtsam.Rot3(rotation_from_vector(np.array([0.01, 0, 0])))
     poison_by_nan(flight)

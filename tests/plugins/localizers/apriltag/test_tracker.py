@@ -9,12 +9,12 @@ import gtsam
 import numpy as np
 import pytest
 
-from star_apriltag.reckoning import Belief
+from star_apriltag.dead_reckoning import Belief
 from star_apriltag.smoother import Smoother
 from star_apriltag.tracker import NODE_EVERY, Tracker
-from star_apriltag.vision.pose import AT_REST
+from star_apriltag.vision.body_pose import AT_REST
 from star_core import Odometry, Tag
-from star_sim.eye.errors import real_tags
+from star_sim.camera_sim.ground_truth import real_tags
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
     LENS,
@@ -36,7 +36,7 @@ class Flight:
     def __init__(
         self, circle: Circle, *, noise: float = 0.0, survey: float = 0.0, seed: int = 0
     ) -> None:
-        smoother = Smoother(LENS.mounting, camera_deviation=math.radians(1.0), lag=2.5)
+        smoother = Smoother(LENS.mounting, mounting_std=math.radians(1.0), lag=2.5)
         self.tracker = Tracker(circle.agent(), smoother)
         self.circle = circle
         self.now = 0.0

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
+from star_apriltag.vision.body_pose import Fix
 from star_apriltag.vision.gate import Verdict, judge, surprise, tilt
-from star_apriltag.vision.pose import Fix
 from tests.plugins.localizers.vision.conftest import hovering
 
 SURE = np.zeros((3, 3))

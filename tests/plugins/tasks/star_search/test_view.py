@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from star_core import Camera, Fence, Tag, World
 from star_search.view import View, swath, view
-from star_sim.eye.geometric import Spotter
-from star_sim.eye.shot import Shot
+from star_sim.camera_sim.geometric import Spotter
+from star_sim.camera_sim.shot import Shot
 
 SIZE = 0.168
 DOWN = replace(Camera(), pitch=math.pi / 2)

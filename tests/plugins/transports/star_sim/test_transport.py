@@ -13,9 +13,7 @@ from jsonschema import Draft202012Validator
 import star_sim
 from star_core import Setpoint, Transport
 from star_core.testing import scene
-from star_sim import camera_options
 from star_sim.battery import HOVER_TIME
-from star_sim.camera_options import CameraOptions
 
 Flying = Callable[..., Any]
 
@@ -148,10 +146,3 @@ def test_the_options_are_a_schema_whose_defaults_are_those_of_make() -> None:
         "camera": None,
     }
     assert defaults == star_sim.make.__kwdefaults__
-
-
-def test_the_options_of_cameras_have_the_defaults_that_are_flown() -> None:
-    described = {
-        name: option["default"] for name, option in camera_options.OPTIONS["properties"].items()
-    }
-    assert CameraOptions.of(described) == CameraOptions()

@@ -16,7 +16,7 @@ from star_fleet.aideck.crtp import CrtpOverTcp
 from star_fleet.server import Fleet
 from star_fleet.wifi import Wifi
 from star_radio.camera.client import CameraClient
-from star_sim.camera_options import CameraOptions
+from star_sim.camera_sim.options import camera_options
 
 Until: TypeAlias = Callable[..., bool]
 
@@ -28,7 +28,7 @@ def scene() -> Scene:
 
 @pytest.fixture
 def fleet() -> Iterator[Fleet]:
-    with Fleet(scene(), ports=[0], camera=CameraOptions()) as fleet:
+    with Fleet(scene(), ports=[0], camera=camera_options()) as fleet:
         yield fleet
 
 

@@ -1,0 +1,158 @@
+"""The agents' cameras: exposure and arrival of their images."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from star_core import Array, Camera, Detections, Frames, Image, Rows, Scene
+from star_sim.airframe import STEP
+from star_sim.camera_sim.floor_texture import floor
+from star_sim.camera_sim.geometric import Spotter
+from star_sim.camera_sim.ground_truth import real_camera, real_tags
+from star_sim.camera_sim.options import CameraOptions
+from star_sim.camera_sim.renderer import Renderer
+from star_sim.camera_sim.shot import Shot
+from star_sim.drone import Drones
+
+NEVER: Final = 1 << 62  # steps
+_STREAM, _SURVEY_STREAM, _MOUNTING_STREAM = 7341, 7342, 7343
+
+
+class Cameras:
+    """All cameras of the swarm.
+
+    Each camera takes images at its own rate from mission time 0 on, staggered by agent.
+
+    Args:
+        scene: Agents with their cameras, tags, obstacles, seed.
+        options: Error model.
+        wanted: Whether the images of the agent in a row are needed; others are not rendered.
+
+    Attributes:
+        next_step: The simulator's step at which the next image is due.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        options: CameraOptions,
+        wanted: Callable[[int], bool] = lambda _row: True,
+    ) -> None:
+        self._options, self._wanted = options, wanted
+        seen = [
+            tag
+            for tag in (*scene.world.landmarks, *scene.world.targets)
+            if tag.of not in options.covered
+        ]
+        self._tags = np.array([tag.id for tag in seen], np.int64)
+        self._numbers = np.array(sorted(tag.id for tag in seen) or [0])
+        rng = np.random.default_rng([scene.seed, _SURVEY_STREAM])
+        turn = math.radians(options.survey_yaw_std_deg)
+        tags = real_tags(seen, rng, position=options.survey_std, turn=turn)
+        shift, turn = options.mounting_position_std, math.radians(options.mounting_std_deg)
+        self._cameras: dict[int, Camera] = {}
+        self._streams: dict[int, np.random.Generator] = {}
+        self._eyes: dict[int, Renderer | Spotter] = {}
+        ground = floor(scene.seed) if options.mode == "rendered" else None
+        for row, agent in enumerate(scene.agents):
+            if agent.camera is None:
+                continue
+            rng = np.random.default_rng([scene.seed, _MOUNTING_STREAM, row])
+            camera = real_camera(agent.camera, rng, position=shift, turn=turn)
+            self._cameras[row] = camera
+            self._streams[row] = np.random.default_rng([scene.seed, _STREAM, row])
+            self._eyes[row] = (
+                Spotter(camera, tags, scene.world, noise=options.corner_noise_std)
+                if ground is None
+                else Renderer(camera, tags, scene.world, ground, noise=options.pixel_noise_std)
+            )
+        self._periods = {  # of each camera, from mission time 0 to its next image
+            row: (i + 1) / len(self._cameras) for i, row in enumerate(self._cameras)
+        }
+        self._queue = [(self._due(row), row) for row in self._cameras]
+        heapq.heapify(self._queue)
+        self._flying: list[tuple[float, int, float, Any]] = []  # arrival, row, taken, what
+
+    @property
+    def next_step(self) -> int:
+        return self._queue[0][0] if self._queue else NEVER
+
+    def compile(self, drones: Drones) -> None:
+        """Render and discard an image, so that compilation does not delay the first one."""
+        for row in list(self._eyes)[:1]:  # the compiled code serves all cameras
+            self._see(drones, row, np.random.default_rng(0))
+
+    def take(self, drones: Drones, step: int) -> None:
+        """Take the images that are due at `step`, at the drones' true poses."""
+        while self._queue and self._queue[0][0] <= step:
+            _, row = heapq.heappop(self._queue)
+            stream = self._streams[row]
+            self._periods[row] += 1.0
+            heapq.heappush(self._queue, (max(step + 1, self._due(row)), row))
+            if not self._wanted(row):
+                continue
+            late = self._options.latency + self._options.latency_std * stream.standard_normal()
+            lost = stream.random() < self._options.drop_rate
+            what = self._see(drones, row, stream)
+            if not lost:
+                self._flying.append((step * STEP + max(0.0, late), row, step * STEP, what))
+
+    def _see(self, drones: Drones, row: int, stream: np.random.Generator) -> Any:
+        """Return an agent's image, or the visible tags and their corners."""
+        drone = drones[row]
+        shot = Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])
+        eye = self._eyes[row]
+        if isinstance(eye, Renderer):
+            return eye.render(shot, stream, self._misprinted(stream))
+        tags, points = eye.spot(shot, stream)
+        return self._mistaken(tags, stream), points
+
+    def _due(self, row: int) -> int:
+        """The step nearest to an agent's next image, so that rates hold on average."""
+        return round(self._periods[row] / self._cameras[row].rate / STEP)
+
+    def _misprinted(self, stream: np.random.Generator) -> Rows | None:
+        """Return the rows of the tags whose patterns some tags of an image show, or None."""
+        if not self._options.wrong_id_rate:
+            return None
+        bearing = self._mistaken(self._tags, stream)
+        rows = np.argsort(self._tags)
+        found: Rows = rows[np.searchsorted(self._tags, bearing, sorter=rows)]
+        return found
+
+    def _mistaken(self, tags: Rows, stream: np.random.Generator) -> Rows:
+        """Replace the ids of some tags by those of others."""
+        n = len(self._numbers)
+        wrong = stream.random(len(tags)) < self._options.wrong_id_rate
+        further = stream.integers(1, max(n, 2), len(tags))
+        others = self._numbers[(np.searchsorted(self._numbers, tags) + further) % n]
+        return np.where(wrong, others, tags)
+
+    def arrived(self, now: float) -> tuple[Frames, Detections]:
+        """Return the images or detections that arrived since the last call, up to `now`, s."""
+        here = sorted(
+            (one for one in self._flying if one[0] <= now), key=lambda one: (one[0], one[1])
+        )
+        self._flying = [one for one in self._flying if one[0] > now]
+        if not here:
+            return Frames.none(), Detections.none()
+        agent = np.array([row for _, row, _, _ in here])
+        arrival = np.array([time for time, _, _, _ in here])
+        taken = np.array([time if self._options.timestamps else math.nan for _, _, time, _ in here])
+        if self._options.mode == "rendered":
+            images: tuple[Image, ...] = tuple(image for _, _, _, image in here)
+            return Frames(agent, taken, arrival, images), Detections.none()
+        found: list[tuple[Rows, Array]] = [what for _, _, _, what in here]
+        times = [len(ids) for ids, _ in found]
+        return Frames.none(), Detections(
+            agent=np.repeat(agent, times),
+            tag=np.concatenate([ids for ids, _ in found]),
+            corners=np.concatenate([points for _, points in found]),
+            taken=np.repeat(taken, times),
+            arrived=np.repeat(arrival, times),
+        )

@@ -1,0 +1,77 @@
+"""Where a camera is at each moment of a shot: rows are exposed one after the other, for a while.
+
+A pose is 12 numbers: the rotation from the camera's frame to the map, row by row, and the camera's
+place in the map, m.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from star_core import Array, Camera, CameraModel
+from star_sim.camera_sim.optics import Optics
+from star_sim.compiled import Record, compiled, kernel
+
+POSE = 12
+
+
+def mounting(camera: Camera) -> Array:
+    """Return the pose of a camera in the body, (12,)."""
+    pose = CameraModel(camera).mounting
+    return np.concatenate([pose.rotation.ravel(), pose.position])
+
+
+@compiled
+def row_time(lens: Optics, v: float) -> float:
+    """Return when the exposure of row `v` is half over, s after that of the middle row."""
+    return float(lens.readout * (v / (lens.height - 1.0) - 0.5))
+
+
+@kernel
+def poses(shot: Array, mount: Array, lens: Optics, slices: int) -> Array:
+    """Return the camera's poses, (height, slices, 12), amid equal slices of each row's exposure."""
+    table = np.empty((int(lens.height), slices, POSE))
+    for v in range(table.shape[0]):
+        for k in range(slices):
+            late = lens.exposure * ((k + 0.5) / slices - 0.5)
+            camera_at(shot, mount, row_time(lens, v) + late, table[v, k])
+    return table
+
+
+@compiled
+def camera_at(shot: Record, mount: Record, time: float, pose: Record) -> None:
+    """Find the camera's pose some time after the middle of a shot.
+
+    The body moves straight and turns about a fixed axis: ``R exp(rates * time)``, by Rodrigues'
+    formula.
+
+    Args:
+        shot: (13,) of `Shot.packed`.
+        mount: (12,) pose of the camera in the body.
+        time: s.
+        pose: (12,) filled with the camera's pose in the map.
+    """
+    qx, qy, qz, qw = shot[3], shot[4], shot[5], shot[6]
+    wx, wy, wz = shot[10] * time, shot[11] * time, shot[12] * time
+    half = 0.5 * math.sqrt(wx * wx + wy * wy + wz * wz)
+    sine = 0.5 * (math.sin(half) / half if half > 0.0 else 1.0)
+    ax, ay, az, aw = sine * wx, sine * wy, sine * wz, math.cos(half)
+    x = qw * ax + qx * aw + qy * az - qz * ay
+    y = qw * ay - qx * az + qy * aw + qz * ax
+    z = qw * az + qx * ay - qy * ax + qz * aw
+    w = qw * aw - qx * ax - qy * ay - qz * az
+    for column in range(4):
+        if column < 3:  # noqa: PLR2004 -- the columns of the rotation, then the place
+            a, b, c = mount[column], mount[3 + column], mount[6 + column]
+        else:
+            a, b, c = mount[9], mount[10], mount[11]
+        p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+        a, b, c = a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p
+        if column < 3:  # noqa: PLR2004
+            pose[column], pose[3 + column], pose[6 + column] = a, b, c
+        else:
+            pose[9] = a + shot[0] + shot[7] * time
+            pose[10] = b + shot[1] + shot[8] * time
+            pose[11] = c + shot[2] + shot[9] * time

@@ -1,0 +1,185 @@
+"""Motion from one image to the next, by the floor."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from star_apriltag.floor_odometry import LONGEST, Floor
+from star_apriltag.odometry_track import Track
+from star_core import Array, Camera, CameraModel, Image, Odometry, rotation_from_vector
+from tests.plugins.localizers.vision.conftest import turned_model
+
+LENS = CameraModel(Camera(readout=0.0))
+HEIGHT = 0.8
+TEXEL = 0.005  # m
+STAINS = cv2.GaussianBlur(np.random.default_rng(5).normal(0, 60, (1024, 1024)), (0, 0), 1.5)
+FROM, TO = 1.0, 1.1  # s
+NOISE = 4.0
+
+
+def picture(
+    place: complex = 0j,
+    yaw: float = 0.0,
+    *,
+    height: float = HEIGHT,
+    stains: float = 1.0,
+    key: int = 0,
+) -> Image:
+    """What a level camera sees of a stained floor."""
+    rays = np.dstack([LENS.rays, np.ones(LENS.shape)]) @ LENS.mounting.rotation.T
+    eye = LENS.mounting.position + np.array([0.0, 0.0, height])
+    down = np.where(rays[..., 2] < -0.1, -rays[..., 2], np.nan)
+    beside = (eye[:2] + rays[..., :2] * (eye[2] / down)[..., None]) @ np.array([1.0, 1j])
+    texel = (beside * cmath.rect(1.0, yaw) + place) / TEXEL + complex(512, 512)
+    seen = cv2.remap(
+        115 + stains * STAINS,
+        np.nan_to_num(texel.real).astype(np.float32),
+        np.nan_to_num(texel.imag).astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REFLECT,
+    )
+    noise = np.random.default_rng(key).normal(0, NOISE, seen.shape)
+    image: Image = np.clip(np.rint(seen + noise), 0, 255).astype(np.uint8)
+    return image
+
+
+def track(velocity: complex = 0j, yaw_rate: float = 0.0, *, height: float = HEIGHT) -> Track:
+    """Two seconds of odometry."""
+    time = np.arange(1, 201) / 100
+    zero = np.zeros(len(time))
+    told = Track()
+    there = np.column_stack([zero + velocity.real, zero + velocity.imag, zero])
+    told.add(
+        Odometry(zero.astype(int), time, there, zero + yaw_rate, zero, zero, zero + height),
+        np.arange(len(time)),
+    )
+    return told
+
+
+def shift(first: Image, second: Image, told: Track, *, yaw_bias: float = 0.0) -> complex | None:
+    floor = Floor(LENS)
+    assert floor.look(first, FROM, told, ground=0.0, yaw_bias=yaw_bias) is None
+    passage = floor.look(second, TO, told, ground=0.0, yaw_bias=yaw_bias)
+    if passage is None:
+        return None
+    assert (passage.begin, passage.end) == (FROM, TO)
+    return passage.shift
+
+
+@pytest.mark.parametrize("way", [0.03 + 0j, -0.02 + 0.02j, 0.04j])
+def test_the_way_is_found_to_a_millimetre_though_odometry_errs(way: complex) -> None:
+    told = track(10 * way + (0.05 - 0.04j))
+    found = shift(picture(key=1), picture(way, key=2), told)
+    assert found == pytest.approx(way, abs=0.001)
+
+
+def test_a_turn_is_the_gyros_less_its_bias() -> None:
+    turned, bias = 0.06, 0.02
+    told = track(0.3 + 0j, turned / (TO - FROM) + bias)
+    found = shift(picture(key=1), picture(0.03 + 0j, turned, key=2), told, yaw_bias=bias)
+    assert found == pytest.approx(0.03, abs=0.001)
+
+
+def test_the_way_is_one_in_the_body_of_the_first_image() -> None:
+    yaw = 2.0
+    first, second = picture(0.2j, yaw, key=1), picture(0.2j + cmath.rect(0.03, yaw), yaw, key=2)
+    assert shift(first, second, track(0.3 + 0j)) == pytest.approx(0.03, abs=0.001)
+
+
+def test_a_floor_without_texture_says_nothing() -> None:
+    first, second = picture(stains=0.0, key=1), picture(stains=0.0, key=2)
+    assert shift(first, second, track(0.3 + 0j)) is None
+
+
+def test_what_moves_along_is_not_taken_for_the_floor() -> None:
+    assert shift(picture(key=1), picture(key=2), track(1.0 + 0j)) is None
+
+
+def test_another_floor_than_before_says_nothing() -> None:
+    assert shift(picture(key=1), picture(1.5 + 1j, key=2), track()) is None
+
+
+def test_something_that_stands_on_a_part_of_the_floor_does_not_matter() -> None:
+    first, second = picture(key=1), picture(0.03 + 0j, key=2)
+    first[:, 200:260] = second[:, 200:260] = picture(1j, key=3)[:, 200:260]
+    assert shift(first, second, track(0.3 + 0j)) == pytest.approx(0.03, abs=0.002)
+
+
+def test_near_the_floor_nothing_is_said() -> None:
+    first, second = picture(height=0.1, key=1), picture(0.01 + 0j, height=0.1, key=2)
+    assert shift(first, second, track(0.1 + 0j, height=0.1)) is None
+
+
+def test_images_long_after_each_other_say_nothing() -> None:
+    told = track()
+    floor = Floor(LENS)
+    floor.look(picture(key=1), 0.5, told, ground=0.0, yaw_bias=0.0)
+    assert floor.look(picture(key=2), 0.6 + LONGEST, told, ground=0.0, yaw_bias=0.0) is None
+
+
+def test_an_image_that_is_newer_than_odometry_says_nothing() -> None:
+    told = track()
+    floor = Floor(LENS)
+    floor.look(picture(key=1), 1.95, told, ground=0.0, yaw_bias=0.0)
+    assert floor.look(picture(key=2), 2.05, told, ground=0.0, yaw_bias=0.0) is None
+
+
+def test_images_may_be_lost_in_between() -> None:
+    told = track(0.36 + 0.03j, 0.5)
+    floor = Floor(LENS)
+    floor.look(picture(key=1), 1.0, told, ground=0.0, yaw_bias=0.0)
+    # On an arc of 0.3 m/s and 0.5 rad/s, after 0.4 s.
+    way = 0.3 / 0.5 * complex(math.sin(0.2), 1 - math.cos(0.2))
+    passage = floor.look(picture(way, 0.2, key=2), 1.4, told, ground=0.0, yaw_bias=0.0)
+    assert passage is not None
+    assert passage.shift == pytest.approx(way, abs=0.002)
+
+
+def test_after_a_gap_the_next_two_images_say_where_it_went() -> None:
+    told = track(0.3 + 0j)
+    floor = Floor(LENS)
+    floor.look(picture(key=1), 0.1, told, ground=0.0, yaw_bias=0.0)
+    floor.look(picture(key=2), 1.5, told, ground=0.0, yaw_bias=0.0)
+    passage = floor.look(picture(0.03 + 0j, key=3), 1.6, told, ground=0.0, yaw_bias=0.0)
+    assert passage is not None
+    assert passage.shift == pytest.approx(0.03, abs=0.001)
+
+
+def test_an_error_of_the_mounting_is_a_constant_factor() -> None:
+    """Which is what calibration can learn."""
+    ways: Array = np.array([0.01, 0.02, 0.04])
+    told = [track(10 * way + 0j, height=0.82) for way in ways.tolist()]
+    found = [
+        shift(picture(key=1), picture(way, key=2), one)
+        for way, one in zip(ways.tolist(), told, strict=True)
+    ]
+    factors = np.array(found, complex) / ways
+    assert np.abs(factors - 0.82 / HEIGHT).max() < 0.05
+    assert math.isclose(factors[-1].real, 0.82 / HEIGHT, abs_tol=0.01)
+
+
+def test_a_camera_that_is_known_to_be_turned_is_taken_as_it_is() -> None:
+    # The belief is wrong by this ...
+    error = rotation_from_vector(np.array([math.radians(3.0), 0.0, 0.0]))
+    lens = turned_model(error, Camera(readout=0.0))
+    told, ways = track(0.3 + 0j), []
+    for camera_turn in (np.eye(3), error):  # ... which the smoother does not know, or does
+        floor = Floor(lens)
+        for image, time in ((picture(key=1), FROM), (picture(0.03 + 0j, key=2), TO)):
+            passage = floor.look(
+                image, time, told, ground=0.0, yaw_bias=0.0, camera_turn=camera_turn
+            )
+        assert passage is not None
+        ways.append(abs(passage.shift - 0.03))
+    assert ways[1] == pytest.approx(0, abs=0.0005)
+    assert ways[0] > 2 * ways[1]
+
+
+def test_an_image_of_another_size_is_an_error() -> None:
+    with pytest.raises(ValueError, match="expected"):
+        Floor(LENS).look(np.zeros((10, 10), np.uint8), 1.0, track(), ground=0.0, yaw_bias=0.0)

@@ -1,0 +1,181 @@
+"""Agents that are followed in processes of their own."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_apriltag import worker_pool
+from star_apriltag.agent_group import Heard
+from star_apriltag.localizer import AprilTag, sights
+from star_apriltag.worker_pool import Beside, There, suited
+from star_core import Agent, Estimate, Frames, Scene
+from tests.plugins.localizers.apriltag.conftest import (
+    SETTINGS,
+    TARGET,
+    TICK,
+    Circle,
+    blank,
+    flown,
+    off,
+    room,
+    sheets,
+    telemetry,
+    ticks,
+)
+from tests.plugins.localizers.apriltag.conftest import localizer as unclosed
+
+TAGS = [*sheets(4), *sheets(4, centre=(6.0, 0.0), first=20)]
+CIRCLES = [Circle(10, seed=1), Circle(10, centre=(6.0, 0.0), seed=2)]
+ALL = np.ones(1, np.bool_)
+
+
+@contextmanager
+def localizer(scene: Scene, processes: int, **changes: Any) -> Iterator[AprilTag]:
+    """A localizer that is closed in the end."""
+    made = unclosed(scene, processes=processes, **changes)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def processes(made: AprilTag) -> list[int]:
+    """The numbers of its processes, as the system has them."""
+    return [w._process.pid for w in made._beside._workers if isinstance(w, There)]
+
+
+def flight(workers: int) -> list[Estimate]:
+    with localizer(room(CIRCLES, TAGS), workers) as made:
+        return flown(made, CIRCLES, 2.0, [*TAGS, TARGET])
+
+
+def test_a_flight_is_the_same_however_many_processes_there_are() -> None:
+    here, one, two = flight(0), flight(1), flight(2)
+    assert any(len(estimate.sightings.tag) for estimate in here)
+    for name in ("position", "covariance", "yaw", "velocity", "valid"):
+        for other in (one, two):
+            assert all(
+                np.array_equal(getattr(a, name), getattr(b, name))
+                for a, b in zip(here, other, strict=True)
+            )
+    assert [e.sightings.tag.tolist() for e in here] == [e.sightings.tag.tolist() for e in two]
+
+
+def test_a_tick_does_not_wait_for_a_process_where_time_goes_on_by_itself() -> None:
+    circle = Circle(10, scale=1.1)
+    with localizer(replace(room([circle], TAGS), realtime=True), 1) as made:
+        (process,) = processes(made)
+        os.kill(process, signal.SIGSTOP)
+        heard = list(ticks([circle], 8.0, TAGS))
+        late = [made.locate(one) for one in heard[:100]]  # it would wait for ever
+        os.kill(process, signal.SIGCONT)
+        for one in heard[100:]:
+            time.sleep(0.02)
+            estimate = made.locate(one)
+    assert off(late, circle)[-1] > 0.1  # odometry only
+    assert off([estimate], circle)[0] < 0.05
+
+
+def test_who_is_followed_by_a_process_that_ends_is_not_fit_to_fly_and_the_others_are(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with localizer(room(CIRCLES, TAGS), 2) as made:
+        heard = list(ticks(CIRCLES, 2.0, TAGS))
+        for one in heard[:10]:
+            made.locate(one)
+        os.kill(processes(made)[1], signal.SIGKILL)
+        estimates = [made.locate(one) for one in heard[10:]]
+    assert estimates[-1].valid.tolist() == [True, False]
+    assert np.isfinite(estimates[-1].position).all()
+    (told,) = [r.getMessage() for r in caplog.records if r.levelno == logging.ERROR]
+    assert told == "the process that follows cf1 has ended with SIGKILL"
+
+
+def test_what_goes_wrong_in_a_process_is_raised_here() -> None:
+    scene = room([Circle(1)], TAGS)
+    made = Beside(scene, SETTINGS._replace(lag=float("nan"), mounting_std=float("nan")), 1)
+    try:
+        heard = telemetry([Circle(1)], TICK)
+        with pytest.raises(RuntimeError, match=r"(?s)following cf0 failed:\nTraceback"):
+            made.tick(Heard(heard.time, heard.odometry, (), ALL))
+    finally:
+        made.close()
+
+
+def test_what_a_process_logs_is_logged_here(caplog: pytest.LogCaptureFixture) -> None:
+    one = np.zeros(1)
+    image = Frames(np.zeros(1, np.int64), one + 0.9, one + 1.0, (blank(height=10),))
+    with localizer(room([Circle(2)], TAGS), 1) as made:
+        made.locate(replace(telemetry([Circle(2)], 1.0), frames=image))
+        made.locate(telemetry([Circle(2)], 1.05))
+    assert "an image of cf0 is passed over: image is (10, 324)" in caplog.text
+    assert {record.name for record in caplog.records} == {"star_apriltag.agent_group"}
+
+
+def test_processes_end_when_the_localizer_is_closed() -> None:
+    with localizer(room(CIRCLES, TAGS), 2) as made:
+        workers = [w for w in made._beside._workers if isinstance(w, There)]
+    assert [worker._process.returncode for worker in workers] == [0, 0]
+
+
+def test_a_process_that_does_not_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_pool, "PATIENCE", 0.2)
+    with localizer(room([Circle(1)], TAGS), 1) as made:
+        (worker,) = (w for w in made._beside._workers if isinstance(w, There))
+        made.locate(telemetry([Circle(1)], TICK))
+        os.kill(worker._process.pid, signal.SIGSTOP)
+    assert worker._process.returncode == -signal.SIGKILL
+
+
+def test_a_late_process_is_spared_old_images_and_told_all_odometry() -> None:
+    circle = Circle(3)
+    worker = There(replace(room([circle], TAGS), realtime=True), [0], SETTINGS)
+    try:
+        for heard in ticks([circle], 3.0, TAGS):
+            worker.give(Heard(heard.time, heard.odometry, tuple(sights(heard, 0.15)), ALL))
+        told = worker._late
+    finally:
+        worker.close()
+    assert sum(len(one.odometry.time) for one in told) == 300
+    with_images = [one.time for one in told if one.sights]
+    assert with_images
+    assert min(with_images) >= told[-1].time - worker_pool.OLDEST
+
+
+@pytest.mark.parametrize(
+    ("cores", "told", "realtime", "expected"),
+    [
+        (4, None, False, 2),
+        (1, None, False, 0),
+        (1, None, True, 1),
+        (4, "1", False, 0),
+        (2, "many", False, 1),
+        (64, None, True, 2),
+    ],
+)
+def test_there_is_a_process_for_each_camera_and_a_core_for_the_tick(
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    cores: int,
+    told: str | None,
+    realtime: bool,
+    expected: int,
+) -> None:
+    monkeypatch.setattr(worker_pool, "_cores", lambda: cores)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    if told is not None:
+        monkeypatch.setenv("OMP_NUM_THREADS", told)
+    scene = room(CIRCLES, TAGS)
+    blind = Agent("cf2", (9.0, 0.0, 0.0))
+    scene = replace(scene, agents=(*scene.agents, blind), realtime=realtime)
+    assert suited(scene) == expected

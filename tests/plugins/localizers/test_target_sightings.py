@@ -1,0 +1,284 @@
+"""What ``flow`` sees of targets: tags that cameras found on board."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+import star_flow
+from star_core import (
+    Agent,
+    Array,
+    Camera,
+    Detections,
+    Estimate,
+    Frames,
+    Localizer,
+    Scene,
+    Tag,
+    Telemetry,
+    fill_defaults,
+    square_corners,
+)
+from star_core.testing import scene
+from star_flow.drift import heading_variance
+from star_flow.target_sightings import square_fix
+
+SIZE = 0.168
+CAMERA = Camera()
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+FLAT = Tag(100, SIZE, (2.2, 2.3, 0.0), LEVEL, "red")
+TURNED = Rotation.from_euler("ZYX", [0.5, 0.0, math.pi / 2])  # upright
+HUNG = Tag(
+    101, SIZE, (2.9, 2.2, 0.5), tuple((Rotation.from_euler("Z", -2.0) * TURNED).as_quat()), "green"
+)
+START, YAW = (1.2, 2.0, 0.0), 0.3
+
+
+def room(*targets: Tag, camera: Camera | None = CAMERA) -> Scene:
+    plain = scene(1)
+    world = replace(
+        plain.world,
+        targets=targets or (FLAT, HUNG),
+        landmarks=(Tag(1, SIZE, (1.9, 2.0, 0.0), LEVEL, "a"),),
+    )
+    return replace(plain, agents=(Agent("cf1", START, YAW, None, camera),), world=world)
+
+
+def corners(tag: Tag, position: Any, body: Rotation, camera: Camera = CAMERA) -> Array:
+    """(4, 2) px: where OpenCV shows a tag's corners to an agent at a place in the map."""
+    points = Rotation.from_quat(tag.rotation).apply(square_corners(tag.size)) + tag.position
+    eye = body * Rotation.from_quat(camera.rotation)
+    seen = eye.inv().apply(points - (np.array(position) + body.apply(camera.position)))
+    assert (seen[:, 2] > 0).all()
+    matrix = np.array(
+        [
+            [camera.matrix[0], 0, camera.matrix[2]],
+            [0, camera.matrix[1], camera.matrix[3]],
+            [0, 0, 1],
+        ]
+    )
+    pixels, _ = cv2.projectPoints(
+        seen, np.zeros(3), np.zeros(3), matrix, np.array(camera.distortion)
+    )
+    return np.asarray(pixels, np.float64).reshape(4, 2)
+
+
+def detections(*found: tuple[int, Array], taken: float, arrived: float) -> Detections:
+    k = len(found)
+    return Detections(
+        agent=np.zeros(k, np.int64),
+        tag=np.array([tag for tag, _ in found]),
+        corners=np.array([pixels for _, pixels in found]),
+        taken=np.full(k, taken),
+        arrived=np.full(k, arrived),
+    )
+
+
+def heard(time: float, position: Any, body: Rotation, **more: Any) -> Telemetry:
+    """The report of an agent at a place in its own odometry frame."""
+    return Telemetry(
+        time=time,
+        position=np.array([position], float),
+        velocity=np.zeros((1, 3)),
+        attitude=body.as_quat()[None],
+        battery=np.full(1, 4.0),
+        state=np.zeros(1, np.int64),
+        age=more.pop("age", np.zeros(1)),
+        **more,
+    )
+
+
+def flow(of: Scene, **options: float) -> Localizer:
+    (offer,) = star_flow.star_localizers()
+    return offer.make(of, **fill_defaults(options, offer.options))
+
+
+def along(time: float) -> tuple[Array, Rotation]:
+    """Where an agent that flies and turns is after a time, in its odometry frame."""
+    body = Rotation.from_euler("ZYX", [0.4 * time, 0.05, -0.03])
+    return np.array([0.2 * time, 0.1 * time, 0.8]), body
+
+
+def in_map(position: Array, body: Rotation) -> tuple[Array, Rotation]:
+    turned = Rotation.from_euler("Z", YAW)
+    return turned.apply(position) + START, turned * body
+
+
+def flown(
+    made: Localizer, *tags: Tag, taken: float = 0.325, late: float = 0.15, says: bool = True
+) -> Estimate:
+    """The estimate of the tick in which what was seen at `taken`, on the way, arrives."""
+    time = 0.0
+    while time < taken + late:
+        made.locate(heard(time, *along(time)))
+        time += 0.05
+    seen = [(tag.id, corners(tag, *in_map(*along(taken)))) for tag in tags]
+    found = detections(*seen, taken=taken if says else math.nan, arrived=taken + late)
+    return made.locate(heard(time, *along(time), detections=found))
+
+
+@given(
+    st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6), st.floats(0.5, 1.5)),
+    st.floats(-3.1, 3.1),
+    st.floats(-1.0, 1.0),
+    st.floats(-1.0, 1.0),
+)
+def test_a_square_lies_where_its_exact_corners_say(
+    centre: tuple[float, float, float], spin: float, roll: float, pitch: float
+) -> None:
+    """Its face is towards the camera, which looks straight down."""
+    facing = Rotation.from_euler("xyz", [math.pi + roll, pitch, 0]) * Rotation.from_euler("z", spin)
+    points = facing.apply(square_corners(SIZE)) + centre
+    if facing.apply([0, 0, 1]) @ np.array(centre) > -0.25:  # its edge or its back
+        return
+    found = square_fix(points[:, :2] / points[:, 2:], SIZE, np.array([0.0, 0.0, -1.0]), 1e-3)
+    assert found is not None
+    assert found.pose.position == pytest.approx(centre, rel=0.01, abs=0.005)
+
+
+def test_what_is_no_square_is_not_seen() -> None:
+    found = square_fix(
+        np.array([[0, 0], [0.2, 0], [0.02, 0.1], [0, 0.2]]), SIZE, np.array([0, 0, -1.0]), 1e-3
+    )
+    assert found is None
+
+
+@given(arrays(np.float64, (4, 2), elements=st.floats(-3, 3)))
+def test_any_corners_give_a_place_in_front_or_none(rays: Array) -> None:
+    found = square_fix(rays, SIZE, np.array([0.0, -math.sqrt(0.5), -math.sqrt(0.5)]), 1e-3)
+    if found is not None:
+        assert found.pose.position[2] > 0
+        assert np.isfinite(found.covariance).all()
+
+
+def test_corners_that_are_one_point_are_no_square() -> None:
+    assert square_fix(np.zeros((4, 2)), SIZE, np.array([0.0, 0.0, -1.0]), 1e-3) is None
+
+
+def test_the_back_of_a_square_is_not_seen() -> None:
+    points = square_corners(SIZE) + np.array([0, 0, 1.0])  # its z axis points away from the camera
+    assert square_fix(points[:, :2] / points[:, 2:], SIZE, np.array([0.0, 0.0, -1.0]), 1e-3) is None
+
+
+def test_the_covariance_of_a_square_is_that_of_its_places() -> None:
+    facing = Rotation.from_euler("xyz", [math.pi - 0.7, 0.1, 0.4])
+    points = facing.apply(square_corners(SIZE)) + np.array([0.1, -0.1, 1.0])
+    rng, deviation = np.random.default_rng(0), 1.5e-3
+    exact = points[:, :2] / points[:, 2:]
+    up = facing.apply([0.0, 0, 1])
+    found = [
+        square_fix(exact + rng.normal(0, deviation, (4, 2)), SIZE, up, deviation)
+        for _ in range(300)
+    ]
+    places = np.array([one.pose.position for one in found if one is not None])
+    assert len(places) > 290
+    first = square_fix(exact, SIZE, up, deviation)
+    assert first is not None
+    measured = np.sqrt(np.diag(np.cov(places.T)))
+    assert measured == pytest.approx(np.sqrt(np.diag(first.covariance)), rel=0.25)
+
+
+@pytest.mark.parametrize("tag", [FLAT, HUNG], ids=["on the floor", "on a wall"])
+def test_a_target_is_seen_where_it_is_from_where_the_agent_was(tag: Tag) -> None:
+    found = flown(flow(room()), tag).sightings
+    assert found.agent.tolist() == [0]
+    assert found.tag.tolist() == [tag.id]
+    assert found.time == pytest.approx([0.325])
+    assert found.position[0] == pytest.approx(tag.position, abs=2e-3)
+    axis = Rotation.from_quat(tag.rotation).apply([1, 0, 0])
+    assert found.yaw == pytest.approx([math.atan2(axis[1], axis[0])], abs=0.02)
+
+
+def test_tags_that_do_not_say_when_they_were_taken_are_taken_to_be_so_old() -> None:
+    found = flown(flow(room(), latency=0.3), FLAT, late=0.3, says=False).sightings
+    assert found.time == pytest.approx([0.325])
+    assert found.position[0] == pytest.approx(FLAT.position, abs=2e-3)
+    wrong = flown(flow(room(), latency=0.0), FLAT, late=0.3, says=False).sightings
+    assert np.linalg.norm(wrong.position[0] - FLAT.position) > 0.05
+
+
+def test_a_report_that_is_late_counts_for_when_it_was_made() -> None:
+    made = flow(room())
+    for tick in range(12):
+        time = 0.05 * tick
+        made.locate(heard(time + 0.1, *along(time), age=np.full(1, 0.1)))
+    found = detections((100, corners(FLAT, *in_map(*along(0.3)))), taken=0.3, arrived=0.7)
+    seen = made.locate(heard(0.7, *along(0.6), age=np.full(1, 0.1), detections=found)).sightings
+    assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
+
+
+def test_the_covariance_holds_the_agents_own_and_what_its_heading_drifts() -> None:
+    estimate = flown(flow(room()), FLAT)
+    at, _ = in_map(*along(0.325))
+    x, y, _ = FLAT.position - at
+    aside = np.array([-y, x, 0.0])
+    least = 0.9 * estimate.covariance[0] + heading_variance(0.325) * np.outer(aside, aside)
+    assert (np.linalg.eigvalsh(estimate.sightings.covariance[0] - least) > 0).all()
+
+
+def test_a_heading_is_less_sure_the_longer_ago_it_was_known() -> None:
+    assert heading_variance(0.0) == pytest.approx(math.radians(1.0) ** 2)
+    assert math.sqrt(heading_variance(600.0)) == pytest.approx(math.radians(102), rel=0.01)
+
+
+def test_landmarks_and_numbers_that_nobody_knows_are_no_targets() -> None:
+    made = flow(room())
+    made.locate(heard(0.0, *along(0.0)))
+    pixels = corners(FLAT, *in_map(*along(0.0)))
+    found = detections((1, pixels), (77, pixels), taken=0.0, arrived=0.1)
+    assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
+
+
+@pytest.mark.parametrize("taken", [-1.0, 5.0], ids=["before the flight", "in the future"])
+def test_what_was_seen_when_nobody_knows_where_is_passed_over(taken: float) -> None:
+    made = flow(room())
+    made.locate(heard(0.0, *along(0.0)))
+    found = detections((100, corners(FLAT, *in_map(*along(0.0)))), taken=taken, arrived=0.1)
+    assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
+
+
+def test_an_agent_that_reported_nothing_sees_nothing() -> None:
+    made = flow(room())
+    gone = replace(heard(0.0, *along(0.0)), attitude=np.full((1, 4), np.nan))
+    made.locate(gone)
+    found = detections((100, corners(FLAT, *in_map(*along(0.0)))), taken=0.0, arrived=0.1)
+    assert not len(made.locate(replace(gone, time=0.1, detections=found)).sightings.tag)
+
+
+def test_an_agent_heard_for_the_first_time_in_flight_sees_at_once() -> None:
+    made = flow(room())
+    made.locate(heard(0.0, *along(0.0), age=np.full(1, np.nan)))
+    made.locate(heard(0.05, *along(0.05)))
+    found = detections((100, corners(FLAT, *in_map(*along(0.05)))), taken=0.05, arrived=0.1)
+    seen = made.locate(heard(0.1, *along(0.1), detections=found)).sightings
+    assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
+
+
+def test_corners_that_are_no_numbers_are_passed_over() -> None:
+    made = flow(room())
+    made.locate(heard(0.0, *along(0.0)))
+    found = detections((100, np.full((4, 2), np.nan)), taken=0.0, arrived=0.1)
+    assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
+
+
+def test_that_images_are_not_looked_at_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
+    made = flow(room())
+    image = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
+    frames = Frames(np.array([0]), np.array([0.0]), np.array([0.1]), (image,))
+    with caplog.at_level(logging.WARNING):
+        for time in (0.1, 0.2):
+            made.locate(heard(time, *along(time), frames=frames))
+    assert [record.message.partition(";")[0] for record in caplog.records] == [
+        "flow: images are not processed, so no target is seen"
+    ]

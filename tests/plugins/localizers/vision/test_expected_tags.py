@@ -1,0 +1,129 @@
+"""Which tags should be seen, and where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from star_apriltag.vision.body_pose import HEIGHT_DEVIATION
+from star_apriltag.vision.expected_tags import MOST, TURN_DEVIATION, Expected, Foresight
+from star_apriltag.vision.landmark import Place
+from star_apriltag.vision.prediction import Prediction
+from star_core import Array, CameraModel, Pose, Tag, rotation_from_vector
+from tests.plugins.localizers.vision.conftest import hovering, on_floor, on_wall, predicted
+
+BODY = hovering(yaw=0.2, pitch=0.02)
+TAG = on_floor(1, 1.3, 0.3)
+
+
+def expect(
+    lens: CameraModel,
+    tags: Sequence[Tag],
+    prediction: Prediction | None = None,
+    passed_over: Sequence[int] = (),
+) -> list[Expected]:
+    places = [Place(tag) for tag in tags]
+    return Foresight(lens, places).expect(prediction or predicted(BODY), passed_over)
+
+
+def centre(lens: CameraModel, body: Pose, tag: Tag) -> Array:
+    ahead = (body @ lens.mounting).inverse().apply(np.array(tag.position))
+    pixel: Array = lens.project(ahead[None])[0]
+    return pixel
+
+
+def test_a_tag_is_expected_where_it_is(lens: CameraModel) -> None:
+    (expected,) = expect(lens, [TAG])
+    np.testing.assert_allclose(expected.pixel, centre(lens, BODY, TAG), atol=1e-9)
+    eye = (BODY @ lens.mounting).position
+    assert expected.distance == pytest.approx(math.dist(eye, TAG.position))
+
+
+def test_it_is_expected_where_its_row_shows_it_from_a_moving_body(lens: CameraModel) -> None:
+    moving = replace(
+        predicted(BODY), velocity=np.array([0.5, 0.2, 0.0]), rates=np.array([0.0, 0.0, 0.9])
+    )
+    far = on_floor(1, 2.1, 0.5)
+    (expected,) = expect(lens, [far], moving)
+    step = np.concatenate([moving.rates, moving.velocity])
+    late = BODY.moved(float(lens.row_delay(expected.pixel)) * step)
+    np.testing.assert_allclose(expected.pixel, centre(lens, late, far), atol=0.02)
+    assert np.abs(expected.pixel - centre(lens, BODY, far)).max() > 0.5
+
+
+def test_a_camera_that_is_turned_in_its_mounting_sees_it_elsewhere(lens: CameraModel) -> None:
+    extra = rotation_from_vector(np.radians([1.0, -2.0, 0.5]))
+    (expected,) = expect(lens, [TAG], replace(predicted(BODY), camera_turn=extra))
+    camera = BODY @ Pose(lens.mounting.rotation @ extra.T, lens.mounting.position)
+    ahead = camera.inverse().apply(np.array(TAG.position))
+    np.testing.assert_allclose(expected.pixel, lens.project(ahead[None])[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "tag",
+    [
+        on_floor(1, -1.3, 0.0),
+        on_floor(1, 4.0, 0.8),
+        on_floor(1, 0.5, 2.0),
+        on_wall(1, 1.2, 0.3, 0.3, facing=0.2),
+    ],
+    ids=["behind", "too far", "out of the image", "turned away"],
+)
+def test_a_tag_that_cannot_be_seen_is_not_expected(lens: CameraModel, tag: Tag) -> None:
+    assert expect(lens, [tag]) == []
+
+
+def test_a_larger_tag_is_expected_from_further_away(lens: CameraModel) -> None:
+    assert len(expect(lens, [on_floor(1, 3.2, 0.6, size=0.3)])) == 1
+    assert not expect(lens, [on_floor(1, 3.2, 0.6)])
+
+
+def test_a_tag_beyond_the_lens_is_not_expected_where_its_model_folds_back(
+    lens: CameraModel,
+) -> None:
+    ahead = np.array([2.5, 0.0, 1.0]) * 0.3
+    pixel = lens.project(ahead[None])[0]
+    assert (pixel > 0).all()
+    assert (pixel < lens.shape[::-1]).all()
+    x, y, z = (BODY @ lens.mounting).apply(ahead).tolist()
+    assert not expect(lens, [replace(TAG, position=(x, y, z))])
+
+
+def test_tags_that_are_passed_over_are_not_expected(lens: CameraModel) -> None:
+    other = on_floor(2, 1.2, 0.1)
+    (expected,) = expect(lens, [TAG, other], passed_over=[1])
+    assert expected.place.tag == 2
+
+
+def test_of_many_tags_the_nearest_are_expected(lens: CameraModel) -> None:
+    tags = [on_floor(k, 2.0 - 0.1 * k, 0.3) for k in range(MOST + 4)]
+    expected = expect(lens, tags)
+    assert [one.place.tag for one in expected] == [tag.id for tag in tags[: -MOST - 1 : -1]]
+
+
+def test_without_a_map_nothing_is_expected(lens: CameraModel) -> None:
+    assert expect(lens, []) == []
+
+
+def test_an_agent_that_is_nowhere_expects_nothing(lens: CameraModel) -> None:
+    lost = Pose(BODY.rotation, np.full(3, math.nan))
+    assert expect(lens, [TAG], replace(predicted(BODY), pose=lost)) == []
+
+
+def test_the_covariance_is_that_of_where_it_is_seen(lens: CameraModel) -> None:
+    rng = np.random.default_rng(0)
+    (expected,) = expect(lens, [TAG], predicted(BODY, deviation=0.02, yaw_deviation=0.02))
+    seen = []
+    for _ in range(2000):
+        around = rotation_from_vector(np.array([0, 0, rng.normal(0, 0.02)]))
+        tilt = rotation_from_vector(rng.normal(0, TURN_DEVIATION, 3))
+        shift = rng.normal(0, [0.02, 0.02, HEIGHT_DEVIATION])
+        body = Pose(around @ BODY.rotation @ tilt, BODY.position + shift)
+        seen.append(centre(lens, body, TAG))
+    found = np.linalg.inv(expected.covariance) @ np.cov(np.array(seen).T)
+    # A variance from 2000 numbers has a deviation of 3 %; the lens is taken for even all around.
+    np.testing.assert_allclose(found, np.eye(2), atol=0.25)

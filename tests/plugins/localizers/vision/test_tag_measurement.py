@@ -1,0 +1,268 @@
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from star_apriltag.vision.gate import Verdict
+from star_apriltag.vision.prediction import Prediction
+from star_apriltag.vision.square import deviation
+from star_apriltag.vision.tag_measurement import Eye, Look
+from star_core import Array, Camera, CameraModel, Pose, Rows, Tag, rotation_from_vector
+from tests.plugins.localizers.vision.conftest import (
+    Paint,
+    hovering,
+    in_map,
+    on_floor,
+    on_wall,
+    predicted,
+    seen,
+    turned_model,
+)
+
+LANDMARKS = [on_floor(1, 0.7, -0.105, yaw=0.3), on_floor(2, 0.7, 0.105, yaw=0.3)]
+TARGET = on_floor(9, 0.8, 0.3, yaw=-0.8)
+
+
+def eye(tags: Sequence[Tag]) -> Eye:
+    return Eye(Camera(), {tag.id: tag for tag in tags}, {TARGET.id: TARGET.size})
+
+
+def table(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> tuple[Rows, Array]:
+    corners = [seen(lens, body, tag) for tag in tags]
+    assert all(c is not None for c in corners)
+    return np.array([tag.id for tag in tags]), np.array(corners)
+
+
+def considered(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> Look:
+    return eye(LANDMARKS).consider(*table(lens, body, tags), predicted(body))
+
+
+def verdicts(look: Look) -> list[Verdict]:
+    return [landmark.verdict for landmark in look.landmarks]
+
+
+def test_an_image_of_landmarks_says_where_the_body_is(paint: Paint) -> None:
+    body = hovering(0.05, -0.1, yaw=0.2, pitch=0.05)
+    expected = predicted(body)
+    off = replace(
+        expected, pose=Pose(expected.pose.rotation, body.position + np.array([0.1, -0.1, 0]))
+    )
+    look = eye(LANDMARKS).look(paint(body, LANDMARKS), off)
+    assert verdicts(look) == [Verdict.ACCEPTED] * 2
+    assert look.fix is not None
+    np.testing.assert_allclose(look.fix.pose.position, body.position, atol=0.01)
+    assert look.fix.pose.yaw == pytest.approx(body.yaw, abs=math.radians(0.7))
+
+
+def test_an_empty_image_says_nothing(lens: CameraModel) -> None:
+    look = eye(LANDMARKS).look(np.zeros(lens.shape, np.uint8), predicted(hovering()))
+    assert look == Look()
+
+
+def test_two_tags_that_were_taken_for_each_other_are_turned_away(lens: CameraModel) -> None:
+    far = [LANDMARKS[0], on_floor(2, -1.0, 1.0)]
+    _, corners = table(lens, hovering(), LANDMARKS)
+    look = eye(far).consider(np.array([2, 1]), corners, predicted(hovering()))
+    assert verdicts(look) == [Verdict.ELSEWHERE, Verdict.ACCEPTED] or not look.accepted
+    assert not [s for s in look.accepted if s.tag == 2]
+
+
+def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: CameraModel) -> None:
+    known = [*LANDMARKS, on_floor(3, -1.4, 1.4)]
+    _, corners = table(lens, hovering(), LANDMARKS)
+    look = eye(known).consider(np.array([1, 3]), corners, predicted(hovering()))
+    assert verdicts(look) == [Verdict.ACCEPTED, Verdict.ELSEWHERE]
+    assert look.fix is not None
+    np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
+
+
+def test_of_tags_that_do_not_fit_together_the_more_surprising_one_is_turned_away(
+    lens: CameraModel,
+) -> None:
+    known = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
+    _, corners = table(lens, hovering(), LANDMARKS)
+    look = eye(known).consider(np.array([1, 3]), corners, predicted(hovering(), deviation=0.3))
+    assert verdicts(look) == [Verdict.ACCEPTED, Verdict.AT_ODDS]
+    assert look.fix is not None
+    np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
+
+
+def test_tags_of_a_map_that_is_two_centimetres_off_are_all_believed(lens: CameraModel) -> None:
+    known = [on_floor(1, 0.72, -0.105, yaw=0.3), on_floor(2, 0.7, 0.125, yaw=0.33)]
+    look = eye(known).consider(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
+    assert verdicts(look) == [Verdict.ACCEPTED] * 2
+
+
+def test_an_agent_that_is_elsewhere_is_still_found(lens: CameraModel) -> None:
+    body = hovering(yaw=0.1)
+    lost = replace(predicted(body), pose=hovering(1.0, 0.4, yaw=0.5))
+    look = eye(LANDMARKS).consider(*table(lens, body, LANDMARKS), lost)
+    assert verdicts(look) == [Verdict.ELSEWHERE] * 2
+    assert look.fix is None
+    assert look.other is not None
+    np.testing.assert_allclose(look.other.pose.position, body.position, atol=1e-4)
+
+
+def test_tags_that_are_elsewhere_and_do_not_agree_place_nobody(lens: CameraModel) -> None:
+    moved = [on_floor(1, -1.0, 0.3), on_floor(2, 1.5, 1.0, yaw=2.0)]
+    look = eye(moved).consider(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
+    assert verdicts(look) == [Verdict.ELSEWHERE] * 2
+    assert look.other is None
+
+
+def test_a_pose_that_the_on_board_tilt_contradicts_is_turned_away(lens: CameraModel) -> None:
+    body = hovering()
+    wrong = replace(predicted(body), roll=math.radians(40))
+    look = eye(LANDMARKS).consider(*table(lens, body, LANDMARKS), wrong)
+    assert verdicts(look) == [Verdict.TILTED] * 2
+
+
+def test_corners_that_are_no_square_are_turned_away() -> None:
+    broken = np.array([[[10.0, 10], [90, 10], [np.nan, 50], [10, 50]]])
+    look = eye(LANDMARKS).consider(np.array([1]), broken, predicted(hovering()))
+    assert verdicts(look) == [Verdict.UNSOLVED]
+    assert look.fix is None
+
+
+def test_a_number_that_nobody_knows_is_a_strangers(lens: CameraModel) -> None:
+    look = considered(lens, hovering(), [on_floor(77, 0.7, 0.0)])
+    assert look.strangers == (77,)
+    assert not look.landmarks
+    assert not look.targets
+
+
+@pytest.mark.parametrize("wall", [False, True])
+def test_the_right_one_of_two_solutions_is_chosen(lens: CameraModel, wall: bool) -> None:  # noqa: FBT001
+    rng = np.random.default_rng(0)
+    right = count = 0
+    while count < 250:
+        body = hovering(yaw=rng.uniform(-3, 3), roll=rng.normal() / 15, pitch=rng.normal() / 15)
+        way, side = body.yaw + rng.uniform(-0.6, 0.6), rng.uniform(-0.8, 0.8)
+        x, y = rng.uniform(0.4, 1.4) * np.array([math.cos(way), math.sin(way)])
+        height = rng.uniform(0.1, 0.7)
+        tag = on_floor(1, x, y, yaw=9 * side)
+        if wall:
+            tag = on_wall(1, x, y, height, facing=way + math.pi + side)
+        corners = seen(lens, body, tag)
+        distance = float(np.linalg.norm(body.position - tag.position))
+        if corners is None or distance > 1.5:
+            continue
+        count += 1
+        corners += rng.normal(0, deviation(distance, tag.size), (4, 2))
+        sure = predicted(body)
+        turned = rotation_from_vector(np.array([0, 0, rng.normal(0, 0.05)]))
+        place = body.position + rng.normal(0, [0.1, 0.1, 0])
+        off = replace(sure, pose=Pose(turned @ body.rotation, place), roll=sure.roll + 0.02)
+        (landmark,) = eye([tag]).consider(np.array([1]), corners[None], off).landmarks
+        if landmark.fix is not None:
+            error = Rotation.from_matrix(landmark.fix.pose.rotation.T @ body.rotation).magnitude()
+            right += int(error < math.radians(15))
+    assert right >= 0.97 * count
+
+
+def test_a_camera_that_is_turned_in_its_mounting_is_understood() -> None:
+    body = hovering()
+    extra = rotation_from_vector(np.radians([2.0, -3.0, 4.0]))
+    turned = turned_model(extra.T)
+    expected = replace(predicted(body), camera_turn=extra)
+    look = eye(LANDMARKS).consider(*table(turned, body, LANDMARKS), expected)
+    assert look.fix is not None
+    np.testing.assert_allclose(look.fix.pose.position, body.position, atol=1e-4)
+
+
+def test_a_landmark_comes_with_what_a_smoother_needs(lens: CameraModel) -> None:
+    tags, corners = table(lens, hovering(), LANDMARKS)
+    first, _ = eye(LANDMARKS).consider(tags, corners, predicted(hovering())).landmarks
+    assert first.view is not None
+    np.testing.assert_allclose(first.view.rays, lens.undistort(corners[0]))
+    np.testing.assert_allclose(first.view.points.mean(axis=0), LANDMARKS[0].position, atol=1e-12)
+    np.testing.assert_allclose(first.view.delay, lens.row_delay(corners[0]))
+    camera = (hovering() @ lens.mounting).position
+    expected = float(np.linalg.norm(camera - LANDMARKS[0].position))
+    assert first.distance == pytest.approx(expected, rel=1e-4)
+    pixels = first.view.deviation * float(lens.magnification(first.view.rays.mean(axis=0)))
+    assert pixels == pytest.approx(deviation(expected, 0.168), rel=1e-3)
+
+
+@pytest.mark.parametrize("target", [TARGET, on_wall(9, 0.9, 0.2, 0.4, 2.7)])
+def test_a_target_is_found_before_the_body_as_surely_as_is_said(
+    lens: CameraModel, target: Tag
+) -> None:
+    rng = np.random.default_rng(1)
+    body = hovering(yaw=0.2)
+    expected = body.inverse() @ in_map(target)
+    clean = seen(lens, body, target)
+    assert clean is not None
+    distance = float(np.linalg.norm((body @ lens.mounting).position - target.position))
+    squares = []
+    for _ in range(150):
+        noisy = clean + rng.normal(0, deviation(distance, target.size), (4, 2))
+        look = eye(LANDMARKS).consider(np.array([9]), noisy[None], predicted(body))
+        (found,) = look.targets
+        error = found.pose.position - expected.position
+        squares.append(error @ np.linalg.solve(found.covariance, error))
+        assert np.abs(error).max() < 0.1
+    # The mean of 150 values of chi² with 3 degrees of freedom has a deviation of 0.2.
+    assert np.mean(squares) == pytest.approx(3, abs=1.0)
+
+
+def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall(lens: CameraModel) -> None:
+    rng = np.random.default_rng(2)
+    body, expected = hovering(), hovering().inverse() @ in_map(TARGET)
+    clean = seen(lens, body, TARGET)
+    assert clean is not None
+    for _ in range(100):
+        noisy = clean + rng.normal(0, 0.3, (4, 2))
+        (found,) = eye([]).consider(np.array([9]), noisy[None], predicted(body)).targets
+        assert found.pose.rotation[2, 2] == pytest.approx(expected.rotation[2, 2], abs=0.3)
+        assert found.pose.yaw == pytest.approx(expected.yaw, abs=0.2)
+
+
+FAR = [on_floor(3, 1.9, -0.1, yaw=0.4), on_floor(4, 1.9, 0.11, yaw=0.4)]
+
+
+def sure(body: Pose) -> Prediction:
+    return predicted(body, deviation=0.03, yaw_deviation=0.01)
+
+
+def test_tags_that_are_not_detected_are_found_by_guidance(paint: Paint) -> None:
+    body = hovering()
+    look = eye([*LANDMARKS, *FAR]).look(paint(body, [*LANDMARKS, *FAR]), sure(body))
+    assert {seen.tag for seen in look.accepted} == {1, 2}
+    assert {match.tag for match in look.guided} == {3, 4}
+    assert [len(view.points) for view in look.views] == [4, 4, 1, 1]
+
+
+def test_guidance_can_be_done_without(paint: Paint) -> None:
+    body = hovering()
+    unguided = Eye(Camera(), {tag.id: tag for tag in FAR}, {}, guided=False)
+    assert unguided.look(paint(body, FAR), sure(body)) == Look()
+
+
+def test_without_an_image_nobody_is_guided(lens: CameraModel) -> None:
+    tags, corners = table(lens, hovering(), LANDMARKS)
+    look = eye([*LANDMARKS, *FAR]).consider(tags, corners, sure(hovering()))
+    assert look.guided == ()
+    assert len(look.views) == 2
+
+
+def test_nobody_is_guided_by_a_belief_that_all_tags_contradict(paint: Paint) -> None:
+    body, moved = hovering(), on_floor(1, 1.4, -0.9)
+    image = paint(body, [LANDMARKS[0], *FAR])
+    assert len(eye(FAR).look(image, sure(body)).guided) == 2
+    look = eye([moved, *FAR]).look(image, sure(body))
+    assert verdicts(look) == [Verdict.ELSEWHERE]
+    assert look.views == ()
+
+
+def test_one_wrong_number_among_right_ones_leaves_guidance_on(paint: Paint) -> None:
+    body, moved = hovering(), on_floor(1, -1.4, -0.9)
+    look = eye([moved, LANDMARKS[1], *FAR]).look(paint(body, [*LANDMARKS, *FAR]), sure(body))
+    assert verdicts(look) in (
+        [Verdict.ELSEWHERE, Verdict.ACCEPTED],
+        [Verdict.ACCEPTED, Verdict.ELSEWHERE],
+    )
+    assert len(look.guided) == 2

@@ -1,0 +1,70 @@
+"""What a tag looks like."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from star_apriltag.vision.landmark import Place
+from star_apriltag.vision.tag_template import Region, Template, template
+from star_core import Array, CameraModel, Pose, Tag
+from tests.plugins.localizers.vision.conftest import Paint, hovering, in_map, on_floor
+
+BODY = hovering(pitch=0.03, yaw=0.1)
+TAG = on_floor(7, 0.8, 0.1, yaw=0.4)
+
+
+def drawn(lens: CameraModel, tag: Tag, region: Region, body: Pose = BODY) -> Template:
+    there = (body @ lens.mounting).inverse() @ in_map(tag)
+    return template(tag.id, tag.size, there, lens, region)
+
+
+def outline(lens: CameraModel, tag: Tag) -> Array:
+    """Returns the (4, 2) corners of a tag's rim in the image."""
+    there = (BODY @ lens.mounting).inverse() @ in_map(tag)
+    return lens.project(there.apply(Place(tag).outline))
+
+
+def around(lens: CameraModel, tag: Tag) -> Region:
+    pixels = outline(lens, tag)
+    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    return Region(*(math.floor(edge) for edge in (left - 3, top - 3, right + 5, bottom + 5)))
+
+
+@pytest.mark.parametrize("yaw", [0.4, 1.4, -2.0])
+@pytest.mark.parametrize("x", [0.6, 0.9, 1.6])
+def test_it_is_what_a_camera_sees(lens: CameraModel, paint: Paint, x: float, yaw: float) -> None:
+    tag = on_floor(7, x, 0.1, yaw)
+    region = around(lens, tag)
+    expected = drawn(lens, tag, region)
+    taken = paint(BODY, [tag])[region.top : region.bottom, region.left : region.right]
+    inner = expected.paper > 0.99
+    assert np.corrcoef(taken[inner], expected.grey[inner])[0, 1] > 0.97
+
+
+def test_paper_fills_what_is_within_its_outline(lens: CameraModel) -> None:
+    paper = drawn(lens, TAG, around(lens, TAG)).paper
+    whole = cv2.contourArea(outline(lens, TAG).astype(np.float32))
+    assert float(paper.sum()) == pytest.approx(whole, rel=0.01)
+
+
+def test_the_code_is_six_tenths_of_the_paper_along_each_side(lens: CameraModel) -> None:
+    seen = drawn(lens, TAG, around(lens, TAG))
+    assert float(seen.code.sum() / seen.paper.sum()) == pytest.approx(0.36, rel=0.03)
+
+
+def test_a_part_of_a_region_shows_a_part_of_the_tag(lens: CameraModel) -> None:
+    whole = around(lens, TAG)
+    left, top, right, bottom = whole
+    part = Region(left + 10, top + 8, right - 9, bottom - 7)
+    expected = drawn(lens, TAG, whole).grey[8:-7, 10:-9]
+    seen = drawn(lens, TAG, part).grey
+    np.testing.assert_allclose(seen[3:-3, 3:-3], expected[3:-3, 3:-3], atol=1e-3)
+
+
+def test_where_the_lens_shows_nothing_there_is_no_paper(lens: CameraModel) -> None:
+    corner = Region(1, 1, 4, 4)  # where its model does not reach
+    assert not drawn(lens, on_floor(7, 0.8, 0.1, size=5.0), corner).paper.any()

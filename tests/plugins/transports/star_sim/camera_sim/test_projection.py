@@ -1,0 +1,74 @@
+"""Where points of the map come to lie in the image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from star_core import Array, Camera
+from star_sim.camera_sim.motion import mounting, poses, row_time
+from star_sim.camera_sim.optics import optics, rays
+from star_sim.camera_sim.projection import project, touch
+from star_sim.camera_sim.shot import Shot
+
+Take = Callable[..., Shot]
+CAMERA = Camera()
+LENS, MOUNT = optics(CAMERA), mounting(CAMERA)
+SPEEDS = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(-2, 2))
+
+
+def pixels(points: ArrayLike, shot: Shot) -> Array:
+    return project(np.atleast_2d(np.asarray(points, float)), shot.packed(), MOUNT, LENS)
+
+
+def test_the_middle_ray_hits_the_floor_where_geometry_says(take: Take) -> None:
+    # A point on the optical axis: 0.8 m + 15 mm over the floor, 45° down, 25 mm ahead.
+    axis = [0.025 + 0.815, 0.0, 0.0]
+    assert pixels(axis, take())[0] == pytest.approx(CAMERA.matrix[2:], abs=1e-6)
+
+
+def test_right_and_down_in_the_image_are_right_and_near_on_the_floor(take: Take) -> None:
+    ahead, right, near = pixels([[1.0, 0, 0], [1.0, -0.2, 0], [0.8, 0, 0]], take())
+    assert right[0] > ahead[0] + 10
+    assert near[1] > ahead[1] + 10
+
+
+@given(SPEEDS, SPEEDS)
+def test_a_point_is_seen_from_where_the_camera_is_at_its_row(
+    take: Take, velocity: tuple[float, ...], rates: tuple[float, ...]
+) -> None:
+    points = np.array([[0.5, 0.0, 0.0], [0.9, 0.3, 0.1], [1.5, -0.4, 0.0]])
+    shot = take(velocity=velocity, rates=rates)
+    for point, seen in zip(points, pixels(points, shot), strict=True):
+        late = row_time(LENS, seen[1])
+        turn = Rotation.from_quat(shot.attitude) * Rotation.from_rotvec(late * shot.rates)
+        frozen = take(shot.position + late * shot.velocity)._replace(attitude=turn.as_quat())
+        assert pixels(point, frozen)[0] == pytest.approx(seen, abs=1e-6)
+
+
+def test_what_is_behind_or_far_outside_is_not_seen(take: Take) -> None:
+    assert np.isnan(pixels([[-1.0, 0, 0], [0.2, 5.0, 0], [0.0, 0.0, 2.5]], take())).all()
+
+
+@given(st.integers(0, 10_000))
+def test_the_region_that_is_drawn_holds_every_point_of_a_sheet(take: Take, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shot = take(rng.uniform([-1, -1, 0.1], [1, 1, 1.5]), tuple(rng.normal(0, 0.4, 3)))
+    one, two, three = rng.uniform([-2, -2, 0], [2, 2, 1.0], (3, 3))
+    corners = np.array([one, two, two + three - one, three])
+    x, y = rays(CAMERA)
+    region = np.array([324, 244, 0, 0])
+    pose = poses(shot.packed(), MOUNT, LENS, 1)[0, 0]
+    touch(corners, pose, LENS, (x.min(), y.min(), x.max(), y.max()), region)
+    a, b = rng.random((2, 500, 1))
+    seen = pixels(one + a * (two - one) + b * (three - one), shot)
+    inside = (seen > -0.5) & (seen < [323.5, 243.5])
+    seen = seen[inside.all(axis=1)]
+    assert (seen > region[:2] - 0.5).all()
+    assert (seen < region[2:] - 0.5).all()
