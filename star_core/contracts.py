@@ -169,15 +169,17 @@ class Task(Protocol):
 
 
 class Problem(NamedTuple):
-    """What a schema cannot see and a plugin's own check found.
+    """A mistake in a file that its schema cannot detect.
 
     Attributes:
         path: Keys and indices from the plugin's options to the value; empty for the whole.
         message: What is wrong and what was expected.
+        code: Identifies the kind of mistake, see `star_core.error_codes`.
     """
 
     path: tuple[str | int, ...]
     message: str
+    code: str = "invalid-option"
 
 
 class StepGoal(NamedTuple):

@@ -1,8 +1,8 @@
 """Every error that STAR raises on purpose.
 
 Catch `StarError` at a boundary (the command line does); catch a child only to act on it. A message
-says what was wrong, where, what was expected and, where there is one, the next step. It starts in
-lower case, has no full stop, and shows values through ``!r``.
+states what is wrong, where, what was expected and, where there is one, the next step. It starts in
+lower case, has no full stop, shows values through ``!r``, and ends with its code in brackets.
 """
 
 from __future__ import annotations
@@ -12,29 +12,75 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
 
+def coded(message: str, code: str) -> str:
+    """Return a message that ends with a stable code; one that ends with a code keeps it.
+
+    Every code has a hyphen and an entry in `star_core.error_codes`.
+
+    >>> coded("no such file", "file-not-found")
+    'no such file [file-not-found]'
+    >>> coded("m.yaml: no such file [file-not-found]", "invalid-input")
+    'm.yaml: no such file [file-not-found]'
+    """
+    if code_of(message) or not message:
+        return message
+    return f"{message} [{code}]"
+
+
+def code_of(message: str) -> str:
+    """Return the code that a message ends with, or an empty string."""
+    code = message.rpartition(" [")[2][:-1] if message.endswith("]") else ""
+    words = code.split("-")
+    return (
+        code if len(words) > 1 and all(word.isalpha() and word.islower() for word in words) else ""
+    )
+
+
 class StarError(Exception):
-    """Base of the errors that a user or a plugin author can put right."""
+    """Base of the errors that a user or a plugin author can correct.
+
+    Args:
+        message: What is wrong, and what to do.
+        code: Identifies the kind of error, see `star_core.error_codes`; the last words of the text.
+            If the message already ends with a code, such as that of another error, it is kept.
+    """
+
+    code = "invalid-argument"
+
+    def __init__(self, message: str, code: str = "") -> None:
+        super().__init__(coded(message, code or self.code))
+        self.code = code_of(str(self))
 
 
 class InputError(StarError):
     """A file or an option that a user wrote cannot be used as it is.
 
+    Args:
+        problems: One message, or several.
+        code: Of the problems that have none yet.
+
     Attributes:
-        problems: One line each, with its place: ``file:line:col: what is wrong``.
+        problems: One line each, with its location: ``file:line:col: what is wrong [code]``.
     """
 
-    def __init__(self, problems: Sequence[str] | str) -> None:
+    code = "invalid-input"
+
+    def __init__(self, problems: Sequence[str] | str, code: str = "") -> None:
         problems = [problems] if isinstance(problems, str) else problems
-        super().__init__("\n".join(problems))
-        self.problems = tuple(problems)
+        self.problems = tuple(coded(problem, code or self.code) for problem in problems)
+        super().__init__("\n".join(self.problems), code)
 
 
 class PluginError(StarError):
     """A plugin is missing, broken, in conflict with another, or failed in flight."""
 
+    code = "plugin-failed"
+
 
 class ContractError(StarError):
-    """A table or an answer that breaks its contract."""
+    """A table or a return value that breaks its contract."""
+
+    code = "contract-broken"
 
 
 class RowCountError(ContractError):
@@ -45,6 +91,8 @@ class RowCountError(ContractError):
         count: Number of rows of each field.
         per: What there should be one row per.
     """
+
+    code = "wrong-shape"
 
     def __init__(self, table: str, count: Mapping[str, int], per: str) -> None:
         self._table, self._count, self._per = table, count, per
@@ -59,7 +107,7 @@ class RowCountError(ContractError):
             return str(self)
         wrong = [group for group in _by_count(self._count) if group[1] != agents]
         said = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in wrong)
-        return f"{self._table}.{said}, expected {agents}, one per agent"
+        return coded(f"{self._table}.{said}, expected {agents}, one per agent", self.code)
 
 
 def _by_count(count: Mapping[str, int]) -> list[tuple[list[str], int]]:

@@ -105,7 +105,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     world, room = _world(document, problems)
     sound = sound_parts(document.data, refused)
     if sound is None:
-        raise InputError(_in_file_order(problems, document.path))
+        raise InputError(_in_file_order(problems, document.path), "invalid-option")
     known = replace(document, data=sound)
     scene = _scene(known, room or NO_WORLD, realtime=_realtime(known, registry))
     problems += checks.of_mission(known, scene, registry, world_known=room is not None)
@@ -116,7 +116,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     )
     problems += _step_problems(steps, known, scene, registry)
     if problems or world is None:
-        raise InputError(_in_file_order(problems, document.path))
+        raise InputError(_in_file_order(problems, document.path), "invalid-option")
     return Mission(
         name=sound["name"],
         scene=scene,

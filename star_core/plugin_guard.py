@@ -27,10 +27,10 @@ def close(parts: Iterable[tuple[PluginGuard, object]]) -> list[str]:
 class PluginGuard:
     """Turns whatever is raised inside into a `PluginError` that names the plugin.
 
-    >>> with PluginGuard("avoider 'mine' (my-dist 1.0:mine)"):
+    >>> with PluginGuard("avoider 'mine' (1.0)"):
     ...     {}["gain"]
     Traceback (most recent call last):
-    star_core.errors.PluginError: avoider 'mine' (my-dist 1.0:mine): KeyError: 'gain' (<...>:2)
+    star_core.errors.PluginError: avoider 'mine' (1.0): KeyError: 'gain' (<...>:2) [plugin-failed]
 
     Args:
         whom: The plugin: kind, name and source.

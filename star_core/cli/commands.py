@@ -1,4 +1,4 @@
-"""STAR's own commands, as a plugin: ``star run``, ``check``, ``plugins`` and ``schema``."""
+"""STAR's own commands, as a plugin: ``run``, ``check``, ``errors``, ``plugins`` and ``schema``."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ def star_commands() -> Iterator[CommandSpec]:
         summary="Check a mission, or steps, a world or a camera.",
         make=_check,
         group="Author",
+    )
+    yield CommandSpec(
+        name="errors", summary="Explain the code of an error.", make=_errors, group="Author"
     )
     yield CommandSpec(
         name="schema", summary="Write a schema for an editor.", make=_schema, group="Author"
@@ -55,6 +58,8 @@ def parser(command: str) -> argparse.ArgumentParser:
         line.add_argument("--save-frames", action="store_true", help="keep the cameras' images too")
         line.add_argument("--json", action="store_true", help="print the summary as JSON, only")
         line.add_argument("--verbose", action="store_true", help="show the tracebacks of plugins")
+    if command == "errors":
+        line.add_argument("code", nargs="?", help="the code in brackets; all codes if not given")
     if command == "plugins":
         line.add_argument("--json", action="store_true", help="as JSON, with option schemas")
     if command == "schema":
@@ -121,6 +126,14 @@ def _check(arguments: Sequence[str]) -> int:
 
     options = _parse("check", arguments)
     print(check_file(Path(options.mission), _assignments(options), installed()))
+    return 0
+
+
+def _errors(arguments: Sequence[str]) -> int:
+    from star_core import error_codes
+
+    options = _parse("errors", arguments)
+    print(error_codes.explain(options.code) if options.code else error_codes.page())
     return 0
 
 

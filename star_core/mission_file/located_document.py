@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from star_core.errors import InputError, suggestion
+from star_core.contracts import Problem
+from star_core.errors import InputError, coded, suggestion
 from star_core.mission_file.yaml_source import DEEPEST, START, Location, Mark, Place, mark_at, parse
 
 LARGEST = 2**20  # bytes: far more than a mission, and read in seconds
@@ -53,15 +54,16 @@ class Document:
         """Return a point of the file, or what stands for it, as it is told."""
         return mark.origin or f"{self.path}:{mark.line}:{mark.column}"
 
-    def problem(self, path: Location, message: str, *, key: bool = False) -> str:
-        """Return `message` after the place it is about."""
-        return f"{self.place(path, key=key)}: {message}"
+    def problem(
+        self, path: Location, message: str, code: str = "invalid-option", *, key: bool = False
+    ) -> str:
+        """Return `message` after the location that it is about, with its code."""
+        return coded(f"{self.place(path, key=key)}: {message}", code)
 
-    def told(self, faults: Iterable[tuple[Location, str]]) -> list[str]:
-        """Return faults with their places, in the order of the file."""
-        located = {
-            (self.mark(path), message): self.problem(path, message) for path, message in faults
-        }
+    def told(self, faults: Iterable[tuple[Location, str] | Problem]) -> list[str]:
+        """Return problems with their locations, in the order of the file."""
+        problems = [Problem(*fault) for fault in faults]
+        located = {(self.mark(one.path), one.message): self.problem(*one) for one in problems}
         return [located[key] for key in sorted(located, key=lambda key: (key[0].origin != "", key))]
 
     def mark(self, path: Location, *, key: bool = False) -> Mark:
@@ -147,11 +149,15 @@ def _text(path: Path) -> str:
         with path.open("rb") as file:
             raw = file.read(LARGEST + 1)
     except FileNotFoundError:
-        raise InputError([f"{path}: no such file"]) from None
+        raise InputError([f"{path}: no such file"], "file-not-found") from None
     except IsADirectoryError:
-        raise InputError([f"{path}: is a directory, expected a YAML file"]) from None
+        raise InputError(
+            [f"{path}: is a directory, expected a YAML file"], "unreadable-file"
+        ) from None
     except OSError as error:
-        raise InputError([f"{path}: cannot be read: {error.strerror}"]) from error
+        raise InputError(
+            [f"{path}: cannot be read: {error.strerror}"], "unreadable-file"
+        ) from error
     if len(raw) > LARGEST:
         raise InputError([f"{path}: is larger than {LARGEST} bytes, the most that is read"])
     try:

@@ -124,7 +124,7 @@ def test_a_transport_that_flies_none_is_told_before_its_links_are_opened(lab: La
     with pytest.raises(PluginError) as raised:
         lab.fly(TRACE)
     assert str(raised.value) == (
-        "transport 'robots' (their-dist 1.2:lab): flies no trajectories on board"
+        "transport 'robots' (their-dist 1.2:lab): flies no trajectories on board [plugin-failed]"
     )
     assert lab.closed["transport"] == 1
 

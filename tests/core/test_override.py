@@ -68,7 +68,7 @@ def test_a_value_that_is_set_is_there_and_its_place_is_the_assignment(
         found = found[part]
     assert found == value
     if path != ("avoider",) or value == "none":
-        assert changed.problem(path, "bad") == f"--set {assignment}: bad"
+        assert changed.problem(path, "bad") == f"--set {assignment}: bad [invalid-option]"
 
 
 def test_a_name_that_becomes_a_map_keeps_its_place(mission: Document) -> None:
@@ -124,7 +124,9 @@ def test_an_assignment_that_cannot_be_followed_is_refused(
 
 
 def test_an_empty_list_has_no_item_to_set() -> None:
-    assert refused(document("a: []"), "a.0=1") == ["--set a.0=1: 'a' has no item 0; it is empty"]
+    assert refused(document("a: []"), "a.0=1") == [
+        "--set a.0=1: 'a' has no item 0; it is empty [invalid-input]"
+    ]
 
 
 def test_all_assignments_that_cannot_be_followed_are_listed(mission: Document) -> None:

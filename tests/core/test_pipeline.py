@@ -94,10 +94,10 @@ def test_the_parts_that_were_made_are_closed_when_the_next_cannot_be(lab: Lab, r
 
 
 def test_links_that_cannot_be_opened_are_told_and_every_part_is_closed(lab: Lab) -> None:
-    lab.spoil("transport", "connect", PluginError("cannot reach cf2"))
+    lab.spoil("transport", "connect", PluginError("cannot reach cf2 [plugin-failed]"))
     with pytest.raises(PluginError) as caught:
         lab.fly()
-    assert str(caught.value) == f"{NAMED['transport']}: cannot reach cf2"
+    assert str(caught.value) == f"{NAMED['transport']}: cannot reach cf2 [plugin-failed]"
     assert lab.ticks == []
     assert {kind: lab.closed[kind] for kind in PARTS} == dict.fromkeys(PARTS, 1)
 
@@ -237,6 +237,7 @@ def test_the_field_with_the_wrong_number_of_rows_is_named_though_others_follow_i
     lab.spoil("avoider", "avoid", lambda *_: Setpoint(first, np.zeros(2), ROW == 0), FLYING)
     assert lab.fly()["reason"] == (
         f"{NAMED['avoider']}: Setpoint.velocity and active have 1 row, expected 2, one per agent"
+        " [wrong-shape]"
     )
     assert brought_down(lab)
 
@@ -344,23 +345,26 @@ def goals(n: int, *, active: tuple[bool, ...], speed: float = 0.5) -> Goals:
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (TaskOutput(goals(2, active=(True, True))), "has goals for agents that are not its own"),
+        (
+            TaskOutput(goals(2, active=(True, True))),
+            "has goals for agents that are not its own [contract-broken]",
+        ),
         (
             TaskOutput(goals(3, active=(True,) * 3)),
-            "every field of Goals has 3 rows, expected 2, one per agent",
+            "every field of Goals has 3 rows, expected 2, one per agent [contract-broken]",
         ),
         (
             TaskOutput(goals(2, active=(True, False), speed=np.inf)),
-            "Goals.speed is [inf], expected numbers",
+            "Goals.speed is [inf], expected numbers [contract-broken]",
         ),
         (
             TaskOutput(
                 commands=(Command(Order.STOP, np.array([0, 1]), NAN, NAN[:, 0], NAN[:, 0]),)
             ),
-            "commands agents [0, 1], its own are (0,)",
+            "commands agents [0, 1], its own are (0,) [contract-broken]",
         ),
-        (TaskOutput(commands=("land",)), "returned str, expected Command"),  # type: ignore[arg-type]
-        (TaskOutput(goals=NAN), "returned ndarray, expected Goals"),  # type: ignore[arg-type]
+        (TaskOutput(commands=("land",)), "returned str, expected Command [contract-broken]"),  # type: ignore[arg-type]
+        (TaskOutput(goals=NAN), "returned ndarray, expected Goals [contract-broken]"),  # type: ignore[arg-type]
     ],
 )
 def test_a_task_that_speaks_for_others_or_out_of_turn_is_named(

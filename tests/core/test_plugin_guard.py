@@ -36,7 +36,9 @@ def test_the_place_is_that_of_the_innermost_call() -> None:
     here = caught.value.__cause__
     assert here is not None
     assert here.__traceback__ is not None
-    assert str(caught.value).endswith(f"({__file__}:{here.__traceback__.tb_lineno})")
+    assert str(caught.value).endswith(
+        f"({__file__}:{here.__traceback__.tb_lineno}) [plugin-failed]"
+    )
 
 
 def test_the_place_is_inside_the_plugin_and_not_where_it_was_called() -> None:
@@ -45,7 +47,7 @@ def test_the_place_is_inside_the_plugin_and_not_where_it_was_called() -> None:
 
     with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
         plugin()
-    assert str(caught.value).endswith(f":{plugin.__code__.co_firstlineno + 1})")
+    assert str(caught.value).endswith(f":{plugin.__code__.co_firstlineno + 1}) [plugin-failed]")
 
 
 @pytest.mark.parametrize("error", [ContractError("no rows"), InputError(["a", "b"])])
@@ -79,8 +81,8 @@ def test_the_traceback_is_logged_for_who_wants_it(caplog: pytest.LogCaptureFixtu
 
 
 def test_one_problem_may_be_given_as_text() -> None:
-    assert InputError("no such file").problems == ("no such file",)
-    assert str(InputError(["a", "b"])) == "a\nb"
+    assert InputError("no such file [invalid-input]").problems == ("no such file [invalid-input]",)
+    assert str(InputError(["a", "b"])) == "a [invalid-input]\nb [invalid-input]"
 
 
 def test_an_error_of_many_lines_is_told_on_one() -> None:

@@ -128,7 +128,7 @@ def test_a_plugin_that_is_refused_leaves_nothing_behind(registry: Registry) -> N
 
     with pytest.raises(PluginError) as caught:
         registry.add(Half("mine"), Source("my-dist:half"))
-    assert str(caught.value) == "star_tasks() yields str, expected TaskSpec"
+    assert str(caught.value) == "star_tasks() yields str, expected TaskSpec [plugin-failed]"
     assert registry.names("planner") == ()
     assert registry.manager.get_plugins() == set()
 
@@ -140,7 +140,10 @@ def test_a_hook_that_does_not_exist_is_refused_with_a_hint(registry: Registry) -
 
     with pytest.raises(PluginError) as caught:
         registry.add(Misspelt(), Source("my-dist:misspelt"))
-    assert str(caught.value) == "no hook named 'star_tick'; did you mean 'star_ticked'?"
+    assert (
+        str(caught.value)
+        == "no hook named 'star_tick'; did you mean 'star_ticked'? [plugin-failed]"
+    )
 
 
 def test_a_hook_that_asks_for_what_nobody_tells_is_refused(registry: Registry) -> None:
@@ -171,7 +174,7 @@ def test_two_plugins_of_one_name_are_refused_when_it_is_used(registry: Registry)
     registry.add(Planners("stay", "mine"), Source("star-stay:stay", "1.0"))
     registry.add(Planners("stay"), Source("their-stay:stay"))
     who = "star-stay 1.0:stay and their-stay:stay; uninstall one"
-    with pytest.raises(PluginError, match=rf"^two plugins offer .*planner .*'stay': {who}$"):
+    with pytest.raises(PluginError, match=rf"^two plugins offer .*planner .*'stay': {who} "):
         registry.find("planner", "stay")
     assert registry.find("planner", "mine").offer.name == "mine"
 
@@ -193,20 +196,23 @@ def test_an_unknown_name_is_answered_with_the_nearest_one(registry: Registry) ->
     registry.add(Planners("repulsion", "stay"), Source("my-dist:mine"))
     with pytest.raises(PluginError) as caught:
         registry.find("planner", "repulsoin")
-    assert str(caught.value) == "no planner named 'repulsoin'; did you mean 'repulsion'?"
+    assert (
+        str(caught.value)
+        == "no planner named 'repulsoin'; did you mean 'repulsion'? [plugin-failed]"
+    )
 
 
 def test_an_unknown_name_that_is_like_none_is_answered_with_all(registry: Registry) -> None:
     registry.add(Planners("stay", "repulsion"), Source("my-dist:mine"))
     with pytest.raises(PluginError) as caught:
         registry.find("planner", "xyz")
-    assert str(caught.value) == "no planner named 'xyz'; there are: repulsion, stay"
+    assert str(caught.value) == "no planner named 'xyz'; there are: repulsion, stay [plugin-failed]"
 
 
 def test_a_name_of_a_kind_that_nobody_offers_is_refused_plainly(registry: Registry) -> None:
     with pytest.raises(PluginError) as caught:
         registry.find("planner", "stay")
-    assert str(caught.value) == "no planner named 'stay'"
+    assert str(caught.value) == "no planner named 'stay' [plugin-failed]"
 
 
 def test_every_offer_is_listed_those_of_one_name_too(registry: Registry) -> None:

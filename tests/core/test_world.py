@@ -253,6 +253,7 @@ def test_a_good_world_is_made_of_its_fence_and_its_obstacles() -> None:
 def test_a_fence_that_is_empty_in_any_direction_is_refused(high: str) -> None:
     assert problems(WORLD.replace("[2, 2, 2]", high)) == [
         f"room.yaml:3:8: the fence's low [-2, -2, 0] is not below high {high} in x, y and z"
+        " [invalid-option]"
     ]
 
 
@@ -261,6 +262,7 @@ def test_an_obstacle_whose_foot_is_not_below_its_top_is_refused(height: str) -> 
     foot, top = parse(height).data
     assert problems(WORLD.replace("[0, 2]", height)) == [
         f"room.yaml:5:65: obstacle 'pillar' has its foot at {foot} m, not below its top at {top} m"
+        " [invalid-option]"
     ]
 
 
@@ -269,7 +271,9 @@ def test_an_obstacle_whose_foot_is_not_below_its_top_is_refused(height: str) -> 
 )
 def test_a_stretch_of_no_length_is_refused(shape: str) -> None:
     world = f"{WORLD}  wall: {{{shape}, height: [0, 1]}}\n"
-    assert problems(world) == ["room.yaml:6:9: obstacle 'wall' has the same point twice in a row"]
+    assert problems(world) == [
+        "room.yaml:6:9: obstacle 'wall' has the same point twice in a row [invalid-option]"
+    ]
 
 
 def test_a_polygon_that_repeats_its_first_corner_at_the_end_is_refused() -> None:
@@ -287,8 +291,8 @@ def test_a_line_may_come_back_to_where_it_began() -> None:
 def test_offsets_that_do_not_fit_are_told_with_whose_they_are(kind: str, whose: str) -> None:
     sheet = "{tags: [0, 1], at: [0, 0, 0], spacing: 0.3, offsets: [[0, 0]]}"
     assert {found.partition(": ")[2] for found in problems(f"{WORLD}{kind}: {{s: {sheet}}}\n")} == {
-        f"{whose} 's' has 1 offsets for 2 tags, expected one each",
-        f"{whose} 's': 'spacing' does not go with 'offsets'",
+        f"{whose} 's' has 1 offsets for 2 tags, expected one each [invalid-option]",
+        f"{whose} 's': 'spacing' does not go with 'offsets' [invalid-option]",
     }
 
 
@@ -358,8 +362,9 @@ def test_an_obstacle_that_is_none_is_refused(shape: str, message: str) -> None:
 @pytest.mark.parametrize("height", ["[2.5, 3]", "[-2, -1]"])
 def test_an_obstacle_above_or_below_the_fence_is_refused(height: str) -> None:
     (found,) = problems(WORLD.replace("[0, 2]", height))
-    assert (
-        found == "room.yaml:5:11: obstacle 'pillar' is outside the fence; no agent can come near it"
+    assert found == (
+        "room.yaml:5:11: obstacle 'pillar' is outside the fence; no agent can come near it"
+        " [invalid-option]"
     )
 
 

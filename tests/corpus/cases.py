@@ -9,8 +9,9 @@ further ``=== title`` is a case: what it writes differently, and where that is a
 - ``--- name, whole`` begins a file that is written as it is here, and ``--- name, escaped`` one
   whose ``\\x00`` stand for bytes. A file that is not among the valid ones is always whole.
 - Text before the first ``---`` is of the first of the valid files.
-- ``# <-- words`` ends the line that is at fault: an error has to be told there, with these words.
-  Where no comment can stand, ``@ name:line: words`` does as well.
+- ``# <-- words [code]`` ends the line that is at fault: an error is expected there, with this code
+  and these words; the words can be omitted. Where no comment can stand,
+  ``@ name:line: words [code]`` does as well.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from star_core.errors import code_of
+
 FOLDER = Path(__file__).parent
 MARK = re.compile(r"# <-- (.+)$")
 AT = re.compile(r"@ (?P<file>[^:]+):(?P<line>\d+): (?P<words>.+)")
@@ -27,11 +30,18 @@ AT = re.compile(r"@ (?P<file>[^:]+):(?P<line>\d+): (?P<words>.+)")
 
 @dataclass(frozen=True)
 class Expected:
-    """An error that has to be told: the file and the line it is on, and words that it holds."""
+    """An expected error: the file and the line it is on, words that it contains, and its code."""
 
     file: str
     line: int
     words: str
+    code: str
+
+    @classmethod
+    def of(cls, file: str, line: str | int, text: str) -> Expected:
+        """Take words and code apart."""
+        code = code_of(f" {text.strip()}")
+        return cls(file, int(line), text.strip().removesuffix(f"[{code}]").strip(), code)
 
 
 @dataclass(frozen=True)
@@ -102,7 +112,7 @@ def _read(topic: str) -> Iterator[Case]:
 def _files(body: str, base: Mapping[str, str]) -> tuple[dict[str, bytes], list[Expected]]:
     """Return the files of a case, and what has to be told of them."""
     marks = [
-        Expected(found["file"], int(found["line"]), found["words"].strip())
+        Expected.of(found["file"], found["line"], found["words"])
         for line in body.splitlines()
         if (found := AT.fullmatch(line))
     ]
@@ -121,7 +131,7 @@ def _files(body: str, base: Mapping[str, str]) -> tuple[dict[str, bytes], list[E
         text = text if manner == "whole" or name not in base else _changed(base[name], text)
         files[name] = text.encode()
         marks += [
-            Expected(name, number, found[1].strip())
+            Expected.of(name, number, found[1])
             for number, line in enumerate(text.split("\n"), start=1)
             if (found := MARK.search(line))
         ]

@@ -7,7 +7,7 @@ from numbers import Real
 from typing import Any, Final, TypeAlias
 
 from star_core.contracts import Problem, StepGoal
-from star_core.errors import PluginError
+from star_core.errors import PluginError, coded
 from star_core.mission_file.sound_parts import Incomplete
 from star_core.plugin_schema import fill_defaults, held
 from star_core.registry import Registry
@@ -49,7 +49,7 @@ class PluginChecks:
         self._scene = scene
         self._planner = planner
         self._planner_options = planner_options
-        self._found: dict[str, list[Fault]] = {}
+        self._found: dict[str, list[Problem]] = {}
 
     def faults(
         self, kind: str, name: str, path: Path, options: Mapping[str, Any], *rows: tuple[int, ...]
@@ -64,9 +64,9 @@ class PluginChecks:
             )
             if kind == "task" and not found and not wrong:
                 found, wrong = self._goal_problems(name, options, *rows)
-            self._found[asked] = [*found, *wrong]
-        for inner, message in self._found[asked]:
-            yield (*path, *inner), message
+            self._found[asked] = [Problem(*one) for one in (*found, *wrong)]
+        for inner, message, code in self._found[asked]:
+            yield (*path, *inner), coded(message, code)
 
     def held(self, verb: str, options: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
         """Return what a step of this verb takes hold of outside of STAR."""
@@ -92,7 +92,7 @@ class PluginChecks:
         faults = [self._scene.world.fault(goal.position) for goal in goals]
         free = [i for i, fault in enumerate(faults) if fault is None]
         refused, wrong = self._refused([goals[i].position for i in free])
-        for (index,), reason in refused:
+        for (index,), reason, *_ in refused:
             x, y, z = goals[free[index]].position
             faults[free[index]] = f"goal [{x:g}, {y:g}, {z:g}] {reason}"
         found: dict[Path, dict[str, str]] = {}  # by path, the first fault of each label

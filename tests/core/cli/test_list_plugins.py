@@ -228,8 +228,8 @@ def test_a_schema_that_cannot_be_written_says_why(said: Said) -> None:
     assert main(["schema", "--out", "."]) == 2
     assert said.readouterr() == (
         "",
-        "nowhere/x.json: cannot be written: No such file or directory\n"
-        ".: cannot be written: Is a directory\n",
+        "nowhere/x.json: cannot be written: No such file or directory [invalid-argument]\n"
+        ".: cannot be written: Is a directory [invalid-argument]\n",
     )
 
 
@@ -293,7 +293,7 @@ def test_what_a_command_of_a_plugin_refuses_exits_with_2(
 ) -> None:
     with_plugin(Greeter())
     assert main(["greet"]) == 2
-    assert said.readouterr().err == "nobody to greet; name somebody\n"
+    assert said.readouterr().err == "nobody to greet; name somebody [invalid-input]\n"
 
 
 def test_a_command_of_a_plugin_that_raises_names_the_plugin(
@@ -310,7 +310,10 @@ def test_an_unknown_command_is_told_of_those_that_plugins_add(
 ) -> None:
     with_plugin(Greeter())
     assert main(["great"]) == 2
-    assert said.readouterr().err == "star has no command 'great'; did you mean 'greet'?\n"
+    assert (
+        said.readouterr().err
+        == "star has no command 'great'; did you mean 'greet'? [invalid-argument]\n"
+    )
 
 
 # Readers that go away

@@ -56,54 +56,61 @@ INTEGERS = np.zeros(2, np.int64)
     ("make", "message"),
     [
         (lambda: setpoint(velocity=1),
-         "Setpoint.velocity has 1 row, but yaw and active have 2; expected one row per agent"),
+         "Setpoint.velocity has 1 row, but yaw and active have 2; expected one row per agent"
+         " [wrong-shape]"),
         (lambda: setpoint(yaw=3),
-         "Setpoint.yaw has 3 rows, but velocity and active have 2; expected one row per agent"),
+         "Setpoint.yaw has 3 rows, but velocity and active have 2; expected one row per agent"
+         " [wrong-shape]"),
         (lambda: setpoint(1, 2, 3),
          "Setpoint.velocity has 1 row, yaw has 2 rows, but active has 3; expected one row per "
-         "agent"),
+         "agent [wrong-shape]"),
         (lambda: estimate(1),
          "Estimate.position has 1 row, but velocity, yaw, covariance, possible_travel, valid and "
-         "map_from_odom have 2; expected one row per agent"),
+         "map_from_odom have 2; expected one row per agent [wrong-shape]"),
         (lambda: Goals(rows(2, 3), rows(2, 3), rows(2), rows(1), rows(2) > 0),
          "Goals.speed has 1 row, but position, velocity, yaw and active have 2; expected one row "
-         "per agent"),
+         "per agent [wrong-shape]"),
         (lambda: Plan(setpoint(), Paths(rows(0), rows(0, 3)), rows(3) > 0),
-         "Plan.unreachable has 3 rows, but setpoint has 2; expected one row per agent"),
+         "Plan.unreachable has 3 rows, but setpoint has 2; expected one row per agent"
+         " [wrong-shape]"),
         (lambda: Health(INTEGERS, rows(2), rows(0)),
-         "Health.age has 0 rows, but battery and phase have 2; expected one row per agent"),
+         "Health.age has 0 rows, but battery and phase have 2; expected one row per agent"
+         " [wrong-shape]"),
         (lambda: Transform(rows(2), rows(1, 3)),
-         "Transform.yaw has 2 rows, but translation has 1; expected one row per agent"),
+         "Transform.yaw has 2 rows, but translation has 1; expected one row per agent"
+         " [wrong-shape]"),
         (lambda: Truth(0.0, rows(2, 3), rows(1, 3), rows(2, 4)),
-         "Truth.velocity has 1 row, but position and attitude have 2; expected one row per agent"),
+         "Truth.velocity has 1 row, but position and attitude have 2; expected one row per agent"
+         " [wrong-shape]"),
         (lambda: telemetry(1),
          "Telemetry.attitude has 1 row, but position, velocity, battery, age and state have 2; "
-         "expected one row per agent"),
+         "expected one row per agent [wrong-shape]"),
         (lambda: telemetry(2, signal=rows(1)),
          "Telemetry.signal has 1 row, but position, velocity, attitude, battery, age and state "
-         "have 2; expected one row per agent"),
+         "have 2; expected one row per agent [wrong-shape]"),
         (lambda: Paths(INTEGERS, rows(1, 3)),
-         "Paths.point has 1 row, but agent has 2; expected one row per point"),
+         "Paths.point has 1 row, but agent has 2; expected one row per point [wrong-shape]"),
         (lambda: Odometry(INTEGERS, rows(2), rows(2, 3), rows(2), rows(2), rows(1), rows(2)),
          "Odometry.pitch has 1 row, but time, velocity, yaw_rate, roll, height and agent have 2; "
-         "expected one row per sample"),
+         "expected one row per sample [wrong-shape]"),
         (lambda: Frames(INTEGERS, rows(2), rows(2), ()),
          "Frames.image has 0 rows, but taken, arrived and agent have 2; expected one row per "
-         "image"),
+         "image [wrong-shape]"),
         (lambda: Detections(INTEGERS, INTEGERS, rows(1, 4, 2), rows(2), rows(2)),
          "Detections.corners has 1 row, but taken, arrived, agent and tag have 2; expected one row "
-         "per tag"),
+         "per tag [wrong-shape]"),
         (lambda: Sightings(INTEGERS, INTEGERS, rows(2), rows(2, 3), rows(1), rows(2, 3, 3)),
          "Sightings.yaw has 1 row, but time, position, covariance, agent and tag have 2; expected "
-         "one row per tag"),
+         "one row per tag [wrong-shape]"),
         (lambda: Corrections(INTEGERS, rows(2, 3), rows(2, 4), rows(1), rows(2)),
          "Corrections.position_deviation has 1 row, but position, attitude, attitude_deviation and "
-         "agent have 2; expected one row per fix"),
+         "agent have 2; expected one row per fix [wrong-shape]"),
         (lambda: Command(Order.LAND, INTEGERS, rows(1, 3), rows(2), rows(2) + 1),
          "Command.position has 1 row, but yaw, duration and agent have 2; expected one row per "
-         "agent meant"),
+         "agent meant [wrong-shape]"),
         (lambda: Trajectory(rows(2) + 1, rows(1, 4, 8)),
-         "Trajectory.duration has 2 rows, but coefficients has 1; expected one row per piece"),
+         "Trajectory.duration has 2 rows, but coefficients has 1; expected one row per piece"
+         " [wrong-shape]"),
     ],
 )  # fmt: skip
 def test_a_table_names_the_field_that_differs_in_its_number_of_rows(
@@ -117,10 +124,10 @@ def test_a_table_names_the_field_that_differs_in_its_number_of_rows(
 @pytest.mark.parametrize(
     ("velocity", "message"),
     [
-        (rows(2), "Setpoint.velocity has shape (2,), expected (2, 3)"),
-        (rows(2, 2), "Setpoint.velocity has shape (2, 2), expected (2, 3)"),
-        (1.0, "Setpoint.velocity has shape (), expected (N, 3)"),
-        (None, "Setpoint.velocity has shape (), expected (N, 3)"),
+        (rows(2), "Setpoint.velocity has shape (2,), expected (2, 3) [contract-broken]"),
+        (rows(2, 2), "Setpoint.velocity has shape (2, 2), expected (2, 3) [contract-broken]"),
+        (1.0, "Setpoint.velocity has shape (), expected (N, 3) [contract-broken]"),
+        (None, "Setpoint.velocity has shape (), expected (N, 3) [contract-broken]"),
     ],
 )
 def test_a_table_names_the_field_whose_rows_have_another_shape(velocity: Any, message: str) -> None:
@@ -132,10 +139,11 @@ def test_a_table_names_the_field_whose_rows_have_another_shape(velocity: Any, me
 @pytest.mark.parametrize(
     ("counts", "agents", "message"),
     [
-        ((1, 2, 2), 2, "Setpoint.velocity has 1 row, expected 2, one per agent"),
-        ((1, 2, 1), 2, "Setpoint.velocity and active have 1 row, expected 2, one per agent"),
+        ((1, 2, 2), 2, "Setpoint.velocity has 1 row, expected 2, one per agent [wrong-shape]"),
+        ((1, 2, 1), 2, "Setpoint.velocity and active have 1 row, expected 2, one per agent"
+        " [wrong-shape]"),
         ((1, 2, 3), 2,
-         "Setpoint.velocity has 1 row, active has 3 rows, expected 2, one per agent"),
+         "Setpoint.velocity has 1 row, active has 3 rows, expected 2, one per agent [wrong-shape]"),
     ],
 )  # fmt: skip
 def test_where_the_size_of_the_swarm_is_known_the_fields_with_another_are_named(
@@ -151,4 +159,5 @@ def test_rows_that_are_no_agents_are_not_compared_with_the_swarm() -> None:
         Paths(INTEGERS, rows(1, 3))
     assert str(caught.value) == (
         "planner 'mine': Paths.point has 1 row, but agent has 2; expected one row per point"
+        " [wrong-shape]"
     )

@@ -84,7 +84,7 @@ def test_a_transform_refuses_rows_that_do_not_match() -> None:
     with pytest.raises(ContractError) as caught:
         Transform(np.zeros(2), np.zeros((3, 3)))
     assert str(caught.value) == (
-        "Transform.yaw has 2 rows, but translation has 3; expected one row per agent"
+        "Transform.yaw has 2 rows, but translation has 3; expected one row per agent [wrong-shape]"
     )
 
 

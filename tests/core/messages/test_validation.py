@@ -65,10 +65,10 @@ def test_an_answer_of_the_right_kind_is_handed_on() -> None:
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (None, "returned NoneType, expected Estimate"),
-        (TWO, "returned ndarray, expected Estimate"),
-        (SETPOINT, "returned Setpoint, expected Estimate"),
-        (Estimate, "returned type, expected Estimate"),
+        (None, "returned NoneType, expected Estimate [contract-broken]"),
+        (TWO, "returned ndarray, expected Estimate [contract-broken]"),
+        (SETPOINT, "returned Setpoint, expected Estimate [contract-broken]"),
+        (Estimate, "returned type, expected Estimate [contract-broken]"),
     ],
 )
 def test_an_answer_of_another_kind_is_refused(answer: object, message: str) -> None:
@@ -84,7 +84,7 @@ def test_a_part_that_lacks_methods_is_told_which() -> None:
 
     assert (
         refused(require_methods, Half(), Transport)
-        == "Half has no command(), correct(), truth(), close()"
+        == "Half has no command(), correct(), truth(), close() [contract-broken]"
     )
 
 
@@ -106,7 +106,7 @@ def test_a_method_that_takes_other_arguments_is_named_with_its_line() -> None:
 
     assert refused(require_methods, Short(), Avoider) == (
         "avoid(estimate) cannot be called as avoid(estimate, wanted): "
-        f"too many positional arguments ({line_of(Short.avoid)})"
+        f"too many positional arguments ({line_of(Short.avoid)}) [contract-broken]"
     )
 
 
@@ -115,7 +115,7 @@ def test_a_function_that_takes_other_options_is_named_with_its_line() -> None:
 
     assert refused(accepts, make, "make", ("scene",), {"share": 0.8}) == (
         "make(scene, gain) cannot be called as make(scene, share=...): "
-        f"missing a required argument: 'gain' ({line_of(make)})"
+        f"missing a required argument: 'gain' ({line_of(make)}) [contract-broken]"
     )
 
 
@@ -129,16 +129,26 @@ def test_a_function_whose_signature_allows_it_or_cannot_be_known_is_accepted(
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"position": HOLE}, "Estimate.position of row 1 is [1.0, nan, inf], expected numbers"),
-        ({"velocity": HOLE}, "Estimate.velocity of row 1 is [1.0, nan, inf], expected numbers"),
-        ({"yaw": [np.nan, 0.0]}, "Estimate.yaw of row 0 is nan, expected numbers"),
+        (
+            {"position": HOLE},
+            "Estimate.position of row 1 is [1.0, nan, inf], expected numbers [contract-broken]",
+        ),
+        (
+            {"velocity": HOLE},
+            "Estimate.velocity of row 1 is [1.0, nan, inf], expected numbers [contract-broken]",
+        ),
+        (
+            {"yaw": [np.nan, 0.0]},
+            "Estimate.yaw of row 0 is nan, expected numbers [contract-broken]",
+        ),
         (
             {"map_from_odom": Transform(np.array([0.0, np.inf]), TWO)},
-            "Estimate.map_from_odom.yaw of row 1 is inf, expected numbers",
+            "Estimate.map_from_odom.yaw of row 1 is inf, expected numbers [contract-broken]",
         ),
         (
             {"map_from_odom": Transform(np.zeros(2), HOLE)},
-            "Estimate.map_from_odom.translation of row 1 is [1.0, nan, inf], expected numbers",
+            "Estimate.map_from_odom.translation of row 1 is [1.0, nan, inf], expected numbers"
+            " [contract-broken]",
         ),
     ],
 )
@@ -154,15 +164,21 @@ def test_an_estimate_may_hold_anything_where_it_is_not_valid() -> None:
 
 
 def test_an_estimate_of_another_swarm_is_refused() -> None:
-    message = "every field of Estimate has 2 rows, expected 3, one per agent"
+    message = "every field of Estimate has 2 rows, expected 3, one per agent [contract-broken]"
     assert refused(checked_estimate, GOOD, 3) == message
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"velocity": HOLE}, "Setpoint.velocity of row 1 is [1.0, nan, inf], expected numbers"),
-        ({"yaw": [0.0, np.inf]}, "Setpoint.yaw of row 1 is inf, expected numbers"),
+        (
+            {"velocity": HOLE},
+            "Setpoint.velocity of row 1 is [1.0, nan, inf], expected numbers [contract-broken]",
+        ),
+        (
+            {"yaw": [0.0, np.inf]},
+            "Setpoint.yaw of row 1 is inf, expected numbers [contract-broken]",
+        ),
     ],
 )
 @pytest.mark.parametrize("planned", [False, True])
@@ -185,7 +201,7 @@ def test_a_setpoint_may_hold_anything_where_it_is_not_active() -> None:
 
 
 def test_a_setpoint_or_a_plan_of_another_swarm_is_refused() -> None:
-    message = "every field of Setpoint has 2 rows, expected 1, one per agent"
+    message = "every field of Setpoint has 2 rows, expected 1, one per agent [contract-broken]"
     assert refused(checked_setpoint, SETPOINT, 1) == message
     assert refused(checked_plan, PLAN, 1) == message
 
@@ -193,7 +209,7 @@ def test_a_setpoint_or_a_plan_of_another_swarm_is_refused() -> None:
 @pytest.mark.parametrize("agent", [-1, 2])
 def test_a_path_of_an_agent_that_there_is_not_is_refused(agent: int) -> None:
     nowhere = replace(PLAN, paths=Paths(np.array([agent]), np.zeros((1, 3))))
-    message = f"Plan.paths.agent is [{agent}], expected rows below 2"
+    message = f"Plan.paths.agent is [{agent}], expected rows below 2 [contract-broken]"
     assert refused(checked_plan, nowhere, 2) == message
 
 
@@ -206,7 +222,7 @@ def test_a_path_of_an_agent_that_there_is_not_is_refused(agent: int) -> None:
     ],
 )
 def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
-    assert refused(check, None, 2) == f"returned NoneType, expected {kind}"
+    assert refused(check, None, 2) == f"returned NoneType, expected {kind} [contract-broken]"
 
 
 def test_covariances_of_valid_rows_are_numbers() -> None:
@@ -224,22 +240,24 @@ def test_sightings_are_of_agents_that_exist() -> None:
         covariance=np.zeros((1, 3, 3)),
     )
     found = refused(checked_estimate, replace(GOOD, sightings=far), 2)
-    assert found == "Estimate.sightings.agent is [7], expected rows below 2"
+    assert found == "Estimate.sightings.agent is [7], expected rows below 2 [contract-broken]"
 
 
 def test_reasons_of_a_plan_are_a_map() -> None:
     odd: Any = ["walled in"]
     found = refused(checked_plan, replace(PLAN, reasons=odd), 2)
-    assert found == "Plan.reasons is ['walled in'], expected a map from row to text"
+    assert (
+        found == "Plan.reasons is ['walled in'], expected a map from row to text [contract-broken]"
+    )
 
 
 def test_a_report_has_a_time() -> None:
     found = refused(checked_telemetry, replace(TELEMETRY, time=np.nan), 2)
-    assert found == "Telemetry.time is nan, expected a number"
+    assert found == "Telemetry.time is nan, expected a number [contract-broken]"
 
 
 @pytest.mark.parametrize("name", ["odometry", "frames", "detections"])
 def test_what_is_reported_is_of_agents_that_exist(name: str) -> None:
     given: dict[str, Any] = {name: SimpleNamespace(agent=np.array([0, 2]))}
     found = refused(checked_telemetry, replace(TELEMETRY, **given), 2)
-    assert found == f"Telemetry.{name}.agent is [0, 2], expected rows below 2"
+    assert found == f"Telemetry.{name}.agent is [0, 2], expected rows below 2 [contract-broken]"

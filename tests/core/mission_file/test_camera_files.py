@@ -87,13 +87,15 @@ def test_two_cameras_may_be_of_one_file() -> None:
 def test_a_file_that_is_not_there_is_told_where_the_mission_names_it() -> None:
     Path("cameras/lens.yaml").unlink()
     line = len(Path("hop.yaml").read_text().splitlines())
-    assert refusal() == (f"hop.yaml:{line}:24: no file 'cameras/lens.yaml' in the mission's folder")
+    assert refusal() == (
+        f"hop.yaml:{line}:24: no file 'cameras/lens.yaml' in the mission's folder [invalid-input]"
+    )
 
 
 def test_a_file_that_is_set_and_not_there_is_told_as_set() -> None:
     assert refusal("cameras.mine.file=cameras/lans.yaml") == (
         "--set cameras.mine.file=cameras/lans.yaml: no file 'cameras/lans.yaml' in the mission's"
-        " folder; did you mean 'cameras/lens.yaml'?"
+        " folder; did you mean 'cameras/lens.yaml'? [invalid-input]"
     )
 
 
@@ -108,14 +110,15 @@ def test_every_mistake_in_a_file_is_told_once_though_two_cameras_are_of_it() -> 
     Path("cameras/lens.yaml").write_text(FILE.replace("width", "widht").replace("1\n", "2\n", 1))
     two = "cameras={mine: {file: cameras/lens.yaml}, low: {file: cameras/lens.yaml}}"
     assert refusal(two).splitlines() == [
-        "cameras/lens.yaml:1:7: this version reads `star: 1`, this file is of 2",
-        "cameras/lens.yaml:3:1: unknown key 'widht'; did you mean 'width'?",
+        "cameras/lens.yaml:1:7: this version reads `star: 1`, this file is of 2 [invalid-option]",
+        "cameras/lens.yaml:3:1: unknown key 'widht'; did you mean 'width'? [invalid-option]",
     ]
 
 
 def test_a_mistake_that_only_file_and_mission_make_together_is_told_in_the_file() -> None:
     assert refusal("cameras.mine.width=100") == (
         "cameras/lens.yaml:5:9: the principal point [160, 120] is outside the image of 100 x 240 px"
+        " [invalid-option]"
     )
 
 

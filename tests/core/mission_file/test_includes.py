@@ -75,7 +75,9 @@ def test_a_step_is_placed_in_its_own_file(lab: Lab) -> None:
 
 def test_a_mistake_in_the_other_file_is_placed_there(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text(PATROL.replace("wait:", "wit:"))
-    assert faults(lab, TOUR) == ["patrol.yaml:6:5: unknown verb 'wit'; did you mean 'wait'?"]
+    assert faults(lab, TOUR) == [
+        "patrol.yaml:6:5: unknown verb 'wit'; did you mean 'wait'? [invalid-option]"
+    ]
 
 
 def places(lab: Lab, tour: str) -> list[str]:
@@ -92,7 +94,7 @@ def test_a_value_that_does_not_fit_is_told_where_it_is_given_and_used(lab: Lab) 
     wrong = TOUR.replace("who: cf1", "who: cf9")
     assert places(lab, wrong) == ["mission.yaml:12:46 < patrol.yaml:5:21"]
     assert faults(lab, wrong) == [
-        "patrol.yaml:5:21: no agent or group named 'cf9'; did you mean 'cf2'?"
+        "patrol.yaml:5:21: no agent or group named 'cf9'; did you mean 'cf2'? [invalid-option]"
     ]
 
 
@@ -149,13 +151,13 @@ def test_a_file_with_a_mistake_that_is_included_twice_is_told_once(
 ) -> None:
     (tmp_path / "patrol.yaml").write_text(PATROL.replace("to: null", "to: [0, 0, $who]"))
     assert faults(lab, TOUR + "  - include: {file: patrol.yaml}\n") == [
-        "patrol.yaml:3:47: a default cannot refer to a parameter"
+        "patrol.yaml:3:47: a default cannot refer to a parameter [invalid-option]"
     ]
 
 
 def test_a_mission_has_no_parameters_to_give(lab: Lab) -> None:
     assert faults(lab, TOUR.replace("[2, 0, 1]", "[2, 0, $z]")) == [
-        "mission.yaml:12:62: parameters are for files that missions include"
+        "mission.yaml:12:62: parameters are for files that missions include [invalid-option]"
     ]
 
 
@@ -166,7 +168,7 @@ def test_a_value_that_has_to_be_given_is_missed_once(lab: Lab, tmp_path: Path) -
     )
     wrong = "\n  - climb: {}\n  - include: {file: outer.yaml, with: {there: null}}\n"
     (told,) = faults(lab, wrong)
-    assert told.endswith(": needs a value for 'there': with: {there: ...}")
+    assert told.endswith(": needs a value for 'there': with: {there: ...} [invalid-option]")
 
 
 def test_files_may_include_files(lab: Lab, tmp_path: Path) -> None:
@@ -231,7 +233,7 @@ def test_a_file_that_is_none_of_steps_is_refused(
 def test_a_file_that_includes_itself_is_refused(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text("star: 1\nmission: [include: {file: patrol.yaml}]\n")
     (fault,) = faults(lab, "\n  - include: {file: patrol.yaml}")
-    assert fault == ("patrol.yaml:2:27: 'patrol.yaml' includes itself")
+    assert fault == ("patrol.yaml:2:27: 'patrol.yaml' includes itself [invalid-option]")
 
 
 @pytest.mark.parametrize("key", sorted(schema.load("mission")["properties"]))

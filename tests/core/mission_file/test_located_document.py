@@ -86,7 +86,10 @@ def test_in_a_document_that_was_never_written_everything_is_at_the_start() -> No
 
 
 def test_a_problem_is_a_message_after_its_place(mission: Document) -> None:
-    assert mission.problem(("name",), "too short") == f"{mission.path}:2:7: too short"
+    assert (
+        mission.problem(("name",), "too short [invalid-option]")
+        == f"{mission.path}:2:7: too short [invalid-option]"
+    )
 
 
 def test_a_file_is_called_what_the_user_calls_it(
@@ -215,18 +218,22 @@ def test_an_alias_bomb_is_refused_without_unfolding_it(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere\.yaml: no such file$"):
+    with pytest.raises(InputError, match=r"nowhere\.yaml: no such file \[file-not-found\]$"):
         read(tmp_path / "nowhere.yaml")
 
 
 def test_a_directory_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r": is a directory, expected a YAML file$"):
+    with pytest.raises(
+        InputError, match=r": is a directory, expected a YAML file \[unreadable-file\]$"
+    ):
         read(tmp_path)
 
 
 def test_a_file_below_a_file_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").touch()
-    with pytest.raises(InputError, match=r"m\.yaml/x: cannot be read: Not a directory$"):
+    with pytest.raises(
+        InputError, match=r"m\.yaml/x: cannot be read: Not a directory \[unreadable-file\]$"
+    ):
         read(tmp_path / "m.yaml" / "x")
 
 

@@ -94,7 +94,10 @@ def test_options_may_be_mappings_and_tuples_of_any_kind() -> None:
     options = MappingProxyType({"properties": MappingProxyType({"a": {"enum": (1, 2)}})})
     x = TaskSpec(name="x", summary="", make=NEVER_MADE, options=options)
     made = compose({"avoider": {"x": sound("avoider", x)}})
-    expected = "m.yaml:1:22: avoider 'x': a: 3 is not possible here; expected one of: 1, 2"
+    expected = (
+        "m.yaml:1:22: avoider 'x': a: 3 is not possible here; expected one of: 1, 2"
+        " [invalid-option]"
+    )
     assert expected in problems(document("avoider: {use: x, a: 3}"), made)
 
 

@@ -37,7 +37,8 @@ def faults(*steps: str) -> list[str]:
     except InputError as error:
         lines = HEAD.count("\n")
         return [
-            f"{int(told.split(':')[1]) - lines} {told.split(': ', 1)[1]}" for told in error.problems
+            f"{int(told.split(':')[1]) - lines} {told.split(': ', 1)[1].rpartition(' [')[0]}"
+            for told in error.problems
         ]
     return []
 

@@ -176,13 +176,13 @@ def test_the_agents_of_a_step_come_once_each_in_the_order_of_the_swarm(
 
 def test_a_group_of_nobody_known_is_told_which_name_was_perhaps_meant() -> None:
     assert problems(MISSION.replace("[cf1, cf2]}", "[cf1, cf22]}")) == [
-        "m.yaml:9:22: no agent named 'cf22'; did you mean 'cf2'?"
+        "m.yaml:9:22: no agent named 'cf22'; did you mean 'cf2'? [invalid-option]"
     ]
 
 
 def test_a_group_cannot_be_called_like_an_agent() -> None:
     assert problems(MISSION.replace("{pair:", "{cf3:")) == [
-        "m.yaml:9:15: 'cf3' already names an agent"
+        "m.yaml:9:15: 'cf3' already names an agent [invalid-option]"
     ]
 
 
@@ -197,7 +197,7 @@ def test_a_group_cannot_be_called_like_an_agent() -> None:
 )
 def test_a_step_for_nobody_known_is_told_wherever_it_stands(steps: str, place: str) -> None:
     assert problems(with_steps(steps)) == [
-        f"m.yaml:{place}: no agent or group named 'pear'; did you mean 'pair'?"
+        f"m.yaml:{place}: no agent or group named 'pear'; did you mean 'pair'? [invalid-option]"
     ]
 
 
@@ -227,7 +227,7 @@ def test_agents_of_their_own_may_move_in_every_branch(branches: str) -> None:
 def test_an_agent_cannot_move_in_two_branches(branches: str, column: int, who: str) -> None:
     assert problems(with_steps(f"  - parallel: [{branches}]\n")) == [
         f"m.yaml:15:{column}: {who} already moves in another branch of this 'parallel'; "
-        "name the agents of each branch"
+        "name the agents of each branch [invalid-option]"
     ]
 
 
@@ -238,9 +238,10 @@ def test_a_start_that_nobody_can_be_at_is_refused() -> None:
     away, within = MISSION.replace("[-1, 0, 0]", "[-1, 0, -1]"), MISSION.replace("[1,", "[1, 1, 0,")
     assert problems(away) == [
         "m.yaml:6:16: start [-1, 0, -1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]"
+        " [invalid-option]"
     ]
     assert problems(within.replace("1, 0, 0, 0]", "1, 0]")) == [
-        "m.yaml:8:16: start [1, 1, 0] is inside obstacle 'pillar'"
+        "m.yaml:8:16: start [1, 1, 0] is inside obstacle 'pillar' [invalid-option]"
     ]
 
 
@@ -256,7 +257,7 @@ def test_starts_are_at_least_two_radii_of_the_avoider_apart(
     avoider: str, options: Mapping[str, Any], apart: str
 ) -> None:
     mission = MISSION.replace("avoider: shy", f"avoider: {avoider}")
-    closer = f"closer than twice avoider.radius ({apart} m)"
+    closer = f"closer than twice avoider.radius ({apart} m) [invalid-option]"
     assert problems(mission, Parts({"avoider": options})) == [
         f"m.yaml:7:16: 'cf2' starts 1.00 m from 'cf1', {closer}",
         f"m.yaml:8:16: 'cf3' starts 1.00 m from 'cf2', {closer}",
@@ -273,6 +274,7 @@ def test_without_a_radius_starts_are_apart_by_the_span_of_a_drone() -> None:
     assert problems(close) == []
     assert problems(closer) == [
         "m.yaml:8:16: 'cf3' starts 0.11 m from 'cf2', closer than twice a drone's radius (0.12 m)"
+        " [invalid-option]"
     ]
 
 
@@ -280,7 +282,7 @@ def test_without_a_radius_starts_are_apart_by_the_span_of_a_drone() -> None:
 def test_the_lowest_height_is_below_the_highest(height: str) -> None:
     low, high = parse(height).data
     assert problems(MISSION.replace("[0.2, 1.8]", height)) == [
-        f"m.yaml:4:18: lowest {low} is not below highest {high}"
+        f"m.yaml:4:18: lowest {low} is not below highest {high} [invalid-option]"
     ]
 
 
@@ -294,7 +296,7 @@ def test_what_the_check_of_a_part_finds_stands_at_its_option(kind: str) -> None:
     plugin = Parts({kind: {"odd": NUMBER}}, {kind: [Problem(("odd",), "3 is odd")]})
     line = ["transport", "localizer", "planner", "avoider"].index(kind) + 10
     column = len(f"{kind}: {{use: {name}, odd: ") + 1
-    assert problems(mission, plugin) == [f"m.yaml:{line}:{column}: 3 is odd"]
+    assert problems(mission, plugin) == [f"m.yaml:{line}:{column}: 3 is odd [invalid-option]"]
 
 
 def test_the_check_of_a_part_is_given_the_scene_and_the_options() -> None:
@@ -322,7 +324,7 @@ def test_a_verb_for_nobody_known_is_not_checked_further() -> None:
 def test_what_the_check_of_a_verb_finds_stands_in_its_step() -> None:
     plugin = Parts({"task": {"odd": NUMBER}}, {"task": [Problem(("odd",), "3 is odd")]})
     step = "  - repeat:\n      times: 2\n      steps:\n        - wait: {odd: 3}\n"
-    assert problems(with_steps(step), plugin) == ["m.yaml:18:23: 3 is odd"]
+    assert problems(with_steps(step), plugin) == ["m.yaml:18:23: 3 is odd [invalid-option]"]
 
 
 @pytest.mark.parametrize(("kind", "name"), [("avoider", "shy"), ("task", "wait")])
@@ -331,6 +333,7 @@ def test_a_check_that_raises_is_told_as_a_fault_of_its_plugin(kind: str, name: s
     (found,) = problems(MISSION, plugin)
     assert found.partition(": ")[2] == (
         f"the check of {kind} {name!r} (their-dist 1.2:parts) raised ZeroDivisionError('oops')"
+        " [invalid-option]"
     )
 
 
@@ -339,7 +342,7 @@ def test_a_check_that_yields_something_else_is_told_as_a_fault_of_its_plugin() -
     (found,) = problems(MISSION, plugin)
     assert found.partition(": ")[2] == (
         "the check of avoider 'shy' (their-dist 1.2:parts) yields (('odd',), '3 is odd'), "
-        "expected Problem"
+        "expected Problem [invalid-option]"
     )
 
 
@@ -351,7 +354,9 @@ def test_a_name_that_two_plugins_offer_is_refused_where_it_is_used() -> None:
         load(Path("m.yaml"), both)
     first = caught.value.problems[0]
     assert first.startswith("m.yaml:10:12: two plugins offer ")
-    assert first.endswith(" 'link': my-dist:parts and their-dist 1.2:parts; uninstall one")
+    assert first.endswith(
+        " 'link': my-dist:parts and their-dist 1.2:parts; uninstall one [plugin-failed]"
+    )
 
 
 # All at once
