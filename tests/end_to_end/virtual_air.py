@@ -7,36 +7,29 @@ times faster than real time, and a lost packet is lost in every run.
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any
 
 import numpy as np
-import pytest
 
 from star_core import Array, Mask, Registry, Scene, fly, load
 from star_core.operator_stop import OperatorStop
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
 from star_fleet.server import Fleet
-from star_radio.link_protocol import LinkListener
+from tests.plugins.transports.star_radio.virtual import EPOCH, VirtualTime, virtual
 
-T = TypeVar("T")
-R = TypeVar("R")
-
-EPOCH = 1000.0  # s, of the virtual clock when the fleet starts
-IDLE_PERIOD = 0.1  # s, between two calls of `LinkListener.idle`
 TAKEN_OFF = 0.4  # m
 ON_FLOOR = 0.05  # m
 MAX_IMPACT = 1.0  # m/s, at which a landing counts as a fall
 
 
-class Air:
+class Air(VirtualTime):
     """Simulated drones, the links to them and the clock of their client.
+
+    The drone in row i is at ``udp://air:i+1``; at other addresses there is none.
 
     Args:
         scene: The drones.
@@ -51,13 +44,12 @@ class Air:
     """
 
     def __init__(self, scene: Scene, *, seed: int = 0, **options: Any) -> None:
+        super().__init__()
         self.fleet = Fleet(scene, port=0, **options)
+        self.uris = [f"udp://air:{row + 1}" for row in range(len(scene.agents))]
         self.links = FaultyLinks(len(scene.agents), seed=seed)
         self.watch: Callable[[], object] = lambda: None
         self.impact = np.zeros(len(scene.agents))
-        self._ears: dict[int, LinkListener] = {}
-        self._idle = 0.0
-        self._lock = threading.RLock()
         for row in range(len(scene.agents)):
             self.fleet.listen(row, partial(self._to_client, row))
 
@@ -72,46 +64,22 @@ class Air:
         height: Array = self.drones["position"][:, 2].copy()
         return height
 
-    def monotonic(self) -> float:
-        """The virtual clock, s."""
-        return EPOCH + self.fleet.time
-
-    def sleep(self, seconds: float) -> None:
-        """Let virtual time pass."""
-        with self._lock:
-            until = self.fleet.time + seconds
-            while self.fleet.time < until - 1e-6:
-                self.advance()
-
     def advance(self) -> None:
+        super().advance()
+        self.watch()
+
+    def simulate(self) -> float:
         """Let 10 ms pass."""
         before = self.drones["velocity"][:, 2].copy(), self.height
         self.fleet.advance()
         landed = (before[1] > 0) & (self.height <= 0)
         self.impact = np.where(landed, np.maximum(self.impact, -before[0]), self.impact)
         self.links.deliver(self.fleet.time)
-        if self.fleet.time - self._idle >= IDLE_PERIOD:
-            self._idle = self.fleet.time
-            for ear in list(self._ears.values()):
-                ear.idle(self.monotonic())
-        self.watch()
+        return EPOCH + self.fleet.time
 
-    def open(self, uri: str, ear: LinkListener) -> LinkDriver:
-        """Connect a client to the drone at ``udp://air:number``; in place of `UdpLinks.open`."""
-        row = int(uri.rpartition(":")[2]) - 1
-        self._ears[row] = ear
-        return LinkDriver(self, row)
-
-    def close(self) -> None:
-        """In place of `UdpLinks.close`."""
-
-    def hang_up(self, row: int) -> None:
-        """End the link to a drone."""
-        self._ears.pop(row, None)
-
-    def send(self, row: int, packet: bytes) -> None:
-        """Carry a packet to a drone, and its answers back."""
-        with self._lock:
+    def carry(self, uri: str, packet: bytes) -> None:
+        if uri in self.uris:
+            row = self.uris.index(uri)
             deliver = partial(self._to_vehicle, row, packet)
             self.links.send(row, Direction.TO_VEHICLE, self.fleet.time, deliver)
 
@@ -120,54 +88,8 @@ class Air:
             self._to_client(row, answer)
 
     def _to_client(self, row: int, packet: bytes) -> None:
-        deliver = partial(self._hear, row, packet)
+        deliver = partial(self.deliver, self.uris[row], packet)
         self.links.send(row, Direction.TO_CLIENT, self.fleet.time, deliver)
-
-    def _hear(self, row: int, packet: bytes) -> None:
-        if (ear := self._ears.get(row)) is not None:
-            ear.hear(packet, self.monotonic())
-
-
-class LinkDriver:
-    """The client's end of a link."""
-
-    def __init__(self, air: Air, row: int) -> None:
-        self._air, self._row = air, row
-
-    def send(self, packet: bytes) -> None:
-        self._air.send(self._row, packet)
-
-    steer = send
-
-    def close(self) -> None:
-        self._air.hang_up(self._row)
-
-
-class _OneByOne:
-    """In place of a pool of threads, so that a flight is the same in every run."""
-
-    def __init__(self, _workers: int) -> None:
-        pass
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_raised: object) -> None:
-        pass
-
-    def map(self, act: Callable[[T], R], each: Iterable[T]) -> Iterator[R]:
-        return map(act, each)
-
-
-@contextmanager
-def virtual(air: Air) -> Iterator[None]:
-    """Let the radio transport use the virtual clock and the virtual links."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(time, "monotonic", air.monotonic)
-        patch.setattr(time, "sleep", air.sleep)
-        patch.setattr("star_radio.udp_links.UdpLinks", lambda: air)
-        patch.setattr("star_radio.parallel.ThreadPoolExecutor", _OneByOne)
-        yield
 
 
 WORLD = """\

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import logging
 import math
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from threading import Event
 from typing import Final
 
 from star_core import PluginError
@@ -128,7 +128,7 @@ class Link:
         """
         waiting = deque(questions)
         begun: dict[Question, float] = {}  # s, when each open question was asked first
-        answered = threading.Event()
+        answered = Event()
         try:
             while waiting or begun:
                 now = time.monotonic()

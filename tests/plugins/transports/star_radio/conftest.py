@@ -14,7 +14,8 @@ import star_radio
 from star_core import Scene
 from star_core.testing import scene
 from star_radio.transport import Radio
-from tests.plugins.transports.star_radio.peer import Peer
+from tests.plugins.transports.star_radio.peer import Peer, PeerClock, UdpPeer
+from tests.plugins.transports.star_radio.virtual import virtual
 
 Open: TypeAlias = Callable[..., Radio]
 Peers: TypeAlias = Callable[..., list[Peer]]
@@ -36,9 +37,29 @@ def stack() -> Iterator[ExitStack]:
 
 
 @pytest.fixture
-def peers(stack: ExitStack) -> Peers:
+def virtual_clock(stack: ExitStack) -> PeerClock:
+    """The virtual clock of a test, and its peers."""
+    clock = PeerClock()
+    stack.enter_context(virtual(clock))
+    return clock
+
+
+@pytest.fixture
+def peers(virtual_clock: PeerClock) -> Peers:
+    """Start peers on the virtual clock."""
+
     def start(n: int = 1, **how: Any) -> list[Peer]:
-        return [stack.enter_context(Peer(**how)) for _ in range(n)]
+        return virtual_clock.start(n, **how)
+
+    return start
+
+
+@pytest.fixture
+def udp_peers(stack: ExitStack) -> Peers:
+    """Start peers behind UDP sockets, in real time."""
+
+    def start(n: int = 1) -> list[Peer]:
+        return [stack.enter_context(UdpPeer()) for _ in range(n)]
 
     return start
 

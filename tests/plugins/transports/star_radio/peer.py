@@ -1,4 +1,4 @@
-"""A scripted Crazyflie behind a UDP socket: it answers, reports and remembers."""
+"""A scripted Crazyflie: it answers, reports and remembers."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
+
+from tests.plugins.transports.star_radio.virtual import VirtualTime
 
 LOG_TYPES = {1: "<B", 2: "<H", 3: "<I", 4: "<b", 5: "<h", 6: "<i", 7: "<f", 8: "<e"}
 VALUES: dict[str, float] = {
@@ -33,6 +37,7 @@ class Peer:
     """One Crazyflie, as far as a client can tell.
 
     Args:
+        uri: Its address.
         version: Of the protocol.
         lacks: Log variables and parameters that its firmware does not have.
 
@@ -47,7 +52,8 @@ class Peer:
         boot: Its clock's lead, s.
     """
 
-    def __init__(self, *, version: int = 12, lacks: tuple[str, ...] = ()) -> None:
+    def __init__(self, uri: str = "", *, version: int = 12, lacks: tuple[str, ...] = ()) -> None:
+        self.uri = uri
         self.version = version
         self.values = {name: value for name, value in VALUES.items() if name not in lacks}
         self.parameters = {k: v for k, v in PARAMETERS.items() if k not in lacks}
@@ -65,17 +71,8 @@ class Peer:
         self._periods: dict[int, float] = {}
         self._due: dict[int, float] = {}
         self._under_way: list[tuple[float, bytes]] = []  # with the time to send it, s
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", 0))
-        self._socket.settimeout(0.002)
-        self._client: tuple[str, int] | None = None
-        self._ended = False
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
-
-    @property
-    def uri(self) -> str:
-        return f"udp://127.0.0.1:{self._socket.getsockname()[1]}"
+        self.send: Callable[[bytes], object] = lambda _packet: None  # to its client
+        self.until: Callable[..., bool] = lambda _done, **_how: False  # lets time pass
 
     def sent_to(self, port: int, channel: int) -> list[bytes]:
         """Payloads that came to a port and channel."""
@@ -86,47 +83,16 @@ class Peer:
         """Payloads of the orders to the high-level commander, without those that set its groups."""
         return [payload for payload in self.sent_to(8, 0) if payload[0] != 0]
 
-    def until(self, done: Callable[[], bool], within: float = 5.0) -> bool:
-        """Wait until something has happened; say whether it has."""
-        end = time.monotonic() + within
-        while not done():
-            if time.monotonic() > end:
-                return False
-            time.sleep(0.002)
-        return True
+    def advance(self, now: float) -> None:
+        """Send what is due at `now`, s."""
+        while self._under_way and self._under_way[0][0] <= now:
+            self.send(self._under_way.pop(0)[1])
+        for block, period in list(self._periods.items()):
+            if now >= self._due.setdefault(block, 0.0):
+                self._due[block] = max(self._due[block] + period, now)
+                self.report(now, block)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._ended = True
-        self._thread.join()
-        self._socket.close()
-
-    def _serve(self) -> None:
-        while not self._ended:
-            try:
-                data, self._client = self._socket.recvfrom(64)
-            except TimeoutError:
-                data = b""
-            except OSError:  # the client is gone
-                data = b""
-            if data:
-                self._take(data)
-            now = time.monotonic()
-            while self._under_way and self._under_way[0][0] <= now:
-                self._send(self._under_way.pop(0)[1])
-            for block, period in list(self._periods.items()):
-                if now >= self._due.setdefault(block, 0.0):
-                    self._due[block] = max(self._due[block] + period, now)
-                    self.report(now, block)
-
-    def _take(self, data: bytes) -> None:
+    def take(self, data: bytes) -> None:
         packet = bytes([data[0] & 0xF3]) + data[1:]
         if packet[0] == 0xF0:
             self.echoes += 1
@@ -147,11 +113,7 @@ class Peer:
         if self.delay:
             self._under_way.append((time.monotonic() + self.delay, packet))
         else:
-            self._send(packet)
-
-    def _send(self, packet: bytes) -> None:
-        if self._client is not None:
-            self._socket.sendto(packet, self._client)
+            self.send(packet)
 
     def _answer(self, port: int, channel: int, payload: bytes) -> bytes | None:  # noqa: C901, PLR0911
         match port, channel:
@@ -242,3 +204,68 @@ class Peer:
         )
         stamp = int((now + self.boot) * 1000) % (1 << 24)
         self.say(bytes([0x52, block]) + stamp.to_bytes(3, "little") + data)
+
+
+class PeerClock(VirtualTime):
+    """Peers on a virtual clock. At other addresses there is none."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.peers: dict[str, Peer] = {}
+
+    def start(self, n: int, **how: Any) -> list[Peer]:
+        """Add some peers."""
+        first = len(self.peers)
+        made = [Peer(f"udp://peer:{first + i + 1}", **how) for i in range(n)]
+        for peer in made:
+            self.peers[peer.uri] = peer
+            peer.send = partial(self.deliver, peer.uri)
+            peer.until = self.until
+        return made
+
+    def simulate(self) -> float:
+        for peer in self.peers.values():
+            peer.advance(self.now)
+        return super().simulate()
+
+    def carry(self, uri: str, packet: bytes) -> None:
+        if uri in self.peers:
+            self.peers[uri].take(packet)
+
+
+class UdpPeer(Peer):
+    """A peer behind a UDP socket, in real time."""
+
+    def __init__(self) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(0.002)
+        super().__init__(f"udp://127.0.0.1:{self._socket.getsockname()[1]}")
+        self._ended = False
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._ended = True
+        self._thread.join()
+        self._socket.close()
+
+    def _serve(self) -> None:
+        while not self._ended:
+            with suppress(OSError):  # nothing came, or the client is gone
+                data, client = self._socket.recvfrom(64)
+                self.send = partial(self._send, client)
+                self.take(data)
+            self.advance(time.monotonic())
+
+    def _send(self, client: tuple[str, int], packet: bytes) -> None:
+        with suppress(OSError):
+            self._socket.sendto(packet, client)

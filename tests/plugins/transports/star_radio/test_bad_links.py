@@ -12,7 +12,8 @@ import star_radio
 from star_core import PluginError
 from star_core.testing import scene
 from star_fleet.link_faults import LinkFaults
-from star_fleet.server import Fleet
+from tests.end_to_end.virtual_air import Air
+from tests.plugins.transports.star_radio.virtual import virtual
 
 DRONES = 5
 ROUNDS = 20
@@ -25,19 +26,23 @@ CONDITIONS = {
 
 
 def refusals(faults: LinkFaults, cache: Path, *, n: int, seed: int) -> list[str]:
-    """Connect to some drones at once; return why that failed, if it did."""
+    """Connect to some drones; return why that failed, if it did."""
     room = scene(n)
-    with Fleet(room, port=0, faults=faults, seed=seed) as fleet:
-        agents = zip(room.agents, fleet.addresses, strict=True)
-        reached = dataclasses.replace(
-            room, agents=tuple(dataclasses.replace(agent, uri=uri) for agent, uri in agents)
-        )
-        radio = star_radio.make(reached, cache=str(cache))
-        with closing(radio):
-            try:
-                radio.connect()
-            except PluginError as error:
-                return [part for part in str(error).split("; ") if part.count("(")]
+    air = Air(room, seed=seed)
+    air.links.faults[:] = [faults] * n
+    agents = zip(room.agents, air.uris, strict=True)
+    reached = dataclasses.replace(
+        room, agents=tuple(dataclasses.replace(agent, uri=uri) for agent, uri in agents)
+    )
+    with (
+        virtual(air),
+        closing(air.fleet),
+        closing(star_radio.make(reached, cache=str(cache))) as radio,
+    ):
+        try:
+            radio.connect()
+        except PluginError as error:
+            return [part for part in str(error).split("; ") if part.count("(")]
     return []
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import struct
-import threading
 import time
 from pathlib import Path
 
@@ -39,23 +38,21 @@ VARIANCES = {f"kalman.var{axis}": 1e-4 for axis in ("PX", "PY", "PZ")}
 def test_an_estimator_is_waited_for_until_it_has_settled(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     drone.values |= VARIANCES
-    begun = time.monotonic()
+    report, begun = drone.report, time.monotonic()
 
-    def freeze_arrays() -> None:
-        while time.monotonic() - begun < 1.0:
+    def settle(now: float, block: int = 1) -> None:
+        if now < begun + 1.0:
             drone.values["kalman.varPZ"] += 0.001
-            time.sleep(0.01)
+        report(now, block)
 
-    settling = threading.Thread(target=freeze_arrays)
-    settling.start()
+    drone.report = settle  # type: ignore[method-assign]
     connect([drone])
-    settling.join()
     assert time.monotonic() - begun > 1.2
     assert drone.sent_to(5, 1)[-1] == b"\2\2"  # its block is deleted
 
 
-def test_estimators_settle_at_the_same_time(peers: Peers, connect: Open) -> None:
-    drones = peers(6)
+def test_estimators_settle_at_the_same_time(udp_peers: Peers, connect: Open) -> None:
+    drones = udp_peers(6)
     for drone in drones:
         drone.values |= VARIANCES
     begun = time.monotonic()
@@ -186,10 +183,7 @@ def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
         "udp://127.0.0.1:9 in 0.6 s"
     )
     assert "cf3 (no answer about its protocol version from udp://127.0.0.1:7" in told
-    assert told.endswith(
-        "; to fly without them, set 'absent: fly-without' in a mission with "
-        "'safety: {link_lost: {}}'"
-    )
+    assert "; to fly without them, set 'absent: fly-without' in a mission with 'safety:" in told
     assert "cf2" not in told
 
 
@@ -206,6 +200,7 @@ def test_the_others_fly_without_an_absent_drone(
     assert "cannot reach 1 of 2 agents: cf1" in caplog.text
 
 
+@pytest.mark.usefixtures("virtual_clock")
 @pytest.mark.parametrize("absent", ["refuse", "fly-without"])
 def test_nobody_flies_when_all_are_absent(make: Open, absent: str) -> None:
     with pytest.raises(PluginError, match="cannot reach 1 of 1 agents: cf1") as caught:
@@ -301,8 +296,10 @@ def test_closing_neither_locks_a_drone_nor_leaves_it_reporting(peers: Peers, con
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # cflib's own socket
-def test_cflib_writes_nothing(peers: Peers, make: Open, capfd: pytest.CaptureFixture[str]) -> None:
-    radio = make([peers()[0].uri, "tcp://127.0.0.1:9"], absent="fly-without")
+def test_cflib_writes_nothing(
+    udp_peers: Peers, make: Open, capfd: pytest.CaptureFixture[str]
+) -> None:
+    radio = make([udp_peers()[0].uri, "tcp://127.0.0.1:9"], absent="fly-without")
     radio.connect()
     radio.close()
     out, err = capfd.readouterr()

@@ -1,4 +1,4 @@
-"""The transport against simulated Crazyflies that have their own firmware's ways, in real time."""
+"""The transport against the firmware of simulated Crazyflies, on a virtual clock."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,8 @@ from star_core.testing import scene
 from star_fleet.aideck.crtp import CrtpOverTcp
 from star_fleet.server import Fleet
 from star_radio.transport import Radio
+from tests.end_to_end.virtual_air import Air
+from tests.plugins.transports.star_radio.virtual import virtual
 
 TICK = 0.05  # s
 MISSION = """\
@@ -60,20 +63,18 @@ fence: {low: [-3, -3, 0], high: [3, 3, 2]}
 
 
 class Flight:
-    """A radio to a fleet, and its clock."""
+    """A radio to a fleet, and its ticks."""
 
     def __init__(
         self,
-        fleet: Fleet,
+        uris: Sequence[str],
         room: Scene,
         cache: Path,
-        *,
-        uris: Sequence[str] = (),
         **options: object,
     ) -> None:
         agents = (
             dataclasses.replace(agent, uri=uri)
-            for agent, uri in zip(room.agents, uris or fleet.addresses, strict=True)
+            for agent, uri in zip(room.agents, uris, strict=True)
         )
         reached = dataclasses.replace(room, agents=tuple(agents), realtime=True)
         self.radio = star_radio.make(reached, cache=str(cache), **options)  # type: ignore[arg-type]
@@ -121,10 +122,18 @@ def high(now: Telemetry) -> bool:
     return bool((now.position[:, 2] > 0.4).all()) and finished(now)
 
 
+@contextmanager
+def aired(*, noise: bool = False) -> Iterator[Air]:
+    """One simulated drone, and its virtual link and clock."""
+    air = Air(scene(1), noise=noise)
+    with virtual(air), closing(air.fleet):
+        yield air
+
+
 @pytest.fixture
-def fleet() -> Iterator[Fleet]:
-    with Fleet(scene(1), port=0, noise=False) as fleet:
-        yield fleet
+def air() -> Iterator[Air]:
+    with aired() as air:
+        yield air
 
 
 def flown(
@@ -142,31 +151,30 @@ def flown(
     return fly(load(folder / "mission.yaml", registry), registry)
 
 
-def test_a_mission_that_allows_it_is_flown_without_who_is_absent(tmp_path: Path) -> None:
-    with Fleet(scene(1), port=0, noise=False) as fleet:
-        uris = [*fleet.addresses, "udp://127.0.0.1:9"]
-        summary = flown(tmp_path, uris, ", absent: fly-without", "on_failure: continue, timeout: 1")
-        assert summary["outcome"] == "completed", summary["reason"]
-        moved = fleet.simulator.drones["position"] - fleet.simulator.drones["origin"]
-        assert np.allclose(moved[0], [0.4, 0, 0], atol=0.15)
+def test_a_mission_that_allows_it_is_flown_without_who_is_absent(air: Air, tmp_path: Path) -> None:
+    uris = [*air.uris, "udp://air:9"]
+    summary = flown(tmp_path, uris, ", absent: fly-without", "on_failure: continue, timeout: 1")
+    assert summary["outcome"] == "completed", summary["reason"]
+    moved = air.drones["position"] - air.drones["origin"]
+    assert np.allclose(moved[0], [0.4, 0, 0], atol=0.15)
 
 
-@pytest.mark.parametrize("rule", [True, pytest.param(False, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("rule", [True, False])
 def test_who_is_absent_is_taken_out_by_the_rule_for_lost_links(
+    air: Air,
     tmp_path: Path,
     rule: bool,  # noqa: FBT001
 ) -> None:
-    with Fleet(scene(1), port=0, noise=False) as fleet:
-        uris = [*fleet.addresses, "udp://127.0.0.1:9"]
-        rules = "safety: {link_lost: {}}" if rule else ""
-        summary = flown(tmp_path, uris, ", absent: fly-without", "timeout: 1", rules)
-        assert summary["outcome"] == ("completed" if rule else "failed"), summary["reason"]
+    uris = [*air.uris, "udp://air:9"]
+    rules = "safety: {link_lost: {}}" if rule else ""
+    summary = flown(tmp_path, uris, ", absent: fly-without", "timeout: 1", rules)
+    assert summary["outcome"] == ("completed" if rule else "failed"), summary["reason"]
 
 
 def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_landed(
-    fleet: Fleet, tmp_path: Path
+    air: Air, tmp_path: Path
 ) -> None:
-    first = Flight(fleet, scene(1), tmp_path)
+    first = Flight(air.uris, scene(1), tmp_path)
     first.order(Order.TAKEOFF, 0.5)
     assert first.until(high)
     assert first.until(lambda _now: first.tick([0.3, 0.0, 0.0]).position[0, 0] > 0.2)
@@ -175,8 +183,8 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
     first.order(Order.LAND)
     assert first.until(finished)
     first.radio.close()
-    time.sleep(2.5)
-    second = Flight(fleet, scene(1), tmp_path)
+    air.sleep(2.5)
+    second = Flight(air.uris, scene(1), tmp_path)
     assert not second.now.state[0] & int(Supervisor.LOCKED)
     second.order(Order.TAKEOFF, 0.5)
     assert second.until(lambda now: now.position[0, 2] > 0.2)
@@ -185,28 +193,23 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
 
 @pytest.mark.parametrize("steered", [True, False])
 def test_a_drone_that_flies_at_the_end_is_told_to_land_and_not_locked(
-    fleet: Fleet,
+    air: Air,
     tmp_path: Path,
     steered: bool,  # noqa: FBT001
 ) -> None:
-    flight = Flight(fleet, scene(1), tmp_path)
+    flight = Flight(air.uris, scene(1), tmp_path)
     flight.order(Order.TAKEOFF, 0.5)
     assert flight.until(high)
     if steered:
         flight.tick([0.0, 0.0, 0.0])
     flight.radio.close()
-    end = time.monotonic() + 8
-    while fleet.simulator.drones["position"][0, 2] > 0.1 and time.monotonic() < end:
-        time.sleep(0.05)
-    assert fleet.simulator.drones["position"][0, 2] < 0.1
-    fleet.stop()
-    for _ in range(250):  # setpoints that end otherwise lock after 2 s
-        fleet.advance()
-    assert not fleet.simulator.drones["locked"][0]
+    assert air.until(lambda: air.height[0] < 0.1, 8)
+    air.sleep(2.5)  # setpoints that end otherwise lock after 2 s
+    assert not air.drones["locked"][0]
 
 
-def test_a_trajectory_is_flown(fleet: Fleet, tmp_path: Path) -> None:
-    flight = Flight(fleet, scene(1), tmp_path)
+def test_a_trajectory_is_flown(air: Air, tmp_path: Path) -> None:
+    flight = Flight(air.uris, scene(1), tmp_path)
     rise = np.zeros((4, 8))
     rise[0, 1] = 0.2  # m/s along x
     pieces = np.stack([rise, rise + np.eye(4, 8) * [[0.14], [0], [0], [0]]])
@@ -220,8 +223,8 @@ def test_a_trajectory_is_flown(fleet: Fleet, tmp_path: Path) -> None:
 
 
 def test_corrections_reach_the_estimator(tmp_path: Path) -> None:
-    with Fleet(scene(1), port=0) as fleet:
-        flight = Flight(fleet, scene(1), tmp_path)
+    with aired(noise=True) as air:
+        flight = Flight(air.uris, scene(1), tmp_path)
         flight.order(Order.TAKEOFF, 0.5)
         assert flight.until(high)
         turn, sure = np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([0.01])
@@ -237,34 +240,34 @@ def test_corrections_reach_the_estimator(tmp_path: Path) -> None:
 
 
 def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
-    fleet: Fleet,
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.DEBUG)  # as `--verbose`
-    server = CrtpOverTcp("127.0.0.1", 0, lambda packet: fleet.handle(0, packet))
-    fleet.listen(0, server.push)
-    flight = Flight(fleet, scene(1), tmp_path, uris=["tcp://{}:{}".format(*server.address)])
-    flight.order(Order.TAKEOFF, 0.5)
-    assert flight.until(high)
-    assert flight.now.age[0] < 0.3
-    server.close()
-    assert flight.until(lambda now: now.age[0] > 0.5)
-    link = flight.vehicles[0].link
-    assert flight.until(lambda _now: link.broken == "the connection is lost"), link.broken
-    time.sleep(0.3)
-    used = time.process_time()
-    time.sleep(0.2)
-    flight.radio.close()
-    assert time.process_time() - used < 0.15  # nothing spins
+    with Fleet(scene(1), port=0, noise=False) as fleet:  # in real time: the driver is cflib's
+        server = CrtpOverTcp("127.0.0.1", 0, lambda packet: fleet.handle(0, packet))
+        fleet.listen(0, server.push)
+        flight = Flight(["tcp://{}:{}".format(*server.address)], scene(1), tmp_path)
+        flight.order(Order.TAKEOFF, 0.5)
+        assert flight.until(high)
+        assert flight.now.age[0] < 0.3
+        server.close()
+        assert flight.until(lambda now: now.age[0] > 0.5)
+        link = flight.vehicles[0].link
+        assert flight.until(lambda _now: link.broken == "the connection is lost"), link.broken
+        time.sleep(0.3)
+        used = time.process_time()
+        time.sleep(0.2)
+        flight.radio.close()
+        assert time.process_time() - used < 0.15  # nothing spins
     assert capfd.readouterr().out == ""
     assert "Traceback" not in caplog.text
     assert len(caplog.records) < 100
 
 
-def test_a_stop_that_locks_locks(fleet: Fleet, tmp_path: Path) -> None:
-    flight = Flight(fleet, scene(1), tmp_path, stop="lock")
+def test_a_stop_that_locks_locks(air: Air, tmp_path: Path) -> None:
+    flight = Flight(air.uris, scene(1), tmp_path, stop="lock")
     flight.order(Order.TAKEOFF, 0.3)
     assert flight.until(flying)
     flight.order(Order.STOP)
@@ -272,11 +275,11 @@ def test_a_stop_that_locks_locks(fleet: Fleet, tmp_path: Path) -> None:
     flight.radio.close()
 
 
-def test_the_watchdog_of_a_client_that_hangs_locks(fleet: Fleet, tmp_path: Path) -> None:
-    flight = Flight(fleet, scene(1), tmp_path, watchdog=True)
+def test_the_watchdog_of_a_client_that_hangs_locks(air: Air, tmp_path: Path) -> None:
+    flight = Flight(air.uris, scene(1), tmp_path, watchdog=True)
     for _ in range(30):
         flight.tick()
     assert not flight.now.state[0] & int(Supervisor.LOCKED)
-    time.sleep(1.5)
+    air.sleep(1.5)
     assert flight.until(lambda now: now.state[0] & int(Supervisor.LOCKED))
     flight.radio.close()

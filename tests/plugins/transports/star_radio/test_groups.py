@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
-from threading import Timer
 from typing import TypeAlias
 
 import numpy as np
@@ -16,16 +16,16 @@ from hypothesis import strategies as st
 
 from star_core import Command, Order, PluginError, Scene, Setpoint, Supervisor, Telemetry
 from star_core.testing import scene
-from star_fleet.server import Fleet
-from star_radio import orders
+from star_radio import orders, udp_links
 from star_radio.broadcast_commands import BroadcastCommands
 from star_radio.connection_options import ConnectionOptions
 from star_radio.steering import Velocities
 from star_radio.tables import Tables
 from star_radio.transport import Radio, Rules
-from star_radio.udp_links import UdpLinks
+from tests.end_to_end.virtual_air import Air as FleetAir
 from tests.plugins.transports.star_radio.conftest import Peers, reached
 from tests.plugins.transports.star_radio.peer import Peer
+from tests.plugins.transports.star_radio.virtual import VirtualTime, virtual
 
 Groups: TypeAlias = Mapping[str, Sequence[int]]
 
@@ -45,21 +45,19 @@ class Air:
         self.said: list[tuple[bytes, set[int]]] = []
         self.voided: list[set[int]] = []
         self.hearers: list[Callable[[bytes], object]] = []
-        self._sent: list[Timer] = []
+        self.clock = VirtualTime()
 
     def order(self, packet: bytes, rows: Sequence[int] = ()) -> bool:
         self.said.append((packet, set(rows)))
         for hear in self.hearers:
-            self._sent.append(Timer(0.02, hear, [packet]))  # a dongle has a thread, too
-            self._sent[-1].start()
+            self.clock.later(0.02, partial(hear, packet))  # a dongle has a thread, too
         return True
 
     def void(self, rows: Sequence[int]) -> None:
         self.voided.append(set(rows))
 
     def wait(self) -> None:
-        while self._sent:
-            self._sent.pop().join()
+        self.clock.sleep(0.02)
 
     def close(self) -> None:
         """There is nothing to close."""
@@ -177,6 +175,8 @@ def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
     """Make a radio over UDP that broadcasts too: everybody with a link hears it."""
 
     def make(uris: list[str], groups: Groups, air: Air, **rules: bool) -> Radio:
+        clock = udp_links.UdpLinks()
+        assert isinstance(clock, VirtualTime)
         room = reached(uris)
         radio = Radio(
             room,
@@ -184,9 +184,10 @@ def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
             Rules(**rules),
             Velocities(),
             broadcasts=broadcasts(aired(len(uris), groups), air),
-            udp_links=UdpLinks(),
+            udp_links=clock,
         )
         stack.callback(radio.close)
+        air.clock = clock
         air.hearers = [vehicle.link.post for vehicle in radio.vehicles]
         return radio
 
@@ -292,19 +293,15 @@ def test_an_absent_drone_stops_broadcasts_that_would_be_for_it_too(
     assert [packet.hex() for packet, _rows in air.said] == said
 
 
-@pytest.fixture
-def fleet() -> Iterator[Fleet]:
-    with Fleet(scene(3), port=0, noise=False) as fleet:
-        yield fleet
-
-
-def test_only_the_group_takes_off_though_all_hear_it(fleet: Fleet, aloud: Aloud) -> None:
-    air = Air()
-    radio = aloud(list(fleet.addresses), TRIO, air)
-    radio.connect()
-    air.said.clear()
-    radio.command(commanded(Order.TAKEOFF, [0, 1], height=0.4))
-    now = later(radio, 1.6)
+def test_only_the_group_takes_off_though_all_hear_it(aloud: Aloud) -> None:
+    fleet, air = FleetAir(scene(3), noise=False), Air()
+    with virtual(fleet), closing(fleet.fleet):
+        radio = aloud(fleet.uris, TRIO, air)
+        radio.connect()
+        air.said.clear()
+        radio.command(commanded(Order.TAKEOFF, [0, 1], height=0.4))
+        now = later(radio, 1.6)
+        radio.close()
     assert [packet[:3].hex() for packet, _rows in air.said] == ["8c0702"]
     assert (now.state & int(Supervisor.FLYING) > 0).tolist() == [True, True, False]
     assert now.position[:2, 2] == pytest.approx(0.4, abs=0.1)

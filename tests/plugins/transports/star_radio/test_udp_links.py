@@ -120,9 +120,9 @@ def test_a_line_that_is_closed_says_and_hears_nothing(
     assert ear.heard == []
 
 
-def test_one_thread_hears_a_swarm_and_ends_with_it(peers: Peers, connect: Open) -> None:
+def test_one_thread_hears_a_swarm_and_ends_with_it(udp_peers: Peers, connect: Open) -> None:
     before = threading.active_count()
-    drones = peers(3)  # a thread each
+    drones = udp_peers(3)  # a thread each
     radio = connect(drones)
     assert threading.active_count() == before + 3 + 1
     radio.close()
