@@ -22,13 +22,12 @@ import cv2
 import numpy as np
 
 from star_core import Array, Camera, Fence, Image, Tag, World
+from star_sim.camera_sim.camera_pose import Shot, mounting, poses
 from star_sim.camera_sim.floor_texture import SIDE, TEXEL, Floor, floor
-from star_sim.camera_sim.geometric import Spotter
-from star_sim.camera_sim.motion import mounting, poses
+from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.optics import optics, rays
-from star_sim.camera_sim.renderer import LEAST_SLICES, Renderer
+from star_sim.camera_sim.renderer import MIN_SLICES, Renderer
 from star_sim.camera_sim.sensor import vignette
-from star_sim.camera_sim.shot import Shot
 from star_sim.camera_sim.tag_tables import CELLS, MODULES, corners, frames, prints
 
 ROUNDS, TIMES = 15, 10
@@ -74,7 +73,7 @@ class Naive:
 
     def render(self, shot: Shot, rng: np.random.Generator) -> Image:
         """Return the (height, width) image of a shot."""
-        track = poses(shot.packed(), self._mount, self._lens, LEAST_SLICES)[0]
+        track = poses(shot.packed(), self._mount, self._lens, MIN_SLICES)[0]
         total = np.zeros((self._camera.height, self._camera.width), np.float32)
         half = SIDE * TEXEL
         ground = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
@@ -131,12 +130,12 @@ def speed() -> dict[str, float]:
     ours = Renderer(camera, PAIR, ROOM, ground, noise=NOISE, blur=BLUR)
     bare = Renderer(camera, (), ROOM, ground, noise=0.0, blur=0.0)
     one = Renderer(camera, PAIR[:1], ROOM, ground, noise=NOISE, blur=BLUR)
-    spotter, naive = Spotter(camera, PAIR, ROOM), Naive(camera, PAIR, ground)
+    detector, naive = OnboardDetector(camera, PAIR, ROOM), Naive(camera, PAIR, ground)
     calls: dict[str, Callable[[Shot], Any]] = {
         "two_tags": lambda shot: ours.render(shot, rng),
         "one_tag": lambda shot: one.render(shot, rng),
         "floor_only": lambda shot: bare.render(shot, rng),
-        "geometric": lambda shot: spotter.spot(shot, rng),
+        "geometric": lambda shot: detector.detect(shot, rng),
         "naive": lambda shot: naive.render(shot, rng),
     }
     for call in calls.values():
@@ -155,7 +154,7 @@ def likeness() -> dict[str, float]:
     ours = Renderer(camera, PAIR, ROOM, ground, noise=0.0, blur=BLUR).render(shots(1)[0], rng)
     theirs = Naive(camera, PAIR, ground).render(shots(1)[0], rng).astype(float)
     (left, top), (right, bottom) = (
-        reach(Spotter(camera, PAIR, ROOM).spot(shots(1)[0])[1].reshape(-1, 2), axis=0)
+        reach(OnboardDetector(camera, PAIR, ROOM).detect(shots(1)[0])[1].reshape(-1, 2), axis=0)
         for reach in (np.min, np.max)
     )
     part = np.s_[int(top) - 5 : int(bottom) + 6, int(left) - 5 : int(right) + 6]
@@ -176,7 +175,7 @@ def recall(count: int = 150) -> dict[str, float]:
     place = {tag.id: tag.position for tag in tags}
     camera, rng = Camera(), np.random.default_rng(0)
     renderer = Renderer(camera, tags, ROOM, floor(0))
-    spotter = Spotter(camera, tags, ROOM, smallest=0.0)
+    every_tag = OnboardDetector(camera, tags, ROOM, min_module=0.0)
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     detector = cv2.aruco.ArucoDetector(family)
     looks: list[tuple[float, bool]] = []
@@ -193,7 +192,7 @@ def recall(count: int = 150) -> dict[str, float]:
         eye = shot.position + np.array([0.0, 0.0, camera.position[2]])
         looks += [
             (float(np.linalg.norm(place[n] - eye)), n in found)
-            for n in spotter.spot(shot)[0].tolist()
+            for n in every_tag.detect(shot)[0].tolist()
         ]
     bounds = [(0.0, 1.0), (1.0, 1.3), (1.3, 1.6), (1.6, 2.0), (2.0, 3.0)]
     return {

@@ -35,9 +35,9 @@ from star_core import (
     square_corners,
 )
 from star_core.rotations import turned
+from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import floor
 from star_sim.camera_sim.renderer import Renderer
-from star_sim.camera_sim.shot import Shot
 
 HEIGHT, SPEED, TURN, TILT = 0.8, 0.28, 0.8, 0.035  # m, m/s, greatest rad/s, deviation in rad
 SIZE, SPACING, FARTHEST = 0.168, 0.21, 1.5  # m; farther tags are in the images but do not count

@@ -27,8 +27,8 @@ from star_apriltag.floor_odometry import Floor
 from star_apriltag.smoother import Smoother
 from star_apriltag.vision import tag_measurement
 from star_core import Array, Odometry, Registry, fly, load
-from star_sim.camera_sim.geometric import Spotter
-from star_sim.camera_sim.shot import Shot
+from star_sim.camera_sim.camera_pose import Shot
+from star_sim.camera_sim.geometric import OnboardDetector
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 MINUTES = 20.0
@@ -70,7 +70,7 @@ def growth() -> dict[str, float]:
     scene = load(MISSIONS / "paper_circle.yaml", Registry()).scene
     (agent,) = scene.agents
     assert agent.camera is not None
-    spotter = Spotter(agent.camera, scene.world.landmarks, scene.world)
+    detector = OnboardDetector(agent.camera, scene.world.landmarks, scene.world)
     settings = Settings("smoother", 2, 0.15, 0.02, 2.5, guided_matching=True, floor_odometry=False)
     follower = Smoothed(agent, scene.world.landmarks, (), settings)
     took = timed(Smoother, "add")
@@ -81,7 +81,7 @@ def growth() -> dict[str, float]:
         follower.hear(odometry(times, rng), np.arange(5), motors=True)
         if tick % 2 == 0:
             taken = float(times[0])
-            tags, corners = spotter.spot(shot(taken), rng)
+            tags, corners = detector.detect(shot(taken), rng)
             follower.look(Sight(0, taken, None, tags, corners))
         follower.go_on(float(times[-1]))
         if tick == int(60 / TICK):  # all is loaded, and the track is not full yet

@@ -1,8 +1,8 @@
-"""The camera of the simulator: pictures of AprilTags, or their corners without a picture.
+"""Simulated cameras: images of AprilTags, or their corners without images.
 
-Read in this order: `shot` (where the camera's carrier is and how it moves), `renderer` (`Renderer`:
-a shot to an image) with its four steps `prisms`, `paper`, `floor` and `sensor`, `geometric`
-(`Spotter`: a shot to the corners of tags), and `errors` (how the real tags and the real camera
-differ from what a mission believes). Beneath lie `optics` (the lens), `motion` (poses during a
-shot), `projection` and `plane` (from the map to the image and back) and `sheets` (tags as arrays).
+Read in this order: `cameras` (exposure and arrival of images), `renderer` (an image, by kernels of
+`obstacle_rasterizer`, `tag_rasterizer`, `floor_texture` and `sensor`), `geometric` (corners of tags
+without an image), and `ground_truth` (true tags and cameras, which differ from those of a mission).
+They share `camera_pose` (poses during an exposure), `optics` (the lens), `projection` (from the map
+to the image and back) and `tag_tables` (tags as arrays).
 """

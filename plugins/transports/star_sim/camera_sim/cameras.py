@@ -9,14 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Camera, Detections, Frames, Image, Rows, Scene
+from star_core import Camera, Detections, Frames, Rows, Scene
 from star_sim.airframe import STEP
+from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import floor
-from star_sim.camera_sim.geometric import Spotter
+from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.ground_truth import real_camera, real_tags
 from star_sim.camera_sim.options import CameraOptions
 from star_sim.camera_sim.renderer import Renderer
-from star_sim.camera_sim.shot import Shot
 from star_sim.drone import Drones
 
 NEVER: Final = 1 << 62  # steps
@@ -32,9 +32,6 @@ class Cameras:
         scene: Agents with their cameras, tags, obstacles, seed.
         options: Error model.
         wanted: Whether the images of the agent in a row are needed; others are not rendered.
-
-    Attributes:
-        next_step: The simulator's step at which the next image is due.
     """
 
     def __init__(
@@ -44,20 +41,20 @@ class Cameras:
         wanted: Callable[[int], bool] = lambda _row: True,
     ) -> None:
         self._options, self._wanted = options, wanted
-        seen = [
+        surveyed = [
             tag
             for tag in (*scene.world.landmarks, *scene.world.targets)
             if tag.of not in options.covered
         ]
-        self._tags = np.array([tag.id for tag in seen], np.int64)
-        self._numbers = np.array(sorted(tag.id for tag in seen) or [0])
+        self._tags = np.array([tag.id for tag in surveyed], np.int64)
+        self._numbers = np.array(sorted(tag.id for tag in surveyed) or [0])
         rng = np.random.default_rng([scene.seed, _SURVEY_STREAM])
         turn = math.radians(options.survey_yaw_std_deg)
-        tags = real_tags(seen, rng, position=options.survey_std, turn=turn)
+        tags = real_tags(surveyed, rng, position=options.survey_std, turn=turn)
         shift, turn = options.mounting_position_std, math.radians(options.mounting_std_deg)
         self._cameras: dict[int, Camera] = {}
         self._streams: dict[int, np.random.Generator] = {}
-        self._eyes: dict[int, Renderer | Spotter] = {}
+        self._models: dict[int, Renderer | OnboardDetector] = {}
         ground = floor(scene.seed) if options.mode == "rendered" else None
         for row, agent in enumerate(scene.agents):
             if agent.camera is None:
@@ -66,8 +63,8 @@ class Cameras:
             camera = real_camera(agent.camera, rng, position=shift, turn=turn)
             self._cameras[row] = camera
             self._streams[row] = np.random.default_rng([scene.seed, _STREAM, row])
-            self._eyes[row] = (
-                Spotter(camera, tags, scene.world, noise=options.corner_noise_std)
+            self._models[row] = (
+                OnboardDetector(camera, tags, scene.world, noise=options.corner_noise_std)
                 if ground is None
                 else Renderer(camera, tags, scene.world, ground, noise=options.pixel_noise_std)
             )
@@ -76,15 +73,16 @@ class Cameras:
         }
         self._queue = [(self._due(row), row) for row in self._cameras]
         heapq.heapify(self._queue)
-        self._flying: list[tuple[float, int, float, Any]] = []  # arrival, row, taken, what
+        self._under_way: list[tuple[float, int, float, Any]] = []  # arrival, row, taken, content
 
     @property
     def next_step(self) -> int:
+        """The simulator's step at which the next image is due."""
         return self._queue[0][0] if self._queue else NEVER
 
     def compile(self, drones: Drones) -> None:
         """Render and discard an image, so that compilation does not delay the first one."""
-        for row in list(self._eyes)[:1]:  # the compiled code serves all cameras
+        for row in list(self._models)[:1]:  # the compiled code serves all cameras
             self._see(drones, row, np.random.default_rng(0))
 
     def take(self, drones: Drones, step: int) -> None:
@@ -96,63 +94,61 @@ class Cameras:
             heapq.heappush(self._queue, (max(step + 1, self._due(row)), row))
             if not self._wanted(row):
                 continue
-            late = self._options.latency + self._options.latency_std * stream.standard_normal()
+            latency = self._options.latency + self._options.latency_std * stream.standard_normal()
             lost = stream.random() < self._options.drop_rate
-            what = self._see(drones, row, stream)
+            content = self._see(drones, row, stream)
             if not lost:
-                self._flying.append((step * STEP + max(0.0, late), row, step * STEP, what))
+                taken = step * STEP
+                self._under_way.append((taken + max(0.0, latency), row, taken, content))
+
+    def arrived(self, now: float) -> tuple[Frames, Detections]:
+        """Return the images or detections that arrived since the last call, up to `now`, s."""
+        here = sorted((one for one in self._under_way if one[0] <= now), key=lambda one: one[:2])
+        self._under_way = [one for one in self._under_way if one[0] > now]
+        if not here:
+            return Frames.none(), Detections.none()
+        arrival, agent, taken = (np.array(column) for column in list(zip(*here, strict=True))[:3])
+        if not self._options.timestamps:
+            taken = np.full(len(here), np.nan)
+        contents = [content for *_, content in here]
+        if self._options.mode == "rendered":
+            return Frames(agent, taken, arrival, tuple(contents)), Detections.none()
+        counts = [len(ids) for ids, _ in contents]
+        return Frames.none(), Detections(
+            agent=np.repeat(agent, counts),
+            tag=np.concatenate([ids for ids, _ in contents]),
+            corners=np.concatenate([corners for _, corners in contents]),
+            taken=np.repeat(taken, counts),
+            arrived=np.repeat(arrival, counts),
+        )
 
     def _see(self, drones: Drones, row: int, stream: np.random.Generator) -> Any:
         """Return an agent's image, or the visible tags and their corners."""
         drone = drones[row]
         shot = Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])
-        eye = self._eyes[row]
-        if isinstance(eye, Renderer):
-            return eye.render(shot, stream, self._misprinted(stream))
-        tags, points = eye.spot(shot, stream)
-        return self._mistaken(tags, stream), points
+        model = self._models[row]
+        if isinstance(model, Renderer):
+            return model.render(shot, stream, self._misprinted(stream))
+        tags, corners = model.detect(shot, stream)
+        return self._misidentified(tags, stream), corners
 
     def _due(self, row: int) -> int:
-        """The step nearest to an agent's next image, so that rates hold on average."""
+        """Return the step nearest to an agent's next image, so that rates hold on average."""
         return round(self._periods[row] / self._cameras[row].rate / STEP)
 
     def _misprinted(self, stream: np.random.Generator) -> Rows | None:
-        """Return the rows of the tags whose patterns some tags of an image show, or None."""
+        """Return the rows of the tags whose patterns the tags of an image show, or None."""
         if not self._options.wrong_id_rate:
             return None
-        bearing = self._mistaken(self._tags, stream)
+        shown = self._misidentified(self._tags, stream)
         rows = np.argsort(self._tags)
-        found: Rows = rows[np.searchsorted(self._tags, bearing, sorter=rows)]
+        found: Rows = rows[np.searchsorted(self._tags, shown, sorter=rows)]
         return found
 
-    def _mistaken(self, tags: Rows, stream: np.random.Generator) -> Rows:
+    def _misidentified(self, tags: Rows, stream: np.random.Generator) -> Rows:
         """Replace the ids of some tags by those of others."""
         n = len(self._numbers)
         wrong = stream.random(len(tags)) < self._options.wrong_id_rate
         further = stream.integers(1, max(n, 2), len(tags))
         others = self._numbers[(np.searchsorted(self._numbers, tags) + further) % n]
         return np.where(wrong, others, tags)
-
-    def arrived(self, now: float) -> tuple[Frames, Detections]:
-        """Return the images or detections that arrived since the last call, up to `now`, s."""
-        here = sorted(
-            (one for one in self._flying if one[0] <= now), key=lambda one: (one[0], one[1])
-        )
-        self._flying = [one for one in self._flying if one[0] > now]
-        if not here:
-            return Frames.none(), Detections.none()
-        agent = np.array([row for _, row, _, _ in here])
-        arrival = np.array([time for time, _, _, _ in here])
-        taken = np.array([time if self._options.timestamps else math.nan for _, _, time, _ in here])
-        if self._options.mode == "rendered":
-            images: tuple[Image, ...] = tuple(image for _, _, _, image in here)
-            return Frames(agent, taken, arrival, images), Detections.none()
-        found: list[tuple[Rows, Array]] = [what for _, _, _, what in here]
-        times = [len(ids) for ids, _ in found]
-        return Frames.none(), Detections(
-            agent=np.repeat(agent, times),
-            tag=np.concatenate([ids for ids, _ in found]),
-            corners=np.concatenate([points for _, points in found]),
-            taken=np.repeat(taken, times),
-            arrived=np.repeat(arrival, times),
-        )

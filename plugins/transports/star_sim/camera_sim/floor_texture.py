@@ -1,4 +1,4 @@
-"""The floor under the tags: a tiled, stained texture, looked up once per pixel and slice."""
+"""Draws the floor: a tiled, stained texture with a level for every scale."""
 
 from __future__ import annotations
 
@@ -9,30 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from star_core import Rows
-from star_sim.camera_sim.optics import Optics
-from star_sim.camera_sim.plane import onto
+from star_sim.camera_sim.camera_pose import Canvas, Exposure
+from star_sim.camera_sim.projection import plane_homography
 from star_sim.compiled import Record, compiled, kernel
 
 TEXEL = 0.0025  # m
 SIDE = 1024  # texels, a power of two: the floor repeats after 2.56 m
 TILE = 128  # texels: tiles of 0.32 m
-JOINT = 2  # texels, the width of the joints between them
-GREY, STAINS, TILES, DARK = 115.0, 9.0, 5.0, 35.0  # mean; deviations of stains and of tiles; joints
-ROUGHNESS = 0.8  # the amplitude of stains falls with this power of their spatial frequency
-BACKGROUND = 140.0  # grey value above the horizon
-AHEAD = 2.0**22 - 0.5  # texels: a multiple of SIDE, so that none is negative; and half a texel
-FARTHEST = 1000.0  # m; beyond, the floor is plain
-_STREAM = 0xF1003  # keeps the texture's random numbers apart from others of the same seed
+JOINT = 2  # texels, width of the joints between tiles
+GRAY, JOINT_CONTRAST = 115.0, 35.0  # gray values: mean; by how much joints are darker
+STAIN_STD, TILE_STD = 9.0, 5.0  # gray values
+ROUGHNESS = 0.8  # power of the spatial frequency with which the amplitude of stains falls
+BACKGROUND = 140.0  # gray value above the horizon
+OFFSET = 2.0**22 - 0.5  # texels: a multiple of SIDE, against negative indices, and half a texel
+MAX_DEPTH = 1000.0  # m, beyond which the floor is plain
+_STREAM = 0xF1003  # separates the texture's random stream from others of the same seed
 
-GROUND = np.array([0.0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1])  # the map's own frame, for `onto`
+GROUND = np.array([0.0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1])  # the map's frame as a plane
 
 
 class Floor(NamedTuple):
-    """A texture at every scale: each level has half as many texels along a side as the one before.
+    """A mipmap: each level has half as many texels along a side as the one before.
 
     Attributes:
-        texels: Grey values of all levels, one after the other, row by row.
-        starts: (L,) where each level begins.
+        texels: Gray values of all levels, one after the other, row by row.
+        starts: (L,) index of each level's first texel.
     """
 
     texels: NDArray[np.uint8]
@@ -40,15 +41,15 @@ class Floor(NamedTuple):
 
 
 def floor(seed: int) -> Floor:
-    """Return the floor of a seed. It can serve any number of cameras."""
+    """Return the floor of a seed, for any number of cameras."""
     rng = np.random.default_rng([seed, _STREAM])
     frequency = np.hypot(np.fft.fftfreq(SIDE)[:, None], np.fft.rfftfreq(SIDE))
     frequency[0, 0] = np.inf
     stains = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((SIDE, SIDE))) / frequency**ROUGHNESS)
-    tiles = rng.normal(0.0, TILES, (SIDE // TILE, SIDE // TILE))
-    texture = GREY + STAINS * stains / stains.std() + np.kron(tiles, np.ones((TILE, TILE)))
+    tiles = rng.normal(0.0, TILE_STD, (SIDE // TILE, SIDE // TILE))
+    texture = GRAY + STAIN_STD * stains / stains.std() + np.kron(tiles, np.ones((TILE, TILE)))
     joint = np.arange(SIDE) % TILE < JOINT
-    texture -= DARK * (joint[:, None] | joint)
+    texture -= JOINT_CONTRAST * (joint[:, None] | joint)
     levels = [texture]
     while len(levels[-1]) > 1:
         finer = levels[-1]
@@ -61,76 +62,61 @@ def floor(seed: int) -> Floor:
 
 
 @kernel
-def draw_floor(  # noqa: PLR0913, PLR0917 -- a kernel takes all it needs
-    light: Record,
-    gap: Record,
-    depth: Record,
-    shade: Record,
-    rays: Record,
-    poses: Record,
-    lens: Optics,
-    texels: Record,
-    starts: Record,
-    blurred: bool,  # noqa: FBT001 -- a kernel's arguments have no names
+def draw_floor(
+    canvas: Canvas, exposure: Exposure, floor: Floor, ground: Record, slices: int
 ) -> None:
-    """Fill what is not covered yet: with obstacles, the floor, or what is above the horizon.
+    """Fill what is not covered yet with obstacles, the floor, or the background.
 
-    A pixel looks at the level whose texels are about as large as its own area on the floor, which
-    is ``depth³ / height`` times its solid angle at the middle of the image, between texels
-    linearly.
+    A pixel samples the level whose texels are about as large as its own area on the floor, which is
+    ``depth³ / height`` times its solid angle at the middle of the image, with linear interpolation.
 
     Args:
-        light: (H, W) grey values; added to.
-        gap: (H, W) share of each pixel that is not covered.
-        depth: (H, W) how far along each ray an obstacle stands, m.
-        shade: (H, W) grey values of obstacles.
-        rays: (2, H, W) directions of pixels.
-        poses: (H, S, 12) of the camera.
-        lens: The camera.
-        texels: Of `Floor`.
-        starts: Of `Floor`.
-        blurred: Whether it is worth the time to look at the floor once for each slice.
+        canvas: Light is increased.
+        exposure: The image.
+        floor: Its texture.
+        ground: `GROUND`.
+        slices: Number of slices of the exposure to sample, around its middle.
     """
-    slices = poses.shape[1]
-    height = max(poses[poses.shape[0] // 2, slices // 2, 11], TEXEL)
+    light, gap, depth, shade = canvas
+    rays, poses, lens, starts = exposure.rays, exposure.poses, exposure.lens, floor.starts
+    first = (poses.shape[1] - slices) // 2
+    middle = poses.shape[1] // 2
+    height = max(poses[poses.shape[0] // 2, middle, 11], TEXEL)
     limits = np.empty(len(starts))
-    for level in range(len(limits)):  # at this depth the next level begins to serve
+    for level in range(len(limits)):  # depth at which the next level begins
         limits[level] = (height * lens.fx * lens.fy * TEXEL**2 * 2.0 * 4.0**level) ** (1 / 3)
     limits[-1] = math.inf
-    first, end = 0, slices
-    if not blurred:
-        first, end = slices // 2, slices // 2 + 1
     width = light.shape[1]
     total, reach = np.empty(width), np.empty(width)
     across, down = np.empty(width), np.empty(width)
     map_ = np.empty(9)
     for v in range(light.shape[0]):
         total[:] = 0.0
-        for k in range(first, end):
-            away = onto(poses[v, k], GROUND, TEXEL, 0.0, map_)
-            _meet(rays[0, v], rays[1, v], map_, away, across, down, reach)
-            _look(across, down, reach, texels, starts, limits, total)
+        for k in range(first, first + slices):
+            away = plane_homography(poses[v, k], ground, TEXEL, 0.0, map_)
+            _intersect(rays[0, v], rays[1, v], map_, away, across, down, reach)
+            _sample(across, down, reach, floor, limits, total)
         for u in range(width):
-            grey = total[u] / (end - first) if reach[u] > 0.0 else BACKGROUND
-            light[v, u] += gap[v, u] * (grey if depth[v, u] == math.inf else shade[v, u])
+            gray = total[u] / slices if reach[u] > 0.0 else BACKGROUND
+            light[v, u] += gap[v, u] * (gray if depth[v, u] == math.inf else shade[v, u])
 
 
 @compiled
-def _meet(
+def _intersect(
     xs: Record, ys: Record, map_: Record, away: float, across: Record, down: Record, reach: Record
 ) -> None:
-    """Find where the pixels of one row meet the floor.
+    """Intersect the rays of one row with the floor.
 
-    This loop has neither branches nor look-ups, for the compiler to do several pixels at once.
+    This loop has neither branches nor look-ups, so that the compiler can vectorize it.
 
     Args:
         xs: (W,) of directions.
         ys: (W,) of directions.
         map_: (9,) homography from directions to texels.
-        away: m, of `onto`.
-        across: (W,) filled with texels along x.
-        down: (W,) filled with texels against y.
-        reach: (W,) filled with depths, m; not above 0 over the horizon.
+        away: m, of `plane_homography`.
+        across: (W,) overwritten with texels along x.
+        down: (W,) overwritten with texels against y.
+        reach: (W,) overwritten with depths, m; not positive above the horizon.
     """
     a, b, c = map_[0], map_[1], map_[2]
     d, e, f = map_[3], map_[4], map_[5]
@@ -144,34 +130,28 @@ def _meet(
 
 
 @compiled
-def _look(
-    across: Record,
-    down: Record,
-    reach: Record,
-    texels: Record,
-    starts: Record,
-    limits: Record,
-    total: Record,
+def _sample(
+    across: Record, down: Record, reach: Record, floor: Floor, limits: Record, total: Record
 ) -> None:
-    """Add to `total` what the pixels of one row see of the floor.
+    """Add the floor's gray values in one row to `total`.
 
-    Indices are unsigned, which spares the test whether they count from the end.
+    Indices are unsigned, which saves the test for negative ones.
 
     Args:
         across: (W,) texels along x.
         down: (W,) texels against y.
         reach: (W,) depths, m.
-        texels: Of `Floor`.
-        starts: Of `Floor`.
+        floor: Its texture.
         limits: (L,) depth at which each level ends, m.
-        total: (W,) grey values, added to.
+        total: (W,) gray values, increased.
     """
+    texels, starts = floor
     level, scale, last, start = 0, 1.0, np.uint32(SIDE - 1), np.uint64(starts[0])
     one, shift = np.uint32(1), np.uint32(0)
     for u in range(len(across)):
         far = reach[u]
-        if not 0.0 < far < FARTHEST:
-            total[u] += GREY
+        if not 0.0 < far < MAX_DEPTH:
+            total[u] += GRAY
             continue
         if far > limits[level] or (level > 0 and far <= limits[level - 1]):
             while far > limits[level]:
@@ -180,7 +160,7 @@ def _look(
                 level -= 1
             scale, shift = 0.5**level, np.uint32(level)
             last, start = np.uint32((SIDE >> level) - 1), np.uint64(starts[level])
-        s, t = across[u] * scale + AHEAD, down[u] * scale + AHEAD
+        s, t = across[u] * scale + OFFSET, down[u] * scale + OFFSET
         column, row = np.uint32(s), np.uint32(t)
         right, under = s - column, t - row
         upper = start + np.uint64((row & last) * (np.uint32(SIDE) >> shift))

@@ -1,57 +1,58 @@
-"""Obstacles as a camera meets them: upright prisms that rays end at, plainly shaded."""
+"""Draws obstacles: upright prisms with plainly shaded faces."""
 
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
-from star_sim.camera_sim.optics import Optics
+from star_core import Array
+from star_sim.camera_sim.camera_pose import Canvas, Exposure
 from star_sim.camera_sim.projection import touch
 from star_sim.compiled import Record, compiled, kernel
 
-TOP, UNDER, SIDE, SHEEN = 150.0, 60.0, 95.0, 25.0  # grey values; sides differ by where they face
-SUN = (0.8, 0.6)  # a unit vector: sides that face it are lighter
+Point: TypeAlias = tuple[float, float, float]  # in the map, m
+Prisms: TypeAlias = tuple[
+    Record, Record, Record
+]  # boxes, spans, edges of `star_sim.contact.prisms`
+
+TOP, UNDER, SIDE, SHEEN = 150.0, 60.0, 95.0, 25.0  # gray values; sides vary by SHEEN
+SUN = (0.8, 0.6)  # unit vector towards which sides are lighter
+
+
+def faces(boxes: Array) -> Array:
+    """Return the corners of the faces of (P, 6) boxes in the map, (P, 6, 4, 3) m."""
+    low, high = boxes[:, None, None, [0, 1, 4]], boxes[:, None, None, [2, 3, 5]]
+    square = ((0, 0), (1, 0), (1, 1), (0, 1))
+    units = [np.roll([side, *uv], axis) for axis in range(3) for side in (0, 1) for uv in square]
+    return np.where(np.reshape(units, (6, 4, 3)), high, low)
 
 
 @kernel
-def draw_prisms(  # noqa: PLR0913, PLR0917 -- a kernel takes all it needs
-    depth: Record,
-    shade: Record,
-    rays: Record,
-    poses: Record,
-    lens: Optics,
-    view: tuple[float, float, float, float],
-    boxes: Record,
-    spans: Record,
-    edges: Record,
-) -> None:
-    """Find how far along each ray the first prism is, and its shade there, amid each exposure.
+def draw_prisms(canvas: Canvas, exposure: Exposure, faces: Record, prisms: Prisms) -> None:
+    """Draw the depth and shade of the nearest prism along each ray, amid the exposure.
 
     Args:
-        depth: (H, W) m; lessened.
-        shade: (H, W) grey values; set where a prism is.
-        rays: (2, H, W) directions of pixels.
-        poses: (H, S, 12) of the camera.
-        lens: The camera.
-        view: The field of the camera, as `touch` takes it.
-        boxes: (P, 6) of `star_sim.contact.prisms`, as `spans` and `edges` are.
-        spans: (P, 2).
-        edges: (E, 4).
+        canvas: Depth and shade are overwritten where a prism is nearest.
+        exposure: The image.
+        faces: (P, 6, 4, 3) of `faces`.
+        prisms: Of `star_sim.contact.prisms`.
     """
-    height, slices = poses.shape[0], poses.shape[1]
+    boxes, spans, edges = prisms
+    depth, shade, rays, poses = canvas.depth, canvas.shade, exposure.rays, exposure.poses
+    middle = poses.shape[1] // 2
     region = np.empty(4, np.int64)
     for prism in range(len(boxes)):
         region[0], region[1], region[2], region[3] = depth.shape[1], depth.shape[0], 0, 0
-        for end in range(2):
-            pose = poses[end * (height - 1), end * (slices - 1)]
-            _touch_box(boxes[prism], pose, lens, view, region)
+        for face in range(6):
+            touch(faces[prism, face], exposure, region)
         around = edges[spans[prism, 0] : spans[prism, 1]]
         for v in range(region[1], region[3]):
-            pose = poses[v, slices // 2]
+            pose = poses[v, middle]
             for u in range(region[0], region[2]):
                 x, y = rays[0, v, u], rays[1, v, u]
-                reach, grey = meet(
+                reach, gray = intersect(
                     (pose[9], pose[10], pose[11]),
                     (
                         pose[0] * x + pose[1] * y + pose[2],
@@ -62,53 +63,45 @@ def draw_prisms(  # noqa: PLR0913, PLR0917 -- a kernel takes all it needs
                     around,
                 )
                 if reach < depth[v, u]:
-                    depth[v, u], shade[v, u] = reach, grey
+                    depth[v, u], shade[v, u] = reach, gray
 
 
 @compiled
-def blocked(
-    eye: tuple[float, float, float],
-    point: tuple[float, float, float],
-    slack: float,
-    boxes: Record,
-    spans: Record,
-    edges: Record,
-) -> bool:
-    """Whether a prism stands between an eye and a point of the map, `slack` metres before it."""
+def blocked(eye: Point, point: Point, slack: float, prisms: Prisms) -> bool:
+    """Return whether a prism hides a point of the map, `slack` m or more in front of it."""
+    boxes, spans, edges = prisms
     way = (point[0] - eye[0], point[1] - eye[1], point[2] - eye[2])
     length = math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
     for prism in range(len(boxes)):
         around = edges[spans[prism, 0] : spans[prism, 1]]
-        if meet(eye, way, boxes[prism], around)[0] * length < length - slack:
+        if intersect(eye, way, boxes[prism], around)[0] * length < length - slack:
             return True
     return False
 
 
 @compiled
-def meet(
-    eye: tuple[float, float, float], way: tuple[float, float, float], box: Record, around: Record
-) -> tuple[float, float]:
-    """Return where on ``eye + reach * way`` a prism is first met, and the grey value of its face.
+def intersect(eye: Point, way: Point, box: Record, around: Record) -> tuple[float, float]:
+    """Intersect the ray ``eye + reach * way`` with a prism.
 
     Args:
         eye: In the map, m.
         way: In the map.
-        box: (6,) bounds of the prism; the last two are its foot and its top, m.
-        around: (E, 4) the edges of its polygon, x and y of one end and of the other, m.
+        box: (6,) bounds of the prism; the last two are its lower and upper end, m.
+        around: (E, 4) edges of its polygon: x and y of both ends, m.
 
     Returns:
-        The reach, infinite if the prism is not met, and the grey value.
+        The reach, infinite without an intersection, and the gray value of the face.
     """
     x, y, z = eye
     dx, dy, dz = way
     foot, top = box[4], box[5]
-    nearest, grey = math.inf, 0.0
+    nearest, gray = math.inf, 0.0
     lid = -1.0
     if dz < 0.0 and z > top:
         lid = (top - z) / dz
     elif dz > 0.0 and z < foot:
         lid = (foot - z) / dz
-    within = False  # whether the ray goes through the polygon in the lid's plane
+    within = False  # whether the ray passes through the polygon in the lid's plane
     px, py = x + lid * dx, y + lid * dy
     for k in range(len(around)):
         ax, ay, bx, by = around[k, 0], around[k, 1], around[k, 2], around[k, 3]
@@ -123,30 +116,7 @@ def meet(
         if 0.0 < reach < nearest and 0.0 <= along <= 1.0 and foot <= z + reach * dz <= top:
             nearest = reach
             facing = (SUN[0] * ey - SUN[1] * ex) / math.hypot(ex, ey)
-            grey = SIDE + SHEEN * (facing if across < 0.0 else -facing)
+            gray = SIDE + SHEEN * (facing if across < 0.0 else -facing)
     if within and 0.0 < lid < nearest:
-        nearest, grey = lid, TOP if dz < 0.0 else UNDER
-    return nearest, grey
-
-
-@compiled
-def _touch_box(
-    box: Record,
-    pose: Record,
-    lens: Optics,
-    view: tuple[float, float, float, float],
-    region: Record,
-) -> None:
-    """Widen a region of the image by all that a box can touch."""
-    corners = np.empty((4, 3))
-    for axis in range(3):
-        for side in range(2):
-            low = (box[0], box[1], box[4])
-            high = (box[2], box[3], box[5])
-            for k in range(4):
-                one, two = (k == 1) | (k == 2), k >= 2  # noqa: PLR2004 -- round the face
-                far = (side == 1, one, two)
-                for offset in range(3):
-                    where = (axis + offset) % 3
-                    corners[k, where] = high[where] if far[offset] else low[where]
-            touch(corners, pose, lens, view, region)
+        nearest, gray = lid, TOP if dz < 0.0 else UNDER
+    return nearest, gray

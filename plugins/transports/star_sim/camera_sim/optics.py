@@ -1,4 +1,4 @@
-"""How a lens maps directions to pixels: OpenCV's pinhole model, there and back.
+"""A camera's lens for kernels: OpenCV's pinhole model, from directions to pixels and back.
 
 The middle of the first pixel is at (0, 0), so an image reaches from -0.5 to width - 0.5.
 """
@@ -12,27 +12,13 @@ import numpy as np
 from star_core import Array, Camera, CameraModel, distort
 from star_sim.compiled import compiled
 
-BEYOND = 1.1  # how far out, as a multiple of the farthest pixel's direction, anything is looked for
+FIELD_MARGIN = 1.1  # of the farthest pixel's direction, up to which directions are projected
 
 
 class Optics(NamedTuple):
-    """A camera's numbers as kernels take them: all floats; see `Camera` for the units.
+    """A camera's numbers for kernels, all floats; see `Camera` for their units.
 
-    Attributes:
-        width: px.
-        height: px.
-        fx: px.
-        fy: px.
-        cx: px.
-        cy: px.
-        k1: Of r², as k2 and k3 are of its powers.
-        k2: Of r to the fourth power.
-        p1: Of the tilt of the lens.
-        p2: Of the tilt of the lens.
-        k3: Of r to the sixth power.
-        exposure: s.
-        readout: s.
-        reach: Greatest tangent of the angle off the axis at which the model is trusted.
+    `reach` is the greatest tangent of the angle off the axis at which the model is used.
     """
 
     width: float
@@ -54,30 +40,18 @@ class Optics(NamedTuple):
 def optics(camera: Camera) -> Optics:
     """Return a camera's numbers for the kernels.
 
-    A direction farther off the axis than the model reaches is not seen; pixels beyond see what the
-    last ones before them see.
+    A direction beyond the model's reach is not seen; pixels beyond it see what the last ones within
+    it see.
     """
     farthest = float(np.hypot(*rays(camera)).max())
-    return Optics._make(
-        float(value)
-        for value in (
-            camera.width,
-            camera.height,
-            *camera.matrix,
-            *camera.distortion,
-            camera.exposure,
-            camera.readout,
-            min(CameraModel(camera).reach, BEYOND * farthest),
-        )
-    )
+    reach = min(CameraModel(camera).reach, FIELD_MARGIN * farthest)
+    size = camera.width, camera.height
+    times = camera.exposure, camera.readout
+    return Optics._make(map(float, (*size, *camera.matrix, *camera.distortion, *times, reach)))
 
 
 def rays(camera: Camera) -> Array:
-    """Return the directions that pixels look in.
-
-    Returns:
-        (2, height, width) x and y of the direction (x, y, 1), camera frame.
-    """
+    """Return (2, height, width): x and y of the pixels' directions (x, y, 1), camera frame."""
     v, u = np.indices((camera.height, camera.width))
     table = CameraModel(camera).undistort(np.stack([u, v], axis=-1), clip=True)
     return np.ascontiguousarray(np.moveaxis(table, -1, 0))
@@ -85,7 +59,7 @@ def rays(camera: Camera) -> Array:
 
 @compiled
 def pixel(lens: Optics, x: float, y: float) -> tuple[float, float]:
-    """Return the pixel u, v at which the direction (x, y, 1) of the camera's frame is seen."""
+    """Return the pixel u, v of the direction (x, y, 1) in the camera's frame."""
     across, down = _distort(x, y, lens.k1, lens.k2, lens.p1, lens.p2, lens.k3)
     return lens.fx * across + lens.cx, lens.fy * down + lens.cy
 

@@ -1,4 +1,4 @@
-"""Where points of the map come to lie in an image, and which part of it a flat thing can touch."""
+"""From points of the map to pixels, from pixels to planes, and the image region of a flat shape."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ import math
 import numpy as np
 
 from star_core import Array
-from star_sim.camera_sim.motion import POSE, camera_at, row_time
+from star_sim.camera_sim.camera_pose import POSE, Exposure, camera_at, row_time
 from star_sim.camera_sim.optics import Optics, pixel
 from star_sim.compiled import Record, compiled, kernel
 
-NEAR = 1e-3  # m, what is nearer to the camera's plane is not seen
+NEAR = 1e-3  # m, distance to the camera's plane below which nothing is seen
 CONVERGED = 1e-9  # px
-PIECES = 4  # of an edge, of which the ends are projected: the lens bends edges
-MARGIN = 2  # px, around what was found: for the spread of light, and for what moves in between
+MAX_ITERATIONS = 20
+PIECES = 4  # of an edge whose ends are projected: the lens bends edges
+MARGIN = 2  # px, around a region: for the spread of light, and for motion in between
 
 
 @kernel
 def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
     """Return the pixels at which points of the map are seen.
 
-    A point is seen at the row that is exposed when the point is there: with a camera that moves,
-    row and time are found together, by iteration.
+    A point is seen at the row that is exposed when the point is there: with a moving camera, row
+    and time are found together, by iteration.
 
     Args:
         points: (P, 3) m.
@@ -31,15 +32,14 @@ def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
         lens: Of `optics`.
 
     Returns:
-        (P, 2) u and v, px; NaN for what is behind the camera or far outside the lens's field. The
-        image's edges are not looked at.
+        (P, 2) u and v, px, inside the image or not; NaN behind the camera or beyond its reach.
     """
     seen = np.empty((len(points), 2))
     pose = np.empty(POSE)
     for k in range(len(points)):
         v = 0.5 * (lens.height - 1.0)
         u = before = math.nan
-        for _ in range(20):
+        for _ in range(MAX_ITERATIONS):
             camera_at(shot, mount, row_time(lens, v), pose)
             x, y, z = inside(pose, points[k, 0], points[k, 1], points[k, 2])
             if z < NEAR or math.hypot(x, y) > lens.reach * z:
@@ -55,7 +55,7 @@ def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
 
 @compiled
 def inside(pose: Record, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return a point of the map in the frame of a camera with some pose, m."""
+    """Return a point of the map in a camera's frame, m."""
     x, y, z = x - pose[9], y - pose[10], z - pose[11]
     return (
         pose[0] * x + pose[3] * y + pose[6] * z,
@@ -65,26 +65,31 @@ def inside(pose: Record, x: float, y: float, z: float) -> tuple[float, float, fl
 
 
 @compiled
-def touch(
-    corners: Record,
-    pose: Record,
-    lens: Optics,
-    view: tuple[float, float, float, float],
-    region: Record,
-) -> None:
-    """Widen a region of the image by all that a flat quadrangle can touch.
+def touch(corners: Record, exposure: Exposure, region: Record) -> None:
+    """Extend a region of the image by the pixels of a flat quadrangle.
 
-    The quadrangle is cut to the camera's field (Sutherland and Hodgman's algorithm, Communications
-    of the ACM 17(1), 1974), and what is left is projected.
+    The quadrangle is clipped to the camera's field (Sutherland and Hodgman, Communications of the
+    ACM 17(1), 1974) and projected, from the first and the last pose of the exposure.
 
     Args:
         corners: (4, 3) in the map, m.
-        pose: (12,) of the camera.
-        lens: The camera.
-        view: Least x and y, greatest x and y of the directions in the field.
-        region: (4,) first column and row and the ones past the last, widened in place.
+        exposure: The image.
+        region: (4,) first column and row and the ones past the last, extended in place.
     """
-    left, top, right, bottom = view
+    poses = exposure.poses
+    _touch(corners, poses[0, 0], exposure.lens, exposure.field, region)
+    _touch(corners, poses[-1, -1], exposure.lens, exposure.field, region)
+
+
+@compiled
+def _touch(
+    corners: Record,
+    pose: Record,
+    lens: Optics,
+    field: tuple[float, float, float, float],
+    region: Record,
+) -> None:
+    left, top, right, bottom = field
     kept, cut = np.empty((10, 3)), np.empty((10, 3))
     count = 4
     for k in range(4):
@@ -97,22 +102,22 @@ def touch(
         (0.0, 1.0, -top, 0.0),
         (0.0, -1.0, bottom, 0.0),
     ):
-        left_over = 0
+        clipped = 0
         for k in range(count):
             x, y, z = kept[k, 0], kept[k, 1], kept[k, 2]
             after = (k + 1) % count
             here = a * x + b * y + c * z + d
             there = a * kept[after, 0] + b * kept[after, 1] + c * kept[after, 2] + d
             if here >= 0.0:
-                cut[left_over, 0], cut[left_over, 1], cut[left_over, 2] = x, y, z
-                left_over += 1
+                cut[clipped, 0], cut[clipped, 1], cut[clipped, 2] = x, y, z
+                clipped += 1
             if (here >= 0.0) != (there >= 0.0):
                 share = here / (here - there)
-                cut[left_over, 0] = x + share * (kept[after, 0] - x)
-                cut[left_over, 1] = y + share * (kept[after, 1] - y)
-                cut[left_over, 2] = z + share * (kept[after, 2] - z)
-                left_over += 1
-        count = left_over
+                cut[clipped, 0] = x + share * (kept[after, 0] - x)
+                cut[clipped, 1] = y + share * (kept[after, 1] - y)
+                cut[clipped, 2] = z + share * (kept[after, 2] - z)
+                clipped += 1
+        count = clipped
         kept, cut = cut, kept
     for k in range(count):
         after = (k + 1) % count
@@ -126,3 +131,38 @@ def touch(
             region[1] = min(region[1], max(0, math.floor(v) - MARGIN))
             region[2] = max(region[2], min(int(lens.width), math.ceil(u) + MARGIN + 1))
             region[3] = max(region[3], min(int(lens.height), math.ceil(v) + MARGIN + 1))
+
+
+@compiled
+def plane_homography(
+    pose: Record, frame: Record, unit: float, middle: float, map_: Record
+) -> float:
+    """Compute the homography from directions of a camera to a plane.
+
+    A ray ``c + depth * R (x, y, 1)`` meets the plane at ``depth = away / w``; there ``s / w``
+    grows along the plane's x axis and ``t / w`` against its y axis, where s, t and w are the
+    products of (x, y, 1) with the three rows of the homography.
+
+    Args:
+        pose: (12,) of the camera.
+        frame: (>= 12,) origin, x, y and z axes of the plane in the map, m.
+        unit: Length of one step of s and t, m.
+        middle: s and t of the origin.
+        map_: (9,) overwritten with the homography.
+
+    Returns:
+        The plane's distance before the camera along its own z axis, m: negative in front of it.
+    """
+    x, y, z = pose[9] - frame[0], pose[10] - frame[1], pose[11] - frame[2]
+    along = (x * frame[3] + y * frame[4] + z * frame[5]) / unit
+    up = -(x * frame[6] + y * frame[7] + z * frame[8]) / unit
+    away = -(x * frame[9] + y * frame[10] + z * frame[11])
+    for axis in range(3):
+        a, b, c = pose[axis], pose[3 + axis], pose[6 + axis]
+        normal = a * frame[9] + b * frame[10] + c * frame[11]
+        right = (a * frame[3] + b * frame[4] + c * frame[5]) / unit
+        over = -(a * frame[6] + b * frame[7] + c * frame[8]) / unit
+        map_[axis] = (along + middle) * normal + away * right
+        map_[3 + axis] = (up + middle) * normal + away * over
+        map_[6 + axis] = normal
+    return float(away)

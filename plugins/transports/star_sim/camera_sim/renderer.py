@@ -1,4 +1,4 @@
-"""Takes pictures of the world: an image for each shot, by four kernels."""
+"""Renders images of the world, by four kernels."""
 
 from __future__ import annotations
 
@@ -8,38 +8,37 @@ from collections.abc import Sequence
 import numpy as np
 
 from star_core import Camera, Image, Rows, Tag, World
-from star_sim.camera_sim.floor_texture import Floor, draw_floor
-from star_sim.camera_sim.motion import mounting, poses
-from star_sim.camera_sim.obstacle_rasterizer import draw_prisms
+from star_sim.camera_sim.camera_pose import Canvas, Exposure, Shot, mounting, poses
+from star_sim.camera_sim.floor_texture import GROUND, Floor, draw_floor
+from star_sim.camera_sim.obstacle_rasterizer import draw_prisms, faces
 from star_sim.camera_sim.optics import optics, rays
 from star_sim.camera_sim.sensor import develop, spread, vignette
-from star_sim.camera_sim.shot import Shot
 from star_sim.camera_sim.tag_rasterizer import draw_tags
-from star_sim.camera_sim.tag_tables import CELLS, MODULES, corners, frames, prints
+from star_sim.camera_sim.tag_tables import CELLS, MODULES, TagTables, corners, frames, prints
 from star_sim.contact import prisms
 
-LEAST_SLICES, MOST_SLICES = 3, 15  # into which an exposure is divided
-SLICE = 2.0  # px that things may move in the image during one slice
-BLURRED = 1.0  # px; the floor is drawn once, not in slices, if it moves less during an exposure
-LOW = 0.1  # m; below, things do not get any faster
+MIN_SLICES, MAX_SLICES = 3, 15  # of an exposure
+SLICE_MOTION = 2.0  # px of motion in the image during one slice
+MIN_BLUR = 1.0  # px of motion during an exposure from which on the floor is drawn in slices
+MIN_HEIGHT = 0.1  # m, below which motion in the image is not faster
 
 
 class Renderer:
-    """A camera with which pictures of a world are taken.
+    """A camera that renders images of a world.
 
-    Modelled are the lens with its distortion, the blur of what moves, rows that are exposed one
-    after the other, the spread of light, its falling off outwards, and noise. Tags may lie on any
-    plane; their backs are not seen; obstacles and nearer tags hide them. Other drones, shadows,
-    reflections and changes of exposure are not modelled, and obstacles are drawn unblurred.
+    Modeled are the lens with its distortion, motion blur, rolling shutter, the lens's blur and
+    vignetting, and noise. Tags may lie on any plane; their backs are not visible; obstacles and
+    nearer tags hide them. Other drones, shadows, reflections and changes of exposure are not
+    modeled, and obstacles have no motion blur.
 
     Args:
-        camera: As it really is; see `star_sim.camera_sim.ground_truth`.
-        tags: As they really are.
+        camera: The true one; see `star_sim.camera_sim.ground_truth`.
+        tags: The true ones.
         world: For its obstacles; its own tags are not drawn.
         floor: Of `star_sim.camera_sim.floor_texture.floor`.
-        noise: Deviation of the noise of reading out, grey values of 255.
-        shot_noise: Variance of the noise of light, grey values² for each grey value of it.
-        blur: Deviation of the lens's spread of light, px.
+        noise: Standard deviation of the readout noise, gray values of 255.
+        shot_noise: Variance of the shot noise, gray values² per gray value.
+        blur: Standard deviation of the lens's blur, px.
     """
 
     def __init__(
@@ -58,8 +57,9 @@ class Renderer:
         x, y = self._rays
         self._field = (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
         places = frames(tags)
-        self._tags = (places, corners(places, CELLS / MODULES), prints(tags))
+        self._tags = TagTables(places, corners(places, CELLS / MODULES), prints(tags))
         self._prisms = prisms(world)
+        self._faces = faces(self._prisms[0])
         self._floor = floor
         self._spread, self._vignette = spread(blur), vignette(camera)
         self._noise, self._shot_noise = noise, shot_noise
@@ -68,29 +68,35 @@ class Renderer:
         """Return the (height, width) image of a shot.
 
         Args:
-            shot: Where the body is.
-            rng: Noise takes one number from it.
-            printed: (M,) rows of the tags whose patterns the tags bear; None for their own.
+            shot: Pose and motion of the body.
+            rng: One number is drawn from it, for the noise.
+            printed: (M,) rows of the tags whose patterns the tags have; None for their own.
         """
-        lens, rays_ = self._optics, self._rays
         moved = self._moved(shot)
-        slices = min(max(LEAST_SLICES, 2 * math.ceil(moved / SLICE / 2) + 1), MOST_SLICES)
-        track = poses(shot.packed(), self._mount, lens, slices)
-        shape = rays_.shape[1:]
-        light, gap = np.zeros(shape, np.float32), np.ones(shape, np.float32)
-        depth, shade = np.full(shape, np.inf, np.float32), np.zeros(shape, np.float32)
-        if len(self._prisms[0]):
-            draw_prisms(depth, shade, rays_, track, lens, self._field, *self._prisms)
-        if len(self._tags[0]):
-            places, rims, patterns = self._tags
-            patterns = patterns if printed is None else patterns[printed]
-            draw_tags(light, gap, depth, rays_, track, lens, self._field, places, rims, patterns)
-        draw_floor(light, gap, depth, shade, rays_, track, lens, *self._floor, moved > BLURRED)
+        slices = min(max(MIN_SLICES, 2 * math.ceil(moved / SLICE_MOTION / 2) + 1), MAX_SLICES)
+        track = poses(shot.packed(), self._mount, self._optics, slices)
+        exposure = Exposure(self._rays, track, self._optics, self._field)
+        shape = self._rays.shape[1:]
+        canvas = Canvas(
+            light=np.zeros(shape, np.float32),
+            gap=np.ones(shape, np.float32),
+            depth=np.full(shape, np.inf, np.float32),
+            shade=np.zeros(shape, np.float32),
+        )
+        if len(self._faces):
+            draw_prisms(canvas, exposure, self._faces, self._prisms)
+        if len(self._tags.places):
+            tags = self._tags
+            if printed is not None:
+                tags = tags._replace(prints=tags.prints[printed])
+            draw_tags(canvas, exposure, tags)
+        draw_floor(canvas, exposure, self._floor, GROUND, slices if moved > MIN_BLUR else 1)
         key = int(rng.integers(2**32))
-        return develop(light, self._spread, self._vignette, self._noise, self._shot_noise, key)
+        read, light = self._noise, self._shot_noise
+        return develop(canvas.light, self._spread, self._vignette, read, light, key)
 
     def _moved(self, shot: Shot) -> float:
         """Return about how far the floor moves in the image during an exposure, px."""
-        speed = np.linalg.norm(shot.velocity) / max(float(shot.position[2]), LOW)
-        pixels = self._optics.exposure * self._optics.fx
-        return float(pixels * (speed + np.linalg.norm(shot.rates)))
+        height = max(float(shot.position[2]), MIN_HEIGHT)
+        rate = np.linalg.norm(shot.velocity) / height + np.linalg.norm(shot.rates)
+        return float(self._optics.exposure * self._optics.fx * rate)

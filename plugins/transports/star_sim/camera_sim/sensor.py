@@ -1,4 +1,4 @@
-"""From light to grey values: the lens's spread of light, its falling off outwards, and noise."""
+"""From light to gray values: blur and vignetting of the lens, and noise of the sensor."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from star_core import Camera, Image
 from star_sim.compiled import Record, compiled, kernel
 
-FALL_OFF = 0.3  # of the light, at the corner that is farthest from the axis; chosen
+VIGNETTING = 0.3  # of the light that is lost at the corner farthest from the axis
 
-# A standard normal number is made of the four bytes of a random one: they are uniform, so their sum
-# has this mean and this scale, and is near enough to a normal one up to 3.45 deviations.
+# A standard normal number is approximated, up to 3.45 deviations, by the sum of the four uniform
+# bytes of a random one, with this mean and scale.
 BYTES_MEAN = np.float32(4 * 255 / 2)
 BYTES_SCALE = np.float32(1 / math.sqrt(4 * (256**2 - 1) / 12))
-GOLDEN = np.uint32(0x9E3779B9)  # 2³² over the golden ratio: far apart for neighbours
+GOLDEN = np.uint32(0x9E3779B9)  # 2³² over the golden ratio, which separates neighbors
 
 
 def spread(deviation: float) -> NDArray[np.float32]:
-    """Return how much light goes to the pixels around: a Gaussian of a deviation in px, cut."""
+    """Return the weights of a truncated Gaussian blur with a standard deviation in px."""
     radius = math.ceil(3 * deviation - 0.5) if deviation > 0 else 0
     away = np.arange(-radius, radius + 1)
     weights = np.exp(-0.5 * (away / deviation) ** 2) if radius else np.ones(1)
@@ -28,28 +28,28 @@ def spread(deviation: float) -> NDArray[np.float32]:
 
 
 def vignette(camera: Camera) -> NDArray[np.float32]:
-    """Return the share of light that reaches each pixel, (height, width)."""
+    """Return the share of light at each pixel, (height, width)."""
     fx, fy, cx, cy = camera.matrix
     x, y = (np.arange(camera.width) - cx) / fx, (np.arange(camera.height) - cy) / fy
     square = x**2 + y[:, None] ** 2
-    return np.asarray(1 - FALL_OFF * square / square.max(), np.float32)
+    return np.asarray(1 - VIGNETTING * square / square.max(), np.float32)
 
 
 @kernel
 def develop(
     light: Record, weights: Record, share: Record, read: float, shot: float, key: int
 ) -> Image:
-    """Return the image that a sensor makes of light.
+    """Return the sensor's image.
 
-    Each step is a loop of its own over a row, for the compiler to do several pixels at once.
+    Each step is a loop of its own over a row, so that the compiler can vectorize it.
 
     Args:
-        light: (H, W) float32 grey values.
+        light: (H, W) float32 gray values.
         weights: (2 R + 1,) of `spread`.
         share: (H, W) of `vignette`.
-        read: Deviation of the noise of reading out, grey values.
-        shot: Variance of the noise of light for each grey value of it.
-        key: What the noise follows from, less than 2³².
+        read: Standard deviation of the readout noise, gray values.
+        shot: Variance of the shot noise per gray value of light.
+        key: Seed of the noise, less than 2³².
     """
     height, width = light.shape
     radius = len(weights) // 2
@@ -75,9 +75,9 @@ def develop(
             _normals(_mixed(np.uint32(np.uint32(key) + np.uint32(v) * GOLDEN)), normal)
         passed, shown = share[v], image[v]
         for u in range(width):
-            grey = row[u] * passed[u]
-            grey += np.sqrt(variance + slope * grey) * normal[u]
-            row[u] = min(max(grey + half, black), white)
+            gray = row[u] * passed[u]
+            gray += np.sqrt(variance + slope * gray) * normal[u]
+            row[u] = min(max(gray + half, black), white)
         for u in range(width):
             shown[u] = np.uint8(np.int32(row[u]))
     return image
@@ -85,7 +85,7 @@ def develop(
 
 @compiled
 def _normals(start: np.uint32, normal: Record) -> None:
-    """Fill an array with float32 numbers that look standard normal and follow from `start`."""
+    """Fill an array with float32 numbers that look standard normal, derived from `start`."""
     byte = np.uint32(255)
     for u in range(len(normal)):
         bits = _mixed(np.uint32(start + np.uint32(u) * GOLDEN))
@@ -96,7 +96,7 @@ def _normals(start: np.uint32, normal: Record) -> None:
 
 @compiled
 def _mixed(x: np.uint32) -> np.uint32:
-    """Return 32 bits that look random and follow from `x`: the finaliser of MurmurHash3."""
+    """Return 32 bits that look random, derived from `x`: the finalizer of MurmurHash3."""
     x ^= x >> np.uint32(16)
     x = np.uint32(x * np.uint32(0x85EBCA6B))
     x ^= x >> np.uint32(13)

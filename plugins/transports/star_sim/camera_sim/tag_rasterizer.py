@@ -1,8 +1,4 @@
-"""Draws tags into an image: only where they are, supersampled only where light meets dark.
-
-Things are drawn front to back. `gap` says how much of each pixel is not covered yet: what comes
-later can only fill that, so neighbouring rims leave no seam.
-"""
+"""Draws tags: in their regions of the image only, supersampled at edges only."""
 
 from __future__ import annotations
 
@@ -10,59 +6,39 @@ import math
 
 import numpy as np
 
-from star_sim.camera_sim.optics import Optics
-from star_sim.camera_sim.plane import onto
-from star_sim.camera_sim.projection import touch
-from star_sim.camera_sim.tag_tables import CELLS, MODULES
+from star_sim.camera_sim.camera_pose import Canvas, Exposure
+from star_sim.camera_sim.projection import plane_homography, touch
+from star_sim.camera_sim.tag_tables import CELLS, MODULES, TagTables
 from star_sim.compiled import Record, compiled, kernel
 
-PARTS = 2  # into which a pixel is divided along each side where it needs to be
-HUNG = 0.02  # m, how far inside an obstacle a tag may lie and still be seen: it hangs on its face
+SAMPLES = 2  # per pixel along each side, at edges
+MAX_EMBEDDING = 0.02  # m, depth inside an obstacle at which a tag is visible: it is on its face
 
 
 @kernel
-def draw_tags(  # noqa: PLR0913, PLR0917 -- a kernel takes all it needs
-    light: Record,
-    gap: Record,
-    depth: Record,
-    rays: Record,
-    poses: Record,
-    lens: Optics,
-    view: tuple[float, float, float, float],
-    places: Record,
-    rims: Record,
-    prints: Record,
-) -> None:
-    """Draw all tags whose faces are turned to the camera, the nearest first.
+def draw_tags(canvas: Canvas, exposure: Exposure, tags: TagTables) -> None:
+    """Draw all tags that face the camera, the nearest first.
 
     Args:
-        light: (H, W) what is gathered, grey values; added to.
-        gap: (H, W) share of each pixel that is not covered; taken from.
-        depth: (H, W) how far along each ray an obstacle stands, m.
-        rays: (2, H, W) directions of pixels.
-        poses: (H, S, 12) of the camera.
-        lens: The camera.
-        view: The field of the camera, as `touch` takes it.
-        places: (M, 13) of `frames`.
-        rims: (M, 4, 3) corners of the white rims in the map, m.
-        prints: (M, CELLS, CELLS) grey values.
+        canvas: Light is increased, gap is reduced.
+        exposure: The image.
+        tags: The true ones.
     """
-    height, slices = poses.shape[0], poses.shape[1]
+    places, poses = tags.places, exposure.poses
+    height, width = canvas.light.shape
     regions = np.empty((len(places), 4), np.int64)
     distance = np.empty(len(places))
     order = np.empty(len(places), np.int64)
     found = 0
-    here = poses[height // 2, slices // 2]
+    here = poses[height // 2, poses.shape[1] // 2]
     for tag in range(len(places)):
         place = places[tag]
         x, y, z = here[9] - place[0], here[10] - place[1], here[11] - place[2]
         if x * place[9] + y * place[10] + z * place[11] <= 0.0:
             continue  # its back
         region = regions[tag]
-        region[0], region[1], region[2], region[3] = light.shape[1], light.shape[0], 0, 0
-        for end in range(2):
-            pose = poses[end * (height - 1), end * (slices - 1)]
-            touch(rims[tag], pose, lens, view, region)
+        region[0], region[1], region[2], region[3] = width, height, 0, 0
+        touch(tags.rims[tag], exposure, region)
         if region[0] >= region[2] or region[1] >= region[3]:
             continue
         distance[tag] = x * x + y * y + z * z
@@ -74,33 +50,26 @@ def draw_tags(  # noqa: PLR0913, PLR0917 -- a kernel takes all it needs
         found += 1
     for k in range(found):
         tag = order[k]
-        _draw(light, gap, depth, rays, poses, places[tag], prints[tag], regions[tag])
+        _draw(canvas, exposure, places[tag], tags.prints[tag], regions[tag])
 
 
 @compiled
-def _draw(
-    light: Record,
-    gap: Record,
-    depth: Record,
-    rays: Record,
-    poses: Record,
-    place: Record,
-    cells: Record,
-    region: Record,
-) -> None:
+def _draw(canvas: Canvas, exposure: Exposure, place: Record, cells: Record, region: Record) -> None:
     """Draw one tag within a region.
 
     s and t count cells from the left and the top of the rim. A pixel that stays within one cell
-    during the whole exposure takes its shade; the others are sampled in parts and slices.
+    during the whole exposure gets its shade; others are sampled in space and time.
     """
+    light, gap, depth = canvas.light, canvas.gap, canvas.depth
+    rays, poses = exposure.rays, exposure.poses
     height, width, slices = rays.shape[1], rays.shape[2], poses.shape[1]
     maps = np.empty((slices, 9))
-    path = np.empty((2, slices))  # s and t of the middle of one pixel
+    path = np.empty((2, slices))  # s and t of the center of one pixel
     module, middle = place[12] / MODULES, slices // 2
     for v in range(region[1], region[3]):
         away = 0.0
         for k in range(slices):
-            distance = onto(poses[v, k], place, module, CELLS / 2, maps[k])
+            distance = plane_homography(poses[v, k], place, module, CELLS / 2, maps[k])
             away = distance if k == middle else away
         above, below = max(v - 1, 0), min(v + 1, height - 1)
         for u in range(region[0], region[2]):
@@ -117,9 +86,9 @@ def _draw(
                 left, right = min(left, s), max(right, s)
                 top, bottom = min(top, t), max(bottom, t)
                 w = unit if k == middle else w
-            if w >= 0.0 or away * w > depth[v, u] + HUNG:
+            if w >= 0.0 or away * w > depth[v, u] + MAX_EMBEDDING:
                 continue
-            # Cells that one step to the right and one down cross.
+            # cells per pixel to the right and down
             s, t = path[0, middle], path[1, middle]
             s_x, s_y = (
                 (maps[middle, 0] - s * maps[middle, 6]),
@@ -157,28 +126,28 @@ def _draw(
 def _sample(
     path: Record, s_right: float, s_down: float, t_right: float, t_down: float, cells: Record
 ) -> tuple[float, float]:
-    """Return which share of a pixel a tag covers, and the light it sends, both over the exposure.
+    """Return the share of a pixel that a tag covers, and its light, averaged over the exposure.
 
-    A step from one cell to the next is a ramp as wide as a part of a pixel is on the paper, which
-    has the variance of the part's own square: edges are where they belong, whatever their slope.
+    A step from one cell to the next is a ramp as wide as a sample is on the paper, which has the
+    variance of the sample's own square: edges are in the right position, whatever their slope.
 
     Args:
-        path: (2, S) s and t of the pixel's middle in each slice of the exposure.
-        s_right: Cells along s in one step to the right; so are the others.
-        s_down: Cells along s in one step down.
-        t_right: Cells along t.
-        t_down: Cells along t.
-        cells: (CELLS, CELLS) grey values.
+        path: (2, S) s and t of the pixel's center in each slice of the exposure.
+        s_right: Cells along s per pixel to the right; the others likewise.
+        s_down: Down.
+        t_right: Along t.
+        t_down: Along t.
+        cells: (CELLS, CELLS) gray values.
     """
-    narrow = max(1.0, PARTS / math.hypot(s_right, s_down))
-    low = max(1.0, PARTS / math.hypot(t_right, t_down))
+    narrow = max(1.0, SAMPLES / math.hypot(s_right, s_down))
+    low = max(1.0, SAMPLES / math.hypot(t_right, t_down))
     covered = shade = 0.0
-    for part in range(PARTS * PARTS):
-        right = (part % PARTS + 0.5) / PARTS - 0.5
-        down = (part // PARTS + 0.5) / PARTS - 0.5
-        s_part, t_part = right * s_right + down * s_down, right * t_right + down * t_down
+    for sample in range(SAMPLES * SAMPLES):
+        right = (sample % SAMPLES + 0.5) / SAMPLES - 0.5
+        down = (sample // SAMPLES + 0.5) / SAMPLES - 0.5
+        s_shift, t_shift = right * s_right + down * s_down, right * t_right + down * t_down
         for k in range(path.shape[1]):
-            s, t = path[0, k] + s_part, path[1, k] + t_part
+            s, t = path[0, k] + s_shift, path[1, k] + t_shift
             within = 1.0
             if min(s, t) < 1.0 or max(s, t) > CELLS - 1:
                 within = _ramp(s * narrow) * _ramp((CELLS - s) * narrow)
@@ -193,11 +162,11 @@ def _sample(
             lower = cells[south, west] + after * (cells[south, east] - cells[south, west])
             covered += within
             shade += within * (upper + below * (lower - upper))
-    samples = PARTS * PARTS * path.shape[1]
+    samples = SAMPLES * SAMPLES * path.shape[1]
     return covered / samples, shade / samples
 
 
 @compiled
 def _ramp(x: float) -> float:
-    """From 0 to 1 while `x` goes from -1/2 to 1/2."""
+    """Return a ramp from 0 to 1 for `x` from -1/2 to 1/2."""
     return min(max(x + 0.5, 0.0), 1.0)

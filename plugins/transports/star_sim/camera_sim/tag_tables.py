@@ -1,28 +1,42 @@
-"""Tags as kernels take them: where each lies, and what is printed on it.
+"""Tags as arrays for kernels: poses, corners and patterns.
 
-Which way up a tag is, is decided here: the tag as OpenCV's ``generateImageMarker`` draws it is what
-one reads. Its columns run along the tag's x axis, its rows against the y axis. (The AprilTag
-library's own frame is turned by 180° against this.)
+A tag's orientation is that in which OpenCV's ``generateImageMarker`` draws it: columns run along
+its x axis, rows against its y axis. (The AprilTag library's frame is rotated by 180°.)
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from star_core import Array, Tag, rotation_from_quaternion
+from star_core import Array, Tag, rotation_from_quaternion, square_corners
 
-MODULES = 8  # of a tag of family 36h11 along one side, its black border included
-RIM = 1  # modules of white paper around it
+MODULES = 8  # per row of a tag of family 36h11, with its black border
+RIM = 1  # modules, width of the white border
 CELLS = MODULES + 2 * RIM
-PAPER, INK = 215.0, 30.0  # grey values, chosen
+PAPER, INK = 215.0, 30.0  # gray values
 FRAME = 13
 
 
+class TagTables(NamedTuple):
+    """Tags for the renderer.
+
+    Attributes:
+        places: (M, 13) of `frames`.
+        rims: (M, 4, 3) corners of their white borders in the map, m.
+        prints: (M, CELLS, CELLS) patterns with white borders, gray values, top row first.
+    """
+
+    places: Array
+    rims: Array
+    prints: Array
+
+
 def frames(tags: Sequence[Tag]) -> Array:
-    """Return where tags lie, (M, 13): centre, x, y and z axes in the map, and the edge, m."""
+    """Return (M, 13): center, x, y and z axes of tags in the map, and their edges, m."""
     table = np.empty((len(tags), FRAME))
     for row, tag in zip(table, tags, strict=True):
         row[:3] = tag.position
@@ -31,25 +45,23 @@ def frames(tags: Sequence[Tag]) -> Array:
     return table
 
 
-def corners(places: Array, share: float = 1.0) -> Array:
-    """Return the corners of tags in the map.
+def corners(places: Array, scale: float = 1.0) -> Array:
+    """Return the corners of tags in the map, in the order of `star_core.square_corners`.
 
     Args:
         places: (M, 13) of `frames`.
-        share: Size of the square meant, as a multiple of the black square's.
+        scale: Size of the square, as a multiple of the black square's.
 
     Returns:
-        (M, 4, 3) bottom left, bottom right, top right and top left as one reads the tag, m.
+        (M, 4, 3) m.
     """
-    half = 0.5 * share * places[:, None, 12:]  # (M, 1, 1)
-    across = np.array([-1.0, 1.0, 1.0, -1.0])[:, None]
-    up = np.array([-1.0, -1.0, 1.0, 1.0])[:, None]
-    centre, x, y = places[:, None, :3], places[:, None, 3:6], places[:, None, 6:9]
-    return np.asarray(centre + half * (across * x + up * y))
+    x, y = square_corners(scale)[:, :2, None].swapaxes(0, 1)  # (4, 1) each, of a unit tag
+    axes = places[:, 12, None, None] * (x * places[:, None, 3:6] + y * places[:, None, 6:9])
+    return np.asarray(places[:, None, :3] + axes)
 
 
 def prints(tags: Sequence[Tag]) -> Array:
-    """Return what is on tags and their rims, (M, CELLS, CELLS) grey values, top row first."""
+    """Return the patterns of tags with their white borders, (M, CELLS, CELLS) gray values."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     table = np.full((len(tags), CELLS, CELLS), PAPER)
     for cells, tag in zip(table, tags, strict=True):

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from star_core import Camera, Fence, Tag, World
 from star_search.view import View, swath, view
-from star_sim.camera_sim.geometric import Spotter
-from star_sim.camera_sim.shot import Shot
+from star_sim.camera_sim.camera_pose import Shot
+from star_sim.camera_sim.geometric import OnboardDetector
 
 SIZE = 0.168
 DOWN = replace(Camera(), pitch=math.pi / 2)
@@ -31,7 +31,7 @@ def test_the_simulated_camera_finds_every_tag_in_view(pitch: float) -> None:
     assert len(points) > 10
     for x, y in points:
         tag = Tag(1, SIZE, (x, y, 0.0), (0.0, 0.0, math.sin(0.3), math.cos(0.3)), "target")
-        assert Spotter(camera, [tag], world).spot(body)[0].tolist() == [1]
+        assert OnboardDetector(camera, [tag], world).detect(body)[0].tolist() == [1]
 
 
 def test_a_camera_that_looks_ahead_shows_what_is_ahead() -> None:

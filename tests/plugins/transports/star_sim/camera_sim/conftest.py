@@ -9,8 +9,8 @@ import pytest
 
 from star_core import Fence, Obstacle, World
 from star_core.rotations import turned
+from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import Floor, floor
-from star_sim.camera_sim.shot import Shot
 
 
 def _shot(

@@ -14,10 +14,10 @@ from star_core import Agent, Array, Camera, Command, Order, Rows, Scene, Tag
 from star_core.rotations import turned
 from star_core.testing import scene
 from star_sim.airframe import STEP
+from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.cameras import NEVER, Cameras
-from star_sim.camera_sim.geometric import Spotter
+from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.options import camera_options
-from star_sim.camera_sim.shot import Shot
 from star_sim.drone import Drones, standing
 
 AHEAD = 0.8  # m: what a camera that looks down at 45° sees from that height
@@ -238,7 +238,7 @@ def test_unstamped_images_do_not_say_when_they_were_taken() -> None:
 
 def test_corners_are_where_the_real_tags_are_seen() -> None:
     seen = watched(room(Camera()), 0.5)
-    tags, corners = Spotter(Camera(), [*TAGS, TARGET], room().world, noise=0.0).spot(
+    tags, corners = OnboardDetector(Camera(), [*TAGS, TARGET], room().world, noise=0.0).detect(
         Shot(np.array([0, 0, 0.8]), np.array([0.0, 0, 0, 1]), np.zeros(3), np.zeros(3))
     )
     assert seen.tag[:3].tolist() == tags.tolist() == [0, 1, 9]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from star_sim.camera_sim.floor_texture import GREY, JOINT, SIDE, TILE, Floor, floor
+from star_sim.camera_sim.floor_texture import GRAY, JOINT, SIDE, TILE, Floor, floor
 
 
 def test_a_seed_has_one_floor(ground: Floor) -> None:
@@ -26,4 +26,4 @@ def test_joints_are_darker_than_tiles(ground: Floor) -> None:
     texture = ground.texels[: SIDE**2].reshape(SIDE, SIDE).astype(float)
     joints = np.arange(SIDE) % TILE < JOINT
     assert texture[joints].mean() < texture[~joints][:, ~joints].mean() - 20
-    assert texture[~joints][:, ~joints].mean() == pytest.approx(GREY, abs=5)
+    assert texture[~joints][:, ~joints].mean() == pytest.approx(GRAY, abs=5)

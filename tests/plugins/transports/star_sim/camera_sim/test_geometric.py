@@ -9,8 +9,8 @@ import pytest
 
 from star_core import Camera, Obstacle, Tag, World
 from star_core.rotations import turned
-from star_sim.camera_sim.geometric import Spotter
-from star_sim.camera_sim.shot import Shot
+from star_sim.camera_sim.camera_pose import Shot
+from star_sim.camera_sim.geometric import OnboardDetector
 
 Take = Callable[..., Shot]
 Room = Callable[..., World]
@@ -28,7 +28,9 @@ def pillar(height: float, foot: float = 0.0) -> Obstacle:
 
 
 def test_corners_run_from_the_lower_left_against_the_clock(room: Room, take: Take) -> None:
-    ids, corners = Spotter(CAMERA, [lying(5, 0.0, 0.8)], room()).spot(take(turn=(0, 0, np.pi / 2)))
+    ids, corners = OnboardDetector(CAMERA, [lying(5, 0.0, 0.8)], room()).detect(
+        take(turn=(0, 0, np.pi / 2))
+    )
     lower_left, lower_right, upper_right, upper_left = corners[0]
     assert list(ids) == [5]
     assert lower_left[0] < lower_right[0]
@@ -38,7 +40,7 @@ def test_corners_run_from_the_lower_left_against_the_clock(room: Room, take: Tak
 
 def test_only_tags_wholly_in_the_image_are_found(room: Room, take: Take) -> None:
     tags = [lying(0, 0.8), lying(1, 0.8, 1.1), lying(2, 0.2), lying(3, -0.8)]
-    assert list(Spotter(CAMERA, tags, room()).spot(take())[0]) == [0]
+    assert list(OnboardDetector(CAMERA, tags, room()).detect(take())[0]) == [0]
 
 
 def test_far_and_small_tags_are_not_found(room: Room, take: Take) -> None:
@@ -48,7 +50,7 @@ def test_far_and_small_tags_are_not_found(room: Room, take: Take) -> None:
         lying(2, 1.0, 0.3, size=0.05),
         lying(3, 2.5, 0.8, size=0.6),
     ]
-    assert list(Spotter(CAMERA, tags, room()).spot(take())[0]) == [0, 3]
+    assert list(OnboardDetector(CAMERA, tags, room()).detect(take())[0]) == [0, 3]
 
 
 def test_the_back_of_a_tag_is_not_found(room: Room, take: Take) -> None:
@@ -56,7 +58,7 @@ def test_the_back_of_a_tag_is_not_found(room: Room, take: Take) -> None:
         Tag(0, 0.168, (1.0, 0.2, 0.4), turned(np.pi / 2, 0, -np.pi / 2), "faces the camera"),
         Tag(1, 0.168, (1.0, -0.2, 0.4), turned(np.pi / 2, 0, np.pi / 2), "faces away"),
     ]
-    assert list(Spotter(CAMERA, tags, room()).spot(take())[0]) == [0]
+    assert list(OnboardDetector(CAMERA, tags, room()).detect(take())[0]) == [0]
 
 
 @pytest.mark.parametrize(
@@ -66,7 +68,7 @@ def test_the_back_of_a_tag_is_not_found(room: Room, take: Take) -> None:
 def test_an_obstacle_hides_the_tags_in_its_shadow(
     room: Room, take: Take, obstacle: Obstacle, found: list[int]
 ) -> None:
-    assert list(Spotter(CAMERA, [lying(0, 0.8)], room(obstacle)).spot(take())[0]) == found
+    assert list(OnboardDetector(CAMERA, [lying(0, 0.8)], room(obstacle)).detect(take())[0]) == found
 
 
 def test_a_tag_on_the_face_or_the_top_of_an_obstacle_is_found(room: Room, take: Take) -> None:
@@ -75,22 +77,22 @@ def test_a_tag_on_the_face_or_the_top_of_an_obstacle_is_found(room: Room, take: 
         Tag(0, 0.15, (0.7, 0.0, 0.15), turned(np.pi / 2, 0, -np.pi / 2), "face"),
         Tag(1, 0.15, (0.85, 0.0, 0.3), turned(0, 0, 0), "top"),
     ]
-    assert list(Spotter(CAMERA, tags, room(box)).spot(take())[0]) == [0, 1]
+    assert list(OnboardDetector(CAMERA, tags, room(box)).detect(take())[0]) == [0, 1]
 
 
 def test_noise_moves_each_corner_by_its_deviation(room: Room, take: Take) -> None:
     tags = [lying(i, 0.6 + 0.25 * (i % 3), 0.25 * (i // 3) - 0.25) for i in range(9)]
-    spotter = Spotter(CAMERA, tags, room(), noise=0.5)
+    detector = OnboardDetector(CAMERA, tags, room(), noise=0.5)
     rng = np.random.default_rng(0)
-    _, exact = spotter.spot(take())
-    errors = [spotter.spot(take(), rng)[1] - exact for _ in range(50)]
+    _, exact = detector.detect(take())
+    errors = [detector.detect(take(), rng)[1] - exact for _ in range(50)]
     assert np.std(errors) == pytest.approx(0.5, rel=0.05)
     assert np.mean(errors) == pytest.approx(0.0, abs=0.05)
-    again = spotter.spot(take(), np.random.default_rng(0))[1] - exact
+    again = detector.detect(take(), np.random.default_rng(0))[1] - exact
     assert (again == errors[0]).all()
 
 
 def test_a_world_without_tags_gives_empty_tables(room: Room, take: Take) -> None:
-    ids, corners = Spotter(CAMERA, [], room()).spot(take(), np.random.default_rng(0))
+    ids, corners = OnboardDetector(CAMERA, [], room()).detect(take(), np.random.default_rng(0))
     assert ids.shape == (0,)
     assert corners.shape == (0, 4, 2)

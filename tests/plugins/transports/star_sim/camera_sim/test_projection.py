@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from star_core import Array, Camera
-from star_sim.camera_sim.motion import mounting, poses, row_time
+from star_sim.camera_sim.camera_pose import Exposure, Shot, mounting, poses, row_time
 from star_sim.camera_sim.optics import optics, rays
 from star_sim.camera_sim.projection import project, touch
-from star_sim.camera_sim.shot import Shot
 
 Take = Callable[..., Shot]
 CAMERA = Camera()
@@ -64,8 +63,9 @@ def test_the_region_that_is_drawn_holds_every_point_of_a_sheet(take: Take, seed:
     corners = np.array([one, two, two + three - one, three])
     x, y = rays(CAMERA)
     region = np.array([324, 244, 0, 0])
-    pose = poses(shot.packed(), MOUNT, LENS, 1)[0, 0]
-    touch(corners, pose, LENS, (x.min(), y.min(), x.max(), y.max()), region)
+    track = poses(shot.packed(), MOUNT, LENS, 1)
+    field = (x.min(), y.min(), x.max(), y.max())
+    touch(corners, Exposure(rays(CAMERA), track, LENS, field), region)
     a, b = rng.random((2, 500, 1))
     seen = pixels(one + a * (two - one) + b * (three - one), shot)
     inside = (seen > -0.5) & (seen < [323.5, 243.5])

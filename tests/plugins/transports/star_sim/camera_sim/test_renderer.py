@@ -12,10 +12,10 @@ import pytest
 
 from star_core import Array, Camera, Image, Obstacle, Tag, World
 from star_core.rotations import turned
+from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import Floor
-from star_sim.camera_sim.geometric import Spotter
+from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.renderer import Renderer
-from star_sim.camera_sim.shot import Shot
 from star_sim.camera_sim.tag_tables import INK, PAPER
 
 Take = Callable[..., Shot]
@@ -95,7 +95,7 @@ def test_another_renderer_of_the_same_scene_gives_the_same_bytes(
 def test_a_tag_lies_as_its_rotation_says(yaw: float, ground: Floor, room: Room, take: Take) -> None:
     tags = [lying(7, 0.75, yaw=yaw)]
     shot = take()
-    ids, corners = Spotter(CAMERA, tags, room()).spot(shot)
+    ids, corners = OnboardDetector(CAMERA, tags, room()).detect(shot)
     seen = detected(picture(Renderer(CAMERA, tags, room(), ground), shot))
     assert list(ids) == [7]
     assert seen[7][[3, 2, 1, 0]] == pytest.approx(corners[0], abs=2.0)
@@ -128,7 +128,7 @@ def test_edges_are_where_they_belong_in_every_direction_at_any_motion(
             rng.normal(0, 0.3, 3),
             rng.normal(0, 0.5, 3),
         )
-        _, corners = Spotter(CAMERA, [tag], world).spot(shot)
+        _, corners = OnboardDetector(CAMERA, [tag], world).detect(shot)
         if not len(corners):
             continue
         image = picture(Renderer(CAMERA, [tag], world, ground), shot, rng)
@@ -154,7 +154,7 @@ def test_a_picture_is_the_mean_of_one_that_is_eight_times_as_fine(
         matrix=(8 * fx, 8 * fy, 8 * cx + 3.5, 8 * cy + 3.5),
     )
     tag, shot = lying(11, 0.85, yaw=0.4), take(turn=(0.02, -0.03, 0.05), velocity=(0.1, 0.1, 0.0))
-    _, corners = Spotter(camera, [tag], room()).spot(shot)
+    _, corners = OnboardDetector(camera, [tag], room()).detect(shot)
     one, many = (
         picture(Renderer(kind, [tag], room(), ground, noise=0.0, blur=0.0), shot).astype(float)
         for kind in (camera, fine)
@@ -170,14 +170,17 @@ def test_a_picture_is_the_mean_of_one_that_is_eight_times_as_fine(
 def test_tags_are_found_near_and_lost_far(ground: Floor, room: Room, take: Take) -> None:
     tags = [lying(10 * i + j, 0.45 * i, 0.45 * j - 1.0) for i in range(8) for j in range(6)]
     place = {tag.id: tag.position for tag in tags}
-    renderer, spotter = Renderer(CAMERA, tags, room(), ground), Spotter(CAMERA, tags, room())
+    renderer, detector = (
+        Renderer(CAMERA, tags, room(), ground),
+        OnboardDetector(CAMERA, tags, room()),
+    )
     rng = np.random.default_rng(0)
     near, far = [], []
     for yaw in np.linspace(-0.5, 0.5, 16):
         shot = take((*rng.uniform(-0.3, 0.3, 2), 0.7), (0, 0, yaw), rng.normal(0, 0.15, 3))
         seen = detected(picture(renderer, shot, rng))
         within = [
-            n for n in spotter.spot(shot)[0] if np.linalg.norm(place[n] - shot.position) < 1.1
+            n for n in detector.detect(shot)[0] if np.linalg.norm(place[n] - shot.position) < 1.1
         ]
         near += [number in seen for number in within]
         far += [np.linalg.norm(place[number] - shot.position) for number in seen]

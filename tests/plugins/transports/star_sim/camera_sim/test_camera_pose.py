@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Camera
 from star_core.rotations import moved
-from star_sim.camera_sim.motion import mounting, poses
+from star_sim.camera_sim.camera_pose import Shot, mounting, poses
 from star_sim.camera_sim.optics import optics
-from star_sim.camera_sim.shot import Shot
 
 Take = Callable[..., Shot]
 CAMERA = Camera()

@@ -1,12 +1,13 @@
-"""Where a camera is at each moment of a shot: rows are exposed one after the other, for a while.
+"""Poses of a camera during an exposure: rows are exposed one after the other, for a while.
 
 A pose is 12 numbers: the rotation from the camera's frame to the map, row by row, and the camera's
-place in the map, m.
+position in the map, m.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,58 @@ from star_sim.compiled import Record, compiled, kernel
 POSE = 12
 
 
+class Shot(NamedTuple):
+    """The body half-way through the exposure of the middle row, and its motion.
+
+    Attributes:
+        position: (3,) of the body's frame in the map, m.
+        attitude: (4,) unit quaternion x, y, z, w from the body to the map.
+        velocity: (3,) in the map, m/s; taken as constant during the image.
+        rates: (3,) angular velocity in the body, rad/s; likewise.
+    """
+
+    position: Array
+    attitude: Array
+    velocity: Array
+    rates: Array
+
+    def packed(self) -> Array:
+        """Return (13,) all of it in a row, for kernels."""
+        return np.concatenate(self)
+
+
+class Exposure(NamedTuple):
+    """One image, for the kernels that draw into it.
+
+    Attributes:
+        rays: (2, H, W) directions of pixels.
+        poses: (H, S, 12) of the camera, in S slices of each row's exposure.
+        lens: The camera.
+        field: Least x and y, greatest x and y of the directions.
+    """
+
+    rays: Array
+    poses: Array
+    lens: Optics
+    field: tuple[float, float, float, float]
+
+
+class Canvas(NamedTuple):
+    """Layers of an image, each (H, W); the kernels draw into them from front to back.
+
+    Attributes:
+        light: Gray values.
+        gap: Share of each pixel that is not covered yet, so that adjacent shapes leave no seam.
+        depth: Of the nearest obstacle along each ray, m.
+        shade: Gray values of obstacles.
+    """
+
+    light: Array
+    gap: Array
+    depth: Array
+    shade: Array
+
+
 def mounting(camera: Camera) -> Array:
     """Return the pose of a camera in the body, (12,)."""
     pose = CameraModel(camera).mounting
@@ -25,13 +78,13 @@ def mounting(camera: Camera) -> Array:
 
 @compiled
 def row_time(lens: Optics, v: float) -> float:
-    """Return when the exposure of row `v` is half over, s after that of the middle row."""
+    """Return the middle of the exposure of row `v`, s after that of the middle row."""
     return float(lens.readout * (v / (lens.height - 1.0) - 0.5))
 
 
 @kernel
 def poses(shot: Array, mount: Array, lens: Optics, slices: int) -> Array:
-    """Return the camera's poses, (height, slices, 12), amid equal slices of each row's exposure."""
+    """Return the camera's poses, (height, slices, 12), in equal slices of each row's exposure."""
     table = np.empty((int(lens.height), slices, POSE))
     for v in range(table.shape[0]):
         for k in range(slices):
@@ -42,7 +95,7 @@ def poses(shot: Array, mount: Array, lens: Optics, slices: int) -> Array:
 
 @compiled
 def camera_at(shot: Record, mount: Record, time: float, pose: Record) -> None:
-    """Find the camera's pose some time after the middle of a shot.
+    """Compute the camera's pose some time after the middle of a shot.
 
     The body moves straight and turns about a fixed axis: ``R exp(rates * time)``, by Rodrigues'
     formula.
@@ -51,7 +104,7 @@ def camera_at(shot: Record, mount: Record, time: float, pose: Record) -> None:
         shot: (13,) of `Shot.packed`.
         mount: (12,) pose of the camera in the body.
         time: s.
-        pose: (12,) filled with the camera's pose in the map.
+        pose: (12,) overwritten with the camera's pose in the map.
     """
     qx, qy, qz, qw = shot[3], shot[4], shot[5], shot[6]
     wx, wy, wz = shot[10] * time, shot[11] * time, shot[12] * time
@@ -63,7 +116,7 @@ def camera_at(shot: Record, mount: Record, time: float, pose: Record) -> None:
     z = qw * az + qx * ay - qy * ax + qz * aw
     w = qw * aw - qx * ax - qy * ay - qz * az
     for column in range(4):
-        if column < 3:  # noqa: PLR2004 -- the columns of the rotation, then the place
+        if column < 3:  # noqa: PLR2004 -- the columns of the rotation, then the position
             a, b, c = mount[column], mount[3 + column], mount[6 + column]
         else:
             a, b, c = mount[9], mount[10], mount[11]
