@@ -188,7 +188,7 @@ class StepGoal(NamedTuple):
     Attributes:
         path: Keys and indices from the task's options to the value that it follows from.
         position: In the map, m.
-        label: What it is, for messages, as ``"place 2 of 3"``; empty if there is only one.
+        label: What it is, for messages, as ``"position 2 of 3"``; empty if there is only one.
     """
 
     path: tuple[str | int, ...]

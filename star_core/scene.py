@@ -91,6 +91,15 @@ class Scene:
             return f"{height:g} m is outside the fence, from {low:g} to {high:g} m"
         return None
 
+    def position_fault(self, position: tuple[float, float, float]) -> str | None:
+        """Return why no agent can fly at a position (map frame, m); None if agents can."""
+        x, y, z = position
+        low, high = self.limits.height
+        if not low <= z <= high:
+            heights = f"from {low:g} to {high:g} m"
+            return f"[{x:g}, {y:g}, {z:g}] is outside the heights to fly at, {heights}"
+        return self.world.fault(position)
+
     def file(self, name: str) -> Path:
         """Return the path of a file that the mission names.
 

@@ -175,7 +175,7 @@ seed: 7  ->  sead: 7
 hold: {for: 0.5}  ->  goto: {agents: cf1, to: [5, 0, 1]}
     15:29: [5, 0, 1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
 hold: {for: 0.5}  ->  goto: {to: [2, 0, 1]}
-    15:16: place 2 of 2: [2.3, 0, 1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
+    15:16: position 2 of 2: [2.3, 0, 1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
 hold: {for: 0.5}  ->  goto: {agents: cf1, to: [1, 1, 1]}
     15:29: [1, 1, 1] is inside obstacle 'pillar'
 hold: {for: 0.5}  ->  goto: {}

@@ -114,18 +114,18 @@ def test_a_goal_that_the_planner_accepts_is_no_problem(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("step", "found"),
     [
-        ("hold: {at: [0, 1, 1.2]}", "13:16: place 1 of 2: goal [-0.3, 1, 1.2]"),
+        ("hold: {at: [0, 1, 1.2]}", "13:16: position 1 of 2: goal [-0.3, 1, 1.2]"),
         (
             "formation: {shape: line, centre: [0, 1, 1.2]}",
-            "13:38: place 1 of 2: goal [-0.3, 1, 1.2]",
+            "13:38: position 1 of 2: goal [-0.3, 1, 1.2]",
         ),
         (
             "formation: {shape: points, points: [[0, 1, 0.8], [0, 0, 1.2]]}",
-            "13:54: place 2 of 2: goal [0, 0, 1.2]",
+            "13:54: position 2 of 2: goal [0, 0, 1.2]",
         ),
         (
             "formation: {shape: line, centre: [0, 1, 0.8], move: {to: [0, 1, 1.2]}}",
-            "13:62: place 1 of 2 moves there: goal [-0.3, 1, 1.0",
+            "13:62: position 1 of 2 moves there: goal [-0.3, 1, 1.0",
         ),
         ("follow: {path: circle, size: 1.4, centre: [0, 0, 1.2]}", "13:20: circle: goal [0.7, 0,"),
         ("follow: {file: way.csv}", "13:20: way.csv:2, shifted by [-0.3, 0, 0] for one of 2 agent"),
@@ -162,8 +162,8 @@ def test_of_a_trajectory_what_the_planner_flies_is_known_unless_it_is_relative(
 def test_goals_of_one_value_are_one_problem_that_lists_the_others(tmp_path: Path) -> None:
     (problem,) = problems(tmp_path, Shelf(), "goto: {to: [0, 1, 1.2]}")
     assert problem.endswith(
-        "place 1 of 2: goal [-0.3, 1, 1.2] is higher than shelf's top, 1 m (also place 2 of 2)"
-        " [invalid-option]"
+        "position 1 of 2: goal [-0.3, 1, 1.2] is higher than shelf's top, 1 m"
+        " (also position 2 of 2) [invalid-option]"
     )
 
 

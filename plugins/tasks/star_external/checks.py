@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,8 +13,14 @@ from star_external.rates import ticks_between
 if TYPE_CHECKING:
     from star_core import Scene
 
-PROCESS_OPTIONS: Final = ("port", "listen", "silence", "then", "response_timeout", "lockstep")
-"""Options that apply only to another process."""
+PROCESS_DEFAULTS: Final[Mapping[str, Any]] = {
+    "port": 5799,
+    "listen": "127.0.0.1",
+    "silence": 2.0,
+    "then": "hold",
+    "response_timeout": 10.0,
+    "lockstep": True,
+}  # of the options that apply only to another process
 
 
 def check(
@@ -30,8 +36,8 @@ def _planner(name: str, options: dict[str, Any]) -> Iterator[Problem]:
         chosen(name)
     except PluginError as error:
         yield Problem(("planner",), str(error))
-    for option in PROCESS_OPTIONS:
-        if option in options:
+    for option, default in PROCESS_DEFAULTS.items():
+        if options[option] != default:
             yield Problem(
                 (option,),
                 f"{option!r} applies to another process, but planner {name!r} runs in this one; "
@@ -41,19 +47,17 @@ def _planner(name: str, options: dict[str, Any]) -> Iterator[Problem]:
 
 def _other_process(scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
     """Yield an invalid address, and a silence shorter than the period of state lines."""
-    if "listen" in options:
-        try:
-            IPv4Address(options["listen"])
-        except AddressValueError:
-            yield Problem(
-                ("listen",),
-                f"{options['listen']!r} is not an IPv4 address, expected one like 127.0.0.1",
-            )
-    apart = ticks_between(options.get("rate"), scene.period) * scene.period
-    silence = options.get("silence", 2.0)
-    if silence <= apart:
-        path = ("silence",) if "silence" in options else ("rate",)
+    try:
+        IPv4Address(options["listen"])
+    except AddressValueError:
         yield Problem(
-            path,
+            ("listen",),
+            f"{options['listen']!r} is not an IPv4 address, expected one like 127.0.0.1",
+        )
+    apart = ticks_between(options.get("rate"), scene.period) * scene.period
+    silence = options["silence"]
+    if silence <= apart:
+        yield Problem(
+            ("rate",) if silence == PROCESS_DEFAULTS["silence"] else ("silence",),
             f"a silence of {silence:g} s is not longer than the period of state lines, {apart:g} s",
         )

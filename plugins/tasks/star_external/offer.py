@@ -8,7 +8,7 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Exclusive, TaskSpec
-from star_external.checks import check
+from star_external.checks import PROCESS_DEFAULTS, check
 from star_external.planner_registry import GROUP, chosen, names
 
 if TYPE_CHECKING:
@@ -16,11 +16,6 @@ if TYPE_CHECKING:
     from star_external.tcp_server import TcpServer
 
 log = logging.getLogger(__name__)
-
-PORT: Final = 5799
-"""Default port."""
-
-LOOPBACK: Final = "127.0.0.1"
 
 DEFAULT_TIMEOUT: Final = 60.0
 """Default timeout of the step, s."""
@@ -55,14 +50,14 @@ def offer() -> TaskSpec:
                     "minimum": 0,
                     "maximum": 65535,
                     "description": "TCP port to listen on; 0 selects a free port, which is logged.",
-                    "default": PORT,
+                    "default": PROCESS_DEFAULTS["port"],
                 },
                 "listen": {
                     "type": "string",
                     "description": "IPv4 address to listen on. The default accepts connections "
                     "from this computer only; otherwise any host that reaches the port can control "
                     "the agents.",
-                    "default": LOOPBACK,
+                    "default": PROCESS_DEFAULTS["listen"],
                     "examples": ["0.0.0.0"],  # noqa: S104 -- what an editor shows, not the default
                 },
                 "rate": {
@@ -76,29 +71,29 @@ def offer() -> TaskSpec:
                     "type": "number",
                     "exclusiveMinimum": 0,
                     "description": "Maximum time without a line from the other process, s.",
-                    "default": 2.0,
+                    "default": PROCESS_DEFAULTS["silence"],
                 },
                 "then": {
                     "enum": ["hold", "fail"],
                     "description": "What to do after that time: hold the agents' positions until "
                     "a line arrives, or fail the step.",
-                    "default": "hold",
+                    "default": PROCESS_DEFAULTS["then"],
                 },
                 "response_timeout": {
                     "type": "number",
                     "minimum": 0,
                     "description": "Time to wait for the connection, and in lock-step for each "
                     "answer, s; wall time in lock-step, else mission time.",
-                    "default": 10.0,
+                    "default": PROCESS_DEFAULTS["response_timeout"],
                 },
                 "lockstep": {
                     "type": "boolean",
                     "description": "Whether a simulation waits for one line in answer to each "
                     "state line, so that flights are reproducible; on hardware it never waits.",
-                    "default": True,
+                    "default": PROCESS_DEFAULTS["lockstep"],
                 },
             },
-            "examples": [{"port": PORT, "timeout": 60}],
+            "examples": [{"port": PROCESS_DEFAULTS["port"], "timeout": 60}],
         },
     )
 
@@ -109,8 +104,8 @@ def make(
     rows: tuple[int, ...],
     *,
     planner: str | None = None,
-    port: int = PORT,
-    listen: str = LOOPBACK,
+    port: int,
+    listen: str,
     **options: Any,
 ) -> Task:
     """Return the task, with its planner created or its port open, so that errors precede takeoff.

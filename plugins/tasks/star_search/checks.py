@@ -14,7 +14,7 @@ from star_search.view import swaths
 if TYPE_CHECKING:
     from star_core import Scene
 
-SPEED: Final = 0.3  # m/s, as the schema has it
+DEFAULT_SPEED: Final = 0.3  # m/s
 STAYS: Final = ("land", "hover")
 """What `then` may say with which a finder searches no more."""
 
@@ -24,20 +24,20 @@ def check(  # noqa: PLR0913 -- a mission's own options
     rows: tuple[int, ...],
     *,
     area: areas.Area | None = None,
-    height: float = 0.8,
-    speed: float | None = None,
+    height: float,
+    speed: float,
     swath: float | None = None,
-    clearance: float = 0.3,
+    clearance: float,
     targets: int | Sequence[str] | None = None,
-    then: str = "continue",
+    then: str,
     **_others: Any,
 ) -> Iterator[Problem]:
     """Yield every reason why a search cannot be flown."""
     yield from (Problem(("area", *path), message) for path, message in areas.faults(scene, area))
     if fault := scene.height_fault(height):
         yield Problem(("height",), fault)
-    pace = min(SPEED if speed is None else speed, scene.limits.speed)
-    if speed is not None and speed > pace:
+    pace = min(speed, scene.limits.speed)
+    if speed != DEFAULT_SPEED and speed > pace:
         yield Problem(
             ("speed",), f"{speed:g} m/s is above limits.speed, {scene.limits.speed:g} m/s"
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from star_core import PluginError, TaskSpec
 from star_search.area import Area
-from star_search.checks import check
+from star_search.checks import DEFAULT_SPEED, check
 from star_search.choice import names
 
 if TYPE_CHECKING:
@@ -23,15 +23,15 @@ def make(  # noqa: PLR0913 -- a mission's own options
     rows: tuple[int, ...],
     *,
     area: Area | None = None,
-    pattern: str = "sweep",
-    height: float = 0.8,
-    speed: float = 0.3,
+    pattern: str,
+    height: float,
+    speed: float,
     swath: float | None = None,
-    clearance: float = 0.3,
-    then: str = "continue",
-    mark_for: float = 3.0,
+    clearance: float,
+    then: str,
+    mark_for: float,
     targets: int | Sequence[str] | None = None,
-    coverage: float = 0.99,
+    coverage: float,
 ) -> Task:
     from star_search.choice import made
     from star_search.field import Field
@@ -81,7 +81,7 @@ def offer() -> TaskSpec:
             "default": "sweep",
         },
         "height": _positive("Height to search from, z in the map, m.", default=0.8),
-        "speed": _positive("Greatest speed, m/s; limits.speed at most.", default=0.3),
+        "speed": _positive("Greatest speed, m/s; limits.speed at most.", default=DEFAULT_SPEED),
         "swath": _positive(
             "Distance between lanes, m; from the camera's view of the floor if not given.",
             examples=[1.0],

@@ -9,6 +9,6 @@ from star_core import TaskSpec, hookimpl
 
 @hookimpl
 def star_tasks() -> Iterable[TaskSpec]:
-    from star_verbs.offers import OFFERS
+    from star_verbs.specs import SPECS
 
-    return OFFERS
+    return SPECS

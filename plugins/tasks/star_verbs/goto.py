@@ -1,66 +1,227 @@
-"""The verb ``goto``: fly to a point, or by an offset, and stop there."""
+"""The verbs ``goto``, ``hold`` and ``wait``: fly to a position and stop, or hover."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
-from star_core import Estimate, Health, Status, TaskOutput
-from star_verbs.approach import Approach
+from star_core import Array, Estimate, Goals, Health, Scene, Status, TaskOutput, timeout
+from star_verbs.positions import spread
+from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
+
+TOLERANCE: Final = 0.1  # m: distance from its position at which an agent has arrived
+CONDITION_TIMEOUT: Final = 60.0  # s
 
 
-class Goto:
-    """Sends agents to a point, spread around it, or each of them by an offset.
+class Approach:
+    """A flight of some agents to one position each, which `target` chooses.
 
-    It waits until all its agents are located, and fails if a goal is not flyable.
+    It begins when all of them are located, and fails if a position is not flyable.
 
     Args:
-        approach: The flight there.
-        to: Point to fly to, map frame, m.
-        by: Offset from each agent's position when the step begins, along the map's axes, m.
-        spacing: Least distance between agents sent to one point, m.
+        scene: The mission's scene.
+        rows: Rows of the agents.
+        speed: Speed limit, m/s; at most the scene's limit, and that if None.
+        yaw_deg: Heading to turn to, degrees; None keeps each agent's own.
+        within: Distance to its position that each agent must reach, m.
+
+    Attributes:
+        agents: The agents.
+        goals: Their goals; None until all of them are located.
     """
 
     def __init__(
         self,
-        approach: Approach,
+        scene: Scene,
+        rows: tuple[int, ...],
         *,
-        to: Sequence[float] | None,
-        by: Sequence[float] | None,
-        spacing: float,
+        speed: float | None = None,
+        yaw_deg: float | None = None,
+        within: float = TOLERANCE,
     ) -> None:
-        self._approach = approach
+        self.agents = StepAgents(scene, rows)
+        self.goals: Goals | None = None
+        self._speed = min(speed or math.inf, scene.limits.speed)
+        self._yaw_deg = yaw_deg
+        self._within = within
+        self._target: Array | None = None
+        self._yaw: Array = np.zeros(len(rows))
+        self._fault = ""
+
+    def target(self, here: Array) -> Array:
+        """Return (K, 3) positions to fly to, m, for agents at `here` (K, 3), m."""
+        raise NotImplementedError
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        self.aim(estimate)
+        return self.travel_timeout(estimate)
+
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        self.aim(estimate)
+        if self._fault:
+            return TaskOutput(status=Status.FAILURE, reason=self._fault)
+        done = self.done(estimate)
+        return TaskOutput(self.goals, status=Status.SUCCESS if done else Status.RUNNING)
+
+    def done(self, estimate: Estimate) -> bool:
+        """Whether the step is over."""
+        return self.arrived(estimate)
+
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        kept = self.agents.keep(rows)
+        if self._target is not None:
+            self._yaw, self._target = self._yaw[kept], self._target[kept]
+            self.goals = self.agents.goals(self._target, self._yaw, self._speed)
+
+    def aim(self, estimate: Estimate) -> None:
+        """Set the goals once all agents are located."""
+        if self._target is not None or not self.agents.located(estimate):
+            return
+        rows = self.agents.rows
+        self._target = self.target(estimate.position[rows])
+        yaw = self._yaw_deg
+        self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), math.radians(yaw))
+        self.goals = self.agents.goals(self._target, self._yaw, self._speed)
+        self._fault = self.target_fault(self._target)
+
+    def target_fault(self, target: Array) -> str:
+        """Return which agents have goals that are not flyable, and why; empty if none.
+
+        The check of the mission covers the positions for all agents of a step, but not those for
+        the remaining agents, nor the results of offsets.
+        """
+        scene = self.agents.scene
+        return "; ".join(
+            f"{scene.agents[row].name} cannot be there: {fault}"
+            for row, (x, y, z) in zip(self.agents.rows, target.tolist(), strict=True)
+            if (fault := scene.position_fault((x, y, z))) is not None
+        )
+
+    def arrived(self, estimate: Estimate) -> bool:
+        """Whether all of them are at their positions and have stopped."""
+        return self.distance(estimate) <= self._within and self.agents.at_rest(estimate)
+
+    def distance(self, estimate: Estimate) -> float:
+        """Return the greatest distance of an agent from its position, m; infinite if unknown."""
+        if self._target is None:
+            return math.inf
+        return self.agents.max_distance(estimate, self._target)
+
+    def travel_timeout(self, estimate: Estimate, extra: float = 0.0) -> float:
+        """Return the timeout of the flight and `extra` seconds, s."""
+        travel = self.agents.travel_distance(estimate, self._target)
+        return timeout(travel / self._speed + extra)
+
+
+class Goto(Approach):
+    """Sends agents to a point, spread around it, or each of them by an offset.
+
+    Args:
+        scene: The mission's scene.
+        rows: Rows of the agents.
+        to: Point to fly to, map frame, m.
+        by: Offset from each agent's position when the step begins, along the map's axes, m.
+        spacing: Least distance between agents sent to one point, m.
+        speed: Speed limit, m/s; at most the scene's limit, and that if None.
+        yaw_deg: Heading to turn to, degrees; None keeps each agent's own.
+        within: Distance to its position that each agent must reach, m.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        rows: tuple[int, ...],
+        *,
+        to: Sequence[float] | None = None,
+        by: Sequence[float] = (0.0, 0.0, 0.0),
+        spacing: float,
+        speed: float | None = None,
+        yaw_deg: float | None = None,
+        within: float = TOLERANCE,
+    ) -> None:
+        super().__init__(scene, rows, speed=speed, yaw_deg=yaw_deg, within=within)
         self._to = to
         self._by = by
         self._spacing = spacing
 
-    def begin(self, estimate: Estimate, health: Health) -> float:
-        self._aim(estimate)
-        return self._approach.timeout(estimate)
-
-    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
-        if self._approach.goals is None:
-            self._aim(estimate)
-        if why := self._approach.fault():
-            return TaskOutput(status=Status.FAILURE, reason=why)
-        arrived = self._approach.arrived(estimate)
-        return TaskOutput(
-            self._approach.goals, status=Status.SUCCESS if arrived else Status.RUNNING
-        )
-
-    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
-        self._approach.on_agents_removed(rows)
+    def target(self, here: Array) -> Array:
+        if self._to is None:
+            return here + np.array(self._by, np.float64)
+        targets = np.array(spread(len(here), self._to, self._spacing))
+        return targets[assign(here, targets)]
 
     def on_agent_replaced(self, old: int, new: int) -> None:
-        self._approach.on_agent_replaced(old, new)
+        self.agents.replace(old, new)
+        if self._target is not None:
+            self.goals = self.agents.goals(self._target, self._yaw, self._speed)
 
-    def _aim(self, estimate: Estimate) -> None:
-        agents = self._approach.agents
-        if not agents.located(estimate):
-            return
-        if self._to is not None:
-            target = self._approach.spread(estimate, self._to, self._spacing)
-        else:
-            target = estimate.position[agents.rows] + np.array(self._by, np.float64)
-        self._approach.aim(estimate, target)
+
+class Hold(Goto):
+    """Keeps agents at their positions, or at a point and spread around it, for a time.
+
+    The time begins with their arrival; agents that stay at their positions have arrived at once.
+
+    Args:
+        scene: The mission's scene.
+        rows: Rows of the agents.
+        at: Point to hover at, map frame, m; None keeps each agent at its position.
+        seconds: Duration, s.
+        spacing: Least distance between agents sent to one point, m.
+        speed: Speed limit, m/s; at most the scene's limit, and that if None.
+        yaw_deg: Heading to turn to, degrees; None keeps each agent's own.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        rows: tuple[int, ...],
+        *,
+        at: Sequence[float] | None = None,
+        seconds: float,
+        spacing: float,
+        speed: float | None = None,
+        yaw_deg: float | None = None,
+    ) -> None:
+        super().__init__(scene, rows, to=at, spacing=spacing, speed=speed, yaw_deg=yaw_deg)
+        self._stays = at is None
+        self._seconds = seconds
+        self._since: float | None = None
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        self.aim(estimate)
+        if self._stays:
+            return timeout(self._seconds)
+        return self.travel_timeout(estimate, self._seconds)
+
+    def target_fault(self, target: Array) -> str:
+        return "" if self._stays else super().target_fault(target)
+
+    def done(self, estimate: Estimate) -> bool:
+        if self._since is None and self.arrived(estimate):
+            self._since = estimate.time
+        return (
+            self._since is not None
+            and estimate.time - self._since >= self._seconds - DURATION_ERROR
+        )
+
+    def arrived(self, estimate: Estimate) -> bool:
+        return self.goals is not None if self._stays else super().arrived(estimate)
+
+
+class Wait:
+    """Leaves the goals of its agents unchanged; the core evaluates the step's condition."""
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        return CONDITION_TIMEOUT
+
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        return TaskOutput()
+
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        """The remaining agents keep waiting."""
+
+    def on_agent_replaced(self, old: int, new: int) -> None:
+        """The new agent waits too."""

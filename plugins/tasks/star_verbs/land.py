@@ -1,11 +1,14 @@
-"""The verb ``land``: descend straight down and stop the motors."""
+"""The verbs ``land`` and ``leave``: descend straight down and stop the motors, here or at home."""
 
 from __future__ import annotations
+
+from typing import Final
 
 import numpy as np
 
 from star_core import (
     AgentPhase,
+    Array,
     Command,
     Estimate,
     Health,
@@ -15,11 +18,15 @@ from star_core import (
     TaskOutput,
     timeout,
 )
+from star_verbs.goto import Approach
 from star_verbs.step_agents import StepAgents
 
-LEAST_DURATION = 1.0  # s
-GROUNDED, LANDED = int(AgentPhase.GROUNDED), int(AgentPhase.LANDED)
-TAKING_OFF, FLYING = int(AgentPhase.TAKING_OFF), int(AgentPhase.FLYING)
+MIN_DURATION: Final = 1.0  # s
+ON_GROUND: Final = (AgentPhase.GROUNDED, AgentPhase.LANDED)
+FLYING: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING)
+MAX_HOME_DISTANCE: Final = 0.5  # m from its start at which a blocked agent lands
+BLOCKED_TIME: Final = 2.0  # s without `PROGRESS` after which an agent counts as blocked
+PROGRESS: Final = 0.02  # m
 
 
 class Land:
@@ -44,9 +51,9 @@ class Land:
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         rows = self._agents.rows
         phase = health.phase[rows]
-        if ((phase == GROUNDED) | (phase == LANDED)).all():
+        if np.isin(phase, ON_GROUND).all():
             return TaskOutput(status=Status.SUCCESS)
-        up = (phase == TAKING_OFF) | (phase == FLYING)
+        up = np.isin(phase, FLYING)
         if not up.any():
             return TaskOutput()
         floor = np.where(estimate.valid[rows, None], estimate.position[rows], 0.0)
@@ -63,9 +70,63 @@ class Land:
     def on_agent_replaced(self, old: int, new: int) -> None:
         self._agents.replace(old, new)
 
-    def _duration(self, estimate: Estimate) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def _duration(self, estimate: Estimate) -> Array:
         """(K,) time of each agent's descent, s."""
         rows = self._agents.rows
         top = self._agents.scene.limits.height[1]
         height = np.where(estimate.valid[rows], estimate.position[rows, 2], top)
-        return np.maximum(height / self._speed, LEAST_DURATION)
+        duration: Array = np.maximum(height / self._speed, MIN_DURATION)
+        return duration
+
+
+class Leave(Approach):
+    """A flight to each agent's start, at its current height, and a landing there.
+
+    Agents that are blocked close to home land where they are: an avoider keeps them from a start
+    that is nearer to an obstacle than its clearance.
+
+    Args:
+        scene: The mission's scene.
+        rows: Rows of the agents.
+        speed: Speed limit on the way, m/s; at most the scene's limit, and that if None.
+        descent: Mean speed of the descent, m/s.
+    """
+
+    def __init__(
+        self, scene: Scene, rows: tuple[int, ...], *, speed: float | None = None, descent: float
+    ) -> None:
+        super().__init__(scene, rows, speed=speed)
+        self._land = Land(scene, rows, speed=descent)
+        self._descent = min(descent, scene.limits.speed)
+        self._home = np.array([agent.start for agent in scene.agents])
+        self._landing = False
+        self._nearest = np.inf  # m: least distance from home of the agent farthest from its own
+        self._nearer_since = 0.0  # s
+
+    def target(self, here: Array) -> Array:
+        home = self._home[self.agents.rows].copy()
+        home[:, 2] = np.clip(here[:, 2], *self.agents.scene.limits.height)
+        return home
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        descent = self.agents.scene.limits.height[1] / self._descent
+        return super().begin(estimate, health) + timeout(max(descent, MIN_DURATION))
+
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        output = super().step(estimate, health)
+        if output.status is Status.FAILURE:
+            return output
+        self._landing |= output.status is Status.SUCCESS or self._blocked_near_home(estimate)
+        return self._land.step(estimate, health) if self._landing else output
+
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        super().on_agents_removed(rows)
+        self._land.on_agents_removed(rows)
+
+    def _blocked_near_home(self, estimate: Estimate) -> bool:
+        """Whether the agents have made no progress for `BLOCKED_TIME`, and are close to home."""
+        distance = self.distance(estimate)
+        if distance < self._nearest - PROGRESS:
+            self._nearest, self._nearer_since = distance, estimate.time
+        blocked = estimate.time - self._nearer_since >= BLOCKED_TIME
+        return distance <= MAX_HOME_DISTANCE and blocked

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from star_core import Array, Estimate, Goals, Rows, Scene
 
-SLOW = 0.15  # m/s: a slower agent has stopped, within the accuracy of its estimate
+MAX_REST_SPEED = 0.15  # m/s: a slower agent has stopped, within the accuracy of its estimate
+TIE_BREAK = 1e-6  # 1/m: cost of squared distances, which decides between equal totals
+DURATION_ERROR = 1e-9  # s: rounding error of mission time, which is a sum of ticks
 
 
 class StepAgents:
@@ -28,28 +31,22 @@ class StepAgents:
     def __init__(self, scene: Scene, rows: tuple[int, ...]) -> None:
         self.scene = scene
         self.rows: Rows = np.array(rows, np.int64)
-        self._active = np.zeros(len(scene.agents), np.bool_)
-        self._active[self.rows] = True
 
     def keep(self, rows: tuple[int, ...]) -> np.ndarray:
         """Remove all agents but some; return which of the K these are, (K,)."""
         kept = np.isin(self.rows, rows)
         self.rows = self.rows[kept]
-        self._active = np.zeros_like(self._active)
-        self._active[self.rows] = True
         return kept
 
     def replace(self, old: int, new: int) -> None:
         """Replace an agent by another."""
         self.rows = np.where(self.rows == old, new, self.rows)
-        self._active = np.zeros_like(self._active)
-        self._active[self.rows] = True
 
     def located(self, estimate: Estimate) -> bool:
         """Whether all of them are located."""
         return bool(estimate.valid[self.rows].all())
 
-    def farthest(self, estimate: Estimate, point: Array) -> float:
+    def max_distance(self, estimate: Estimate, point: Array) -> float:
         """Return the greatest distance of an agent from its row of `point` (K, 3), m.
 
         An agent that is not located is infinitely far.
@@ -59,15 +56,15 @@ class StepAgents:
         away = estimate.position[self.rows] - point
         return math.sqrt(np.vecdot(away, away).max())
 
-    def slow(self, estimate: Estimate) -> bool:
+    def at_rest(self, estimate: Estimate) -> bool:
         """Whether all of them have stopped."""
         velocity = estimate.velocity[self.rows]
-        return bool(np.vecdot(velocity, velocity).max() < SLOW**2)
+        return bool(np.vecdot(velocity, velocity).max() < MAX_REST_SPEED**2)
 
-    def journey(self, estimate: Estimate, point: Array | None) -> float:
+    def travel_distance(self, estimate: Estimate, point: Array | None) -> float:
         """Return the longest distance to `point` (K, 3), m; if unknown, the fence's diagonal."""
         fence = self.scene.world.fence
-        far = math.inf if point is None else self.farthest(estimate, point)
+        far = math.inf if point is None else self.max_distance(estimate, point)
         return min(far, math.dist(fence.low, fence.high))
 
     def goals(
@@ -81,10 +78,51 @@ class StepAgents:
             speed: Speed limit on the way, m/s.
             velocity: (K, 3) feed-forward, m/s; zero if not given.
         """
-        n = len(self._active)
+        n = len(self.scene.agents)
         positions, velocities, yaws = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
+        active = np.zeros(n, np.bool_)
+        active[self.rows] = True
         positions[self.rows] = position
         yaws[self.rows] = yaw
         if velocity is not None:
             velocities[self.rows] = velocity
-        return Goals(positions, velocities, yaws, np.full(n, speed), self._active)
+        return Goals(positions, velocities, yaws, np.full(n, speed), active)
+
+
+def assign(position: Array, target: Array) -> Rows:
+    """Return the target of each agent, so that the total distance flown is minimal.
+
+    Straight paths of minimal total length do not cross: uncrossing two paths shortens them, by the
+    triangle inequality. Of assignments with equal totals, the one with the smallest sum of squares
+    is taken, so that agents in a row do not overtake each other.
+
+    Args:
+        position: (K, 3) positions of the agents, m.
+        target: (P, 3) available positions, one agent each, m; at least K of them.
+
+    Returns:
+        (K,) row in `target` for each row in `position`.
+
+    Example:
+        >>> assign(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[1.1, 0, 0], [0.1, 0, 0]]))
+        array([1, 0])
+    """
+    offset = position[:, None] - target[None, :]  # (K, P, 3)
+    distance = np.sqrt((offset**2).sum(axis=2))
+    target_of: Rows = linear_sum_assignment(distance + TIE_BREAK * distance**2)[1]
+    return target_of
+
+
+def lag_factor(lag: float, slow: float, stop: float) -> float:
+    """Return the share of its pace at which a moving goal goes on when an agent lags behind it.
+
+    Args:
+        lag: Distance of the agent farthest behind, m.
+        slow: Lag from which on the goal slows down, m.
+        stop: Lag at which it stops, m.
+
+    Example:
+        >>> lag_factor(0.2, 0.3, 0.6), lag_factor(0.45, 0.25, 0.65), lag_factor(math.inf, 0.3, 0.6)
+        (1.0, 0.5, 0.0)
+    """
+    return min(max((stop - lag) / (stop - slow), 0.0), 1.0)

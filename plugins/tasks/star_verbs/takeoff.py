@@ -1,6 +1,9 @@
-"""The verb ``takeoff``: climb straight up and hover there."""
+"""The verbs ``takeoff`` and ``join``: climb straight up and hover there."""
 
 from __future__ import annotations
+
+import math
+from typing import Final
 
 import numpy as np
 
@@ -18,9 +21,10 @@ from star_core import (
 )
 from star_verbs.step_agents import StepAgents
 
-LEAST_DURATION = 1.0  # s
-NEAR = 0.15  # m: greatest height error at which an agent has taken off
-IN_THE_AIR = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING)
+MIN_DURATION: Final = 1.0  # s
+MAX_HEIGHT_ERROR: Final = 0.15  # m: at which an agent has taken off
+AIRBORNE: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING)
+CLEARANCE: Final = 0.5  # m: least horizontal distance of flying agents from one that joins
 
 
 class Takeoff:
@@ -42,32 +46,33 @@ class Takeoff:
         self._goals: Goals | None = None
 
     def begin(self, estimate: Estimate, health: Health) -> float:
-        foot = [agent.start[2] for agent in self._agents.scene.agents]
-        return timeout(max(LEAST_DURATION, (self._height - min(foot)) / self._speed))
+        lowest = min(agent.start[2] for agent in self._agents.scene.agents)
+        return timeout(max(MIN_DURATION, (self._height - lowest) / self._speed))
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
-        phase = health.phase[self._agents.rows]
+        rows, scene = self._agents.rows, self._agents.scene
+        phase = health.phase[rows]
         if self._goals is None:
-            flying = self._agents.rows[np.isin(phase, IN_THE_AIR)]
+            flying = rows[np.isin(phase, AIRBORNE)]
             if len(flying):
-                names = self._agents.scene.named(flying.tolist())
+                names = scene.named(flying.tolist())
                 return TaskOutput(status=Status.FAILURE, reason=f"already in the air: {names}")
             if not self._agents.located(estimate):
                 return TaskOutput()
             return self._climb(estimate)
-        off = abs(estimate.position[self._agents.rows, 2] - self._height)
+        error = abs(estimate.position[rows, 2] - self._height)
         done = (
             bool((phase == AgentPhase.FLYING).all())
             and self._agents.located(estimate)
-            and float(off.max()) <= NEAR
+            and float(error.max()) <= MAX_HEIGHT_ERROR
         )
         return TaskOutput(self._goals, status=Status.SUCCESS if done else Status.RUNNING)
 
     def on_agents_removed(self, rows: tuple[int, ...]) -> None:
         self._agents.keep(rows)
         if self._goals is not None:
-            rows_left = self._agents.rows
-            top, yaw = self._goals.position[rows_left], self._goals.yaw[rows_left]
+            kept = self._agents.rows
+            top, yaw = self._goals.position[kept], self._goals.yaw[kept]
             self._goals = self._agents.goals(top, yaw, self._speed)
 
     def _climb(self, estimate: Estimate) -> TaskOutput:
@@ -77,5 +82,49 @@ class Takeoff:
         top[:, 2] = self._height
         yaw = estimate.yaw[rows]
         self._goals = self._agents.goals(top, yaw, self._speed)
-        duration = np.maximum(climb / self._speed, LEAST_DURATION)
+        duration = np.maximum(climb / self._speed, MIN_DURATION)
         return TaskOutput(self._goals, (Command(Order.TAKEOFF, rows, top, yaw, duration),))
+
+
+class Join(Takeoff):
+    """A take-off of agents that are ready: connected, charged, and with no agent above them.
+
+    Args:
+        scene: The mission's scene.
+        rows: Rows of the agents.
+        height: z to climb to, map frame, m.
+        speed: Mean speed of the climb, m/s.
+        battery: Battery voltage on the ground that each agent needs, V.
+    """
+
+    def __init__(
+        self, scene: Scene, rows: tuple[int, ...], *, height: float, speed: float, battery: float
+    ) -> None:
+        super().__init__(scene, rows, height=height, speed=speed)
+        self._battery = battery
+        self._ready = False
+
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        if not self._ready:
+            if fault := self._fault(estimate, health):
+                return TaskOutput(status=Status.FAILURE, reason=fault)
+            self._ready = True
+        return super().step(estimate, health)
+
+    def _fault(self, estimate: Estimate, health: Health) -> str:
+        """Return which agents cannot take off, and why; empty if all can."""
+        scene, faults = self._agents.scene, []
+        for row in self._agents.rows.tolist():
+            name = scene.agents[row].name
+            voltage = float(health.battery[row])
+            if math.isnan(voltage) or voltage < self._battery:
+                faults.append(
+                    f"the battery of {name} is at {voltage:.2f} V, {self._battery:g} V needed"
+                )
+            offset = estimate.position - estimate.position[row]
+            above = (np.hypot(*offset[:, :2].T) < CLEARANCE) & (
+                estimate.position[:, 2] > estimate.position[row, 2] + CLEARANCE
+            )
+            if above.any():
+                faults.append(f"{scene.named(np.flatnonzero(above).tolist())} is above {name}")
+        return "; ".join(faults)

@@ -146,9 +146,8 @@ class PluginChecks:
             return [], []
         what = f"the {function} of {kind} {name!r} ({found.source})"
         try:
-            if kind != "task":  # a task's own checks tell options that are given from defaults
-                options = fill_defaults(options, found.offer.options)
-            answer = list(call(*arguments, **options))
+            filled = fill_defaults(options, found.offer.options)
+            answer = list(call(*arguments, **filled))
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever it may raise
             return [], [((), f"{what} raised {error!r}")]
         return [one for one in answer if sound(one)], [

@@ -22,12 +22,13 @@ from star_core import (
     Scene,
     Status,
     Task,
+    fill_defaults,
 )
 from star_core.testing import estimate, health
 from star_straight import make as make_straight
-from star_verbs.offers import OFFERS
+from star_verbs.specs import SPECS
 
-OFFER = {offer.name: offer for offer in OFFERS}
+SPEC = {spec.name: spec for spec in SPECS}
 
 
 def everybody(_time: float) -> Mask:
@@ -154,7 +155,8 @@ def make() -> Callable[..., Task]:
     """Make a verb's task as the core does: verb, scene, rows, options."""
 
     def made(verb: str, scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-        return OFFER[verb].make(scene, rows, **options)
+        spec = SPEC[verb]
+        return spec.make(scene, rows, **fill_defaults(options, spec.options))
 
     return made
 
@@ -166,8 +168,9 @@ def problems() -> Callable[..., list[tuple[tuple[str | int, ...], str]]]:
     def found(
         verb: str, scene: Scene, rows: tuple[int, ...], **options: Any
     ) -> list[tuple[tuple[str | int, ...], str]]:
-        check = OFFER[verb].check
-        assert check is not None
-        return [(problem.path, problem.message) for problem in check(scene, rows, **options)]
+        spec = SPEC[verb]
+        assert spec.check is not None
+        found = spec.check(scene, rows, **fill_defaults(options, spec.options))
+        return [(problem.path, problem.message) for problem in found]
 
     return found

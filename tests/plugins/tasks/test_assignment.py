@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Array
-from star_verbs.assignment import assign
+from star_verbs.step_agents import assign
 
 seeds = st.integers(0, 2**32 - 1)
 

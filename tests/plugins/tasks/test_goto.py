@@ -109,10 +109,10 @@ def test_a_goal_in_an_obstacle_is_a_problem(problems: Any) -> None:
     ]
 
 
-def test_every_place_around_the_goal_must_be_free(problems: Any) -> None:
+def test_every_position_around_the_goal_must_be_free(problems: Any) -> None:
     room = replace(scene(2), world=HALL)
     assert problems("goto", room, (0, 1), to=[1.7, 0.0, 0.8]) == [
-        (("to",), "place 2 of 2: [2, 0, 0.8] is inside obstacle 'pillar'")
+        (("to",), "position 2 of 2: [2, 0, 0.8] is inside obstacle 'pillar'")
     ]
 
 

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from star_core import InputError, Limits, Obstacle, Scene, Status
 from star_core.testing import scene
-from star_verbs.follow.trajectory import COLUMNS, Piece, Trajectory, read
+from star_verbs.follow.files import PIECE_COLUMNS, read_trajectory
+from star_verbs.follow.trajectory import PolynomialPath
 
-HEADER = ",".join(COLUMNS)
+HEADER = ",".join(PIECE_COLUMNS)
 WIDE = Limits(speed=2.0, acceleration=10.0)
 NOTHING = (0.0,) * 8
 coefficients = st.lists(st.floats(-2, 2), min_size=8, max_size=8).map(tuple)
@@ -48,7 +49,7 @@ def with_file(folder: Path, text: str, n: int = 1, limits: Limits = WIDE) -> Sce
 def faults(folder: Path, text: str) -> list[str]:
     (folder / "path.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as raised:
-        read(folder / "path.csv", "path.csv")
+        read_trajectory(folder / "path.csv", "path.csv")
     return list(raised.value.problems)
 
 
@@ -56,32 +57,33 @@ def faults(folder: Path, text: str) -> list[str]:
 def test_a_piece_is_where_its_polynomials_are(
     x: tuple[float, ...], yaw: tuple[float, ...], time: float
 ) -> None:
-    moment = Piece(2.0, (x, NOTHING, NOTHING, yaw), 2).at(time)
+    path = PolynomialPath(np.array([2.0]), np.array([[x, NOTHING, NOTHING, yaw]]), [2])
+    value, velocity, acceleration = path.state(np.array([0]), np.array([time]))
     polynomial = np.polynomial.Polynomial(x)
-    assert moment.point[0] == pytest.approx(polynomial(time), abs=1e-9)
-    assert moment.velocity[0] == pytest.approx(polynomial.deriv()(time), abs=1e-9)
-    assert moment.acceleration[0] == pytest.approx(polynomial.deriv(2)(time), abs=1e-9)
-    assert moment.yaw == pytest.approx(np.polynomial.Polynomial(yaw)(time), abs=1e-9)
+    assert value[0, 0] == pytest.approx(polynomial(time), abs=1e-9)
+    assert velocity[0, 0] == pytest.approx(polynomial.deriv()(time), abs=1e-9)
+    assert acceleration[0, 0] == pytest.approx(polynomial.deriv(2)(time), abs=1e-9)
+    assert value[0, 3] == pytest.approx(np.polynomial.Polynomial(yaw)(time), abs=1e-9)
 
 
 @given(time=st.floats(-5, 15))
 def test_a_trajectory_is_between_where_it_begins_and_where_it_ends(time: float) -> None:
     line = (rest_to_rest(0.0, 1.0, 4.0), rest_to_rest(1.0, 2.0, 4.0))
-    pieces = [Piece(4.0, (tuple(x), NOTHING, NOTHING, NOTHING), 2) for x in line]
-    trajectory = Trajectory(pieces)
-    assert trajectory.duration == 8.0
-    assert -1e-9 <= trajectory.at(time).point[0] <= 3.0 + 1e-9
-    assert trajectory.at(-1.0).point[0] == 0.0
-    assert trajectory.at(9.0).point[0] == pytest.approx(3.0)
+    pieces = np.array([[x, NOTHING, NOTHING, NOTHING] for x in line])
+    trajectory = PolynomialPath(np.array([4.0, 4.0]), pieces, [2, 3])
+    point, _ = trajectory.at(np.array([time, -1.0, 9.0]))
+    assert trajectory.length == 8.0
+    assert -1e-9 <= point[0, 0] <= 3.0 + 1e-9
+    assert point[1:, 0] == pytest.approx([0.0, 3.0])
 
 
 @pytest.mark.parametrize("header", [HEADER.title(), f"# {HEADER}", f"{HEADER},"])
 def test_headers_of_crazyswarm_numpy_and_others_are_read(tmp_path: Path, header: str) -> None:
     text = there_and_back().replace(HEADER, header)
     (tmp_path / "path.csv").write_text(text, encoding="utf-8")
-    found = read(tmp_path / "path.csv", "path.csv")
-    assert [piece.line for piece in found.pieces] == [2, 3]
-    assert found.duration == 8.0
+    found = read_trajectory(tmp_path / "path.csv", "path.csv")
+    assert found.lines.tolist() == [2, 3]
+    assert found.length == 8.0
 
 
 STILL = row(1.0, NOTHING)
@@ -115,7 +117,7 @@ def test_what_is_wrong_with_a_file_is_said_with_its_line(
 def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "path.csv").write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match=r"path\.csv: cannot be read as CSV in UTF-8"):
-        read(tmp_path / "path.csv", "path.csv")
+        read_trajectory(tmp_path / "path.csv", "path.csv")
 
 
 POLY7: dict[str, Any] = {"file": "path.csv", "format": "poly7"}
@@ -254,9 +256,9 @@ def test_one_that_lies_in_an_obstacle_is_told_by_its_first_place(
     assert all("m from obstacle 'post'" in message for _, message in found)
 
 
-def test_what_has_no_place_beside_a_trajectory_is_a_problem(problems: Any, tmp_path: Path) -> None:
+def test_options_of_paths_do_not_go_with_a_trajectory(problems: Any, tmp_path: Path) -> None:
     room = with_file(tmp_path, there_and_back())
-    assert problems("follow", room, (0,), **POLY7, speed=0.3, heading="along") == [
+    assert problems("follow", room, (0,), **POLY7, speed=0.4, heading="along") == [
         (("speed",), "'speed' does not go with 'format: poly7'"),
         (("heading",), "'heading' does not go with 'format: poly7'"),
     ]

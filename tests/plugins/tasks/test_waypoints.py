@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError
-from star_verbs.follow.waypoints import read
+from star_verbs.follow.files import read_waypoints
 
 
 def written(folder: Path, text: str) -> str:
@@ -17,19 +17,19 @@ def written(folder: Path, text: str) -> str:
 
 def faults(folder: Path, file: str) -> list[str]:
     with pytest.raises(InputError) as raised:
-        read(folder / file, file)
+        read_waypoints(folder / file, file)
     return list(raised.value.problems)
 
 
 def test_points_are_read_with_the_lines_they_stand_on(tmp_path: Path) -> None:
-    found = read(tmp_path / written(tmp_path, "x,y,z\n0,0,1\n\n1,2.5,1\n"), "path.csv")
+    found = read_waypoints(tmp_path / written(tmp_path, "x,y,z\n0,0,1\n\n1,2.5,1\n"), "path.csv")
     assert found.point == ((0.0, 0.0, 1.0), (1.0, 2.5, 1.0))
     assert found.line == (2, 4)
     assert found.yaw_deg == ()
 
 
 def test_columns_may_stand_in_any_order_with_a_heading(tmp_path: Path) -> None:
-    found = read(
+    found = read_waypoints(
         tmp_path / written(tmp_path, "\ufeffyaw_deg, z, y, x\r\n90,1,2,3\r\n0,1,2,4\r\n"),
         "path.csv",
     )

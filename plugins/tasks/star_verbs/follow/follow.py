@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -22,17 +22,19 @@ from star_core import (
     timeout,
     wrap_angle,
 )
-from star_verbs.assignment import assign
-from star_verbs.step_agents import StepAgents
+from star_verbs.follow.files import read_trajectory
+from star_verbs.follow.routes import Polyline, route, route_faults
+from star_verbs.follow.trajectory import Samples, position_faults
+from star_verbs.positions import Point, offsets
+from star_verbs.step_agents import StepAgents, assign, lag_factor
 
-Point = tuple[float, float, float]
-
-NEAR = 0.15  # m: position tolerance at the start and at the end
-LAG = 0.3  # m: lag of an agent behind its moving point from which on the points slow down
-STOP = 0.6  # m: lag at which the points stop
-TURN = math.radians(60)  # rad/s: rate limit of the yaw goal
-FACING = math.radians(15)  # of the initial heading: tolerance when a flight on board begins
-LEVEL = 1e-6  # least horizontal component of a path's direction that defines a heading
+TOLERANCE: Final = 0.15  # m: position error at the start and at the end
+SLOW_LAG: Final = 0.3  # m: lag of an agent behind its reference from which on references slow down
+STOP_LAG: Final = 0.6  # m: lag at which they stop
+CATCH_UP: Final = 1.5  # times the path's speed: the speed limit of an agent that lags behind
+MAX_YAW_RATE: Final = math.radians(60)  # rad/s, of the yaw goal
+YAW_TOLERANCE: Final = math.radians(15)  # of the initial heading when a flight on board begins
+MIN_HORIZONTAL: Final = 1e-6  # of a path's unit direction: less of it defines no heading
 
 
 class Line(Protocol):
@@ -48,17 +50,17 @@ class Line(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Reference:
     """A line, and how a number of agents fly along it.
 
     Attributes:
         line: The line.
-        length: Part of it each agent flies: m, or s of its own time.
-        pace: Part of it flown in a second.
-        speed: Speed on the way to its beginning, m/s.
-        fastest: Speed limit of an agent that lags behind, m/s.
-        ahead: Parameter at which each agent begins.
-        beside: Offset of each agent's line, m; None lets it begin at the agent's position.
+        length: Parameter range that each agent flies: m, or s of its own time.
+        pace: Parameter flown in a second.
+        approach_speed: Speed on the way to its beginning, m/s.
+        max_speed: Speed limit of an agent that lags behind, m/s.
+        start: Parameter at which each agent begins.
+        offset: Offset of each agent's line, m; None lets it begin at the agent's position.
         fault: Returns why a line with these offsets cannot be flown; empty if it can.
         on_board: The line as flown on board; None steers the agents along it.
     """
@@ -66,29 +68,72 @@ class Way:
     line: Line
     length: float
     pace: float
-    speed: float
-    fastest: float
-    ahead: Sequence[float]
-    beside: Sequence[Point] | None
+    approach_speed: float
+    max_speed: float
+    start: Sequence[float]
+    offset: Sequence[Point] | None
     fault: Callable[[Sequence[Point]], str]
     on_board: Trajectory | None = None
 
 
+def route_reference(scene: Scene, agents: int, options: dict[str, Any]) -> Reference:
+    """Return the reference of `agents` agents along a file's waypoints or a named path.
+
+    Raises:
+        InputError: The file cannot be used.
+    """
+    flown = route(scene, agents, options)
+    speed = min(options["speed"], scene.limits.speed)
+    return Reference(
+        line=Polyline(flown.point, flown.yaw_deg),
+        length=flown.length,
+        pace=speed,
+        approach_speed=speed,
+        max_speed=min(CATCH_UP * speed, scene.limits.speed),
+        start=flown.start,
+        offset=flown.offset,
+        # Checked again: fewer agents than at the mission's check fly other lines.
+        fault=lambda _offsets: "; ".join(route_faults(scene, flown)),
+    )
+
+
+def trajectory_reference(scene: Scene, agents: int, options: dict[str, Any]) -> Reference:
+    """Return the reference of `agents` agents along a trajectory in its own time.
+
+    Raises:
+        InputError: The file cannot be used.
+    """
+    file = options["file"]
+    path = read_trajectory(scene.file(file), file)
+    samples = Samples.of(path)
+    return Reference(
+        line=path,
+        length=path.length,
+        pace=1 / options["timescale"],
+        approach_speed=scene.limits.speed,
+        max_speed=scene.limits.speed,
+        start=(0.0,) * agents,
+        offset=None if options["relative"] else offsets(agents, options["spacing"]),
+        fault=lambda shifts: "; ".join(position_faults(scene, samples, shifts, file)),
+        on_board=path.trajectory if options["on_board"] else None,
+    )
+
+
 class Follow:
-    """Steers agents along a line by points that move on it at a common pace.
+    """Steers agents along a line by references that move on it at a common pace.
 
-    The agents first fly to the starts of their lines. When all have stopped there the points start;
-    they slow down together when the agent farthest behind its point lags by more than `LAG`, and
-    stop when it lags by `STOP` or is not located. So agents keep their distances along the path,
-    and the others wait for an agent that gives way to another.
+    The agents first fly to the starts of their lines. When all have stopped there the references
+    start; they slow down together when the agent farthest behind its reference lags by more than
+    `SLOW_LAG`, and stop when it lags by `STOP_LAG` or is not located. So agents keep their
+    distances along the path, and the others wait for an agent that gives way to another.
 
-    Agents that fly on board are commanded to when the points start. Then the points do not wait:
-    they show where the agents should be, and steer those that do not fly on board.
+    Agents that fly on board are commanded to when the references start. Then the references do not
+    wait: they show where the agents should be, and steer those that do not fly on board.
 
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
-        way: The line, with the start and offset of each of as many agents.
+        reference: The line, with the start and offset of each of as many agents.
         along: Whether to look along the path; otherwise the agents look in the line's direction, or
             keep their headings at the beginning of the step.
 
@@ -96,25 +141,27 @@ class Follow:
         trajectories: Trajectories that they fly on board.
     """
 
-    def __init__(self, scene: Scene, rows: tuple[int, ...], way: Way, *, along: bool) -> None:
+    def __init__(
+        self, scene: Scene, rows: tuple[int, ...], reference: Reference, *, along: bool
+    ) -> None:
         self._agents = StepAgents(scene, rows)
-        self._way = way
-        self._ahead = np.array(way.ahead, np.float64)  # (K,)
-        self._beside = np.array(way.beside or np.zeros((len(rows), 3)))  # (K, 3)
+        self._reference = reference
+        self._start = np.array(reference.start, np.float64)  # (K,)
+        self._offset = np.array(reference.offset or np.zeros((len(rows), 3)))  # (K, 3)
         self._along = along
-        self.trajectories = () if way.on_board is None else (way.on_board,)
-        self._fault = "" if way.beside is None else way.fault(way.beside)
+        self.trajectories = () if reference.on_board is None else (reference.on_board,)
+        self._fault = "" if reference.offset is None else reference.fault(reference.offset)
         self._flown = 0.0
         self._time = 0.0
-        self._under_way = False
-        self._point: Array | None = None  # (K, 3) last positions of the moving points
+        self._started = False
+        self._point: Array | None = None  # (K, 3) last positions of the references
         self._yaw: Array = np.zeros(len(rows))
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         self._line_up(estimate)
-        way = self._way
-        journey = self._agents.journey(estimate, self._point)
-        return timeout(journey / way.speed + way.length / way.pace)
+        reference = self._reference
+        travel = self._agents.travel_distance(estimate, self._point)
+        return timeout(travel / reference.approach_speed + reference.length / reference.pace)
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._point is None:
@@ -123,28 +170,29 @@ class Follow:
             return TaskOutput(status=Status.FAILURE, reason=self._fault)
         if self._point is None:
             return TaskOutput()
-        passed, self._time = estimate.time - self._time, estimate.time
-        lag = self._agents.farthest(estimate, self._point)
+        reference = self._reference
+        elapsed, self._time = estimate.time - self._time, estimate.time
+        lag = self._agents.max_distance(estimate, self._point)
         commands: tuple[Command, ...] = ()
-        if not self._under_way and self._lined_up(estimate, lag):
-            self._under_way = True
-            if self._way.on_board is not None:
-                commands, passed = (self._order(self._way.on_board),), 0.0
-        pace = self._pace(lag) if self._under_way else 0.0
-        self._flown = min(self._flown + pace * passed, self._way.length)
-        over = self._flown >= self._way.length
-        point, tangent = self._way.line.at(self._ahead + self._flown)
-        self._point = point + self._beside
-        self._turn(tangent, passed)
+        if not self._started and self._lined_up(estimate, lag):
+            self._started = True
+            if reference.on_board is not None:
+                commands, elapsed = (self._on_board_command(reference.on_board),), 0.0
+        pace = self._pace(lag) if self._started else 0.0
+        self._flown = min(self._flown + pace * elapsed, reference.length)
+        over = self._flown >= reference.length
+        point, tangent = reference.line.at(self._start + self._flown)
+        self._point = point + self._offset
+        self._turn(tangent, elapsed)
         velocity = None if over else pace * tangent
-        speed = self._way.fastest if self._under_way else self._way.speed
+        speed = reference.max_speed if self._started else reference.approach_speed
         goals = self._agents.goals(self._point, self._yaw, speed, velocity)
-        done = over and self._agents.farthest(estimate, self._point) <= NEAR
+        done = over and self._agents.max_distance(estimate, self._point) <= TOLERANCE
         return TaskOutput(goals, commands, Status.SUCCESS if done else Status.RUNNING)
 
     def on_agents_removed(self, rows: tuple[int, ...]) -> None:
         kept = self._agents.keep(rows)
-        self._ahead, self._beside = self._ahead[kept], self._beside[kept]
+        self._start, self._offset = self._start[kept], self._offset[kept]
         self._yaw = self._yaw[kept]
         if self._point is not None:
             self._point = self._point[kept]
@@ -156,49 +204,49 @@ class Follow:
         """Assign each agent a start so that the total distance is minimal."""
         if not self._agents.located(estimate):
             return
-        start, here = self._way.line.at(self._ahead)[0], estimate.position[self._agents.rows]
-        if self._way.beside is None:
-            self._beside = here - start
-            self._fault = self._way.fault([(x, y, z) for x, y, z in self._beside.tolist()])
+        reference = self._reference
+        start, here = reference.line.at(self._start)[0], estimate.position[self._agents.rows]
+        if reference.offset is None:
+            self._offset = here - start
+            self._fault = reference.fault([(x, y, z) for x, y, z in self._offset.tolist()])
         else:
-            mine = assign(here, start + self._beside)
-            start, self._ahead, self._beside = start[mine], self._ahead[mine], self._beside[mine]
-        self._point = start + self._beside
+            mine = assign(here, start + self._offset)
+            start, self._start, self._offset = start[mine], self._start[mine], self._offset[mine]
+        self._point = start + self._offset
         self._yaw = estimate.yaw[self._agents.rows]
         self._time = estimate.time
 
     def _lined_up(self, estimate: Estimate, lag: float) -> bool:
         """Whether all have stopped at their starts; on board, also with the initial heading."""
-        if lag > NEAR or not self._agents.slow(estimate):
+        if lag > TOLERANCE or not self._agents.at_rest(estimate):
             return False
-        yaw = None if self._way.on_board is None else self._way.line.yaw(self._ahead)
+        reference = self._reference
+        yaw = None if reference.on_board is None else reference.line.yaw(self._start)
         if yaw is None:
             return True
-        off = wrap_angle(estimate.yaw[self._agents.rows] - yaw)
-        return bool(np.abs(off).max() <= FACING)
+        error = wrap_angle(estimate.yaw[self._agents.rows] - yaw)
+        return bool(np.abs(error).max() <= YAW_TOLERANCE)
 
-    def _order(self, trajectory: Trajectory) -> Command:
+    def _on_board_command(self, trajectory: Trajectory) -> Command:
         """Return the command to fly a trajectory from the agents' starts."""
         rows = self._agents.rows
-        seconds = np.full(len(rows), self._way.length / self._way.pace)
-        unturned = np.zeros(len(rows))
-        return Command(Order.FOLLOW, rows, self._beside, unturned, seconds, trajectory)
+        seconds = np.full(len(rows), self._reference.length / self._reference.pace)
+        return Command(Order.FOLLOW, rows, self._offset, np.zeros(len(rows)), seconds, trajectory)
 
     def _pace(self, lag: float) -> float:
-        """Pace of the points when the farthest agent lags by `lag` m."""
-        if self._way.on_board is not None:
-            return self._way.pace
-        return self._way.pace * min(max((STOP - lag) / (STOP - LAG), 0.0), 1.0)
+        """Pace of the references when the farthest agent lags by `lag` m."""
+        pace = self._reference.pace
+        on_board = self._reference.on_board is not None
+        return pace if on_board else pace * lag_factor(lag, SLOW_LAG, STOP_LAG)
 
-    def _turn(self, tangent: Array, passed: float) -> None:
+    def _turn(self, tangent: Array, elapsed: float) -> None:
         """Turn the yaw goals towards the headings that the agents should have."""
-        wanted: Array | None
+        yaw: Array | None
         if self._along:
-            level = np.hypot(tangent[:, 0], tangent[:, 1]) > LEVEL
-            wanted = np.where(level, np.arctan2(tangent[:, 1], tangent[:, 0]), self._yaw)
+            horizontal = np.hypot(tangent[:, 0], tangent[:, 1]) > MIN_HORIZONTAL
+            yaw = np.where(horizontal, np.arctan2(tangent[:, 1], tangent[:, 0]), self._yaw)
         else:
-            wanted = self._way.line.yaw(self._ahead + self._flown)
-        if wanted is not None:
-            error = wrap_angle(wanted - self._yaw)
-            most = TURN * passed
-            self._yaw = wrap_angle(self._yaw + np.minimum(np.maximum(error, -most), most))
+            yaw = self._reference.line.yaw(self._start + self._flown)
+        if yaw is not None:
+            limit = MAX_YAW_RATE * elapsed
+            self._yaw = wrap_angle(self._yaw + np.clip(wrap_angle(yaw - self._yaw), -limit, limit))

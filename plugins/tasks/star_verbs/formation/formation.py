@@ -9,38 +9,28 @@ from typing import Final
 import numpy as np
 
 from star_core import Array, Estimate, Health, Scene, Status, TaskOutput, timeout
-from star_verbs.assignment import assign
-from star_verbs.formation.checks import faults
-from star_verbs.formation.shapes import Shape
-from star_verbs.step_agents import StepAgents
+from star_verbs.formation.shapes import Shape, position_faults
+from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign, lag_factor
 
-LAG: Final = 0.15
-"""Position error of an agent from which on the formation slows down, m."""
-
-STOP: Final = 0.4
-"""Position error of an agent at which the formation waits, m."""
-
-CATCH_UP: Final = 1.5
-"""Speed limit of an agent that lags behind, as a multiple of the formation's speed."""
-
-ROUNDING: Final = 1e-9
-"""Rounding error of mission time, which is a sum of ticks, s."""
+SLOW_LAG: Final = 0.15  # m: position error of an agent from which on the formation slows down
+STOP_LAG: Final = 0.4  # m: position error of an agent at which the formation waits
+CATCH_UP: Final = 1.5  # times the formation's speed: the speed limit of an agent that lags behind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Manner:
+class Motion:
     """Motion parameters of a formation.
 
     Attributes:
         speed: Speed on the way to the positions, m/s.
-        pace: Speed of the moving formation, m/s.
+        move_speed: Speed of the moving formation, m/s.
         yaw: Heading of the agents, rad; None keeps each agent's own.
         within: Distance to its position that each agent must reach, m.
         hold: Time to hold the formation once it is formed, s.
     """
 
     speed: float
-    pace: float
+    move_speed: float
     yaw: float | None
     within: float
     hold: float
@@ -51,85 +41,83 @@ class Formation:
 
     The formation is formed when every agent is at its position and has stopped. Then it is held,
     and then its positions move together: they slow down when the agent farthest from its position
-    is more than `LAG` away, and stop when it is `STOP` away or not located.
+    is more than `SLOW_LAG` away, and stop when it is `STOP_LAG` away or not located.
 
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
         shape: The positions.
-        manner: Motion parameters.
+        motion: Motion parameters.
     """
 
-    def __init__(self, scene: Scene, rows: tuple[int, ...], shape: Shape, manner: Manner) -> None:
+    def __init__(self, scene: Scene, rows: tuple[int, ...], shape: Shape, motion: Motion) -> None:
         self._agents = StepAgents(scene, rows)
         self._shape = shape
-        self._manner = manner
-        self._fastest = min(CATCH_UP * manner.pace, scene.limits.speed)
+        self._motion = motion
+        self._max_speed = min(CATCH_UP * motion.move_speed, scene.limits.speed)
         # Checked again: fewer agents than at the mission's check form other shapes.
-        self._fault = "; ".join(faults(scene, shape))
+        self._fault = "; ".join(position_faults(scene, shape))
         self._move = np.array(shape.move)
-        self._place: Array | None = None  # (K, 3) each agent's position before the formation moves
+        self._position: Array | None = (
+            None  # (K, 3) each agent's position before the formation moves
+        )
         self._yaw: Array = np.zeros(len(rows))
         self._formed = math.inf  # s, time at which it is formed
         self._flown = 0.0  # m, distance that the formation has moved
         self._time = 0.0
 
     def begin(self, estimate: Estimate, health: Health) -> float:
-        self._line_up(estimate)
-        far = self._agents.journey(estimate, self._place)
-        takes = far / self._manner.speed + self._shape.way / self._manner.pace
-        return timeout(takes + self._manner.hold)
+        self._assign(estimate)
+        travel = self._agents.travel_distance(estimate, self._position)
+        takes = travel / self._motion.speed + self._shape.move_distance / self._motion.move_speed
+        return timeout(takes + self._motion.hold)
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._fault:
             return TaskOutput(status=Status.FAILURE, reason=self._fault)
-        if self._place is None:
-            self._line_up(estimate)
-        if self._place is None:
+        if self._position is None:
+            self._assign(estimate)
+        if self._position is None:
             return TaskOutput()
-        passed, self._time = estimate.time - self._time, estimate.time
-        lag = self._agents.farthest(estimate, self._place + self._moved())
-        there = lag <= self._manner.within and self._agents.slow(estimate)
+        elapsed, self._time = estimate.time - self._time, estimate.time
+        lag = self._agents.max_distance(estimate, self._position + self._moved())
+        there = lag <= self._motion.within and self._agents.at_rest(estimate)
         if there:
             self._formed = min(self._formed, estimate.time)
-        held = estimate.time - self._formed >= self._manner.hold - ROUNDING
-        pace = self._pace(lag) if held else 0.0
-        over = held and self._flown >= self._shape.way
-        self._flown = min(self._flown + pace * passed, self._shape.way)
-        moving = held and self._flown < self._shape.way
+        held = estimate.time - self._formed >= self._motion.hold - DURATION_ERROR
+        pace = self._motion.move_speed * lag_factor(lag, SLOW_LAG, STOP_LAG) if held else 0.0
+        over = held and self._flown >= self._shape.move_distance
+        self._flown = min(self._flown + pace * elapsed, self._shape.move_distance)
+        moving = held and self._flown < self._shape.move_distance
         goals = self._agents.goals(
-            self._place + self._moved(),
+            self._position + self._moved(),
             self._yaw,
-            self._fastest if held and self._shape.way else self._manner.speed,
-            self._move * (pace / self._shape.way) if moving else np.zeros(3),
+            self._max_speed if held and self._shape.move_distance else self._motion.speed,
+            self._move * (pace / self._shape.move_distance) if moving else np.zeros(3),
         )
-        done = over and (there or not self._shape.way)
+        done = over and (there or not self._shape.move_distance)
         return TaskOutput(goals, status=Status.SUCCESS if done else Status.RUNNING)
 
     def on_agents_removed(self, rows: tuple[int, ...]) -> None:
         kept = self._agents.keep(rows)
         self._yaw = self._yaw[kept]
-        if self._place is not None:
-            self._place = self._place[kept]
+        if self._position is not None:
+            self._position = self._position[kept]
 
     def on_agent_replaced(self, old: int, new: int) -> None:
         self._agents.replace(old, new)
 
-    def _line_up(self, estimate: Estimate) -> None:
+    def _assign(self, estimate: Estimate) -> None:
         """Assign each agent a position so that the total distance is minimal."""
         if self._fault or not self._agents.located(estimate):
             return
-        rows, place = self._agents.rows, np.array(self._shape.place)
-        self._place = place[assign(estimate.position[rows], place)]
-        yaw = self._manner.yaw
+        rows, position = self._agents.rows, np.array(self._shape.position)
+        self._position = position[assign(estimate.position[rows], position)]
+        yaw = self._motion.yaw
         self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), yaw)
         self._time = estimate.time
 
     def _moved(self) -> Array:
         """Displacement of the positions since they were formed, (3,), m."""
-        moved: Array = self._move * (self._flown / (self._shape.way or 1.0))
+        moved: Array = self._move * (self._flown / (self._shape.move_distance or 1.0))
         return moved
-
-    def _pace(self, lag: float) -> float:
-        """Speed of the formation when the agent farthest from its position is `lag` away, m/s."""
-        return self._manner.pace * min(max((STOP - lag) / (STOP - LAG), 0.0), 1.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from star_core import Limits, Obstacle, Scene
+from star_core import Limits, Obstacle, Scene, fill_defaults
 from star_core.testing import scene
-from star_verbs.formation.checks import check
+from star_verbs.formation.spec import OPTIONS, check
 
 ROOM = scene(3)
 CENTRE = [0.0, 0.0, 0.8]
@@ -16,7 +16,8 @@ PILLAR = Obstacle("pillar", (((0.9, -0.1), (1.1, -0.1), (1.1, 0.1), (0.9, 0.1)),
 
 def told(room: Scene = ROOM, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
     rows = tuple(range(len(room.agents)))
-    return [(problem.path, problem.message) for problem in check(room, rows, **options)]
+    filled = fill_defaults(options, OPTIONS)
+    return [(problem.path, problem.message) for problem in check(room, rows, **filled)]
 
 
 def with_pillar() -> Scene:
@@ -63,13 +64,13 @@ def test_two_points_are_too_few_for_three_agents() -> None:
 def test_a_grid_of_two_places_is_too_small_for_three_agents() -> None:
     ((path, message),) = told(shape="grid", centre=CENTRE, rows=1, columns=2)
     assert path == ("rows",)
-    assert message == "1 x 2 places are 2, expected 3: one for each agent"
+    assert message == "1 x 2 positions are 2, expected 3: one for each agent"
 
 
 def test_a_place_outside_the_fence_is_told_with_its_number() -> None:
     ((path, message),) = told(shape="line", centre=[9.5, 0.0, 0.8], spacing=1.0)
     assert path == ("centre",)
-    assert message.startswith("place 3 of 3: [10.5, 0, 0.8] is outside the fence")
+    assert message.startswith("position 3 of 3: [10.5, 0, 0.8] is outside the fence")
 
 
 def test_a_point_outside_the_heights_is_told_where_it_stands() -> None:
@@ -80,7 +81,7 @@ def test_a_point_outside_the_heights_is_told_where_it_stands() -> None:
 
 def test_a_place_in_an_obstacle_is_told() -> None:
     ((_, message),) = told(with_pillar(), shape="line", centre=CENTRE, spacing=1.0)
-    assert message == "place 3 of 3: [1, 0, 0.8] is inside obstacle 'pillar'"
+    assert message == "position 3 of 3: [1, 0, 0.8] is inside obstacle 'pillar'"
 
 
 def test_a_way_through_an_obstacle_is_told() -> None:
@@ -89,7 +90,7 @@ def test_a_way_through_an_obstacle_is_told() -> None:
         with_pillar(), shape="line", centre=[1.0, -1.0, 0.8], spacing=1.0, move=move
     )
     assert path == ("move", "to")
-    assert message.startswith("place 2 of 3 moves there: [1, -0.15, 0.8] is 0.0")
+    assert message.startswith("position 2 of 3 moves there: [1, -0.15, 0.8] is 0.0")
     assert "obstacle 'pillar'" in message
 
 
@@ -102,7 +103,7 @@ def test_places_nearer_than_the_separation_are_told() -> None:
     ((path, message),) = told(shape="line", centre=CENTRE, spacing=0.1)
     assert path == ("spacing",)
     assert message == (
-        "places are 0.10 m from each other, expected at least limits.separation, 0.2 m"
+        "positions are 0.10 m from each other, expected at least limits.separation, 0.2 m"
     )
 
 
@@ -114,7 +115,7 @@ def test_a_circle_that_is_too_small_is_told_at_its_radius() -> None:
 def test_points_nearer_than_the_separation_are_told_at_the_later_one() -> None:
     ((path, message),) = told(shape="points", points=[[0, 0, 1], [1, 0, 1], [0, 0.1, 1]])
     assert path == ("points", 2)
-    assert message.startswith("places are 0.10 m from point 1")
+    assert message.startswith("positions are 0.10 m from point 1")
 
 
 def test_a_mission_without_separation_lets_places_be_near() -> None:

@@ -9,9 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Estimate, Health, Scene, Status, Task, TaskOutput
+from star_core import (
+    AgentPhase,
+    Array,
+    Estimate,
+    Health,
+    Scene,
+    Status,
+    Task,
+    TaskOutput,
+    fill_defaults,
+)
 from star_core.testing import estimate, health, scene
-from star_verbs.formation.offer import make
+from star_verbs.formation.spec import OPTIONS, make
 
 AIR = [[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]]
 ROOM = scene(3)
@@ -42,7 +52,7 @@ class Changing:
 
 
 def task(room: Scene = ROOM, crew: tuple[int, ...] = (0, 1, 2), **options: Any) -> Task:
-    return make(room, crew, **options)
+    return make(room, crew, **fill_defaults(options, OPTIONS))
 
 
 def apart(track: Array) -> Array:
@@ -137,7 +147,7 @@ def test_it_may_take_three_times_its_ways_and_its_time_and_5_s(fly: Any) -> None
 def test_a_formation_that_fewer_agents_cannot_fly_fails(fly: Any) -> None:
     flown = fly(task(shape="line", centre=[9.8, 0.0, 1.0]), ROOM, AIR)
     assert flown.status is Status.FAILURE
-    assert flown.reason.startswith("place 3 of 3: [10.4, 0, 1] is outside the fence")
+    assert flown.reason.startswith("position 3 of 3: [10.4, 0, 1] is outside the fence")
 
 
 def test_who_stays_flies_on_to_its_place(fly: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import logging
 from collections.abc import Callable
 from importlib.metadata import EntryPoint
@@ -12,12 +11,11 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import star_external
-from star_core import Task, TaskSpec
+from star_core import Task, TaskSpec, fill_defaults
 from star_core.plugin_schema import held
 from star_core.testing import scene
 from star_external.checks import check
 from star_external.planner_registry import GROUP
-from star_external.process_source import ConnectionOptions
 
 ROOM = scene(2)
 ORBIT = EntryPoint("orbit", "their_package:Orbit", GROUP)
@@ -29,20 +27,18 @@ def offer() -> TaskSpec:
     return made
 
 
+def made(spec: TaskSpec, rows: tuple[int, ...] = (0,), **options: Any) -> Task:
+    return spec.make(ROOM, rows, **fill_defaults(options, spec.options))
+
+
 def told(**options: Any) -> list[tuple[tuple[str | int, ...], str]]:
-    return [(problem.path, problem.message) for problem in check(ROOM, (0, 1), **options)]
-
-
-def test_defaults_are_those_of_the_schema(offer: TaskSpec) -> None:
-    taken = dict(inspect.signature(ConnectionOptions).parameters) | dict(
-        inspect.signature(offer.make).parameters
-    )
-    for name, option in offer.options["properties"].items():
-        assert taken[name].default == option.get("default")
+    (spec,) = star_external.star_tasks()
+    filled = fill_defaults(options, spec.options)
+    return [(problem.path, problem.message) for problem in check(ROOM, (0, 1), **filled)]
 
 
 def test_what_is_made_is_a_task_and_listens_on_the_loopback_only(offer: TaskSpec) -> None:
-    task: Any = offer.make(ROOM, (0,), port=0)
+    task: Any = made(offer, port=0)
     address, fits = task._source.server.address, isinstance(task, Task)
     task.close()
     assert fits
@@ -50,31 +46,31 @@ def test_what_is_made_is_a_task_and_listens_on_the_loopback_only(offer: TaskSpec
 
 
 def test_steps_of_one_flight_share_a_port(offer: TaskSpec) -> None:
-    one: Any = offer.make(ROOM, (0,), port=0)
-    other: Any = offer.make(ROOM, (1,), port=0)
+    one: Any = made(offer, port=0)
+    other: Any = made(offer, (1,), port=0)
     assert one._source.server.address == other._source.server.address
     one.close()
     other.close()
 
 
 def test_a_port_can_be_opened_again_for_the_next_flight(offer: TaskSpec) -> None:
-    one: Any = offer.make(ROOM, (0,), port=0)
+    one: Any = made(offer, port=0)
     one.close()
-    other: Any = offer.make(ROOM, (0,), port=0)
+    other: Any = made(offer, port=0)
     assert other._source.server.address
     other.close()
 
 
 def test_a_port_that_was_chosen_is_told(offer: TaskSpec, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        task: Any = offer.make(ROOM, (0,), port=0)
+        task: Any = made(offer, port=0)
     task.close()
     assert caplog.messages == [f"external: listens on 127.0.0.1:{task._source.server.address[1]}"]
 
 
 def test_that_others_can_steer_is_told(offer: TaskSpec, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        task: Any = offer.make(ROOM, (0,), port=0, listen="0.0.0.0")  # noqa: S104 -- what it is about
+        task: Any = made(offer, port=0, listen="0.0.0.0")  # noqa: S104 -- what it is about
     task.close()
     assert "any host that reaches 0.0.0.0:" in caplog.messages[-1]
 
@@ -131,7 +127,7 @@ def test_two_planners_of_one_name_are_told(install: Callable[..., None]) -> None
     ("option", "value"),
     [
         ("port", 5800),
-        ("listen", "127.0.0.1"),
+        ("listen", "127.0.0.2"),
         ("silence", 1),
         ("then", "fail"),
         ("response_timeout", 5),

@@ -14,7 +14,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import star_external
-from star_core import Estimate, Goals, PluginError, Scene, Status, Task, TaskOutput
+from star_core import (
+    Estimate,
+    Goals,
+    PluginError,
+    Scene,
+    Status,
+    Task,
+    TaskOutput,
+    fill_defaults,
+)
 from star_core.testing import estimate, health, scene
 from star_external.planner import Done, ExternalPlanner, Failed, Goal
 from star_external.planner_registry import GROUP
@@ -52,7 +61,9 @@ def made(install: Install) -> Callable[..., Any]:
     def task(planner: Callable[..., object], **options: Any) -> Any:
         install(planner)
         (offer,) = star_external.star_tasks()
-        made: Any = offer.make(scene(3), (0, 1), planner="theirs", **options)
+        made: Any = offer.make(
+            scene(3), (0, 1), **fill_defaults({"planner": "theirs", **options}, offer.options)
+        )
         assert made.begin(estimate(AIR), health(3)) == 60.0
         return made
 
@@ -225,7 +236,7 @@ def test_a_planner_that_cannot_be_made_is_told_in_its_name(
     install(EntryPoint("theirs", value, GROUP))
     (offer,) = star_external.star_tasks()
     with pytest.raises(PluginError) as raised:
-        offer.make(scene(3), (0, 1), planner="theirs")
+        offer.make(scene(3), (0, 1), **fill_defaults({"planner": "theirs"}, offer.options))
     assert str(raised.value).startswith(f"external planner 'theirs' ({value}): {why}")
 
 

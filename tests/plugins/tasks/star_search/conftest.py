@@ -35,7 +35,7 @@ from star_core import (
 )
 from star_core.testing import estimate, health
 from star_search.field import Field
-from star_search.offer import make
+from star_search.offer import make, offer
 from star_search.view import View, view
 from star_visibility import OPTIONS
 from star_visibility import make as make_planner
@@ -168,7 +168,8 @@ def search_it(
 ) -> Searched:
     """Search until it is over, or for `longest` seconds; `meddle` comes before all of it."""
     scouts = Scouts(scene, phase)
-    task: Any = make(scene, rows or tuple(range(len(scene.agents))), **options)
+    filled = fill_defaults(options, offer().options)
+    task: Any = make(scene, rows or tuple(range(len(scene.agents))), **filled)
     meddle(0.0, task, scouts)
     estimated, healthy = scouts.now(0.0)
     limit = task.begin(estimated, healthy)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from typing import Any
@@ -10,16 +9,20 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from star_core import PluginError, Task
+from star_core import PluginError, Task, fill_defaults
 from star_search import choice
 from star_search.offer import make, offer
+
+
+def filled(options: dict[str, Any]) -> dict[str, Any]:
+    return fill_defaults(options, offer().options)
 
 
 def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
     check = offer().check
     assert check is not None
     rows = tuple(range(len(scene.agents)))
-    return [(problem.path, problem.message) for problem in check(scene, rows, **options)]
+    return [(problem.path, problem.message) for problem in check(scene, rows, **filled(options))]
 
 
 @pytest.mark.parametrize(
@@ -28,16 +31,6 @@ def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], st
 )
 def test_the_schema_refuses_what_is_no_area(area: Any) -> None:
     assert not Draft202012Validator(offer().options).is_valid({"area": area})
-
-
-def test_defaults_are_those_of_the_schema() -> None:
-    taken = {
-        name: parameter.default
-        for name, parameter in inspect.signature(make).parameters.items()
-        if parameter.default not in (inspect.Parameter.empty, None)
-    }
-    options = offer().options["properties"]
-    assert taken == {name: one["default"] for name, one in options.items() if "default" in one}
 
 
 def test_a_good_search_has_no_problem(hall: Any) -> None:
@@ -99,7 +92,7 @@ def test_a_target_of_another_name_is_told_with_what_was_meant(hall: Any) -> None
 
 
 def test_what_is_made_is_a_task(hall: Any) -> None:
-    assert isinstance(make(hall(), (0,), pattern="frontier"), Task)
+    assert isinstance(make(hall(), (0,), **filled({"pattern": "frontier"})), Task)
 
 
 def test_somebody_elses_pattern_is_offered_and_made(hall: Any, monkeypatch: Any) -> None:
@@ -108,7 +101,7 @@ def test_somebody_elses_pattern_is_offered_and_made(hall: Any, monkeypatch: Any)
     choice._installed.cache_clear()
     try:
         assert offer().options["properties"]["pattern"]["enum"] == ["frontier", "sweep", "theirs"]
-        assert isinstance(make(hall(), (0,), pattern="theirs"), Task)
+        assert isinstance(make(hall(), (0,), **filled({"pattern": "theirs"})), Task)
     finally:
         choice._installed.cache_clear()
 
@@ -126,5 +119,5 @@ def test_a_pattern_that_is_none_is_named(
     theirs = EntryPoint("theirs", value, choice.GROUP)
     monkeypatch.setattr(choice, "_installed", lambda: {"theirs": theirs})
     with pytest.raises(PluginError) as raised:
-        make(hall(), (0,), pattern="theirs")
+        make(hall(), (0,), **filled({"pattern": "theirs"}))
     assert str(raised.value).startswith(message)

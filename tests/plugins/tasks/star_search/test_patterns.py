@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
-from star_core import Obstacle, Status
+from star_core import Obstacle, Status, fill_defaults
 from star_search.field import Field
 from star_search.frontier import Frontier
-from star_search.offer import make
+from star_search.offer import make, offer
 from star_search.pattern import Pattern
 from star_search.sweep import Sweep
 from star_search.viewpoints import Viewpoints
@@ -194,5 +194,5 @@ def test_an_area_without_room_for_lanes_is_over_at_once(hall: Any, search: Any) 
 
 
 def test_making_a_search_plans_nothing_that_flies(hall: Any) -> None:
-    task: Any = make(hall(2), (0, 1))
+    task: Any = make(hall(2), (0, 1), **fill_defaults({}, offer().options))
     assert task._field.chart.covered == 0.0

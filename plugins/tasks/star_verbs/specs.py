@@ -1,119 +1,110 @@
-"""The options of each verb, as JSON Schema, and the factory of its task."""
+"""The verbs: their options as JSON Schema, their checks, and the factories of their tasks."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
-from star_core import TaskSpec
-from star_verbs import checks
-from star_verbs.follow.offer import OFFER as FOLLOW
-from star_verbs.formation.offer import OFFER as FORMATION
-from star_verbs.quantities import SPACING, point, positive
+from star_core import Problem, TaskSpec
+from star_verbs.follow.spec import SPEC as FOLLOW
+from star_verbs.formation.spec import SPEC as FORMATION
+from star_verbs.options import SPACING, TRAVEL_SPEED, duration, exactly_one, point, positive
+from star_verbs.positions import extents, speed_problems, spread_goals, spread_problems
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
 
 
-def _takeoff(
-    scene: Scene, rows: tuple[int, ...], *, height: float = 0.8, speed: float = 0.3
-) -> Task:
+def _takeoff(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
     from star_verbs.takeoff import Takeoff
 
-    return Takeoff(scene, rows, height=height, speed=speed)
+    return Takeoff(scene, rows, **options)
 
 
-def _land(scene: Scene, rows: tuple[int, ...], *, speed: float = 0.2) -> Task:
+def _join(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
+    from star_verbs.takeoff import Join
+
+    return Join(scene, rows, **options)
+
+
+def _land(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
     from star_verbs.land import Land
 
-    return Land(scene, rows, speed=speed)
+    return Land(scene, rows, **options)
 
 
-def _hold(
-    scene: Scene,
-    rows: tuple[int, ...],
-    *,
-    at: Sequence[float] | None = None,
-    yaw_deg: float | None = None,
-    speed: float | None = None,
-    spacing: float = 0.6,
-    **also: float,
-) -> Task:
-    from star_verbs.approach import Approach
-    from star_verbs.hold import Hold
+def _leave(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
+    from star_verbs.land import Leave
 
-    approach = Approach(scene, rows, speed=speed, yaw_deg=yaw_deg, within=0.1)
-    return Hold(approach, at=at, spacing=spacing, seconds=also.get("for", 0.0))
+    return Leave(scene, rows, **options)
 
 
-def _goto(
-    scene: Scene,
-    rows: tuple[int, ...],
-    *,
-    to: Sequence[float] | None = None,
-    by: Sequence[float] | None = None,
-    yaw_deg: float | None = None,
-    speed: float | None = None,
-    spacing: float = 0.6,
-    within: float = 0.1,
-) -> Task:
-    from star_verbs.approach import Approach
+def _goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
     from star_verbs.goto import Goto
 
-    approach = Approach(scene, rows, speed=speed, yaw_deg=yaw_deg, within=within)
-    return Goto(approach, to=to, by=by, spacing=spacing)
+    return Goto(scene, rows, **options)
 
 
-def _join(
-    scene: Scene,
-    rows: tuple[int, ...],
-    *,
-    height: float = 0.8,
-    speed: float = 0.3,
-    battery: float = 3.8,
-) -> Task:
-    from star_verbs.join import Join
+def _hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
+    from star_verbs.goto import Hold
 
-    return Join(scene, rows, height=height, speed=speed, battery=battery)
-
-
-def _leave(
-    scene: Scene, rows: tuple[int, ...], *, speed: float | None = None, descent: float = 0.2
-) -> Task:
-    from star_verbs.leave import Leave
-
-    return Leave(scene, rows, speed=speed, descent=descent)
+    return Hold(scene, rows, seconds=options.pop("for"), **options)  # a keyword of Python
 
 
 def _wait(_scene: Scene, _rows: tuple[int, ...]) -> Task:
-    from star_verbs.wait import Wait
+    from star_verbs.goto import Wait
 
     return Wait()
 
 
-_TRAVEL_SPEED = positive(
-    "Speed limit on the way, m/s; at most limits.speed, and that if not given.", examples=[0.3]
-)
+def _check_takeoff(
+    scene: Scene, _rows: tuple[int, ...], *, height: float, **_options: Any
+) -> Iterator[Problem]:
+    if fault := scene.height_fault(height):
+        yield Problem(("height",), fault)
+
+
+def _check_leave(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from speed_problems(scene, options)
+
+
+def _check_hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from speed_problems(scene, options)
+    yield from spread_problems(scene, rows, key="at", **options)
+
+
+def _check_goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    yield from speed_problems(scene, options)
+    yield from exactly_one("to", "by", options)
+    yield from spread_problems(scene, rows, key="to", **options)
+    offset = options.get("by", (0.0, 0.0, 0.0))
+    for axis, by, extent in zip("xyz", offset, extents(scene), strict=True):
+        if abs(by) > extent:  # wherever it begins
+            where = "the heights to fly at are" if axis == "z" else "the fence is"
+            yield Problem(("by",), f"{abs(by):g} m along {axis}, where {where} only {extent:g} m")
+
+
+_CLIMB_HEIGHT = positive("Height to climb to, z in the map, m.", default=0.8)
+_CLIMB_SPEED = positive("Mean speed of the climb, m/s.", default=0.3)
+_DESCENT_SPEED = positive("Mean speed of the descent, m/s.", default=0.2)
 _YAW = {
     "type": "number",
     "description": "Heading to turn to, degrees anticlockwise from the map's x axis; "
     "each agent keeps its own if not given.",
     "examples": [90],
 }
-OFFERS: tuple[TaskSpec, ...] = (
+SPECS: Final[tuple[TaskSpec, ...]] = (
     TaskSpec(
         name="takeoff",
         before="ground",
         after="air",
         summary="Climb straight up and hover there.",
         make=_takeoff,
-        check=checks.takeoff,
+        check=_check_takeoff,
         options={
             "type": "object",
-            "properties": {
-                "height": positive("Height to climb to, z in the map, m.", default=0.8),
-                "speed": positive("Mean speed of the climb, m/s.", default=0.3),
-            },
+            "properties": {"height": _CLIMB_HEIGHT, "speed": _CLIMB_SPEED},
             "examples": [{"height": 0.8}],
         },
     ),
@@ -124,7 +115,7 @@ OFFERS: tuple[TaskSpec, ...] = (
         make=_land,
         options={
             "type": "object",
-            "properties": {"speed": positive("Mean speed of the descent, m/s.", default=0.2)},
+            "properties": {"speed": _DESCENT_SPEED},
             "examples": [{}],
         },
     ),
@@ -133,25 +124,19 @@ OFFERS: tuple[TaskSpec, ...] = (
         after="same",
         summary="Hover in place for a time.",
         make=_hold,
-        check=checks.hold,
-        goals=checks.hold_goals,
+        check=_check_hold,
+        goals=partial(spread_goals, key="at"),
         options={
             "type": "object",
             "properties": {
-                "for": {
-                    "type": "number",
-                    "minimum": 0,
-                    "description": "Duration, counted from arrival, s.",
-                    "default": 0.0,
-                    "examples": [5],
-                },
+                "for": duration("Duration, counted from arrival, s."),
                 "at": point(
                     "Where to hover, [x, y, z] in the map, m; several agents spread around it; "
-                    "each agent stays in place if not given.",
+                    "each agent stays at its position if not given.",
                     [0.0, 0.0, 1.2],
                 ),
                 "yaw_deg": _YAW,
-                "speed": _TRAVEL_SPEED,
+                "speed": TRAVEL_SPEED,
                 "spacing": SPACING,
             },
             "examples": [{"for": 5}],
@@ -164,12 +149,12 @@ OFFERS: tuple[TaskSpec, ...] = (
         summary="Take off from reserve and take part in the mission from then on; needs "
         "'agents', except in 'each'.",
         make=_join,
-        check=checks.takeoff,
+        check=_check_takeoff,
         options={
             "type": "object",
             "properties": {
-                "height": positive("Height to climb to, z in the map, m.", default=0.8),
-                "speed": positive("Mean speed of the climb, m/s.", default=0.3),
+                "height": _CLIMB_HEIGHT,
+                "speed": _CLIMB_SPEED,
                 "battery": {
                     "type": "number",
                     "minimum": 0,
@@ -187,13 +172,10 @@ OFFERS: tuple[TaskSpec, ...] = (
         after="ground",
         summary="Fly back to the start, land, and leave the mission.",
         make=_leave,
-        check=checks.leave,
+        check=_check_leave,
         options={
             "type": "object",
-            "properties": {
-                "speed": _TRAVEL_SPEED,
-                "descent": positive("Mean speed of the descent, m/s.", default=0.2),
-            },
+            "properties": {"speed": TRAVEL_SPEED, "descent": _DESCENT_SPEED},
             "examples": [{"agents": "cf1"}],
         },
     ),
@@ -215,8 +197,8 @@ OFFERS: tuple[TaskSpec, ...] = (
         after="air",
         summary="Fly to a point, or by an offset, and stop there.",
         make=_goto,
-        check=checks.goto,
-        goals=checks.goto_goals,
+        check=_check_goto,
+        goals=partial(spread_goals, key="to"),
         options={
             "type": "object",
             "properties": {
@@ -231,7 +213,7 @@ OFFERS: tuple[TaskSpec, ...] = (
                     [0.5, 0.0, 0.0],
                 ),
                 "yaw_deg": _YAW,
-                "speed": _TRAVEL_SPEED,
+                "speed": TRAVEL_SPEED,
                 "spacing": SPACING,
                 "within": positive("Distance to its goal each agent must reach, m.", default=0.1),
             },

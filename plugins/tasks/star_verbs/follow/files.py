@@ -1,0 +1,210 @@
+"""CSV files of waypoints and of polynomial trajectories."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from star_core import InputError, polynomial
+from star_verbs.follow.trajectory import PolynomialPath
+from star_verbs.positions import Point
+
+REQUIRED: Final = ("x", "y", "z")
+COLUMNS: Final = (*REQUIRED, "yaw_deg")
+
+DEGREES: Final = range(8)  # of a polynomial of seventh degree
+PIECE_COLUMNS: Final = (
+    "duration",
+    *(f"{axis}^{power}" for axis in ("x", "y", "z", "yaw") for power in DEGREES),
+)
+MAX_DURATION: Final = 1200.0  # s: a Crazyflie's battery lasts some 420 s
+MAX_PIECES: Final = 1000
+MAX_COEFFICIENT: Final = 1e9  # with it even 1200 s to the seventh power is a finite number
+MAX_GAP: Final = 0.05  # m, between pieces; coefficients are often written with six decimals
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoints:
+    """The content of a file of waypoints.
+
+    Attributes:
+        point: Waypoints in order, map frame, m.
+        yaw_deg: Heading at each waypoint, degrees; empty if the file has none.
+        line: Line number of each waypoint in the file.
+    """
+
+    point: tuple[Point, ...]
+    yaw_deg: tuple[float, ...]
+    line: tuple[int, ...]
+
+
+def read_waypoints(path: Path, file: str) -> Waypoints:
+    """Read a CSV file with a header that names columns x, y, z and, optionally, yaw_deg.
+
+    Args:
+        path: Path of the file.
+        file: Its name in the mission, for messages.
+
+    Raises:
+        InputError: The file cannot be used; lists every problem as ``file:line: message``.
+    """
+    rows = _read_rows(path, file)
+    if not rows:
+        raise InputError([f"{file}: is empty, expected a header with columns {_listed(COLUMNS)}"])
+    line, header = rows[0]
+    columns = [cell.strip() for cell in header]
+    problems = [f"{file}:{line}: {message}" for message in _header_faults(columns)]
+    if problems:
+        raise InputError(problems)
+    points: list[dict[str, float]] = []
+    for line, row in rows[1:]:
+        values, faults = _numbers(columns, row)
+        points.append(values)
+        problems += [f"{file}:{line}: {message}" for message in faults]
+    if not problems and len({tuple(row[key] for key in REQUIRED) for row in points}) < 2:  # noqa: PLR2004 -- a line has two ends
+        problems = [f"{file}: has {len(points)} points, expected at least 2 that differ"]
+    if problems:
+        raise InputError(problems)
+    return Waypoints(
+        point=tuple((row["x"], row["y"], row["z"]) for row in points),
+        yaw_deg=tuple(row["yaw_deg"] for row in points if "yaw_deg" in row),
+        line=tuple(line for line, _ in rows[1:]),
+    )
+
+
+def read_trajectory(path: Path, file: str) -> PolynomialPath:
+    """Read a file of pieces in the format of Crazyswarm2 and uav_trajectories.
+
+    It has a header and a line for each piece: its duration and four polynomials of seventh degree,
+    for x, y, z and yaw.
+
+    Args:
+        path: Path of the file.
+        file: Its name in the mission, for messages.
+
+    Raises:
+        InputError: The file cannot be used; lists every problem as ``file:line: message``.
+    """
+    rows = [(line, _without_trailing_commas(row)) for line, row in _read_rows(path, file)]
+    if len(rows) < 2:  # noqa: PLR2004 -- a header and a piece
+        raise InputError([f"{file}: has no piece, expected a header and one line per piece"])
+    header = tuple(cell.strip(" #\t").lower() for cell in rows[0][1])
+    if header != PIECE_COLUMNS:
+        expected = f"{PIECE_COLUMNS[0]},{PIECE_COLUMNS[1]},…,{PIECE_COLUMNS[-1]}"
+        raise InputError([f"{file}:{rows[0][0]}: expected the header {expected}"])
+    if len(rows) - 1 > MAX_PIECES:
+        raise InputError([f"{file}: has {len(rows) - 1} pieces, expected {MAX_PIECES} at most"])
+    lines, values, problems = [], [], []
+    for line, row in rows[1:]:
+        named, faults = _numbers(PIECE_COLUMNS, row, MAX_COEFFICIENT)
+        if not faults and named["duration"] <= 0:
+            faults = [f"duration is {named['duration']:g} s, expected more than 0"]
+        problems += [f"{file}:{line}: {message}" for message in faults]
+        lines.append(line)
+        values.append(list(named.values()))
+    if not problems:
+        table = np.array(values)
+        duration, coefficients = table[:, 0], table[:, 1:].reshape(len(table), 4, len(DEGREES))
+        problems = [
+            f"{file}:{lines[piece]}: {message}"
+            for piece, message in _piece_faults(duration, coefficients)
+        ]
+    if problems:
+        raise InputError(problems)
+    return PolynomialPath(duration, coefficients, lines)
+
+
+def _read_rows(path: Path, file: str) -> list[tuple[int, list[str]]]:
+    """Return the rows of a file that are not blank, each with its line number."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, strict=True)
+            return [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError([f"{file}: cannot be read as CSV in UTF-8: {error}"]) from error
+
+
+def _numbers(
+    columns: Sequence[str], row: Sequence[str], limit: float = math.inf
+) -> tuple[dict[str, float], list[str]]:
+    """Return the numbers of a row by column, and its problems."""
+    if len(row) != len(columns):
+        return {}, [f"has {len(row)} values, expected {len(columns)}"]
+    values: dict[str, float] = {}
+    faults = []
+    for name, cell in zip(columns, row, strict=True):
+        try:
+            values[name] = float(cell)
+        except ValueError:
+            faults.append(f"{name} is {cell.strip()!r}, expected a number")
+            continue
+        if not math.isfinite(values[name]):
+            faults.append(f"{name} is {cell.strip()!r}, expected a finite number")
+        elif abs(values[name]) > limit:
+            faults.append(f"{name} is {cell.strip()!r}, expected {limit:g} at most")
+    return values, faults
+
+
+def _header_faults(columns: Sequence[str]) -> Iterator[str]:
+    if len(columns) == 1 and ";" in columns[0]:
+        yield "its values are separated by ';', expected commas"
+        return
+    if all(_is_number(name) for name in columns):
+        yield f"begins with numbers, expected a header with columns {_listed(COLUMNS)}"
+        return
+    if "duration" in [name.strip(" #").lower() for name in columns]:
+        yield "this is a polynomial trajectory; add `format: poly7`"
+        return
+    for name in REQUIRED:
+        if name not in columns:
+            yield f"no column {name!r}, expected {_listed(COLUMNS)}"
+    for name in dict.fromkeys(columns):
+        if name not in COLUMNS:
+            yield f"unknown column {name!r}, expected {_listed(COLUMNS)}"
+        elif columns.count(name) > 1:
+            yield f"column {name!r} is given {columns.count(name)} times"
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:-1]) + f" and, optionally, {names[-1]}"
+
+
+def _without_trailing_commas(row: list[str]) -> list[str]:
+    count = len(row)
+    while count > len(PIECE_COLUMNS) and not row[count - 1].strip():
+        count -= 1
+    return row[:count]
+
+
+def _piece_faults(duration: np.ndarray, coefficients: np.ndarray) -> Iterator[tuple[int, str]]:
+    """Yield pieces that end too late or do not begin where the previous one ended, and why."""
+    end = np.cumsum(duration)
+    if end[-1] > MAX_DURATION:
+        first = int(np.argmax(end > MAX_DURATION))
+        yield (
+            first,
+            f"duration is {duration[first]:g} s and ends {end[first]:g} s after the start, "
+            f"expected {MAX_DURATION:g} s at most",
+        )
+    ends = polynomial(np.moveaxis(coefficients[:-1, :3], 2, 0), duration[:-1, None])[0]
+    for piece, (a, b) in enumerate(zip(ends, coefficients[1:, :3, 0], strict=True), start=1):
+        if (gap := math.dist(a, b)) > MAX_GAP:
+            yield (
+                piece,
+                f"begins {gap:.2f} m from the end of the previous piece, "
+                f"expected no more than {MAX_GAP} m",
+            )

@@ -1,0 +1,218 @@
+"""The verb ``follow``: its options as JSON Schema, their checks, and the factory of its task."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+from star_core import InputError, Problem, StepGoal, TaskSpec
+from star_verbs.options import SPACING, changed, exactly_one, point, positive
+from star_verbs.positions import offsets, spacing_problems, speed_problems
+
+if TYPE_CHECKING:
+    from star_core import Scene, Task
+
+FOR_TRAJECTORIES: Final = ("timescale", "relative", "on_board")
+FOR_PATHS: Final = ("size", "width", "centre", "laps")
+MEMORY: Final = 4096  # bytes of a Crazyflie's trajectory memory
+PIECE_SIZE: Final = 132  # bytes: 33 numbers
+
+OPTIONS: Final = {
+    "type": "object",
+    "properties": {
+        "file": {
+            "type": "string",
+            "description": "CSV file in the mission's folder, in the given 'format'. Give "
+            "this or 'path'.",
+            "examples": ["paths/inspection.csv"],
+        },
+        "format": {
+            "enum": ["waypoints", "poly7"],
+            "description": "Format of the file. waypoints: columns x, y, z in the map, m, and "
+            "optionally yaw_deg, degrees. poly7: Crazyswarm2's duration, s, and polynomials of "
+            "7th degree for x, y, z, m, and yaw, rad, flown in the file's own time.",
+            "default": "waypoints",
+        },
+        "timescale": positive(
+            "Factor by which the duration of a poly7 file is stretched: 2 is half as fast.",
+            default=1.0,
+        ),
+        "relative": {
+            "type": "boolean",
+            "description": "Whether a poly7 file begins at each agent's position, shifted and "
+            "not rotated; false: it is in the map frame.",
+            "default": True,
+        },
+        "on_board": {
+            "type": "boolean",
+            "description": "Whether a poly7 file is uploaded to each agent before take-off and "
+            "flown by its own commander: exactly in time, not steered by planner or avoider "
+            "until it ends. Other agents still give way.",
+            "default": False,
+        },
+        "path": {
+            "enum": ["box", "circle", "figure8"],
+            "description": "A closed path; the figure 8 is a lemniscate of Gerono along x. "
+            "Give this or 'file'.",
+            "examples": ["circle"],
+        },
+        "size": positive(
+            "Side of the box, diameter of the circle, length of the figure 8 along x, m. "
+            "Needed with 'path'.",
+            examples=[2.4],
+        ),
+        "width": positive(
+            "Size of the path along y, m; by default the size, half of it for the figure 8.",
+            examples=[1.2],
+        ),
+        "centre": point(
+            "Center of the path, [x, y, z] in the map, m. Needed with 'path'.",
+            [0.0, 0.0, 0.8],
+        ),
+        "laps": {
+            "type": "integer",
+            "minimum": 1,
+            "description": "Number of laps; with 'path' only.",
+            "default": 1,
+        },
+        "heading": {
+            "enum": ["fixed", "along"],
+            "description": "Look along the path, or keep the heading (or fly the file's yaw_deg).",
+            "default": "fixed",
+        },
+        "speed": positive("Speed along the path, m/s; at most limits.speed.", default=0.3),
+        "spacing": SPACING,
+    },
+    "examples": [{"path": "circle", "size": 2.0, "centre": [0.0, 0.0, 0.8]}],
+}
+
+
+def make(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
+    """Return the task."""
+    from star_verbs.follow.follow import Follow, route_reference, trajectory_reference
+
+    reference = trajectory_reference if options["format"] == "poly7" else route_reference
+    along = options["heading"] == "along"
+    return Follow(scene, rows, reference(scene, len(rows), options), along=along)
+
+
+def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
+    """Yield problems with these options."""
+    agents, given = len(rows), changed(options, OPTIONS)
+    is_trajectory = options["format"] == "poly7"
+    if conflicts := list(_trajectory_conflicts(given) if is_trajectory else _conflicts(given)):
+        yield from conflicts
+        return
+    if not is_trajectory:
+        yield from speed_problems(scene, given)
+    if not (is_trajectory and options["relative"]) and (
+        too_close := list(spacing_problems(scene, agents, options))
+    ):
+        yield from too_close
+        return
+    try:
+        found = list((_trajectory_problems if is_trajectory else _route_problems)(
+            scene, agents, options
+        ))  # fmt: skip
+    except InputError as error:
+        found = [Problem(("file",), message) for message in error.problems]
+    yield from found
+
+
+def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepGoal]:
+    """Yield the positions along each agent's line; a relative trajectory's are not known."""
+    from star_verbs.follow import routes, trajectory
+    from star_verbs.follow.files import read_trajectory
+
+    key = "file" if "file" in options else "path"
+    if options["format"] != "poly7":
+        found = routes.labelled_positions(routes.route(scene, len(rows), options))
+    elif options["relative"]:
+        return
+    else:
+        name = options["file"]
+        samples = trajectory.Samples.of(read_trajectory(scene.file(name), name))
+        shifts = offsets(len(rows), options["spacing"])
+        start_only = options["on_board"]  # not planned from there on
+        found = trajectory.labelled_positions(samples, shifts, name, start_only=start_only)
+    yield from (StepGoal((key,), position, label) for label, position in found)
+
+
+SPEC: Final = TaskSpec(
+    name="follow",
+    before="air",
+    after="air",
+    summary="Fly along a path: a box, a circle, a figure 8, or points from a file.",
+    make=make,
+    check=check,
+    goals=goals,
+    options=OPTIONS,
+)
+
+
+def _conflicts(given: dict[str, Any]) -> Iterator[Problem]:
+    """Check that the options go with waypoints, or with a named path."""
+    for key in FOR_TRAJECTORIES:
+        if key in given:
+            yield Problem((key,), f"{key!r} goes with 'format: poly7' only")
+    if ("file" in given) is ("path" in given):
+        yield from exactly_one("file", "path", given)
+    elif "path" in given:
+        for key in ("size", "centre"):
+            if key not in given:
+                yield Problem((), f"path {given['path']!r} needs {key!r}")
+    else:
+        for key in FOR_PATHS:
+            if key in given:
+                yield Problem((key,), f"{key!r} goes with 'path' only, not with 'file'")
+
+
+def _trajectory_conflicts(given: dict[str, Any]) -> Iterator[Problem]:
+    """Check that the options go with a trajectory."""
+    for key in given:
+        if key not in {"format", "file", "spacing", *FOR_TRAJECTORIES}:
+            yield Problem((key,), f"{key!r} does not go with 'format: poly7'")
+    if "file" not in given:
+        yield Problem((), "'format: poly7' needs 'file'")
+
+
+def _route_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Iterator[Problem]:
+    """Check that agents on one path keep their distance, and that their lines are flyable."""
+    from star_verbs.follow.routes import min_distance, route, route_faults
+
+    name, spacing = options.get("path"), options["spacing"]
+    if name is not None and agents > 1:
+        nearest = min_distance(name, options["size"], agents, options.get("width"))
+        if nearest < spacing:
+            yield Problem(
+                ("size",),
+                f"{agents} agents on this {name} come within {nearest:.2f} m of each other, "
+                f"nearer than the spacing of {spacing:g} m",
+            )
+    key = "path" if name else "file"
+    for fault in route_faults(scene, route(scene, agents, options)):
+        yield Problem((key,), fault)
+
+
+def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Iterator[Problem]:
+    """Check a trajectory; where a relative one leads is checked when it begins."""
+    from star_verbs.follow import trajectory
+    from star_verbs.follow.files import read_trajectory
+
+    name = options["file"]
+    path = read_trajectory(scene.file(name), name)
+    size = len(path.lines) * PIECE_SIZE
+    if options["on_board"] and size > MEMORY:
+        yield Problem(
+            ("on_board",),
+            f"{name} has {len(path.lines)} pieces of {PIECE_SIZE} bytes, {size} bytes in all; a "
+            f"Crazyflie has {MEMORY} bytes for trajectories: {MEMORY // PIECE_SIZE} pieces at most",
+        )
+    samples = trajectory.Samples.of(path)
+    faults = [*trajectory.limit_faults(scene, samples, options["timescale"], name)]
+    if options["relative"]:
+        faults += trajectory.extent_faults(scene, samples, name)
+    else:
+        shifts = offsets(agents, options["spacing"])
+        faults += trajectory.position_faults(scene, samples, shifts, name)
+    yield from (Problem(("file",), fault) for fault in faults)
