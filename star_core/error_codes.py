@@ -39,6 +39,10 @@ CATALOGUE: Final = {
         "An option has a value that cannot be used in this mission.",
         "`star plugins` lists the options of all plugins with their meaning.",
     ),
+    "invalid-trajectory": Entry(
+        "A file of waypoints or of a polynomial trajectory has invalid contents.",
+        "Correct the line that the message names; `docs/missions.md` describes both formats.",
+    ),
     "plugin-failed": Entry(
         "A plugin raised an error.",
         "`star run --verbose` shows its traceback; report it to the plugin's author.",

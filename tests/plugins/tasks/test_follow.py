@@ -242,7 +242,7 @@ def test_laps_of_a_file_are_a_problem(problems: Any) -> None:
 def test_what_is_wrong_with_a_file_is_a_problem(problems: Any, tmp_path: Path) -> None:
     room = with_file(tmp_path, 1, "x,y,z\n0,0,1\n1,x,1\n")
     assert problems("follow", room, (0,), file="path.csv") == [
-        (("file",), "path.csv:3: y is 'x', expected a number")
+        (("file",), "path.csv:3: y is 'x', expected a number [invalid-trajectory]")
     ]
 
 

@@ -50,7 +50,8 @@ def faults(folder: Path, text: str) -> list[str]:
     (folder / "path.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as raised:
         read_trajectory(folder / "path.csv", "path.csv")
-    return list(raised.value.problems)
+    assert raised.value.code == "invalid-trajectory"
+    return [problem.removesuffix(" [invalid-trajectory]") for problem in raised.value.problems]
 
 
 @given(x=coefficients, yaw=coefficients, time=st.floats(0, 2))
@@ -275,5 +276,8 @@ def test_a_timescale_of_waypoints_is_a_problem(problems: Any, tmp_path: Path) ->
 def test_what_is_wrong_with_the_file_is_a_problem(problems: Any, tmp_path: Path) -> None:
     room = with_file(tmp_path, "")
     assert problems("follow", room, (0,), **POLY7) == [
-        (("file",), "path.csv: has no piece, expected a header and one line per piece")
+        (
+            ("file",),
+            "path.csv: has no piece, expected a header and one line per piece [invalid-trajectory]",
+        )
     ]

@@ -18,7 +18,8 @@ def written(folder: Path, text: str) -> str:
 def faults(folder: Path, file: str) -> list[str]:
     with pytest.raises(InputError) as raised:
         read_waypoints(folder / file, file)
-    return list(raised.value.problems)
+    assert raised.value.code == "invalid-trajectory"
+    return [problem.removesuffix(" [invalid-trajectory]") for problem in raised.value.problems]
 
 
 def test_points_are_read_with_the_lines_they_stand_on(tmp_path: Path) -> None:
@@ -73,5 +74,5 @@ def test_every_wrong_line_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize("data", [b"\xff\xfe\x00", b'x,y,z\n"0,1,2\n'])
 def test_what_is_no_csv_is_refused(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "path.csv").write_bytes(data)
-    (message,) = faults(tmp_path, "path.csv")
-    assert message.startswith("path.csv: cannot be read as CSV in UTF-8: ")
+    with pytest.raises(InputError, match=r"^path.csv: cannot be .* \[unreadable-file\]$"):
+        read_waypoints(tmp_path / "path.csv", "path.csv")

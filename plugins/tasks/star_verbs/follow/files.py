@@ -56,12 +56,15 @@ def read_waypoints(path: Path, file: str) -> Waypoints:
     """
     rows = _read_rows(path, file)
     if not rows:
-        raise InputError([f"{file}: is empty, expected a header with columns {_listed(COLUMNS)}"])
+        raise InputError(
+            f"{file}: is empty, expected a header with columns {_listed(COLUMNS)}",
+            code="invalid-trajectory",
+        )
     line, header = rows[0]
     columns = [cell.strip() for cell in header]
     problems = [f"{file}:{line}: {message}" for message in _header_faults(columns)]
     if problems:
-        raise InputError(problems)
+        raise InputError(problems, code="invalid-trajectory")
     points: list[dict[str, float]] = []
     for line, row in rows[1:]:
         values, faults = _numbers(columns, row)
@@ -70,7 +73,7 @@ def read_waypoints(path: Path, file: str) -> Waypoints:
     if not problems and len({tuple(row[key] for key in REQUIRED) for row in points}) < 2:  # noqa: PLR2004 -- a line has two ends
         problems = [f"{file}: has {len(points)} points, expected at least 2 that differ"]
     if problems:
-        raise InputError(problems)
+        raise InputError(problems, code="invalid-trajectory")
     return Waypoints(
         point=tuple((row["x"], row["y"], row["z"]) for row in points),
         yaw_deg=tuple(row["yaw_deg"] for row in points if "yaw_deg" in row),
@@ -93,13 +96,21 @@ def read_trajectory(path: Path, file: str) -> PolynomialPath:
     """
     rows = [(line, _without_trailing_commas(row)) for line, row in _read_rows(path, file)]
     if len(rows) < 2:  # noqa: PLR2004 -- a header and a piece
-        raise InputError([f"{file}: has no piece, expected a header and one line per piece"])
+        raise InputError(
+            f"{file}: has no piece, expected a header and one line per piece",
+            code="invalid-trajectory",
+        )
     header = tuple(cell.strip(" #\t").lower() for cell in rows[0][1])
     if header != PIECE_COLUMNS:
         expected = f"{PIECE_COLUMNS[0]},{PIECE_COLUMNS[1]},…,{PIECE_COLUMNS[-1]}"
-        raise InputError([f"{file}:{rows[0][0]}: expected the header {expected}"])
+        raise InputError(
+            f"{file}:{rows[0][0]}: expected the header {expected}", code="invalid-trajectory"
+        )
     if len(rows) - 1 > MAX_PIECES:
-        raise InputError([f"{file}: has {len(rows) - 1} pieces, expected {MAX_PIECES} at most"])
+        raise InputError(
+            f"{file}: has {len(rows) - 1} pieces, expected {MAX_PIECES} at most",
+            code="invalid-trajectory",
+        )
     lines, values, problems = [], [], []
     for line, row in rows[1:]:
         named, faults = _numbers(PIECE_COLUMNS, row, MAX_COEFFICIENT)
@@ -116,7 +127,7 @@ def read_trajectory(path: Path, file: str) -> PolynomialPath:
             for piece, message in _piece_faults(duration, coefficients)
         ]
     if problems:
-        raise InputError(problems)
+        raise InputError(problems, code="invalid-trajectory")
     return PolynomialPath(duration, coefficients, lines)
 
 
@@ -127,7 +138,8 @@ def _read_rows(path: Path, file: str) -> list[tuple[int, list[str]]]:
             reader = csv.reader(stream, strict=True)
             return [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError([f"{file}: cannot be read as CSV in UTF-8: {error}"]) from error
+        message = f"{file}: cannot be read as CSV in UTF-8: {error}"
+        raise InputError(message, code="unreadable-file") from error
 
 
 def _numbers(
