@@ -23,6 +23,10 @@ CATALOGUE: Final = {
         "A plugin returned something that its contract does not allow.",
         "Correct the plugin; `star_core.testing` checks it without a flight.",
     ),
+    "duplicate-plugin": Entry(
+        "Two installed plugins have the same name.",
+        "Uninstall one of them.",
+    ),
     "file-not-found": Entry(
         "There is no file of that name.",
         "Correct the name; files of a mission are looked up in the mission's folder.",
@@ -48,6 +52,10 @@ CATALOGUE: Final = {
         "`star run --verbose` shows its traceback; report it to the plugin's author.",
     ),
     "unknown-code": Entry("No error has this code.", "`star errors` lists all codes."),
+    "unknown-plugin": Entry(
+        "No plugin of that name is installed.",
+        "Correct the name, or install the plugin; the message lists those that are installed.",
+    ),
     "unreadable-file": Entry(
         "A file exists but cannot be read.",
         "Check that it is a file of the expected format, not a folder, and readable by you.",

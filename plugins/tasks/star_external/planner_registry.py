@@ -32,8 +32,10 @@ def chosen(name: str) -> EntryPoint:
     found = [point for point in _installed() if point.name == name]
     if not found:
         there = ", ".join(names()) or f"none (planners are entry points of {GROUP!r})"
-        raise PluginError(f"no external planner named {name!r}; installed: {there}")
+        message = f"no external planner named {name!r}; installed: {there}"
+        raise PluginError(message, code="unknown-plugin")
     if len(found) > 1:
         values = " and ".join(point.value for point in found)
-        raise PluginError(f"two external planners are named {name!r}: {values}; uninstall one")
+        message = f"two external planners are named {name!r}: {values}; uninstall one"
+        raise PluginError(message, code="duplicate-plugin")
     return found[0]

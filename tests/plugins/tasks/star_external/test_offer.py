@@ -107,7 +107,7 @@ def test_without_planners_the_schema_is_one_and_the_check_says_so(
         (
             ("planner",),
             "no external planner named 'orbit'; installed: none (planners are entry points of "
-            "'star.external_planners')",
+            "'star.external_planners') [unknown-plugin]",
         )
     ]
 
@@ -118,7 +118,7 @@ def test_two_planners_of_one_name_are_told(install: Callable[..., None]) -> None
         (
             ("planner",),
             "two external planners are named 'orbit': another:Orbit and their_package:Orbit; "
-            "uninstall one",
+            "uninstall one [duplicate-plugin]",
         )
     ]
 
