@@ -11,7 +11,7 @@ import pluggy
 
 from star_core.hook_calls import PluginCall, plugin_calls
 from star_core.messages.events import Event
-from star_core.metrics.compute_time import ComputeTime, Stopwatch
+from star_core.metrics.timing import ComputeTime, Stopwatch
 
 log = logging.getLogger(__name__)
 

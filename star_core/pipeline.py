@@ -1,42 +1,31 @@
-"""The four parts a mission flies with, made and blamed by name."""
+"""Calls the four plugins of a flight: guarded, timed, and their outputs validated once."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from time import perf_counter
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from star_core.contracts import Avoider, Localizer, Planner, Transport
 from star_core.errors import ContractError, PluginError
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, Rows, require_rows, require_type
 from star_core.messages.commands import Command, Trajectory
 from star_core.messages.state import Estimate, Goals, Plan, Setpoint, Truth
 from star_core.messages.telemetry import Telemetry
-from star_core.messages.validation import (
-    accepts,
-    checked_estimate,
-    checked_plan,
-    checked_setpoint,
-    checked_telemetry,
-    expect_rows,
-    require_methods,
-    require_type,
-)
 from star_core.messages.vision import Corrections
-from star_core.metrics.compute_time import ComputeTime
+from star_core.metrics.timing import ComputeTime, Stopwatch
 from star_core.mission import Mission
 from star_core.mission_file.located_document import PARTS
-from star_core.plugin_guard import PluginGuard, close
+from star_core.plugin_guard import PluginGuard, close_all, require_methods, require_signature
 from star_core.plugin_schema import fill_defaults
 from star_core.registry import Registry
 
-EARLY = 1e-3  # s, by which a time may be off: clocks of computers have grains
+TIME_TOLERANCE: Final = 1e-3  # s; clocks of computers have a resolution
 
-CONTRACTS = {
+CONTRACTS: Final = {
     "transport": Transport,
     "localizer": Localizer,
     "planner": Planner,
@@ -45,24 +34,34 @@ CONTRACTS = {
 
 
 class PluginPipeline:
-    """Calls the parts, holds every answer to its contract, and names the plugin that breaks it.
+    """Calls the plugins, validates what they return, and names the plugin that breaks its contract.
 
     Every method may raise `PluginError`.
 
     Args:
-        mission: Names the parts.
+        mission: Names the plugins.
         registry: Where they are found.
 
     Attributes:
-        took: How long was computed in all, s, by the kind of part, and for ``safety``; of the
-            transport nothing, which waits.
         compute_time: Of every plugin of the flight.
+        safety_time: Measures the safety filter.
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
         self._n = len(mission.scene.agents)
-        self._blame = {kind: PluginGuard(str(mission.parts[kind]), self._n) for kind in PARTS}
         self._scene = mission.scene
+        self._plugins: dict[str, Any] = {}
+        self._making = {kind: PluginGuard(str(mission.parts[kind]), self._n) for kind in PARTS}
+        self.compute_time = ComputeTime(mission.scene.period, realtime=mission.scene.realtime)
+        self.safety_time = Stopwatch(perf_counter)
+        self._watches = {
+            kind: self.compute_time.of(guard.plugin, waits=kind == "transport")
+            for kind, guard in self._making.items()
+        }
+        self._calling = {
+            kind: PluginGuard(guard.plugin, self._n, self._watches[kind])
+            for kind, guard in self._making.items()
+        }
         specs = {kind: registry.find(kind, mission.parts[kind].use).offer for kind in PARTS}
         options = {
             kind: fill_defaults(mission.parts[kind].options, spec.options)
@@ -70,20 +69,13 @@ class PluginPipeline:
         }
         self._check_goals = specs["planner"].check_goals
         self._planner_options = options["planner"]
-        self._parts: dict[str, Any] = {}
-        self.compute_time = ComputeTime(mission.scene.period, realtime=mission.scene.realtime)
-        self._watch = {
-            kind: self.compute_time.of(blame.whom, waits=kind == "transport")
-            for kind, blame in self._blame.items()
-        }
-        self.took = dict.fromkeys(("localizer", "planner", "avoider", "safety"), 0.0)
         try:
             for kind in PARTS:
-                with self._blame[kind]:
+                with self._making[kind]:
                     make = specs[kind].make
-                    accepts(make, "make", ("scene",), options[kind])
-                    made = self._parts[kind] = make(mission.scene, **options[kind])
-                    require_methods(made, CONTRACTS[kind])
+                    require_signature(make, "make", ("scene",), options[kind])
+                    self._plugins[kind] = make(mission.scene, **options[kind])
+                    require_methods(self._plugins[kind], CONTRACTS[kind])
         except BaseException:
             self.close()
             raise
@@ -91,12 +83,21 @@ class PluginPipeline:
     @property
     def localizer(self) -> str:
         """The localizer with its distribution and version, for messages."""
-        return self._blame["localizer"].whom
+        return self._making["localizer"].plugin
+
+    def took(self) -> dict[str, float]:
+        """Return the time spent so far, s, by the kind of plugin, and for ``safety``.
+
+        The transport is not in it: it also waits.
+        """
+        kinds = ("localizer", "planner", "avoider")
+        times = {kind: self._watches[kind].elapsed for kind in kinds}
+        return times | {"safety": self.safety_time.elapsed}
 
     def connect(self, trajectories: Sequence[Trajectory]) -> None:
-        """Open the links, and upload what the agents are to fly on board."""
-        transport = self._parts["transport"]
-        with self._blame["transport"]:
+        """Open the links, and upload the trajectories that agents may fly on board."""
+        transport = self._plugins["transport"]
+        with self._making["transport"]:
             if trajectories and not hasattr(transport, "upload"):
                 raise PluginError("flies no trajectories on board")
             transport.connect()
@@ -105,9 +106,9 @@ class PluginPipeline:
 
     def wait(self, until: float) -> float:
         """Let time pass until `until`, s, and return the mission time it is then, s."""
-        with self._watch["transport"], self._blame["transport"]:
-            now = float(self._parts["transport"].wait(until))
-            if not until - EARLY <= now < math.inf:
+        with self._calling["transport"]:
+            now = float(self._plugins["transport"].wait(until))
+            if not until - TIME_TOLERANCE <= now < math.inf:
                 raise ContractError(
                     f"wait({until!r}) returned {now!r}, expected that time or later"
                 )
@@ -115,14 +116,14 @@ class PluginPipeline:
 
     def receive(self) -> Telemetry:
         """Return what arrived since the last call."""
-        with self._watch["transport"], self._blame["transport"]:
-            return checked_telemetry(self._parts["transport"].receive(), self._n)
+        with self._calling["transport"]:
+            return checked_telemetry(self._plugins["transport"].receive(), self._n)
 
     def locate(self, telemetry: Telemetry) -> Estimate:
-        """Estimate where the agents are."""
-        with self.timed("localizer"), self._watch["localizer"], self._blame["localizer"]:
-            estimate = checked_estimate(self._parts["localizer"].locate(telemetry), self._n)
-            if not abs(estimate.time - telemetry.time) <= EARLY:
+        """Estimate the positions of the agents."""
+        with self._calling["localizer"]:
+            estimate = checked_estimate(self._plugins["localizer"].locate(telemetry), self._n)
+            if not abs(estimate.time - telemetry.time) <= TIME_TOLERANCE:
                 raise ContractError(
                     f"Estimate.time is {estimate.time!r}, expected the telemetry's, "
                     f"{telemetry.time!r}"
@@ -131,54 +132,122 @@ class PluginPipeline:
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         """Plan the next setpoint."""
-        with self.timed("planner"), self._watch["planner"], self._blame["planner"]:
-            return checked_plan(self._parts["planner"].plan(estimate, goals), self._n)
+        with self._calling["planner"]:
+            return checked_plan(self._plugins["planner"].plan(estimate, goals), self._n)
 
     def refuses(self, position: Array) -> Mask:
         """Return which positions, (K, 3) m, the planner would not fly to: (K,)."""
         refused = np.zeros(len(position), np.bool_)
         if self._check_goals is not None:
             goals = [(x, y, z) for x, y, z in position.tolist()]
-            with self._blame["planner"]:
+            with self._calling["planner"]:
                 for problem in self._check_goals(self._scene, goals, **self._planner_options):
                     refused[int(problem.path[0])] = True
         return refused
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        """Make a setpoint safe."""
-        with self.timed("avoider"), self._watch["avoider"], self._blame["avoider"]:
-            return checked_setpoint(self._parts["avoider"].avoid(estimate, wanted), self._n)
+        """Return the setpoint nearest to `wanted` that keeps the agents apart."""
+        with self._calling["avoider"]:
+            return checked_setpoint(self._plugins["avoider"].avoid(estimate, wanted), self._n)
 
     def command(self, command: Command) -> None:
-        """Give an order, already in odometry frames."""
-        with self._blame["transport"]:
-            self._parts["transport"].command(command)
+        """Send a command whose positions are in odometry frames."""
+        with self._calling["transport"]:
+            self._plugins["transport"].command(command)
 
     def correct(self, corrections: Corrections) -> None:
-        """Tell on-board estimators where their agents are."""
-        with self._blame["transport"]:
-            self._parts["transport"].correct(corrections)
+        """Send pose corrections to the on-board estimators."""
+        with self._calling["transport"]:
+            self._plugins["transport"].correct(corrections)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
-        """Send a setpoint, already in odometry frames, and return what was sent."""
-        with self._blame["transport"]:
-            return checked_setpoint(self._parts["transport"].send(setpoint), self._n)
+        """Send a setpoint in odometry frames, and return the one that was sent."""
+        with self._calling["transport"]:
+            sent = self._plugins["transport"].send(setpoint)
+            return setpoint if sent is setpoint else checked_setpoint(sent, self._n)
 
     def truth(self) -> Truth | None:
-        """Where the agents really are, if the transport can know."""
-        with self._blame["transport"]:
-            truth = self._parts["transport"].truth()
-            if truth is not None:
-                expect_rows(require_type(truth, Truth), len(truth.position), self._n)
+        """Return the ground truth, if the transport has it."""
+        with self._calling["transport"]:
+            truth = self._plugins["transport"].truth()
+            if truth is None:
+                return None
+            require_rows(require_type(truth, Truth), len(truth.position), self._n)
             return truth  # type: ignore[no-any-return]
 
-    @contextmanager
-    def timed(self, kind: str) -> Iterator[None]:
-        """Add the time that something takes to what its kind took."""
-        begun = perf_counter()
-        yield
-        self.took[kind] += perf_counter() - begun
-
     def close(self) -> list[str]:
-        """Close every part that can be closed; return what went wrong."""
-        return close((self._blame[kind], part) for kind, part in self._parts.items())
+        """Close every plugin that has ``close()``; return their errors."""
+        return close_all((self._making[kind], plugin) for kind, plugin in self._plugins.items())
+
+
+# Shapes and types of a table are checked when it is made; these functions check its values.
+
+
+def checked_telemetry(answer: object, n: int) -> Telemetry:
+    """Return a transport's telemetry if it has `n` rows and a time; raise `ContractError`."""
+    telemetry = require_type(answer, Telemetry)
+    require_rows(telemetry, len(telemetry.age), n)
+    if not math.isfinite(telemetry.time):
+        raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
+    for name in ("odometry", "frames", "detections"):
+        _require_agents(f"Telemetry.{name}.agent", getattr(telemetry, name).agent, n)
+    return telemetry
+
+
+def checked_estimate(answer: object, n: int) -> Estimate:
+    """Return a localizer's estimate of `n` rows, finite where it is valid; raise `ContractError`.
+
+    Corrections must be finite, except that an infinite `attitude_deviation` stands for no attitude.
+    """
+    estimate = require_type(answer, Estimate)
+    require_rows(estimate, len(estimate.position), n)
+    for name in ("position", "velocity", "yaw", "covariance"):
+        _require_finite(f"Estimate.{name}", getattr(estimate, name), estimate.valid)
+    frames = estimate.map_from_odom
+    _require_finite("Estimate.map_from_odom.yaw", frames.yaw, estimate.valid)
+    _require_finite("Estimate.map_from_odom.translation", frames.translation, estimate.valid)
+    _require_agents("Estimate.sightings.agent", estimate.sightings.agent, n)
+    corrections = estimate.corrections
+    if len(corrections.agent):
+        _require_agents("Estimate.corrections.agent", corrections.agent, n)
+        everywhere = np.ones(len(corrections.agent), np.bool_)
+        for name in ("position", "attitude", "position_deviation"):
+            _require_finite(f"Estimate.corrections.{name}", getattr(corrections, name), everywhere)
+        deviation = corrections.attitude_deviation
+        _require_finite(
+            "Estimate.corrections.attitude_deviation", deviation, ~np.isposinf(deviation)
+        )
+    return estimate
+
+
+def checked_plan(answer: object, n: int) -> Plan:
+    """Return a planner's plan for `n` agents, finite where it is active; raise `ContractError`."""
+    plan = require_type(answer, Plan)
+    checked_setpoint(plan.setpoint, n)
+    _require_agents("Plan.paths.agent", plan.paths.agent, n)
+    if not isinstance(plan.reasons, Mapping):
+        raise ContractError(f"Plan.reasons is {plan.reasons!r}, expected a map from row to text")
+    return plan
+
+
+def checked_setpoint(answer: object, n: int) -> Setpoint:
+    """Return a setpoint of `n` rows, finite where it is active; raise `ContractError`."""
+    setpoint = require_type(answer, Setpoint)
+    require_rows(setpoint, len(setpoint.velocity), n)
+    _require_finite("Setpoint.velocity", setpoint.velocity, setpoint.active)
+    _require_finite("Setpoint.yaw", setpoint.yaw, setpoint.active)
+    return setpoint
+
+
+def _require_agents(field: str, rows: Rows, n: int) -> None:
+    if len(rows) and not 0 <= rows.min() <= rows.max() < n:
+        raise ContractError(f"{field} is {rows.tolist()!r}, expected rows below {n}")
+
+
+def _require_finite(field: str, values: np.ndarray, where: Mask) -> None:
+    if np.isfinite(values).all():
+        return
+    bad = where & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ContractError(f"{field} of row {row} is {values[row].tolist()!r}, expected numbers")

@@ -1,31 +1,22 @@
-"""Says whose fault it is when a plugin raises."""
+"""Attribution of failures to plugins, and checks of the functions that plugins provide."""
 
 from __future__ import annotations
 
+import inspect
 import logging
 import traceback
-from collections.abc import Iterable
-from types import TracebackType
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from types import MappingProxyType, TracebackType
+from typing import Any
 
-from star_core.errors import PluginError, RowCountError, StarError
+from star_core.errors import ContractError, PluginError, RowCountError, StarError
 
 log = logging.getLogger(__name__)
 
 
-def close(parts: Iterable[tuple[PluginGuard, object]]) -> list[str]:
-    """Close every part that can be closed, one after the other; return what went wrong."""
-    wrong = []
-    for blame, part in parts:
-        try:
-            with blame:
-                getattr(part, "close", lambda: None)()
-        except PluginError as error:  # the others are still to be closed
-            wrong.append(str(error))
-    return wrong
-
-
 class PluginGuard:
-    """Turns whatever is raised inside into a `PluginError` that names the plugin.
+    """Turns any exception raised inside into a `PluginError` that names the plugin.
 
     >>> with PluginGuard("avoider 'mine' (1.0)"):
     ...     {}["gain"]
@@ -33,16 +24,23 @@ class PluginGuard:
     star_core.errors.PluginError: avoider 'mine' (1.0): KeyError: 'gain' (<...>:2) [plugin-failed]
 
     Args:
-        whom: The plugin: kind, name and source.
+        plugin: Kind, name and source of the plugin.
         agents: Number of agents of the swarm, to find the wrong fields of a table by.
+        stopwatch: Measures the time spent inside.
     """
 
-    def __init__(self, whom: str, agents: int | None = None) -> None:
-        self.whom = whom
+    def __init__(
+        self,
+        plugin: str,
+        agents: int | None = None,
+        stopwatch: AbstractContextManager[Any] | None = None,
+    ) -> None:
+        self.plugin = plugin
         self._agents = agents
+        self._stopwatch = stopwatch or nullcontext()
 
     def __enter__(self) -> None:
-        pass
+        self._stopwatch.__enter__()
 
     def __exit__(
         self,
@@ -50,15 +48,79 @@ class PluginGuard:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._stopwatch.__exit__(kind, error, trace)
         if not isinstance(error, Exception | SystemExit):
             return
-        log.debug("%s raised", self.whom, exc_info=error)
+        log.debug("%s raised", self.plugin, exc_info=error)
         if isinstance(error, RowCountError) and self._agents is not None:
-            raise PluginError(f"{self.whom}: {error.among(self._agents)}") from error
+            raise PluginError(f"{self.plugin}: {error.among(self._agents)}") from error
         if isinstance(error, StarError):
-            raise PluginError(f"{self.whom}: {error}") from error
+            raise PluginError(f"{self.plugin}: {error}") from error
         innermost = traceback.extract_tb(trace)[-1]
-        said = " ".join(f"{type(error).__name__}: {error}".split())  # on one line
+        text = " ".join(f"{type(error).__name__}: {error}".split())  # on one line
         raise PluginError(
-            f"{self.whom}: {said} ({innermost.filename}:{innermost.lineno})"
+            f"{self.plugin}: {text} ({innermost.filename}:{innermost.lineno})"
+        ) from error
+
+
+def close_all(plugins: Iterable[tuple[PluginGuard, object]]) -> list[str]:
+    """Close every plugin that has ``close()``, one after the other; return their errors."""
+    errors = []
+    for guard, plugin in plugins:
+        try:
+            with guard:
+                getattr(plugin, "close", lambda: None)()
+        except PluginError as error:  # the others have yet to be closed
+            errors.append(str(error))
+    return errors
+
+
+def require_methods(plugin: object, contract: type) -> None:
+    """Check that a plugin has the methods of its contract, with the arguments they are called with.
+
+    Raises:
+        ContractError: A method is missing, or takes other arguments; the message names it.
+    """
+    if not isinstance(plugin, contract):
+        has = set(dir(plugin))
+        methods = (name for name in vars(contract) if not name.startswith("_"))
+        missing = ", ".join(f"{name}()" for name in methods if name not in has)
+        raise ContractError(f"{type(plugin).__name__} has no {missing}")
+    for name, method in vars(contract).items():
+        if not name.startswith("_"):
+            _, *arguments = inspect.signature(method).parameters
+            require_signature(getattr(plugin, name), name, arguments)
+
+
+def require_signature(
+    function: Callable[..., object],
+    name: str,
+    arguments: Sequence[str],
+    options: Mapping[str, object] = MappingProxyType({}),
+) -> None:
+    """Check that a plugin's function can be called the way the core calls it.
+
+    Args:
+        function: Of the plugin; one whose signature cannot be inspected passes.
+        name: Its name in the contract.
+        arguments: Names of its positional arguments.
+        options: Its keyword arguments.
+
+    Raises:
+        ContractError: It cannot; the message has its signature and its source line.
+    """
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(*arguments, **options)
+    except TypeError as error:
+        plain = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
+        takes = signature.replace(parameters=plain, return_annotation=signature.empty)
+        called = ", ".join((*arguments, *(f"{key}=..." for key in options)))
+        code = getattr(function, "__code__", None)
+        source = f" ({code.co_filename}:{code.co_firstlineno})" if code else ""
+        raise ContractError(
+            f"{name}{takes} cannot be called as {name}({called}): {error}{source}"
         ) from error

@@ -14,11 +14,10 @@ from star_core.messages.events import Flight
 from star_core.metrics.manifest import manifest
 from star_core.mission import Mission
 from star_core.observers import Observers
-from star_core.operator_stop import OperatorStop
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
-from star_core.shutdown import Shutdown
+from star_core.shutdown import OperatorStop, Shutdown
 from star_core.tick import ControlLoop
 
 
@@ -34,10 +33,10 @@ def fly(
 
     Args:
         mission: What to fly.
-        registry: Where its plugins are found; its observers watch.
-        folder: Where observers may leave records.
-        save_frames: Whether those should hold the cameras' images.
-        interrupts: Raised from outside to land (1) or to stop (2 and more).
+        registry: Of its plugins and observers.
+        folder: For the observers' records.
+        save_frames: Whether to record the cameras' images.
+        interrupts: The operator's requests; its count is increased from outside.
 
     Raises:
         PluginError: A plugin cannot be made, or the links cannot be opened; nothing has moved.
@@ -64,7 +63,7 @@ def fly(
 
 
 def outcome_of(summary: Mapping[str, Any]) -> int:
-    """The exit status of a flight: 0 when it completed, else 1."""
+    """Return the exit status of a flight: 0 when it completed, else 1."""
     return 0 if summary["outcome"] == MissionPhase.COMPLETED else 1
 
 
@@ -101,7 +100,7 @@ class _Run:
             self._wall_time = time.perf_counter() - begun
 
     def summary(self) -> dict[str, Any]:
-        """Return what ``summary.json`` holds."""
+        """Return the contents of ``summary.json``."""
         vehicles = self.loop.vehicles
         return (
             self.loop.metrics.summary(
@@ -109,7 +108,7 @@ class _Run:
                 outcome=str(self._phases.mission),
                 reason=self.reason or "",
                 wall_time=self._wall_time,
-                took=self._pipeline.took,
+                took=self._pipeline.took(),
                 steps=self.loop.executor.steps,
                 targets=vehicles.targets,
                 events=self.observers.events,
@@ -157,7 +156,7 @@ class _Run:
 
     def _collisions(self) -> str:
         """Return the number of collisions that fail the mission; empty if there are none."""
-        contacts = self.loop.contacts
+        contacts = self.loop.metrics.contacts
         count = contacts.agent_agent + contacts.agent_obstacle
         if not count or self._mission.collisions == "record":
             return ""

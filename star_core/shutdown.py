@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,15 +12,22 @@ from star_core.execution.goal_buffer import GoalBuffer
 from star_core.messages.arrays import Rows
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate
 from star_core.observers import Observers
-from star_core.operator_stop import OperatorStop
 from star_core.scene import Scene
 from star_core.tick import ControlLoop
 
-MAX_LANDING_DELAY: Final = 10.0
-"""How long after the planned end of its landing an agent counts as not landed, s."""
+MAX_LANDING_DELAY: Final = 10.0  # s after the planned end of its landing; then it has failed
+MAX_SILENCE: Final = 3.0  # s; an agent not heard for longer is not waited for after its landing
 
-MAX_SILENCE: Final = 3.0
-"""An agent not heard for this long is not waited for once its landing should be over, s."""
+
+@dataclass(slots=True)
+class OperatorStop:
+    """The operator's requests to end the flight.
+
+    Attributes:
+        count: Number of requests: the first lands all agents, the second stops the motors.
+    """
+
+    count: int = 0
 
 
 class Shutdown:
@@ -29,7 +37,7 @@ class Shutdown:
         scene: The agents.
         loop: The control loop that has flown them.
         observers: Receive the events.
-        stop: The operator's wish to stop the motors.
+        stop: The operator's request to stop the motors.
     """
 
     def __init__(
@@ -42,24 +50,24 @@ class Shutdown:
         self._stop = stop
 
     def land_all(self, end: str, *, at_once: bool = False) -> str:
-        """Land all agents; return what went wrong on the way, if anything.
+        """Land all agents; return what failed, if anything.
 
         Args:
-            end: How the mission ended: the trigger of its phase.
-            at_once: Land each agent where it is, without leading it to a free position first,
+            end: The trigger of the mission's phase with which the flight ends.
+            at_once: Land each agent from its position, without leading it to a free one first,
                 which takes every plugin.
         """
-        vehicles = self._vehicles
+        vehicles, n = self._vehicles, len(self._scene.agents)
         if end == "complete":
             vehicles.phases.fire_mission("land")
         estimate = vehicles.estimate
         if estimate is None:
             return ""
         begun = vehicles.time
-        goals = GoalBuffer.none(len(self._scene.agents), self._scene.limits.speed)
+        goals = GoalBuffer(n, self._scene.limits.speed)
         goals.doing = ["landing"]
-        self._command_landings(np.arange(len(self._scene.agents)), estimate, goals, at_once=at_once)
-        age = np.zeros(len(self._scene.agents))  # s, of each agent's newest report
+        self._command_landings(np.arange(n), estimate, goals, at_once=at_once)
+        age = np.zeros(n)  # s, of each agent's newest report
         while (up := vehicles.phases.among(*AIRBORNE)).any():
             if self._stop.count > 1:
                 vehicles.emergency_stop(up)
@@ -70,9 +78,7 @@ class Shutdown:
                 names = self._scene.named(np.flatnonzero(up).tolist())
                 text = f"{names} did not report to be on the ground"
                 self._observers.event("failure", text)
-                if not (up & ~self._loop.given_up()).any():
-                    break
-                return text
+                return text if (up & ~self._loop.unassigned()).any() else self._fallen(end)
             telemetry = vehicles.receive()
             age = telemetry.age
             estimate = vehicles.locate(telemetry)
@@ -83,13 +89,10 @@ class Shutdown:
                 self._loop.steer(telemetry, estimate, health, goals)
             else:
                 self._loop.watch(telemetry, estimate, health)
-        fallen = vehicles.phases.among(AgentPhase.EMERGENCY) & ~self._loop.given_up()
-        if end == "complete" and fallen.any():
-            return f"{self._scene.named(np.flatnonzero(fallen).tolist())} ended in emergency"
-        return ""
+        return self._fallen(end)
 
     def land_all_without_plugins(self) -> str:
-        """Land all agents though a plugin is broken; return what went wrong, if anything."""
+        """Land all agents though a plugin has failed; return what failed, if anything."""
         try:
             return self.land_all("fail", at_once=True)
         except PluginError:
@@ -99,11 +102,18 @@ class Shutdown:
         except PluginError as error:
             for row in np.flatnonzero(self._vehicles.phases.among(*AIRBORNE)).tolist():
                 name = self._scene.agents[row].name
-                text = f"{name} is left to the transport's close, and its own time-outs"
+                text = f"{name} is left to the transport's close, and its own timeouts"
                 self._observers.event("failure", text, name)
             text = f"no agent could be landed: {error}"
             self._observers.event("failure", text)
             return text
+
+    def _fallen(self, end: str) -> str:
+        """Return which agents of a completed mission ended in emergency, if any."""
+        fallen = self._vehicles.phases.among(AgentPhase.EMERGENCY) & ~self._loop.unassigned()
+        if end != "complete" or not fallen.any():
+            return ""
+        return f"{self._scene.named(np.flatnonzero(fallen).tolist())} ended in emergency"
 
     def _command_landings(
         self, rows: Rows, estimate: Estimate, goals: GoalBuffer, *, at_once: bool
@@ -113,5 +123,5 @@ class Shutdown:
         if at_once:
             self._vehicles.land(rows, estimate)
         else:
-            self._loop.landing.bring(rows)
+            self._loop.landing.land(rows)
             self._loop.landing.step(estimate, goals)

@@ -1,4 +1,4 @@
-"""The swarm in the map frame: telemetry and estimates in, commands and setpoints out."""
+"""The swarm in the map frame: telemetry, estimates and phases in, commands and setpoints out."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint, Truth
 from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.messages.transforms import LastKnownTransform, Transform
+from star_core.messages.transforms import Transform
 from star_core.messages.vision import Corrections, Sightings
 from star_core.metrics.targets import Targets
-from star_core.metrics.tick_timing import TickTiming
+from star_core.metrics.timing import TickTiming
 from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline
-from star_core.safety.estimate_gate import EstimateGate
-from star_core.safety.unheard import MAX_REPORT_AGE, UnheardAgents
+from star_core.safety.estimates import MAX_REPORT_AGE, EstimateGate, UnheardAgents
 from star_core.scene import Scene
 
 log = logging.getLogger(__name__)
@@ -44,10 +43,9 @@ class VehicleInterface:
         time: Of the tick, s.
         estimate: Of the tick; None before the first.
         phases: Of every agent and of the mission.
-        commanded: (N,) agents whose on-board commander flies them to a point or along a trajectory.
-        targets: What was found so far.
-        down_by: When the last of all landings so far ends, s.
-        timing: How late ticks came.
+        targets: That were found so far.
+        down_by: Time at which the last of all landings so far ends, s.
+        timing: Lateness of the ticks.
     """
 
     def __init__(self, scene: Scene, pipeline: PluginPipeline, observers: Observers) -> None:
@@ -59,20 +57,19 @@ class VehicleInterface:
         self.time = 0.0
         self.estimate: Estimate | None = None
         self.phases = Phases(scene.names)
-        self.commanded = np.zeros(n, np.bool_)
+        self._commanded = np.zeros(n, np.bool_)  # flown on board to a point or along a trajectory
         self.targets = Targets(scene)
         self.down_by = 0.0
-        self.timing = TickTiming(scene.period, pipeline.took)
+        self.timing = TickTiming(scene.period)
         self._localizer_failed = False
         self._until = np.zeros(n)  # s, earliest end of what a commander flies
-        self._blind = False  # the truth cannot be had
+        self._setpoints_sent = np.zeros(n, np.bool_)  # in the last tick
+        self._truth_failed = False
         self._gate = EstimateGate(n, scene.limits.speed)
         self._unheard = UnheardAgents(n)
-        self._frames = LastKnownTransform(
-            Transform(
-                np.array([agent.yaw for agent in scene.agents]),
-                np.array([agent.start for agent in scene.agents]),
-            )
+        self._frames = Transform(  # last known
+            np.array([agent.yaw for agent in scene.agents]),
+            np.array([agent.start for agent in scene.agents]),
         )
 
     def receive(self) -> Telemetry:
@@ -80,7 +77,7 @@ class VehicleInterface:
         due = self._due * self._scene.period
         self.time = self._pipeline.wait(due)
         self._observers.begin_tick(self.time)
-        if late := self.timing.note(due, self.time):
+        if late := self.timing.note(due, self.time, self._pipeline.took()):
             self._observers.event("late", late)
         for slow in self._pipeline.compute_time.end_tick():
             log.warning("%s", slow)
@@ -89,14 +86,17 @@ class VehicleInterface:
         return self._pipeline.receive()
 
     def locate(self, telemetry: Telemetry) -> Estimate:
-        """Estimate where the agents are; send the corrections of their own estimators."""
+        """Estimate the positions of the agents; send corrections to their own estimators."""
         if self._localizer_failed and self.estimate is not None:
-            estimate = self._without_localizer(self.estimate, telemetry.time)
+            estimate = replace(
+                self.estimate,
+                time=telemetry.time,
+                valid=np.zeros(len(self.estimate.valid), np.bool_),
+                corrections=Corrections.none(),
+                sightings=Sightings.none(),
+            )
         else:
-            estimate = self._pipeline.locate(telemetry)
-            frames = self._frames.last_known(estimate.map_from_odom)
-            if frames is not estimate.map_from_odom:
-                estimate = replace(estimate, map_from_odom=frames)
+            estimate = self._with_known_frames(self._pipeline.locate(telemetry))
             if len(estimate.corrections.agent):
                 self._pipeline.correct(estimate.corrections)
             estimate = self._gated(estimate)
@@ -110,10 +110,11 @@ class VehicleInterface:
         if telemetry.rebooted is not None and telemetry.rebooted.any():
             self._ground(telemetry.rebooted)
         finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
-        finished &= self.time >= self._until  # earlier it is the command before that is over
-        self.commanded &= ~finished
-        for target, finder in self.targets.see(estimate.sightings, self.time):
-            self._observers.event("found", f"{finder} found {target!r}", finder)
+        finished &= self.time >= self._until  # earlier it refers to the previous command
+        self._commanded &= ~finished
+        if len(estimate.sightings.tag):
+            for target, finder in self.targets.add(estimate.sightings, self.time):
+                self._observers.event("found", f"{finder} found {target!r}", finder)
         health = Health(
             self.phases.of_agents(), telemetry.battery, telemetry.age, self.targets.finder
         )
@@ -121,7 +122,7 @@ class VehicleInterface:
         return health
 
     def stop_locating(self) -> None:
-        """Ask the localizer no more, which is broken: from now on no agent is located."""
+        """Stop calling the localizer, which has failed: from now on no agent is located."""
         self._localizer_failed = True
 
     def setpoint(self, planned: Setpoint, estimate: Estimate) -> Setpoint:
@@ -135,47 +136,12 @@ class VehicleInterface:
         return Setpoint(
             velocity=np.where(given[:, None], planned.velocity, 0.0),
             yaw=np.where(given, planned.yaw, estimate.yaw),
-            active=flying & estimate.valid & ~self.commanded,
+            active=flying & estimate.valid & ~self._commanded,
         )
 
-    @staticmethod
-    def _without_localizer(last: Estimate, time: float) -> Estimate:
-        """Return the last estimate with no agent located."""
-        return replace(
-            last,
-            time=time,
-            valid=np.zeros(len(last.yaw), np.bool_),
-            corrections=Corrections.none(),
-            sightings=Sightings.none(),
-        )
-
-    def _gated(self, estimate: Estimate) -> Estimate:
-        """Return the estimate without positions that cannot be true, and report new ones."""
-        accepted, jumps = self._gate.check(estimate, self.phases.among(*AIRBORNE))
-        for jump in jumps:
-            name = self._scene.agents[jump.row].name
-            self._observers.event(
-                "estimate",
-                f"{name} brakes: its estimated position moved {jump.distance:.2f} m in "
-                f"{jump.seconds:.2f} s, expected at most {jump.plausible:.2f} m from "
-                f"{self._pipeline.localizer}",
-                name,
-            )
-        return accepted
-
-    def _ground(self, rebooted: Mask) -> None:
-        """Take agents out of the flight that rebooted, unless they have landed before."""
-        unfit = rebooted & self.phases.among(AgentPhase.GROUNDED, *AIRBORNE)
-        flew = self.phases.among(*AIRBORNE)
-        for row in np.flatnonzero(unfit).tolist():
-            name = self._scene.agents[row].name
-            what = "in flight: its motors stopped" if flew[row] else "before its take-off"
-            text = f"{name} rebooted {what}; it is not flown any more"
-            self._observers.event("failure", text, name)
-        self.phases.fire("fail", np.flatnonzero(unfit))
-
-    def send(self, setpoint: Setpoint, estimate: Estimate) -> Setpoint:
-        """Send a setpoint; return what was sent."""
+    def send(self, setpoint: Setpoint, telemetry: Telemetry, estimate: Estimate) -> Setpoint:
+        """Send a setpoint, with zero velocity for agents that must brake; return what was sent."""
+        setpoint = self._with_brakes(setpoint, telemetry, estimate)
         to_map = estimate.map_from_odom
         odom = replace(
             setpoint,
@@ -188,7 +154,7 @@ class VehicleInterface:
         return replace(sent, velocity=to_map.turn(sent.velocity), yaw=sent.yaw + to_map.yaw)
 
     def send_command(self, command: Command, estimate: Estimate) -> None:
-        """Send a command to the on-board commanders, and follow it in the agents' phases."""
+        """Send a command to the on-board commanders, and update the agents' phases."""
         to_odom = estimate.map_from_odom.of(command.agent).inverse()
         self._pipeline.command(
             replace(
@@ -198,7 +164,7 @@ class VehicleInterface:
             )
         )
         if command.order is not Order.ARM:
-            self.commanded[command.agent] = command.order in FLOWN_ON_BOARD
+            self._commanded[command.agent] = command.order in FLOWN_ON_BOARD
         match command.order:
             case Order.TAKEOFF:
                 self.phases.fire("take_off", command.agent)
@@ -213,16 +179,15 @@ class VehicleInterface:
 
     def release(self, rows: Iterable[int]) -> None:
         """Fly agents by setpoints again, whatever their commanders fly."""
-        for row in rows:
-            self.commanded[row] = False
+        self._commanded[list(rows)] = False
 
-    def land(self, rows: Rows, estimate: Estimate, takes: Array | None = None) -> None:
-        """Command those of some agents to land that are in the air, from their positions.
+    def land(self, rows: Rows, estimate: Estimate, durations: Array | None = None) -> None:
+        """Command agents to land from their positions, if they are in the air.
 
         Args:
             rows: (K,) the agents.
-            estimate: Where they are.
-            takes: (K,) how long, s; NaN, or nothing given, is at the core's own pace. No descent
+            estimate: Of their positions.
+            durations: (K,) of the descents, s; NaN or None is at the core's own pace. No descent
                 takes less than `MIN_LAND_TIME`.
         """
         airborne = self.phases.among(AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
@@ -235,11 +200,11 @@ class VehicleInterface:
         position[unknown, 2] = self._scene.limits.height[1]
         position[:, 2] = np.minimum(position[:, 2], self._scene.world.fence.high[2])
         position = np.nan_to_num(position)
-        # a plan begins where the plan before is, which an agent that climbs follows late
+        # a commander's plan begins where the previous one is, which a climbing agent trails
         rise = CONTROLLER_LAG * np.maximum(0.0, np.nan_to_num(estimate.velocity[rows, 2]))
         duration = (position[:, 2] + rise) / LAND_SPEED + LAG_ALLOWANCE
-        if takes is not None:
-            duration = np.where(np.isnan(takes[up]), duration, takes[up])
+        if durations is not None:
+            duration = np.where(np.isnan(durations[up]), duration, durations[up])
         duration = np.maximum(duration, MIN_LAND_TIME)
         position[:, 2] = 0.0
         yaw = np.nan_to_num(estimate.yaw[rows])
@@ -261,12 +226,12 @@ class VehicleInterface:
             self.send_command(command, self.estimate)
 
     def truth(self) -> Truth | None:
-        """Where the agents really are; a transport that failed to tell is not asked again."""
-        if self._blind:
+        """Return the ground truth, if there is one; after a failure it is not requested again."""
+        if self._truth_failed:
             return None
-        self._blind = True
+        self._truth_failed = True
         truth = self._pipeline.truth()
-        self._blind = False
+        self._truth_failed = False
         return truth
 
     def report_phases(self) -> None:
@@ -275,3 +240,56 @@ class VehicleInterface:
             self._observers.notify("star_phase_changed", time=self.time, agent=agent, phase=phase)
             if phase in {"lost", "emergency"}:
                 self._observers.event("failure", f"{agent} is {phase}", agent)
+
+    def _with_brakes(
+        self, setpoint: Setpoint, telemetry: Telemetry, estimate: Estimate
+    ) -> Setpoint:
+        """Add a zero velocity for agents in flight that are heard but not located.
+
+        It needs no position, and without setpoints such an agent would fly on for a while.
+        """
+        heading = telemetry.heading + estimate.map_from_odom.yaw
+        brakes = self._setpoints_sent & self.phases.among(AgentPhase.LOST) & ~self._commanded
+        brakes &= (telemetry.age <= MAX_REPORT_AGE) & np.isfinite(heading)
+        self._setpoints_sent = setpoint.active | brakes
+        if not brakes.any():
+            return setpoint
+        return Setpoint(
+            velocity=np.where(brakes[:, None], 0.0, setpoint.velocity),
+            yaw=np.where(brakes, heading, setpoint.yaw),
+            active=self._setpoints_sent,
+        )
+
+    def _ground(self, rebooted: Mask) -> None:
+        """Remove agents that rebooted from the flight, unless they have landed before."""
+        unfit = rebooted & self.phases.among(AgentPhase.GROUNDED, *AIRBORNE)
+        flew = self.phases.among(*AIRBORNE)
+        for row in np.flatnonzero(unfit).tolist():
+            name = self._scene.agents[row].name
+            moment = "in flight: its motors stopped" if flew[row] else "before its take-off"
+            text = f"{name} rebooted {moment}; it is not flown any more"
+            self._observers.event("failure", text, name)
+        self.phases.fire("fail", np.flatnonzero(unfit))
+
+    def _with_known_frames(self, estimate: Estimate) -> Estimate:
+        """Return the estimate with the last known frames of agents whose frames are not finite."""
+        known = estimate.map_from_odom.known
+        if known.all():
+            self._frames = estimate.map_from_odom
+            return estimate
+        self._frames = estimate.map_from_odom.where(known, self._frames)
+        return replace(estimate, map_from_odom=self._frames)
+
+    def _gated(self, estimate: Estimate) -> Estimate:
+        """Return the estimate without implausible positions, and report new ones."""
+        accepted, jumps = self._gate.check(estimate, self.phases.among(*AIRBORNE))
+        for jump in jumps:
+            name = self._scene.agents[jump.row].name
+            self._observers.event(
+                "estimate",
+                f"{name} brakes: its estimated position moved {jump.distance:.2f} m in "
+                f"{jump.seconds:.2f} s, expected at most {jump.plausible:.2f} m from "
+                f"{self._pipeline.localizer}",
+                name,
+            )
+        return accepted

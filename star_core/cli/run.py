@@ -17,9 +17,9 @@ from star_core.cli.live_view import Progress
 from star_core.cli.run_folders import new_folder
 from star_core.errors import InputError
 from star_core.mission import load
-from star_core.operator_stop import OperatorStop
 from star_core.registry import Registry, Source
 from star_core.runner import fly, outcome_of
+from star_core.shutdown import OperatorStop
 
 HARD = 3
 """Interrupts after which Python itself is interrupted: a plugin may hang."""

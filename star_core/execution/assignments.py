@@ -28,7 +28,7 @@ class Team:
 
     @classmethod
     def of(cls, holders: Mapping[int, int], names: Sequence[str]) -> Team:
-        """The agents assigned to some slots, of N agents with these names."""
+        """Return the agents assigned to some slots, of N agents with these names."""
         rows = tuple(holders.values())
         own = np.zeros(len(names), np.bool_)
         own[list(rows)] = True
@@ -56,39 +56,39 @@ class Assignments:
         self.retired = set(reserve)
         self.version = 0
 
-    def holders(self, places: Iterable[int]) -> dict[int, int]:
+    def holders(self, slots: Iterable[int]) -> dict[int, int]:
         """Return the row of the agent of each of some slots, without the empty ones."""
-        return {place: self._holder[place] for place in places if place not in self._vacant}
+        return {slot: self._holder[slot] for slot in slots if slot not in self._vacant}
 
-    def place(self, row: int) -> int | None:
+    def slot(self, row: int) -> int | None:
         """Return the slot of an agent; None if it is not in the mission."""
-        for place, holder in enumerate(self._holder):
-            if holder == row and place not in self._vacant:
-                return place
+        for slot, holder in enumerate(self._holder):
+            if holder == row and slot not in self._vacant:
+                return slot
         return None
 
     def vacancies(self) -> list[int]:
-        """Empty slots that an agent should be assigned to."""
+        """Return the empty slots that an agent should be assigned to."""
         return sorted(self._vacant - self.retired)
 
     def vacate(self, rows: Iterable[int], *, retire: bool = False) -> None:
         """Take agents out of the mission; with `retire`, their slots stay empty."""
         for row in rows:
-            if (place := self.place(row)) is not None:
+            if (slot := self.slot(row)) is not None:
                 self.version += 1
-                self._vacant.add(place)
+                self._vacant.add(slot)
                 if retire:
-                    self.retired.add(place)
+                    self.retired.add(slot)
 
-    def take(self, place: int, row: int) -> None:
-        """Assign an agent to a slot, in place of the one that has it now."""
+    def assign(self, slot: int, row: int) -> None:
+        """Assign an agent to a slot, replacing its present one."""
         self.version += 1
-        self._holder[place] = row
-        self._vacant.discard(place)
-        self.retired.discard(place)
+        self._holder[slot] = row
+        self._vacant.discard(slot)
+        self.retired.discard(slot)
 
-    def left(self) -> Mask:
-        """(N,) agents that are not in the mission."""
+    def unassigned(self) -> Mask:
+        """Return which agents are not in the mission: (N,)."""
         out = np.ones(len(self._holder), np.bool_)
         out[list(self.holders(range(len(self._holder))).values())] = False
         return out

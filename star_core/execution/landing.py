@@ -19,53 +19,40 @@ from star_core.scene import Scene
 from star_core.toolkit.timeouts import timeout
 from star_core.vehicle_interface import VehicleInterface
 
-PLACE: Final = 0.25
-"""How far from each other two must come down, in the plane, m: they collide at 0.12 m."""
-
-BESIDE: Final = 0.1
-"""How far from an obstacle below it an agent may come down, in the plane, m."""
-
-ASIDE: Final = 0.1
-"""Additional clearance of a landing position that an agent moves aside to, m."""
-
-RING: Final = 0.05
-"""How finely places to come down at are looked for, m."""
-
-FARTHEST: Final = 3.0
-"""How far away they are looked for, m."""
-
-SETTLED: Final = 0.1
-"""What an agent that comes down is slower than, m/s; and how near to its place, m."""
-
-GRACE: Final = 2.0
-"""How long an agent may take to come to rest, s."""
+AGENT_CLEARANCE: Final = 0.25  # m in the plane between two landing positions; 0.12 m is a collision
+OBSTACLE_CLEARANCE: Final = 0.1  # m in the plane to obstacles below
+EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
+SEARCH_STEP: Final = 0.05  # m between the candidates for a landing position
+SEARCH_RADIUS: Final = 3.0  # m
+SETTLED: Final = 0.1  # m/s and m: an agent slower than that and this near its goal can land
+SETTLING_TIME: Final = 2.0  # s that an agent may take to come to rest
 
 
 @dataclass(slots=True)
 class _Landing:
-    """A landing that is to be ordered.
+    """A landing that has yet to be commanded.
 
     Attributes:
-        duration: How long it is to take, s; NaN is at the core's own pace.
-        until: When it is ordered at the latest, s.
-        spot: (2,) where to come down, m; None until the agent is at rest.
-        height: At which to go there, m.
+        duration: Of the descent, s; NaN is at the core's own pace.
+        until: Time at which it is commanded at the latest, s.
+        position: (2,) to land at, m; None until the agent is at rest.
+        height: Of the flight to it, m.
     """
 
     duration: float
     until: float
-    spot: Array | None = None
+    position: Array | None = None
     height: float = 0.0
 
 
 class LandingManager:
     """Holds landings back until they can be commanded.
 
-    An on-board commander lands from where it is told to, straight down, blind, and its drone keeps
-    the speed it has. So an agent in flight is led to rest at first, by planner, avoider and safety
-    filter, where no agent and no obstacle is below it: in place, or at the nearest free spot that
-    the planner flies to. One that cannot be steered, or does not get there in time, lands where it
-    is.
+    An on-board commander lands straight down from the position it is given, blind, and its drone
+    keeps the speed it has. So a flying agent is first led to rest, by planner, avoider and safety
+    filter, at a position with no agent and no obstacle below: its own, or the nearest free one that
+    the planner flies to. An agent that cannot be steered, or does not arrive in time, lands from
+    its position.
 
     Args:
         scene: The agents and the world.
@@ -89,21 +76,21 @@ class LandingManager:
 
     @property
     def until(self) -> float:
-        """When the last landing that is held back is ordered at the latest, s; 0 if none is."""
+        """Time by which all landings will have been commanded, s; 0 if none is held back."""
         return max((one.until for one in self._waiting.values()), default=0.0)
 
-    def ask(self, command: Command) -> None:
-        """Have a task's order to land given in time."""
+    def request(self, command: Command) -> None:
+        """Land agents as a task commands."""
         for row, duration in zip(command.agent.tolist(), command.duration.tolist(), strict=True):
-            self._waiting.setdefault(row, _Landing(duration, self._vehicles.time + GRACE))
+            self._add(row, duration)
 
-    def bring(self, rows: Iterable[int]) -> None:
+    def land(self, rows: Iterable[int]) -> None:
         """Land agents at the core's own pace."""
         for row in rows:
-            self._waiting.setdefault(int(row), _Landing(math.nan, self._vehicles.time + GRACE))
+            self._add(int(row), math.nan)
 
-    def step(self, estimate: Estimate, wishes: GoalBuffer) -> None:
-        """Command the landings that are possible; give goals to the other agents."""
+    def step(self, estimate: Estimate, goals: GoalBuffer) -> None:
+        """Command the landings that are possible; set the goals of the other agents."""
         if not self._waiting:
             return
         phases = self._vehicles.phases.of_agents()
@@ -117,72 +104,81 @@ class LandingManager:
                 ready.append(row)
                 continue
             slow = float(np.linalg.norm(velocity)) <= SETTLED
-            if landing.spot is None and slow:
-                self._lead_aside(row, landing, estimate)
-            if landing.spot is None:  # where it is: it brakes
-                wishes.send(row, here, float(estimate.yaw[row]), self._scene.limits.speed)
-            elif slow and math.dist(landing.spot, here[:2]) <= SETTLED:
+            if landing.position is None and slow:
+                self._choose_position(row, landing, estimate)
+            if landing.position is None:  # brake
+                goals.set_goal(row, here, float(estimate.yaw[row]), self._scene.limits.speed)
+            elif slow and math.dist(landing.position, here[:2]) <= SETTLED:
                 ready.append(row)
             else:
-                goal = np.array([*landing.spot, landing.height])
-                wishes.send(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
-        takes = np.array([self._waiting.pop(row).duration for row in ready])
-        self._vehicles.land(np.array(ready, np.int64), estimate, takes)
+                goal = np.array([*landing.position, landing.height])
+                goals.set_goal(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
+        durations = np.array([self._waiting.pop(row).duration for row in ready])
+        self._vehicles.land(np.array(ready, np.int64), estimate, durations)
 
-    def _lead_aside(self, row: int, landing: _Landing, estimate: Estimate) -> None:
-        """Choose where an agent at rest comes down: here, or at the nearest free place."""
+    def _add(self, row: int, duration: float) -> None:
+        self._waiting.setdefault(row, _Landing(duration, self._vehicles.time + SETTLING_TIME))
+
+    def _choose_position(self, row: int, landing: _Landing, estimate: Estimate) -> None:
+        """Set where an agent at rest lands: at its position, or the nearest free one."""
         here = estimate.position[row]
         low, high = self._scene.limits.height
         landing.height = min(max(float(here[2]), low), high)
-        landing.spot = self._spot(row, here[:2], estimate, landing.height)
-        way = math.dist(landing.spot, here[:2])
+        landing.position = self._nearest_free(row, here[:2], estimate, landing.height)
+        way = math.dist(landing.position, here[:2])
         if way > 0:
-            landing.until = self._vehicles.time + timeout(way / self._scene.limits.speed, GRACE)
+            duration = timeout(way / self._scene.limits.speed, SETTLING_TIME)
+            landing.until = self._vehicles.time + duration
 
-    def _spot(self, row: int, here: Array, estimate: Estimate, height: float) -> Array:
-        """Return the nearest free place that an agent is led to at a height: (2,) m."""
+    def _nearest_free(self, row: int, here: Array, estimate: Estimate, height: float) -> Array:
+        """Return the nearest free position that an agent can fly to at a height: (2,) m."""
         taken = self._taken(row, estimate)
         top = float(estimate.position[row, 2])
         if self._free(here[None], taken, top, 0.0)[0]:
             return here
         name = self._scene.agents[row].name
-        for ring in np.arange(RING, FARTHEST, RING):
-            angle = np.linspace(0.0, math.tau, math.ceil(math.tau * ring / RING), endpoint=False)
-            places = here + ring * np.column_stack([np.cos(angle), np.sin(angle)])
-            free = self._free(places, taken, top, ASIDE)
+        for radius in np.arange(SEARCH_STEP, SEARCH_RADIUS, SEARCH_STEP):
+            count = math.ceil(math.tau * radius / SEARCH_STEP)
+            angle = np.linspace(0.0, math.tau, count, endpoint=False)
+            candidates = here + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+            free = self._free(candidates, taken, top, EXTRA_CLEARANCE)
             level = np.full(np.count_nonzero(free), height)
-            free[free] = ~self._refuses(np.column_stack([places[free], level]))
+            free[free] = ~self._refuses(np.column_stack([candidates[free], level]))
             if free.any():
-                text = f"{name} lands {ring:.2f} m aside: its place is not free"
+                text = f"{name} lands {radius:.2f} m aside: its position is not free"
                 self._observers.event("landing", text, name)
-                spot: Array = places[np.argmax(free)]
-                return spot
-        self._observers.event("landing", f"{name} finds no free place to land", name)
+                nearest: Array = candidates[np.argmax(free)]
+                return nearest
+        self._observers.event("landing", f"{name} finds no free position to land at", name)
         return here
 
     def _taken(self, row: int, estimate: Estimate) -> Array:
-        """Where others are on the ground, come down, or are below an agent: (K, 2) m."""
+        """Positions of agents on the ground or below an agent, and of their landings: (K, 2) m."""
         phases = self._vehicles.phases.of_agents()
         position = estimate.position
         flies = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
         others = ~flies | (position[:, 2] < position[row, 2])
         others[row] = False
-        spots = {agent: one.spot for agent, one in self._waiting.items() if one.spot is not None}
-        others[list(spots)] = False  # they come down elsewhere than where they are
+        chosen = {
+            agent: one.position for agent, one in self._waiting.items() if one.position is not None
+        }
+        others[list(chosen)] = False  # they land elsewhere
         others &= np.isfinite(position).all(axis=1)
-        return np.concatenate([position[others, :2], np.array(list(spots.values())).reshape(-1, 2)])
+        landings = np.array(list(chosen.values())).reshape(-1, 2)
+        return np.concatenate([position[others, :2], landings])
 
-    def _free(self, places: Array, taken: Array, top: float, more: float) -> Mask:
-        """Whether (K, 2) places, m, are clear of all that is below `top`, m, by so much `more`."""
-        away = np.linalg.norm(places[:, None] - taken[None], axis=2)
-        free: Mask = (away >= PLACE + more).all(axis=1)
+    def _free(self, candidates: Array, taken: Array, top: float, extra: float) -> Mask:
+        """Return whether (K, 2) positions, m, are clear of what is below `top`, m, by `extra`."""
+        away = np.linalg.norm(candidates[:, None] - taken[None], axis=2)
+        free: Mask = (away >= AGENT_CLEARANCE + extra).all(axis=1)
         fence = self._scene.world.fence
-        low, high = np.array(fence.low[:2]) + more, np.array(fence.high[:2]) - more
-        if more:
-            free &= ((places >= low) & (places <= high)).all(axis=1)
+        low, high = np.array(fence.low[:2]) + extra, np.array(fence.high[:2]) - extra
+        if extra:
+            free &= ((candidates >= low) & (candidates <= high)).all(axis=1)
         for obstacle in self._scene.world.obstacles:
             foot, crest = obstacle.height
             if foot < top:
-                level = np.full((len(places), 1), min(top, crest))
-                free &= distance(np.hstack([places, level]), obstacle) >= BESIDE + 2 * more
+                level = np.full((len(candidates), 1), min(top, crest))
+                away = distance(np.hstack([candidates, level]), obstacle)
+                free &= away >= OBSTACLE_CLEARANCE + 2 * extra
         return free

@@ -1,4 +1,4 @@
-"""Reserves: agents that take over from those whose batteries run low, in flight."""
+"""Reserves: agents that replace those whose batteries run low, in flight."""
 
 from __future__ import annotations
 
@@ -9,31 +9,21 @@ import numpy as np
 
 from star_core.execution.assignments import Assignments
 from star_core.execution.goal_buffer import GoalBuffer
+from star_core.execution.step_run import TickContext
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Order
-from star_core.messages.state import AgentPhase, Estimate, Health, among
+from star_core.messages.state import UNFIT, AgentPhase, Estimate, Health, among
 from star_core.plugin_schema import RESERVE
 from star_core.safety.rules import BATTERY_SAG_TIME, Rules
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import timeout
 
-CLEAR: Final = 0.5
-"""How far others in the air must be from the pad of an agent that takes off, in the plane, m."""
-
-HOME: Final = 0.15
-"""How near to its pad an agent that flies home must be before it lands, in the plane, m."""
-
-SETTLED: Final = 0.15
-"""What an agent that is to land is slower than, m/s."""
-
-HEARD: Final = 0.5
-"""How long ago an agent that takes off may have been heard, s."""
-
-CLIMB: Final = 0.3
-"""Mean speed of a climb, m/s, as of the verb ``takeoff``."""
-
-DOWN: Final = (AgentPhase.GROUNDED, AgentPhase.LANDED)
-DONE: Final = (*DOWN, AgentPhase.LANDING)
+PAD_CLEARANCE: Final = 0.5  # m in the plane from an agent that takes off to others in the air
+PAD_RADIUS: Final = 0.15  # m in the plane from its pad, within which a returning agent lands
+SETTLED: Final = 0.15  # m/s; an agent slower than that can land
+MAX_REPORT_AGE: Final = 0.5  # s, of an agent that takes off
+CLIMB_SPEED: Final = 0.3  # m/s, as of the verb `takeoff`
+ON_GROUND: Final = (AgentPhase.GROUNDED, AgentPhase.LANDED)
 
 
 class ReserveManager:
@@ -41,151 +31,143 @@ class ReserveManager:
 
     An agent on the ground is ready if it is heard and located, its battery is above a voltage, and
     no agent flies near its pad; once replaced and given another battery, it is a reserve again. A
-    reserve fills a place that the safety rules have emptied, or relieves the agent in flight whose
-    battery is lowest, once that stays below a voltage. It takes the place over when it has climbed;
-    only then does the other fly to its own pad, and land. Where that has landed meanwhile, or is
-    about to, the reserve goes home instead.
+    reserve fills a slot that the safety rules have emptied, or relieves the agent in flight whose
+    battery is lowest, once that stays below a voltage. It is assigned to the slot when it has
+    climbed; only then does the other agent fly to its own pad, and land. If that has landed
+    meanwhile, or is landing, the reserve returns instead.
 
     Args:
         scene: Agents, pads (where agents start) and limits.
-        roster: The agents of the mission.
+        assignments: The agents of the mission.
         rules: Their actions so far; reset for an agent that is ready again.
-        reserve: The mission's ``reserve``; empty if it has none.
+        reserve: The mission's ``reserve``.
         report: Reports what is done: text, and the agent.
     """
 
     def __init__(
         self,
         scene: Scene,
-        roster: Assignments,
+        assignments: Assignments,
         rules: Rules,
         reserve: Mapping[str, Any],
         report: Callable[[str, str], None],
     ) -> None:
-        n = len(scene.agents)
         self._scene = scene
-        self._roster = roster
+        self._assignments = assignments
         self._rules = rules
-        self._exists = bool(reserve)
         self._options = {**RESERVE, **reserve}
         self._report = report
         self._pad = np.array([agent.start for agent in scene.agents])
-        self._low_since = np.full(n, np.nan)  # s
-        self._coming: dict[int, int] = {}  # which place each agent that climbs is to take
-        self._climbed_by: dict[int, float] = {}  # s, when it should have climbed at the latest
+        self._low_since = np.full(len(scene.agents), np.nan)  # s
+        self._climbing: dict[int, tuple[int, float]] = {}  # slot and latest end, s, by row
         self._unfit: set[int] = set()  # agents that did not climb when launched
-        self._home: dict[
-            int, float | None
-        ] = {}  # latest arrival of agents that fly to their pads, s
+        self._returning: dict[int, float | None] = {}  # latest arrival at their pads, s, by row
 
-    def step(self, time: float, estimate: Estimate, health: Health, wishes: GoalBuffer) -> None:
-        """Do what is to be done at a mission time, s; what it takes is added to `wishes`."""
-        if not self._exists:
-            return
-        flying = health.phase == AgentPhase.FLYING
-        low = flying & (health.battery < self._options["relieve_below"])
+    def step(self, tick: TickContext, goals: GoalBuffer) -> None:
+        """Launch and return agents; their commands and goals are added to `goals`."""
+        time, health = tick.time, tick.health
+        low = health.phase == AgentPhase.FLYING
+        low &= health.battery < self._options["relieve_below"]
         self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
-        self._take_over(time, health, wishes)
-        self._fly_home(time, estimate, health, wishes)
-        for place in self._wanted(time):
-            row = self._ready(estimate, health)
+        self._finish_climbs(time, health, goals)
+        self._return(tick, goals)
+        for slot in self._wanted(time):
+            row = self._ready(tick.estimate, health)
             if row is None:
                 return
-            self._send_up(row, place, time, estimate, wishes)
+            self._launch(row, slot, tick, goals)
 
     def _wanted(self, time: float) -> list[int]:
-        """Places that a reserve should take and none is on its way to, the most urgent first."""
-        long = time - self._low_since >= BATTERY_SAG_TIME
-        tired = [(self._low_since[row], row) for row in np.flatnonzero(long).tolist()]
-        places = [self._roster.place(row) for _, row in sorted(tired)]
-        wanted = [*self._roster.vacancies(), *(place for place in places if place is not None)]
-        return [place for place in wanted if place not in self._coming.values()]
+        """Return the slots that need a reserve and have none climbing, the most urgent first."""
+        low = np.flatnonzero(time - self._low_since >= BATTERY_SAG_TIME).tolist()
+        tired = [
+            self._assignments.slot(row) for _, row in sorted((self._low_since[r], r) for r in low)
+        ]
+        wanted = [*self._assignments.vacancies(), *(slot for slot in tired if slot is not None)]
+        filled = {slot for slot, _ in self._climbing.values()}
+        return [slot for slot in wanted if slot not in filled]
 
     def _ready(self, estimate: Estimate, health: Health) -> int | None:
-        """The agent on the ground with the fullest battery that may take off, if there is one."""
-        down = among(health.phase, *DOWN) & estimate.valid & self._roster.left()
-        down &= (health.age <= HEARD) & (health.battery > self._options["ready_above"])
-        down[[*self._coming, *self._unfit]] = False
-        for row in np.flatnonzero(down)[np.argsort(-health.battery[down], kind="stable")].tolist():
-            if self._clear(estimate.position, among(health.phase, *DOWN), row):
+        """Return the agent on the ground with the fullest battery that may take off, if any."""
+        on_ground = among(health.phase, *ON_GROUND)
+        ready = on_ground & estimate.valid & self._assignments.unassigned()
+        ready &= (health.age <= MAX_REPORT_AGE) & (health.battery > self._options["ready_above"])
+        ready[[*self._climbing, *self._unfit]] = False
+        order = np.argsort(-health.battery[ready], kind="stable")
+        for row in np.flatnonzero(ready)[order].tolist():
+            if self._clear(estimate.position, on_ground, row):
                 self._rules.reset(row)
                 return int(row)
         return None
 
-    def _clear(self, position: Array, down: Mask, row: int) -> bool:
-        """Whether no agent flies near an agent on the ground."""
-        others = ~down
+    @staticmethod
+    def _clear(position: Array, on_ground: Mask, row: int) -> bool:
+        """Return whether no agent flies near an agent on the ground."""
+        others = ~on_ground
         others[row] = False
         away = np.hypot(*(position[others, :2] - position[row, :2]).T)
-        return bool((away > CLEAR).all())
+        return bool((away > PAD_CLEARANCE).all())
 
-    def _send_up(
-        self, row: int, place: int, time: float, estimate: Estimate, wishes: GoalBuffer
-    ) -> None:
+    def _launch(self, row: int, slot: int, tick: TickContext, goals: GoalBuffer) -> None:
         name = self._scene.agents[row].name
-        top = estimate.position[[row]].copy()
+        top = tick.estimate.position[[row]].copy()
         climb = self._options["height"] - float(top[0, 2])
         top[0, 2] = self._options["height"]
-        duration = np.array([max(1.0, climb / CLIMB)])
-        yaw = estimate.yaw[[row]]
-        wishes.commands.append(Command(Order.TAKEOFF, np.array([row]), top, yaw, duration))
-        wishes.send(row, top[0], yaw[0], self._scene.limits.speed)
-        self._coming[row] = place
-        self._climbed_by[row] = time + timeout(float(duration[0]))
-        self._home.pop(row, None)
-        replaced = self._roster.holders([place])
-        what = (
-            f"to relieve {self._scene.named(replaced.values())}" if replaced else "to fill a place"
-        )
-        self._report(f"{name} takes off {what}", name)
+        duration = np.array([max(1.0, climb / CLIMB_SPEED)])
+        yaw = tick.estimate.yaw[[row]]
+        goals.commands.append(Command(Order.TAKEOFF, np.array([row]), top, yaw, duration))
+        goals.set_goal(row, top[0], yaw[0], self._scene.limits.speed)
+        self._climbing[row] = slot, tick.time + timeout(float(duration[0]))
+        self._returning.pop(row, None)
+        replaced = self._assignments.holders([slot])
+        aim = f"relieve {self._scene.named(replaced.values())}" if replaced else "fill a slot"
+        self._report(f"{name} takes off to {aim}", name)
 
-    def _take_over(self, time: float, health: Health, wishes: GoalBuffer) -> None:
-        """Let those that have climbed take their places, and forget those that cannot."""
-        for row, place in list(self._coming.items()):
+    def _finish_climbs(self, time: float, health: Health, goals: GoalBuffer) -> None:
+        """Assign agents that have climbed to their slots, and give up those that cannot climb."""
+        for row, (slot, until) in list(self._climbing.items()):
+            name = self._scene.agents[row].name
             if health.phase[row] == AgentPhase.FLYING:
-                del self._coming[row]
-                relieved = self._roster.holders([place]).get(place)
-                name = self._scene.agents[row].name
-                if relieved is not None and health.phase[relieved] in DONE:
+                relieved = self._assignments.holders([slot]).get(slot)
+                if relieved is not None and health.phase[relieved] in {
+                    *ON_GROUND,
+                    AgentPhase.LANDING,
+                }:
                     self._report(f"{name} is not needed any more", name)
-                    self._home[row] = None
-                    continue
-                self._roster.take(place, row)
-                self._report(f"{name} takes over", name)
-                if relieved is not None:
-                    self._home[relieved] = None
-            elif (
-                health.phase[row] in {AgentPhase.LOST, AgentPhase.EMERGENCY}
-                or (self._rules.answer[row])
-            ):
-                del self._coming[row]
-                wishes.leave.add(row)
-            elif time >= self._climbed_by[row]:
-                del self._coming[row]
+                    self._returning[row] = None
+                else:
+                    self._assignments.assign(slot, row)
+                    self._report(f"{name} takes over", name)
+                    if relieved is not None:
+                        self._returning[relieved] = None
+            elif health.phase[row] in UNFIT or self._rules.action[row]:
+                goals.leave.add(row)
+            elif time >= until:
                 self._unfit.add(row)
-                wishes.leave.add(row)
-                name = self._scene.agents[row].name
+                goals.leave.add(row)
                 self._report(f"{name} does not climb and is no reserve any more", name)
-
-    def _fly_home(
-        self, time: float, estimate: Estimate, health: Health, wishes: GoalBuffer
-    ) -> None:
-        """Lead those that were relieved to their pads, and land them there."""
-        for row, until in list(self._home.items()):
-            if health.phase[row] != AgentPhase.FLYING or self._rules.answer[row]:
-                del self._home[row]
+            else:
                 continue
-            here, speed = estimate.position[row], self._scene.limits.speed
-            over = np.array([*self._pad[row, :2], here[2]])
-            way = float(np.hypot(*(here - over)[:2]))
-            late = until is not None and time >= until
+            del self._climbing[row]
+
+    def _return(self, tick: TickContext, goals: GoalBuffer) -> None:
+        """Lead relieved agents to their pads, and land them there."""
+        estimate, speed = tick.estimate, self._scene.limits.speed
+        for row, until in list(self._returning.items()):
+            if tick.health.phase[row] != AgentPhase.FLYING or self._rules.action[row]:
+                del self._returning[row]
+                continue
+            here = estimate.position[row]
+            goal = np.array([*self._pad[row, :2], here[2]])
+            way = float(np.hypot(*(here - goal)[:2]))
+            late = until is not None and tick.time >= until
             if until is None:
-                self._home[row] = time + timeout(way / speed)
-            wishes.send(row, over, estimate.yaw[row], speed)
-            slow = np.linalg.norm(estimate.velocity[row]) < SETTLED
+                self._returning[row] = tick.time + timeout(way / speed)
+            goals.set_goal(row, goal, estimate.yaw[row], speed)
+            settled = way < PAD_RADIUS and np.linalg.norm(estimate.velocity[row]) < SETTLED
             if late:
                 name = self._scene.agents[row].name
-                self._report(f"{name} does not get home and lands where it is", name)
-            if (way < HOME and slow) or late:
-                del self._home[row]
-                wishes.leave.add(row)
+                self._report(f"{name} does not reach its pad and lands at its position", name)
+            if settled or late:
+                del self._returning[row]
+                goals.leave.add(row)

@@ -1,66 +1,56 @@
-"""The tasks of a mission's steps, made before anything moves: what is slow or wrong shows then."""
+"""The tasks of a mission's steps, made before take-off: what is slow or wrong shows then."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import cast
 
 from star_core.contracts import Task
 from star_core.errors import ContractError
 from star_core.messages.commands import Trajectory
-from star_core.messages.validation import accepts, require_methods
+from star_core.metrics.timing import ComputeTime
 from star_core.mission import Mission
-from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
-from star_core.plugin_guard import PluginGuard, close
+from star_core.mission_file.step_tree import Action, actions
+from star_core.plugin_guard import PluginGuard, close_all, require_methods, require_signature
 from star_core.plugin_schema import fill_defaults
 from star_core.registry import Registry
 
 
 class TaskPool:
-    """Makes every step's task at once, and more of them as they are needed.
+    """Makes the task of every step at the start, and further ones as they are needed.
 
     Args:
         mission: Its steps.
         registry: Where verbs are found.
+        compute_time: Measures each task.
 
     Attributes:
-        trajectories: What the tasks may order to be flown on board, each once.
+        trajectories: Those that the tasks may order to be flown on board, each once.
     """
 
-    def __init__(self, mission: Mission, registry: Registry) -> None:
+    def __init__(self, mission: Mission, registry: Registry, compute_time: ComputeTime) -> None:
         self._scene = mission.scene
         self._registry = registry
-        self._made: dict[int, Task] = {}
-        self._all: list[tuple[PluginGuard, object]] = []  # those that can be closed
+        self._compute_time = compute_time
+        self._ready: dict[int, Task] = {}
+        self._closing: list[tuple[PluginGuard, object]] = []
         self.trajectories: tuple[Trajectory, ...] = ()
         try:
-            self._prepare(mission.steps)
+            for action in actions(mission.steps):
+                task = self._ready[id(action)] = self._make(action, action.rows)
+                self._add_trajectories(task, self._guard(action))
         except BaseException:
             self.close()
             raise
 
     def take(self, action: Action, rows: tuple[int, ...]) -> tuple[Task, PluginGuard]:
         """Return a task of a step for some of its agents, and the guard that names its plugin."""
-        ready = self._made.pop(id(action), None) if rows == action.rows else None
-        return ready or self._task(action, rows), self._blame(action)
+        ready = self._ready.pop(id(action), None) if rows == action.rows else None
+        return ready or self._make(action, rows), self._guard(action, timed=True)
 
     def close(self) -> list[str]:
-        """Close every task that can be closed; return what went wrong."""
-        return close(self._all)
+        """Close every task that has ``close()``; return their errors."""
+        return close_all(self._closing)
 
-    def _prepare(self, nodes: Sequence[Node]) -> None:
-        """Make the tasks of steps and of those within."""
-        for node in nodes:
-            match node:
-                case Action():
-                    task = self._made[id(node)] = self._task(node, node.rows)
-                    self._carry(task, self._blame(node))
-                case Parallel(inner) | Repeat(_, inner):
-                    self._prepare(inner)
-
-    def _carry(self, task: Task, blame: PluginGuard) -> None:
-        """Have what a task may order uploaded."""
-        with blame:
+    def _add_trajectories(self, task: Task, guard: PluginGuard) -> None:
+        with guard:
             for given in getattr(task, "trajectories", ()):
                 if not isinstance(given, Trajectory):
                     raise ContractError(
@@ -69,18 +59,21 @@ class TaskPool:
                 if given not in self.trajectories:
                     self.trajectories += (given,)
 
-    def _task(self, action: Action, rows: tuple[int, ...]) -> Task:
+    def _make(self, action: Action, rows: tuple[int, ...]) -> Task:
         """Make a step's task for some of its agents."""
-        offer = self._registry.find("task", action.verb).offer
-        options = fill_defaults(action.options, offer.options)
-        with self._blame(action):
-            accepts(offer.make, "make", ("scene", "rows"), options)
-            task = offer.make(self._scene, rows, **options)
+        spec = self._registry.find("task", action.verb).offer
+        options = fill_defaults(action.options, spec.options)
+        guard = self._guard(action)
+        with guard:
+            require_signature(spec.make, "make", ("scene", "rows"), options)
+            task: Task = spec.make(self._scene, rows, **options)
             if hasattr(task, "close"):
-                self._all.append((self._blame(action), task))
+                self._closing.append((guard, task))
             require_methods(task, Task)
-        return cast("Task", task)
+        return task
 
-    def _blame(self, action: Action) -> PluginGuard:
+    def _guard(self, action: Action, *, timed: bool = False) -> PluginGuard:
         source = self._registry.find("task", action.verb).source
-        return PluginGuard(f"task {action.verb!r} ({source})", len(self._scene.agents))
+        plugin = f"task {action.verb!r} ({source})"
+        stopwatch = self._compute_time.of(plugin) if timed else None
+        return PluginGuard(plugin, len(self._scene.agents), stopwatch)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache
+from typing import Self
 
 import numpy as np
 
@@ -14,57 +16,55 @@ MANY = 64
 """Agents from which on neighbours are found in the order of x, by a kernel; below, by all pairs."""
 
 
-def pairs(position: Array, reach: float) -> tuple[Rows, Rows]:
-    """Return the rows of every two agents that are nearer than `reach` to each other, m.
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Every two agents that are nearer than a distance to each other.
 
-    The order is the same for the same positions. Agents without a position (NaN) are left out.
-
-    Args:
-        position: (N, 3) m.
-        reach: m.
-
-    Returns:
-        (P,) and (P,) rows, the smaller one of a pair in the first.
-
-    Example:
-        >>> first, second = pairs(np.array([[0.0, 0, 0], [5, 0, 0], [0, 1, 0]]), 2.0)
-        >>> first.tolist(), second.tolist()
-        ([0], [2])
+    Attributes:
+        first: (P,) row of one agent of each pair, the smaller one.
+        second: (P,) row of the other.
+        distance: (P,) between the two, m.
     """
-    if len(position) < MANY:
-        first, second = _every_pair(len(position))
-        near = np.flatnonzero(_apart(position, first, second) < reach)  # what is NaN is not
-        return first.take(near), second.take(near)
-    order = np.argsort(position[:, 0])
-    found = _swept(np.ascontiguousarray(position[order]), float(reach))
-    one, other = order[found[0]], order[found[1]]
-    return np.minimum(one, other), np.maximum(one, other)
+
+    first: Rows
+    second: Rows
+    distance: Array
+
+    @classmethod
+    def of(cls, position: Array, reach: float) -> Self:
+        """Return the pairs nearer than `reach`, m; their order is the same for the same positions.
+
+        Agents without a position (NaN) are left out.
+
+        Args:
+            position: (N, 3) m.
+            reach: m.
+
+        Example:
+            >>> near = Pairs.of(np.array([[0.0, 0, 0], [5, 0, 0], [0, 1, 0]]), 2.0)
+            >>> near.first.tolist(), near.second.tolist(), near.distance.tolist()
+            ([0], [2], [1.0])
+        """
+        if len(position) < MANY:
+            first, second = _every_pair(len(position))
+            return cls(first, second, _apart(position, first, second)).within(reach)
+        order = np.argsort(position[:, 0])
+        found = _swept(np.ascontiguousarray(position[order]), float(reach))
+        one, other = order[found[0]], order[found[1]]
+        first, second = np.minimum(one, other), np.maximum(one, other)
+        return cls(first, second, _apart(position, first, second))
+
+    def within(self, reach: float) -> Self:
+        """Return the pairs that are nearer than a smaller distance, m."""
+        near = self.distance < reach  # NaN is not
+        if near.all():
+            return self
+        return type(self)(self.first[near], self.second[near], self.distance[near])
 
 
 def warm_up() -> None:
-    """Compile what `pairs` takes for many, or fetch it from disk: never in flight."""
-    pairs(np.zeros((MANY, 3)), 0.0)
-
-
-def least(position: Array) -> float:
-    """Return how near two agents are to each other at least, m; infinite if there are no two.
-
-    Args:
-        position: (N, 3) m.
-
-    Example:
-        >>> least(np.array([[0.0, 0, 0], [5, 0, 0], [0, 1, 0]]))
-        1.0
-    """
-    known = position[np.isfinite(position).all(axis=1)]
-    if len(known) < 2:  # noqa: PLR2004 -- a pair
-        return np.inf
-    if len(known) < MANY:
-        return float(_apart(known, *_every_pair(len(known))).min())
-    from scipy.spatial import cKDTree
-
-    reach: Array = np.asarray(cKDTree(known).query(known, k=2)[0])  # (N, 2), itself the first
-    return float(reach[:, 1].min())
+    """Compile the search among many agents, or load it from disk, before the flight."""
+    Pairs.of(np.zeros((MANY, 3)), 0.0)
 
 
 @compiled

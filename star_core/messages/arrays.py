@@ -1,9 +1,9 @@
-"""What every table is made of: read-only arrays with one row per agent, sample or point."""
+"""Read-only arrays with one row per agent, sample or point: the columns of every table."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,23 @@ from star_core.errors import ContractError, RowCountError
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Rows: TypeAlias = NDArray[np.int64]
+Table = TypeVar("Table")
+
+
+def require_type(answer: object, table: type[Table]) -> Table:
+    """Return `answer` if it is a `table`; raise `ContractError`."""
+    if not isinstance(answer, table):
+        raise ContractError(f"returned {type(answer).__name__}, expected {table.__name__}")
+    return answer
+
+
+def require_rows(table: object, rows: int, agents: int) -> None:
+    """Raise `ContractError` unless a table has one row per agent."""
+    if rows != agents:
+        raise ContractError(
+            f"every field of {type(table).__name__} has {rows} row{'s' * (rows != 1)}, "
+            f"expected {agents}, one per agent"
+        )
 
 
 def freeze_arrays(

@@ -37,6 +37,9 @@ AIRBORNE: Final = (
 )  # fmt: skip
 """Phases of agents that are, or may be, in the air."""
 
+UNFIT: Final = (AgentPhase.LOST, AgentPhase.EMERGENCY)
+"""Phases in which an agent cannot continue a step."""
+
 
 @cache
 def _zeros(n: int) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Rows, freeze_arrays
+from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,30 +46,21 @@ class Transform:
         return Transform(-self.yaw, -self.turn_back(self.translation))
 
     def of(self, rows: Rows) -> Transform:
-        """The motions of some agents, in the order of `rows`."""
+        """Return the motions of some agents, in the order of `rows`."""
         return Transform(self.yaw[rows], self.translation[rows])
 
+    def where(self, mask: Mask, other: Transform) -> Transform:
+        """Return the motions of this one where an (N,) mask is True, and `other`'s elsewhere."""
+        return Transform(
+            np.where(mask, self.yaw, other.yaw),
+            np.where(mask[:, None], self.translation, other.translation),
+        )
 
-class LastKnownTransform:
-    """Remembers where frames lay when that was last known.
-
-    Args:
-        first: Where they lie at the start.
-    """
-
-    def __init__(self, first: Transform) -> None:
-        self._last = first
-
-    def last_known(self, now: Transform) -> Transform:
-        """Return `now`, with what is not finite as it was last."""
-        known = np.isfinite(now.yaw) & np.isfinite(now.translation).all(axis=1)
-        if not known.all():
-            now = Transform(
-                np.where(known, now.yaw, self._last.yaw),
-                np.where(known[:, None], now.translation, self._last.translation),
-            )
-        self._last = now
-        return now
+    @property
+    def known(self) -> Mask:
+        """(N,) agents whose motion is finite."""
+        finite: Mask = np.isfinite(self.yaw) & np.isfinite(self.translation).all(axis=1)
+        return finite
 
 
 def _turned(yaw: Array, vectors: Array) -> Array:

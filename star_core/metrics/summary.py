@@ -1,79 +1,122 @@
-"""Measures a flight as it goes, and sums it up."""
+"""The summary of a flight, measured tick by tick."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
+from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask
-from star_core.messages.events import Event, Tick
+from star_core.messages.events import Corrected, Event, Tick
 from star_core.messages.state import AgentPhase
-from star_core.metrics.contacts import Contacts
-from star_core.metrics.deadlocks import Deadlocks
+from star_core.metrics.conflicts import WAITING_DISTANCE, Contacts, Deadlocks, Incident
 from star_core.metrics.targets import Targets
 from star_core.scene import Scene
 
 FLYING, LOST = int(AgentPhase.FLYING), int(AgentPhase.LOST)
-AT_ONCE = 64
-"""Ticks whose errors are judged together: one call costs as much as for one."""
+NEES_BATCH: Final = 64  # ticks whose errors are normalized together: one call costs as for one
+REPORT_INTERVAL: Final = 1.0  # s without a correction, after which the next one is reported again
+
+CORRECTIONS: Final = {
+    "fence": "is held inside the fence",
+    "speed": "is slowed to the speed limit",
+    "separation": "brakes for another agent",
+}
+"""Texts of events about agents whose setpoints the safety filter corrects, by the reason."""
+
+NO_TRUTH: Final = Incident(
+    "no_truth", "no ground truth: separation and collisions are computed from estimated positions"
+)
 
 
 class FlightMetrics:
-    """Takes in every tick of a flight.
+    """Measures every tick of a flight.
 
-    The position error is the distance from estimate to truth in space, not
-    aligned, from the end of an agent's take-off to the start of its landing. NEES, the mean of that
-    error squared over the covariance the localizer gave it, a degree of freedom, is 1 where the
-    covariance is right; more means that the localizer is too sure. The path of an agent whose
-    position was never known is unknown, and not part of the total.
+    The position error is the distance in space between estimate and ground truth, unaligned, from
+    the end of an agent's take-off to the start of its landing. NEES, the mean of the squared error
+    over the covariance of the estimate per degree of freedom, is 1 if the covariance is right;
+    a localizer with a greater value is overconfident. The path of an agent whose position was never
+    known is unknown, and not part of the total.
 
     Args:
         scene: The agents.
-        contacts: Has followed the distances between agents and to obstacles.
+
+    Attributes:
+        contacts: Collisions and closest approaches so far.
     """
 
-    def __init__(self, scene: Scene, contacts: Contacts) -> None:
+    def __init__(self, scene: Scene) -> None:
         n = len(scene.agents)
         self._scene = scene
-        self._contacts = contacts
-        self._length = np.zeros(n)
-        self._placed = np.zeros(n, np.bool_)  # whether a position was ever known
+        self.contacts = Contacts(scene)
+        self._deadlocks = Deadlocks(n)
+        self._length = np.zeros(n)  # m
+        self._located = np.zeros(n, np.bool_)  # whether a position was ever known
         self._up = np.zeros(n, np.bool_)  # between take-off and landing, lost or not
-        self._last: Array | None = None
-        self._errors: list[tuple[Mask, Array]] = []
-        self._offsets: list[tuple[Array, Array]] = []  # with their covariances, to be judged
+        self._last: Array | None = None  # (N, 3) positions in the previous tick, m
+        self._errors: list[tuple[Mask, Array]] = []  # (N,) squared, m²
+        self._offsets: list[tuple[Array, Array]] = []  # with their covariances, for NEES
         self._worst = 0.0  # m
         self._nees = 0.0
-        self._judged = 0
-        self._begun: float | None = None
-        self._time = 0.0
+        self._normalized = 0
+        self._begun: float | None = None  # s
+        self._time = 0.0  # s
         self._ticks = 0
-        self._corrected = dict.fromkeys(("fence", "speed", "separation"), 0)
-        self._deadlocks = Deadlocks(n)
+        self._corrected = dict.fromkeys(CORRECTIONS, 0)
+        self._corrected_at = {why: np.full(n, -np.inf) for why in CORRECTIONS}  # s
+        self._reported_no_truth = False
 
-    def add(self, tick: Tick) -> None:
-        """Take in one tick."""
-        truth = tick.truth
+    @property
+    def reach(self) -> float:
+        """Distance within which pairs of agents matter by their estimated positions, m."""
+        return max(WAITING_DISTANCE, self.contacts.reach)
+
+    def add(self, tick: Tick, near: Pairs) -> list[Incident]:
+        """Measure one tick; return the events to report.
+
+        Args:
+            tick: Of the flight.
+            near: Pairs of agents within `reach`, at least, by estimated positions.
+        """
+        truth, incidents = tick.truth, self._corrections(tick.time, tick.corrected)
         position = tick.estimate.position if truth is None else truth.position
         if self._last is not None:
             step = position - self._last
             length = np.sqrt(np.vecdot(step, step))
             self._length += np.where(np.isfinite(length), length, 0.0)
-        self._placed |= np.isfinite(position).all(axis=1)
+        self._located |= np.isfinite(position).all(axis=1)
         self._last = position
         phase = tick.health.phase
         self._up = (self._up | (phase == FLYING)) & ((phase == FLYING) | (phase == LOST))
+        self._deadlocks.add(tick, near)
         if truth is not None:
-            self._err(tick.estimate.position - truth.position, tick.estimate.covariance)
-        self._deadlocks.add(tick)
-        for why in self._corrected:
-            self._corrected[why] += int(getattr(tick.corrected, why).sum())
+            self._add_errors(tick.estimate.position - truth.position, tick.estimate.covariance)
+            near = Pairs.of(truth.position, self.contacts.reach)
+        elif not self._reported_no_truth:
+            self._reported_no_truth = True
+            incidents.append(NO_TRUTH)
         self._ticks += 1
         self._begun = tick.time if self._begun is None else self._begun
         self._time = tick.time
+        return incidents + self.contacts.update(tick, near)
+
+    def _corrections(self, time: float, corrected: Corrected) -> list[Incident]:
+        """Count corrected setpoints; return an incident for each agent when they begin."""
+        incidents = []
+        for reason, text in CORRECTIONS.items():
+            rows = getattr(corrected, reason)
+            if not rows.any():
+                continue
+            self._corrected[reason] += int(rows.sum())
+            since = time - self._corrected_at[reason]
+            self._corrected_at[reason][rows] = time
+            for row in np.flatnonzero(rows & (since > REPORT_INTERVAL)).tolist():
+                name = self._scene.agents[row].name
+                incidents.append(Incident("corrected", f"{name} {text}", name))
+        return incidents
 
     def summary(
         self,
@@ -87,21 +130,21 @@ class FlightMetrics:
         targets: Targets,
         events: Iterable[Event],
     ) -> dict[str, Any]:
-        """Return what ``summary.json`` holds; figures that cannot be known are None.
+        """Return the contents of ``summary.json``; unknown figures are None.
 
         Args:
             mission: Its name.
-            outcome: How it ended.
+            outcome: Of the mission.
             reason: Why it did not complete.
-            wall_time: How long it took by the clock on the wall, s.
-            took: How long each part computed in all, s.
-            steps: What was begun, and how it ended.
-            targets: What was found.
-            events: Everything that was told.
+            wall_time: Duration in wall time, s.
+            took: Computing time of each kind of plugin, s.
+            steps: That began, with their outcomes.
+            targets: That were found.
+            events: Of the flight.
         """
         names = self._scene.names
-        self._judge()
-        known = self._placed if self._ticks else ~self._placed
+        self._add_nees()
+        known = self._located if self._ticks else ~self._located
         flight_time = self._time - (self._begun or 0.0)
         mse = self._position_mse()
         return {
@@ -118,19 +161,19 @@ class FlightMetrics:
                 for kind, seconds in took.items()
             },
             "collisions": {
-                "agent_agent": self._contacts.agent_agent,
-                "agent_obstacle": self._contacts.agent_obstacle,
+                "agent_agent": self.contacts.agent_agent,
+                "agent_obstacle": self.contacts.agent_obstacle,
             },
-            "distances_from": self._contacts.source,
+            "distances_from": self.contacts.source,
             "deadlocks": self._deadlocks.count,
             "waits": self._deadlocks.waits,
             "corrected": dict(self._corrected),
-            "min_separation_m": _known(self._contacts.separation),
-            "min_clearance_m": _known(self._contacts.clearance),
+            "min_separation_m": _known(self.contacts.separation),
+            "min_clearance_m": _known(self.contacts.clearance),
             "position_mse_m2": mse,
             "position_rmse_m": None if mse is None else float(np.sqrt(mse["mean"])),
             "position_worst_m": self._worst if self._errors else None,
-            "position_nees": self._nees / self._judged if self._judged else None,
+            "position_nees": self._nees / self._normalized if self._normalized else None,
             "path_length_m": {
                 "total": float(self._length.sum()) if known.any() else None,
                 "per_agent": {
@@ -160,7 +203,7 @@ class FlightMetrics:
         }
 
     def _position_mse(self) -> Mapping[str, Any] | None:
-        """Mean and deviation over all samples of all agents, and the mean of each agent, m²."""
+        """Return mean and deviation over all agents, and the mean of each agent, m²."""
         if not self._errors:
             return None
         flying = np.array([mask for mask, _ in self._errors])  # (T, N)
@@ -175,8 +218,8 @@ class FlightMetrics:
             },
         }
 
-    def _err(self, offset: Array, covariance: Array) -> None:
-        """Take in how far estimates are off: (N, 3) m, with their (N, 3, 3) covariance, m²."""
+    def _add_errors(self, offset: Array, covariance: Array) -> None:
+        """Add the (N, 3) errors of an estimate, m, with their (N, 3, 3) covariance, m²."""
         counted = self._up & np.isfinite(offset.sum(axis=1))
         if not counted.any():
             return
@@ -184,11 +227,11 @@ class FlightMetrics:
         self._errors.append((counted, squared))
         self._worst = max(self._worst, float(np.sqrt(squared[counted].max())))
         self._offsets.append((offset[counted], covariance[counted]))
-        if len(self._offsets) == AT_ONCE:
-            self._judge()
+        if len(self._offsets) == NEES_BATCH:
+            self._add_nees()
 
-    def _judge(self) -> None:
-        """Take in errors squared over what the estimate says they are, a degree of freedom."""
+    def _add_nees(self) -> None:
+        """Add the squared errors of some ticks, normalized by their covariances."""
         if not self._offsets:
             return
         offset, covariance = (np.concatenate(column) for column in zip(*self._offsets, strict=True))
@@ -199,7 +242,7 @@ class FlightMetrics:
             offset = offset[known][..., None]
             squares = offset.transpose(0, 2, 1) @ np.linalg.solve(covariance[known], offset)
             self._nees += float(squares.sum()) / 3
-            self._judged += int(known.sum())
+            self._normalized += int(known.sum())
 
 
 def _known(value: float) -> float | None:

@@ -11,8 +11,7 @@ from star_core.messages.arrays import Array, Rows
 from star_core.messages.vision import Sightings
 from star_core.scene import Scene
 
-SURE: Final = 3
-"""Images of a target that an agent must have seen for it to count as found: one may be misread."""
+MIN_SIGHTINGS: Final = 3  # images by one agent, after which a target is found: one may be misread
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +19,11 @@ class Found:
     """A target that was found.
 
     Attributes:
-        name: As the world calls it.
-        finder: The agent that found it.
-        time: When that was, mission time, s.
-        position: (3,) where it seems to be, map frame, m.
-        error: How far that is from where it is, m.
+        name: In the world file.
+        finder: Name of the agent that found it.
+        time: Mission time at which it was found, s.
+        position: (3,) estimated position, map frame, m.
+        error: Of that position, m.
     """
 
     name: str
@@ -35,10 +34,10 @@ class Found:
 
 
 class Targets:
-    """Keeps what the agents saw of targets; each target is found once, by one agent.
+    """Combines the sightings of targets; each target is found once, by one agent.
 
-    A target's place is the mean of all that was seen of it, each sighting weighed by the inverse of
-    its variance; of a target with several tags, the place of its first.
+    A target's position is the mean of all its sightings, weighted by their inverse variances; of
+    a target with several tags, that of its first.
 
     Args:
         scene: With the world whose targets are to be found.
@@ -48,20 +47,20 @@ class Targets:
         self._scene = scene
         self.names = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
         self._of = {tag.id: self.names.index(tag.of) for tag in scene.world.targets}
-        self._place = {tag.id: np.array(tag.position) for tag in scene.world.targets}
+        self._position = {tag.id: np.array(tag.position) for tag in scene.world.targets}
         first = {tag.of: np.array(tag.position) for tag in reversed(scene.world.targets)}
         self._first = [first[name] for name in self.names]
         self._seen = np.zeros((len(self.names), len(scene.agents)), np.int64)
-        self._off = np.zeros((len(self.names), 3))  # m, sum of weighed errors
+        self._off = np.zeros((len(self.names), 3))  # m, sum of weighted errors
         self._weight = np.zeros(len(self.names))  # 1/m²
         self._when = np.full(len(self.names), np.nan)
         self.finder: Rows = np.full(len(self.names), -1)
 
-    def see(self, sightings: Sightings, time: float) -> list[tuple[str, str]]:
-        """Take in what was seen; return the names of targets that are new, and of their finders.
+    def add(self, sightings: Sightings, time: float) -> list[tuple[str, str]]:
+        """Add sightings; return the names of targets found now, and of their finders.
 
         Args:
-            sightings: Of the tick. What is no target is passed over.
+            sightings: Of the tick. Other tags than targets' are ignored.
             time: Of the tick, s.
         """
         new = []
@@ -72,9 +71,9 @@ class Targets:
                 continue
             agent = int(sightings.agent[k])
             self._seen[target, agent] += 1
-            self._off[target] += (sightings.position[k] - self._place[tag]) / spread
+            self._off[target] += (sightings.position[k] - self._position[tag]) / spread
             self._weight[target] += 1 / spread
-            if self.finder[target] < 0 and self._seen[target, agent] >= SURE:
+            if self.finder[target] < 0 and self._seen[target, agent] >= MIN_SIGHTINGS:
                 self.finder = self.finder.copy()
                 self.finder[target] = agent
                 self._when[target] = time
@@ -82,7 +81,7 @@ class Targets:
         return new
 
     def found(self) -> list[Found]:
-        """Every target that was found, in the order of the world."""
+        """Return every target that was found, in the order of the world."""
         off = self._off / np.maximum(self._weight, np.finfo(float).tiny)[:, None]
         return [
             Found(

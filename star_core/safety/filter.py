@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core.geometry.neighbours import pairs, warm_up
+from star_core.geometry.neighbours import Pairs, warm_up
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.events import Corrected
 from star_core.messages.state import Estimate, Setpoint, with_possible_positions
@@ -33,6 +33,9 @@ class SafetyFilter:
 
     Args:
         scene: Fence, limits and tick.
+
+    Attributes:
+        reach: Distance beyond which agents need not brake for each other, m.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -44,25 +47,27 @@ class SafetyFilter:
         closing = 2 * self._speed
         room = closing * (LAG + max(1 / PULL, scene.period + closing / (4 * self._brakes)))
         wide = math.dist(scene.world.fence.low, scene.world.fence.high)
-        self._reach = self._separation + min(1.5 * room, wide)  # some approach faster than allowed
+        self.reach = self._separation + min(1.5 * room, wide)  # some approach faster than allowed
         self._warm_up()
 
     def filter(
-        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint
+        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint, near: Pairs
     ) -> tuple[Setpoint, Corrected]:
         """Return the setpoint to send, and the agents whose setpoints were changed.
 
         Args:
-            estimate: Where the agents are.
-            safe: The avoider's answer. Rows that it leaves inactive get zero velocity; without a
-                setpoint the drone would fall.
+            estimate: Of the agents' positions.
+            safe: The avoider's setpoint. Its inactive rows get zero velocity; without a setpoint
+                the drone would fall.
             wanted: Its active rows are sent.
+            near: Pairs of agents within `reach`, at least.
         """
         seen, extended = with_possible_positions(estimate, wanted)
         if seen is estimate:
-            return self._filter(estimate, safe, wanted)
+            return self._filter(estimate, safe, wanted, near)
         _, answered = with_possible_positions(estimate, safe)
-        sent, changed = self._filter(seen, answered, extended)
+        near = Pairs.of(seen.position, self.reach)
+        sent, changed = self._filter(seen, answered, extended, near)
         n = len(wanted.yaw)
         return (
             Setpoint(sent.velocity[:n], sent.yaw[:n], sent.active[:n]),
@@ -70,22 +75,22 @@ class SafetyFilter:
         )
 
     def _filter(
-        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint
+        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint, near: Pairs
     ) -> tuple[Setpoint, Corrected]:
         """Filter tables that list every position at which an agent may be."""
         active = wanted.active
         if not np.isfinite(estimate.velocity).all():  # treated as stationary
             known = np.nan_to_num(estimate.velocity, posinf=0.0, neginf=0.0)
             estimate = replace(estimate, velocity=known)
-        said = safe.active & active
-        asked = np.where(said[:, None], safe.velocity, 0.0)
+        given = safe.active & active
+        asked = np.where(given[:, None], safe.velocity, 0.0)
         slowed = self._slowed(asked)
         now = estimate.position, estimate.velocity, active
         inside = slowed.copy()
         keep_inside(inside, *now, self._fence, self._brakes, self._period)
-        apart = self._kept_apart(inside, *now) if self._separation > 0 else inside
+        apart = self._kept_apart(inside, *now, near) if self._separation > 0 else inside
         sent = replace(
-            safe, velocity=apart, yaw=np.where(said, safe.yaw, wanted.yaw), active=active
+            safe, velocity=apart, yaw=np.where(given, safe.yaw, wanted.yaw), active=active
         )
         return sent, Corrected(
             fence=_differ(inside, slowed) & active,
@@ -93,10 +98,12 @@ class SafetyFilter:
             separation=_differ(apart, inside) & active,
         )
 
-    def _kept_apart(self, velocity: Array, position: Array, flown: Array, active: Mask) -> Array:
-        """(N, 3) velocities from which agents can brake before each other."""
-        first, second = pairs(position, self._reach)
-        if not len(first):
+    def _kept_apart(
+        self, velocity: Array, position: Array, flown: Array, active: Mask, near: Pairs
+    ) -> Array:
+        """Return the (N, 3) velocities from which agents can brake before each other."""
+        near = near.within(self.reach)
+        if not len(near.first):
             return velocity
         steered = active[:, None]
         kept = np.where(steered, velocity, flown)
@@ -105,8 +112,8 @@ class SafetyFilter:
             position,
             flown,
             active,
-            first,
-            second,
+            near.first,
+            near.second,
             self._fence,
             self._speed,
             self._brakes,
@@ -120,11 +127,11 @@ class SafetyFilter:
         two, level, both = np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)
         frames, wanted = Transform(level, two), Setpoint(two, level, both)
         here = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
-        self.filter(here, wanted, wanted)
+        self.filter(here, wanted, wanted, Pairs.of(two, self.reach))
         warm_up()
 
     def _slowed(self, velocity: Array) -> Array:
-        """(N, 3) velocities, none faster than the limit."""
+        """Return (N, 3) velocities, none faster than the limit."""
         square = np.vecdot(velocity, velocity)
         if square.max(initial=0.0) <= self._speed * self._speed:
             return velocity
@@ -133,7 +140,7 @@ class SafetyFilter:
 
 
 def _differ(one: Array, other: Array) -> Mask:
-    """(N,) rows whose velocities differ by more than `MIN_CORRECTION`."""
+    """Return which rows differ by more than `MIN_CORRECTION`: (N,)."""
     if one is other:
         return np.zeros(len(one), np.bool_)
     differ: Mask = np.abs(one - other).max(axis=1, initial=0.0) > MIN_CORRECTION

@@ -8,12 +8,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Mask
 from star_core.messages.state import AgentPhase, Estimate, Health
+from star_core.safety.estimates import MAX_REPORT_AGE
 from star_core.scene import Scene
 
-BATTERY_SAG_TIME: Final = 1.0
-"""How long a battery must stay below its limit, s: it sags under load."""
+BATTERY_SAG_TIME: Final = 1.0  # s that a battery must stay below its limit: it sags under load
 
 DEFAULTS: Final[Mapping[str, Mapping[str, float]]] = {
     "battery_low": {"below": 3.5},
@@ -22,7 +22,7 @@ DEFAULTS: Final[Mapping[str, Mapping[str, float]]] = {
     "fence_near": {"within": 0.0},
     "tumbled": {},
 }
-"""What the mission schema says of each rule that a mission names without its numbers."""
+"""The numbers of rules that a mission names without them, as in the mission schema."""
 
 
 class SafetyAction(IntEnum):
@@ -38,7 +38,7 @@ class Verdict(NamedTuple):
     """The action for an agent from now on, and the reason."""
 
     row: int
-    answer: SafetyAction
+    action: SafetyAction
     reason: str
 
 
@@ -47,10 +47,10 @@ class Rules:
 
     Args:
         scene: Agents and fence.
-        rules: The mission's ``safety``: by rule its numbers and its answer, ``then``.
+        rules: The mission's ``safety``: by rule its numbers and its action, ``then``.
 
     Attributes:
-        answer: (N,) `SafetyAction` for each agent so far.
+        action: (N,) `SafetyAction` for each agent so far.
     """
 
     def __init__(self, scene: Scene, rules: Mapping[str, Mapping[str, Any]]) -> None:
@@ -58,29 +58,30 @@ class Rules:
         self._low = np.array(scene.world.fence.low)
         self._high = np.array(scene.world.fence.high)
         self._rules = {name: {**DEFAULTS[name], **given} for name, given in rules.items()}
-        self._since = {name: np.full(n, np.nan) for name in self._rules}  # s, since when it is so
-        self.answer = np.zeros(n, np.int64)
+        self._since = {name: np.full(n, np.nan) for name in self._rules}  # s, of each violation
+        self.action = np.zeros(n, np.int64)
 
     def judge(self, time: float, estimate: Estimate, health: Health) -> list[Verdict]:
-        """Return what is new at a mission time, s."""
+        """Return the new verdicts at a mission time, s."""
         new = []
         for name, rule in self._rules.items():
-            wrong, lasts, why = self._wrong(name, rule, estimate, health)
-            since = self._since[name] = np.where(wrong, np.fmin(self._since[name], time), np.nan)
-            fires = wrong & (time - since >= lasts)
-            answer = SafetyAction[rule.get("then", "land").upper()]
-            for row in np.flatnonzero(fires & (self.answer < answer)).tolist():
-                self.answer[row] = answer
-                new.append(Verdict(row, answer, f"{name}: {why[row]}"))
+            violated, duration, reasons = self._violations(name, rule, estimate, health)
+            since = np.where(violated, np.fmin(self._since[name], time), np.nan)
+            self._since[name] = since
+            fires = violated & (time - since >= duration)
+            action = SafetyAction[rule.get("then", "land").upper()]
+            for row in np.flatnonzero(fires & (self.action < action)).tolist():
+                self.action[row] = action
+                new.append(Verdict(row, action, f"{name}: {reasons[row]}"))
         return new
 
     def reset(self, row: int) -> None:
-        """Forget what was decided of an agent that is fit again."""
-        self.answer[row] = 0
+        """Cancel the action for an agent that is fit again."""
+        self.action[row] = SafetyAction.NOTHING
 
     def excuse(self, health: Health, located: Mask) -> Mask:
         """(N,) agents that are lost, but that a rule will act on: their steps do not fail yet."""
-        heard = health.age <= DEFAULTS["link_lost"]["after"]
+        heard = health.age <= MAX_REPORT_AGE
         excused = np.zeros(len(heard), np.bool_)
         lost = health.phase == AgentPhase.LOST
         if "link_lost" in self._rules:
@@ -89,34 +90,27 @@ class Rules:
             excused |= lost & heard & ~located
         return excused
 
-    def _wrong(
+    def _violations(
         self, name: str, rule: Mapping[str, Any], estimate: Estimate, health: Health
     ) -> tuple[Mask, float, list[str]]:
-        """Return which agents violate a rule now, how long they must, s, and the reasons."""
+        """Return which agents violate a rule, how long they must to trigger it, s, and why."""
         phase = health.phase
         flies = (phase == AgentPhase.FLYING) | (phase == AgentPhase.LOST)
-        heard = health.age <= DEFAULTS["link_lost"]["after"]
         match name:
             case "battery_low":
-                told = [f"battery at {volt:.2f} V" for volt in health.battery]
-                return health.battery < rule["below"], BATTERY_SAG_TIME, told
+                reasons = [f"battery at {voltage:.2f} V" for voltage in health.battery]
+                return health.battery < rule["below"], BATTERY_SAG_TIME, reasons
             case "link_lost":
-                told = [f"not heard for {age:.1f} s" for age in health.age]
-                return health.age >= rule["after"], 0.0, told
+                reasons = [f"not heard for {age:.1f} s" for age in health.age]
+                return health.age >= rule["after"], 0.0, reasons
             case "position_lost":
-                told = [f"not located for {rule['after']:g} s"] * len(phase)
-                return flies & heard & ~estimate.valid, rule["after"], told
+                reasons = [f"not located for {rule['after']:g} s"] * len(phase)
+                heard = health.age <= MAX_REPORT_AGE
+                return flies & heard & ~estimate.valid, rule["after"], reasons
             case "fence_near":
-                room = self._room(estimate.position)
-                told = [f"{max(0.0, left):.2f} m from the fence" for left in room]
-                return flies & estimate.valid & (room <= rule["within"]), 0.0, told
-        return (
-            phase == AgentPhase.EMERGENCY,
-            0.0,
-            ["tumbled, crashed, locked or rebooted"] * len(phase),
-        )
-
-    def _room(self, position: Array) -> Array:
-        """(N,) distance to the nearest side of the fence, m; negative beyond it."""
-        room: Array = np.minimum(self._high - position, position - self._low).min(axis=1)
-        return room
+                position = estimate.position
+                room = np.minimum(self._high - position, position - self._low).min(axis=1)
+                reasons = [f"{max(0.0, distance):.2f} m from the fence" for distance in room]
+                return flies & estimate.valid & (room <= rule["within"]), 0.0, reasons
+        fallen = phase == AgentPhase.EMERGENCY
+        return fallen, 0.0, ["tumbled, crashed, locked or rebooted"] * len(phase)

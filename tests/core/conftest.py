@@ -30,9 +30,9 @@ from star_core import (
 )
 from star_core.contracts import SPECS
 from star_core.mission import Mission, load
-from star_core.operator_stop import OperatorStop
 from star_core.registry import Registry, Source
 from star_core.runner import fly
+from star_core.shutdown import OperatorStop
 from tests.core.robots import SOON, Robots
 
 TOUR = """

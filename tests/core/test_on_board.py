@@ -26,8 +26,8 @@ from star_core import (
     Transform,
     hookimpl,
 )
-from star_core.operator_stop import OperatorStop
 from star_core.registry import Source
+from star_core.shutdown import OperatorStop
 from tests.core.conftest import Lab, Script
 from tests.core.robots import Robots
 

@@ -13,8 +13,8 @@ from threading import Timer
 import pytest
 
 from star_core import Order
-from star_core.operator_stop import OperatorStop
 from star_core.runner import outcome_of
+from star_core.shutdown import OperatorStop
 from tests.core.conftest import Lab
 
 HANGS = 300.0  # s: a flight here takes a few, and compiling before it a minute or two

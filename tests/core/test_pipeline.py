@@ -204,7 +204,7 @@ def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> TaskOutput:
             "wait",
             "step",
             lambda *_: TaskOutput(status=ODD),
-            "Step.status is 'done', expected a Stat",
+            "TaskOutput.status is 'done', expected a Stat",
         ),
         (
             "wait",

@@ -143,7 +143,7 @@ def test_a_dead_transport_is_closed_though_nobody_could_be_landed(lab: Lab) -> N
     assert lab.said("failure")[-1].startswith("no agent could be landed: transport 'robots'")
     left = {event.agent: event.text for event in lab.events if event.agent}
     assert left == {
-        name: f"{name} is left to the transport's close, and its own time-outs"
+        name: f"{name} is left to the transport's close, and its own timeouts"
         for name in ("cf1", "cf2")
     }
     assert lab.closed["transport"] == 1

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from star_core.operator_stop import OperatorStop
+from star_core.shutdown import OperatorStop
 from star_fleet.link_faults import LinkFaults
 from tests.end_to_end.virtual_air import TAKEN_OFF, Air, Flown, flown
 

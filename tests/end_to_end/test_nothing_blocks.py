@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, Phase, assume, event, given, settings
 
 import star_core as star
 from star_core import InputError, fly, hookimpl, load
-from star_core.executor import StepExecutor
+from star_core.execution.step_run import StepRun
 from star_core.registry import Source
 from tests.end_to_end.any_mission import PART, PARTS, Case, cases
 from tests.end_to_end.troubled import Troubled
@@ -56,16 +56,16 @@ class Witness:
     @contextmanager
     def counting(self) -> Iterator[None]:
         """Add the time-out of each step that begins to what is allowed: one of them is running."""
-        begin = StepExecutor._begin
+        begin = StepRun.begin
         witness = self
 
-        def counted(course: StepExecutor, *args: Any) -> Any:
-            turn = begin(course, *args)
-            witness.allowed += turn.limit + TICKS
-            return turn
+        def counted(*args: Any) -> StepRun:
+            run = begin(*args)
+            witness.allowed += run.timeout + TICKS
+            return run
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(StepExecutor, "_begin", counted)
+            patch.setattr(StepRun, "begin", counted)
             yield
 
 

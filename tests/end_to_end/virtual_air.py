@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from star_core import Array, Mask, Registry, Scene, fly, load
-from star_core.operator_stop import OperatorStop
+from star_core.shutdown import OperatorStop
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
 from star_fleet.server import Fleet
 from tests.plugins.transports.star_radio.virtual import EPOCH, VirtualTime, virtual

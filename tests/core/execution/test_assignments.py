@@ -1,40 +1,44 @@
-"""Places in a mission and who holds them."""
+"""Slots of a mission and the agents assigned to them."""
 
 from __future__ import annotations
 
 from star_core.execution.assignments import Assignments
 
 
-def test_at_first_everybody_holds_the_place_that_was_made_for_it_but_the_reserve() -> None:
-    roster = Assignments(3, [2])
-    assert roster.holders(range(3)) == {0: 0, 1: 1}
-    assert roster.left().tolist() == [False, False, True]
-    assert roster.place(2) is None
+def test_at_first_each_agent_is_assigned_to_its_own_slot_but_the_reserve_to_none() -> None:
+    assignments = Assignments(3, [2])
+    assert assignments.holders(range(3)) == {0: 0, 1: 1}
+    assert assignments.unassigned().tolist() == [False, False, True]
+    assert assignments.slot(2) is None
 
 
-def test_the_place_of_a_reserve_is_not_to_be_filled() -> None:
+def test_the_slot_of_a_reserve_is_no_vacancy() -> None:
     assert Assignments(3, [2]).vacancies() == []
 
 
-def test_a_place_that_is_left_is_vacant_until_somebody_takes_it() -> None:
-    roster = Assignments(3, [2])
-    roster.vacate([0])
-    assert roster.vacancies() == [0]
-    roster.take(0, 2)
-    assert (roster.vacancies(), roster.holders([0, 1]), roster.place(2)) == ([], {0: 2, 1: 1}, 0)
-    assert roster.left().tolist() == [True, False, False]
+def test_a_vacated_slot_is_a_vacancy_until_an_agent_is_assigned() -> None:
+    assignments = Assignments(3, [2])
+    assignments.vacate([0])
+    assert assignments.vacancies() == [0]
+    assignments.assign(0, 2)
+    assert (assignments.vacancies(), assignments.holders([0, 1]), assignments.slot(2)) == (
+        [],
+        {0: 2, 1: 1},
+        0,
+    )
+    assert assignments.unassigned().tolist() == [True, False, False]
 
 
-def test_who_is_relieved_is_out_though_its_place_is_held() -> None:
-    roster = Assignments(2, [1])
-    roster.take(0, 1)
-    roster.vacate([0])  # it holds no place, so nothing changes
-    assert roster.holders(range(2)) == {0: 1}
+def test_a_relieved_agent_is_out_though_its_slot_is_filled() -> None:
+    assignments = Assignments(2, [1])
+    assignments.assign(0, 1)
+    assignments.vacate([0])  # it has no slot, so nothing changes
+    assert assignments.holders(range(2)) == {0: 1}
 
 
-def test_a_retired_place_is_not_to_be_filled_and_can_be_taken_again() -> None:
-    roster = Assignments(2)
-    roster.vacate([1], retire=True)
-    assert (roster.vacancies(), roster.retired) == ([], {1})
-    roster.take(1, 1)
-    assert (roster.holders([1]), roster.retired) == ({1: 1}, set())
+def test_a_retired_slot_is_no_vacancy_and_can_be_assigned_again() -> None:
+    assignments = Assignments(2)
+    assignments.vacate([1], retire=True)
+    assert (assignments.vacancies(), assignments.retired) == ([], {1})
+    assignments.assign(1, 1)
+    assert (assignments.holders([1]), assignments.retired) == ({1: 1}, set())

@@ -83,7 +83,7 @@ mission:
     head = HEAD.replace("planner: straight", planner)
     summary = flown(tmp_path, mission, "none", head, ROOM + pillar)
     assert summary["reason"] == ""
-    assert landed(summary) == ["a lands 0.45 m aside: its place is not free"]
+    assert landed(summary) == ["a lands 0.45 m aside: its position is not free"]
 
 
 def test_who_lands_over_an_agent_on_the_ground_comes_down_beside_it(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ mission:
 """
     summary = flown(tmp_path, mission)
     assert summary["collisions"]["agent_agent"] == 0
-    assert landed(summary) == ["a lands 0.35 m aside: its place is not free"]
+    assert landed(summary) == ["a lands 0.35 m aside: its position is not free"]
 
 
 def test_of_two_above_each_other_the_lower_lands_where_it_is(tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_who_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None
         scene(2), helm, observers, lambda places: np.zeros(len(places), np.bool_)
     )
     stacked = estimate(np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.5]]))
-    descent.bring([0, 1])
-    descent.step(replace(stacked, valid=np.array([True, False])), GoalBuffer.none(2, 0.5))
+    descent.land([0, 1])
+    descent.step(replace(stacked, valid=np.array([True, False])), GoalBuffer(2, 0.5))
     assert landed == [[1]]
-    assert told == ["cf1 lands 0.35 m aside: its place is not free"]
+    assert told == ["cf1 lands 0.35 m aside: its position is not free"]

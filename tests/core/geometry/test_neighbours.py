@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core.geometry.neighbours import MANY, least, pairs
+from star_core.geometry.neighbours import MANY, Pairs
 
 
 @given(st.integers(0, 2 * MANY), st.integers(0, 1000), st.floats(0.05, 3.0))
@@ -21,27 +21,30 @@ def test_pairs_are_those_that_are_nearer_than_the_reach(n: int, seed: int, reach
         for j in range(i + 1, n)
         if math.dist(position[i], position[j]) < reach
     ]
-    first, second = pairs(position, reach)
-    assert sorted(zip(first.tolist(), second.tolist(), strict=True)) == expected
+    near = Pairs.of(position, reach)
+    assert sorted(zip(near.first.tolist(), near.second.tolist(), strict=True)) == expected
+    assert near.distance == pytest.approx(
+        [math.dist(position[i], position[j]) for i, j in zip(near.first, near.second, strict=True)]
+    )
 
 
-@given(st.integers(2, 2 * MANY), st.integers(0, 1000))
-def test_the_least_distance_is_that_of_the_nearest_two(n: int, seed: int) -> None:
+@given(st.integers(0, 2 * MANY), st.integers(0, 1000), st.floats(0.05, 3.0))
+def test_a_wider_search_holds_the_narrower_one(n: int, seed: int, reach: float) -> None:
     position = np.random.default_rng(seed).uniform(-3, 3, (n, 3))
-    expected = min(math.dist(position[i], position[j]) for i in range(n) for j in range(i))
-    assert least(position) == pytest.approx(expected)
+    wide, narrow = Pairs.of(position, 4.0).within(reach), Pairs.of(position, reach)
+    assert wide.first.tolist() == narrow.first.tolist()
+    assert wide.second.tolist() == narrow.second.tolist()
 
 
 @pytest.mark.parametrize("n", [3, MANY + 1])
-def test_who_is_nowhere_is_near_nobody(n: int) -> None:
+def test_an_agent_without_a_position_is_in_no_pair(n: int) -> None:
     position = np.zeros((n, 3))
     position[1:] = np.nan
-    assert least(position) == math.inf
-    assert not len(pairs(position, 1.0)[0])
+    assert not len(Pairs.of(position, 1.0).first)
 
 
 @pytest.mark.parametrize("n", [2, MANY])
 def test_two_at_the_reach_are_no_pair(n: int) -> None:
     position = np.arange(n)[:, None] * [1.0, 0.0, 0.0]
-    assert not len(pairs(position, 1.0)[0])
-    assert len(pairs(position, np.nextafter(1.0, 2.0))[0]) == n - 1
+    assert not len(Pairs.of(position, 1.0).first)
+    assert len(Pairs.of(position, np.nextafter(1.0, 2.0)).first) == n - 1

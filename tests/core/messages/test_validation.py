@@ -23,15 +23,9 @@ from star_core import (
     Transform,
     Transport,
 )
-from star_core.messages.validation import (
-    accepts,
-    checked_estimate,
-    checked_plan,
-    checked_setpoint,
-    checked_telemetry,
-    require_methods,
-    require_type,
-)
+from star_core.messages.arrays import require_type
+from star_core.pipeline import checked_estimate, checked_plan, checked_setpoint, checked_telemetry
+from star_core.plugin_guard import require_methods, require_signature
 from star_core.testing import estimate
 
 TWO = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
@@ -113,7 +107,7 @@ def test_a_method_that_takes_other_arguments_is_named_with_its_line() -> None:
 def test_a_function_that_takes_other_options_is_named_with_its_line() -> None:
     def make(scene: Scene, gain: float) -> None: ...
 
-    assert refused(accepts, make, "make", ("scene",), {"share": 0.8}) == (
+    assert refused(require_signature, make, "make", ("scene",), {"share": 0.8}) == (
         "make(scene, gain) cannot be called as make(scene, share=...): "
         f"missing a required argument: 'gain' ({line_of(make)}) [contract-broken]"
     )
@@ -123,7 +117,7 @@ def test_a_function_that_takes_other_options_is_named_with_its_line() -> None:
 def test_a_function_whose_signature_allows_it_or_cannot_be_known_is_accepted(
     function: Callable[..., Any],
 ) -> None:
-    accepts(function, "make", ("scene",))
+    require_signature(function, "make", ("scene",))
 
 
 @pytest.mark.parametrize(

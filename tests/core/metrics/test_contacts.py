@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Array, Estimate, Obstacle, Scene, Tick, Truth
-from star_core.metrics.contacts import Contacts, Incident
+from star_core.geometry.neighbours import Pairs
+from star_core.metrics.conflicts import Contacts, Incident
 from star_core.testing import estimate, scene
 from tests.core.conftest import Lab
 from tests.core.metrics.test_summary import PERIOD, PILLAR, tick
@@ -31,9 +32,13 @@ def followed(
     n = positions.shape[1]
     contacts = Contacts(furnished(n, obstacles))
     seen = [
-        contacts.update(moment(k, positions, phase, truth=truth)) for k in range(len(positions))
+        update(contacts, moment(k, positions, phase, truth=truth)) for k in range(len(positions))
     ]
     return contacts, [*seen, contacts.finish()]
+
+
+def update(contacts: Contacts, tick: Tick) -> list[Incident]:
+    return contacts.update(tick, Pairs.of(tick.estimate.position, contacts.reach))
 
 
 def furnished(n: int, obstacles: tuple[Obstacle, ...]) -> Scene:
@@ -78,8 +83,8 @@ def test_a_collision_of_two_agents_names_them_and_where_when_and_how_fast() -> N
 def test_a_collision_with_an_obstacle_names_the_obstacle() -> None:
     contacts, seen = followed([[[0.5, 0, 1]], [[0.96, 0, 1]]], obstacles=(PILLAR,))
     ((incident,),) = [found for found in seen if found]
-    assert incident.details["agents"] == ["cf1"]
-    assert incident.details["obstacle"] == "pillar"
+    assert (incident.details or {})["agents"] == ["cf1"]
+    assert (incident.details or {})["obstacle"] == "pillar"
     assert "cf1 and obstacle 'pillar' collided at [0.96, 0.00, 1.00]" in incident.text
     assert (contacts.agent_agent, contacts.agent_obstacle) == (0, 1)
 
@@ -94,9 +99,9 @@ def test_a_close_approach_is_reported_once_with_its_smallest_distance() -> None:
     assert [len(found) for found in seen] == [0, 0, 0, 0, 1, 0, 0]
     (incident,) = seen[4]
     assert incident.kind == "close_approach"
-    assert incident.details["distance_m"] == pytest.approx(0.15)
-    assert incident.details["time_s"] == pytest.approx(2 * PERIOD)
-    assert incident.details["agents"] == ["cf1", "cf2"]
+    assert (incident.details or {})["distance_m"] == pytest.approx(0.15)
+    assert (incident.details or {})["time_s"] == pytest.approx(2 * PERIOD)
+    assert (incident.details or {})["agents"] == ["cf1", "cf2"]
     assert f"closer than limits.separation ({SEPARATION:g} m)" in incident.text
 
 
@@ -124,7 +129,7 @@ def test_agents_that_stand_close_to_each_other_on_the_ground_do_not_approach() -
 def test_without_ground_truth_incidents_are_marked_as_estimated() -> None:
     contacts, seen = followed(pair(0.5, 0.1), truth=False)
     ((incident,),) = [found for found in seen if found]
-    assert incident.details["from"] == "estimate"
+    assert (incident.details or {})["from"] == "estimate"
     assert incident.text.endswith(" (estimated positions)")
     assert contacts.source == "estimate"
 
@@ -132,17 +137,17 @@ def test_without_ground_truth_incidents_are_marked_as_estimated() -> None:
 def test_distances_are_from_both_where_ground_truth_is_there_at_times() -> None:
     contacts = Contacts(scene(2))
     positions = np.array(pair(0.5, 0.5))
-    contacts.update(moment(0, positions, FLYING, truth=True))
+    update(contacts, moment(0, positions, FLYING, truth=True))
     assert contacts.source == "ground_truth"
-    contacts.update(moment(1, positions, FLYING, truth=False))
+    update(contacts, moment(1, positions, FLYING, truth=False))
     assert contacts.source == "mixed"
 
 
 def test_ticks_on_the_ground_do_not_count_for_where_distances_are_from() -> None:
     contacts = Contacts(scene(2))
     positions = np.array(pair(0.5, 0.5))
-    contacts.update(moment(0, positions, GROUNDED, truth=False))
-    contacts.update(moment(1, positions, FLYING, truth=True))
+    update(contacts, moment(0, positions, GROUNDED, truth=False))
+    update(contacts, moment(1, positions, FLYING, truth=True))
     assert contacts.source == "ground_truth"
 
 

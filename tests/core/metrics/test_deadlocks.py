@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import AgentPhase, Goals, Paths, Tick
-from star_core.metrics.deadlocks import Deadlocks, waiting
+from star_core.geometry.neighbours import Pairs
+from star_core.metrics.conflicts import WAITING_DISTANCE, Deadlocks, waiting
 
 Track = Callable[[float], float]
 NO_PATHS = Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
@@ -41,7 +42,7 @@ def flown(
             estimate=SimpleNamespace(position=position),
             plan=SimpleNamespace(paths=paths, setpoint=setpoint),
         )
-        found.add(cast("Tick", tick))
+        found.add(cast("Tick", tick), Pairs.of(position, WAITING_DISTANCE))
     return found
 
 
@@ -148,7 +149,8 @@ def test_who_gets_on_counts_as_such_and_more_that_do_free_no_fewer(seed: int) ->
     position, wanted = random.uniform(-1, 1, (2, 12, 3))
     few = random.random(12) < 0.2
     more = few | (random.random(12) < 0.2)
-    some, others = waiting(position, wanted, few), waiting(position, wanted, more)
+    near = Pairs.of(position, WAITING_DISTANCE)
+    some, others = (waiting(near, position, wanted, rows) for rows in (few, more))
     assert some[few].all()
     assert others[some].all()
-    assert not waiting(position, wanted, np.zeros(12, np.bool_)).any()
+    assert not waiting(near, position, wanted, np.zeros(12, np.bool_)).any()

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
 from star_core import AgentPhase, Array, Corrected, Event, Fence, Obstacle, Tick, Truth, World
+from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import Goals, Paths, Plan, Setpoint
 from star_core.messages.telemetry import Telemetry
-from star_core.metrics.contacts import Contacts
 from star_core.metrics.summary import FlightMetrics
 from star_core.metrics.targets import Targets
 from star_core.testing import estimate, health, scene
@@ -73,15 +73,17 @@ def measured(
     t, n, _ = track.shape
     room = World("room", Fence((-99.0, -99.0, -99.0), (99.0, 99.0, 99.0)), obstacles)
     furnished = replace(scene(n), world=room)
-    contacts = Contacts(furnished)
-    meter = FlightMetrics(furnished, contacts)
+    meter = FlightMetrics(furnished)
     for k in range(t):
         phase = [FLYING if phases is None else phases[k]] * n
         where = track[k] if seen is None else np.array(seen)[k]
         now = tick(k * PERIOD, where, track[k] if known else None, phase)
-        meter.add(now)
-        contacts.update(now)
+        add(meter, now)
     return summed(meter, events)
+
+
+def add(meter: FlightMetrics, now: Tick) -> None:
+    meter.add(now, Pairs.of(now.estimate.position, meter.reach))
 
 
 def summed(
@@ -264,9 +266,9 @@ def test_the_position_error_counts_from_the_end_of_take_off_to_the_start_of_land
 
 
 def test_an_agent_that_never_flew_has_no_position_error() -> None:
-    meter = FlightMetrics(scene(2), Contacts(scene(2)))
+    meter = FlightMetrics(scene(2))
     both = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
-    meter.add(tick(0.0, both, both, [FLYING, AgentPhase.GROUNDED]))
+    add(meter, tick(0.0, both, both, [FLYING, AgentPhase.GROUNDED]))
     summary = summed(meter)
     assert summary["position_mse_m2"]["per_agent"] == {"cf1": 0.0, "cf2": None}
 
@@ -311,9 +313,9 @@ def test_the_flight_lasts_from_its_first_tick_to_its_last() -> None:
 
 
 def test_the_time_before_the_first_tick_is_no_flight() -> None:
-    meter = FlightMetrics(scene(1), Contacts(scene(1)))
+    meter = FlightMetrics(scene(1))
     for time in (5.0, 7.5):
-        meter.add(tick(time, [[0, 0, 1]], None, [FLYING]))
+        add(meter, tick(time, [[0, 0, 1]], None, [FLYING]))
     summary = summed(meter)
     assert summary["flight_time_s"] == pytest.approx(2.5)
 
@@ -335,7 +337,7 @@ def test_a_summary_is_plain_json(n: int) -> None:
 
 
 def test_a_flight_without_a_tick_has_a_summary_too() -> None:
-    meter = FlightMetrics(scene(2), Contacts(scene(2)))
+    meter = FlightMetrics(scene(2))
     summary = summed(meter, wall_time=0.0)
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["realtime_factor"] is None

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from star_core import Estimate, Order, Telemetry
-from star_core.safety.estimate_gate import LEAST_SPEED, MARGIN, SIGMAS, EstimateGate
+from star_core.safety.estimates import (
+    CORRECTION_SIGMAS,
+    JUMP_MARGIN,
+    MIN_PLAUSIBLE_SPEED,
+    EstimateGate,
+)
 from star_core.testing import estimate
 from tests.core.conftest import Lab
 
@@ -49,7 +54,7 @@ def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
     assert answer.velocity.tolist() == [[0.0, 0.0, 0.0]]
     assert not answer.valid.any()
     assert (jump.row, jump.distance, jump.seconds) == pytest.approx((0, 49.7, PERIOD))
-    assert jump.plausible == pytest.approx(LEAST_SPEED * PERIOD + MARGIN)
+    assert jump.plausible == pytest.approx(MIN_PLAUSIBLE_SPEED * PERIOD + JUMP_MARGIN)
 
 
 def test_a_jump_is_reported_once() -> None:
@@ -60,7 +65,7 @@ def test_a_jump_is_reported_once() -> None:
 
 
 def test_many_small_jumps_are_a_large_one() -> None:
-    step = LEAST_SPEED * PERIOD + 0.9 * MARGIN
+    step = MIN_PLAUSIBLE_SPEED * PERIOD + 0.9 * JUMP_MARGIN
     assert gated(0.0, step, 2 * step) == [True, True, False]
 
 
@@ -68,7 +73,7 @@ def test_a_correction_that_the_covariance_announced_is_accepted() -> None:
     gate = EstimateGate(1, SPEED)
     drift = 1.0  # m, standard deviation along every axis
     gate.check(believed(0.0, 0.0, std=drift), AIRBORNE)
-    correction = 0.9 * SIGMAS * drift
+    correction = 0.9 * CORRECTION_SIGMAS * drift
     for k in range(1, 40):  # and does not count against later ticks
         answer, jumps = gate.check(believed(correction, k * PERIOD), AIRBORNE)
         assert answer.valid.all()
@@ -94,7 +99,7 @@ def test_an_agent_that_was_not_located_may_be_anywhere_it_can_have_flown() -> No
     gate.check(believed(0.0, 0.0), AIRBORNE)
     lost = replace(believed(np.nan, 1.0), valid=np.zeros(1, np.bool_))
     gate.check(lost, AIRBORNE)
-    assert gate.check(believed(2 * LEAST_SPEED, 2.0), AIRBORNE)[0].valid.all()
+    assert gate.check(believed(2 * MIN_PLAUSIBLE_SPEED, 2.0), AIRBORNE)[0].valid.all()
 
 
 HOLD = "\n  - climb: {}\n  - wait: {seconds: 6}\n  - descend: {}"

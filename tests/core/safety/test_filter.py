@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Agent, Array, Corrected, Estimate, Fence, Limits, Scene, Setpoint, World
+from star_core.geometry.neighbours import Pairs
 from star_core.safety.filter import SafetyFilter
 from star_core.testing import estimate
 
@@ -40,8 +41,14 @@ def filtered(position: Any, velocity: Any, active: Any = None) -> tuple[Array, C
     """What is sent to agents that should fly so, and who was corrected."""
     wanted = setpoint(velocity, active)
     now = estimate(np.array(position, float))
-    sent, corrected = SafetyFilter(scene(len(wanted.yaw))).filter(now, wanted, wanted)
+    sent, corrected = apply(SafetyFilter(scene(len(wanted.yaw))), now, wanted, wanted)
     return sent.velocity, corrected
+
+
+def apply(
+    guard: SafetyFilter, now: Estimate, safe: Setpoint, wanted: Setpoint
+) -> tuple[Setpoint, Corrected]:
+    return guard.filter(now, safe, wanted, Pairs.of(now.position, guard.reach))
 
 
 def nobody(corrected: Corrected) -> bool:
@@ -54,7 +61,7 @@ def flown(position: Any, wish: Any, seconds: float = 6.0) -> Array:
     velocity = late = np.zeros_like(path[0])
     for _ in range(round(seconds / TICK)):
         now: Estimate = replace(estimate(path[-1]), velocity=velocity)
-        sent, _ = guard.filter(now, setpoint(wish), setpoint(wish))
+        sent, _ = apply(guard, now, setpoint(wish), setpoint(wish))
         change = late - velocity
         length = np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
         velocity = velocity + change * np.minimum(1.0, BRAKES * TICK / length)
@@ -100,7 +107,7 @@ def test_a_velocity_that_is_too_fast_keeps_its_direction_and_a_slow_one_stays(
     wide = replace(scene(3), world=World("hall", Fence((-1e6,) * 3, (1e6,) * 3)))
     wanted = setpoint(wish, active)
     here = estimate(np.arange(3)[:, None] * [1000.0, 0.0, 0.0])
-    sent, _ = SafetyFilter(wide).filter(here, wanted, wanted)
+    sent, _ = apply(SafetyFilter(wide), here, wanted, wanted)
     lengths = np.linalg.norm(wanted.velocity, axis=1)
     factor = np.minimum(1.0, SPEED / np.maximum(lengths, 1e-300)) * np.array(active)
     assert sent.velocity == pytest.approx(wanted.velocity * factor[:, None], abs=1e-12)
@@ -137,7 +144,7 @@ def test_who_is_in_the_way_and_says_nothing_of_its_velocity_is_braked_for() -> N
     wanted = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
     here = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
     silent = estimate(here, velocity=np.array([[0.0] * 3, [math.nan] * 3]))
-    sent, corrected = SafetyFilter(scene(2)).filter(silent, wanted, wanted)
+    sent, corrected = apply(SafetyFilter(scene(2)), silent, wanted, wanted)
     still, _ = filtered(here, wanted.velocity, [True, False])
     assert sent.velocity[0].tolist() == still[0].tolist()
     assert corrected.separation.tolist() == [True, False]
@@ -147,7 +154,7 @@ def test_a_separation_of_zero_lets_agents_collide() -> None:
     wanted = setpoint([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     now = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]]))
     free = replace(scene(2), limits=Limits(speed=SPEED, separation=0.0))
-    sent, corrected = SafetyFilter(free).filter(now, wanted, wanted)
+    sent, corrected = apply(SafetyFilter(free), now, wanted, wanted)
     assert sent.velocity.tolist() == wanted.velocity.tolist()
     assert nobody(corrected)
 
@@ -170,15 +177,15 @@ def test_what_the_avoider_leaves_out_brakes() -> None:
     wanted = setpoint([[0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
     safe = setpoint([[0.5, 0.0, 0.0], [math.nan] * 3], [True, False])
     now = estimate(np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
-    sent, _ = SafetyFilter(scene(2)).filter(now, safe, wanted)
+    sent, _ = apply(SafetyFilter(scene(2)), now, safe, wanted)
     assert sent.active.all()
     assert sent.velocity.tolist() == [[0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]
 
 
 def test_inactive_rows_are_never_sent() -> None:
     wanted = setpoint([[0.5, 0.0, 0.0]], [False])
-    sent, corrected = SafetyFilter(scene(1)).filter(
-        estimate(np.array([[9.0, 0.0, 1.0]])), wanted, wanted
+    sent, corrected = apply(
+        SafetyFilter(scene(1)), estimate(np.array([[9.0, 0.0, 1.0]])), wanted, wanted
     )
     assert not sent.active.any()
     assert nobody(corrected)

@@ -42,7 +42,7 @@ def judged(
                 well = replace(well, position=np.stack([position, here[1]]))
             for name, new in changes.items():
                 where = replace(where, **{name: np.array([new, getattr(where, name)[1]])})
-        fired += [(round(time, 6), v.row, v.answer) for v in watch.judge(time, well, where)]
+        fired += [(round(time, 6), v.row, v.action) for v in watch.judge(time, well, where)]
     return fired
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from star_core import Array, Estimate, Registry, Setpoint
+from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
+from star_core.safety.estimates import WATCHDOG_TIME, UnheardAgents
 from star_core.safety.filter import SafetyFilter
-from star_core.safety.unheard import FLIES_ON_FOR, UnheardAgents
 from star_core.testing import estimate, scene
 
 HEARD, UNHEARD = 0.0, 0.6  # s, ages of reports
@@ -38,7 +39,7 @@ def test_an_agent_that_is_not_heard_stands_still_or_flies_on() -> None:
     answer = marked(VELOCITY, HEARD, UNHEARD)
     assert answer.velocity.tolist() == [VELOCITY[0].tolist(), [0, 0, 0]]
     assert answer.possible_travel[0].tolist() == [0, 0, 0]
-    assert answer.possible_travel[1] == pytest.approx(FLIES_ON_FOR * VELOCITY[1])
+    assert answer.possible_travel[1] == pytest.approx(WATCHDOG_TIME * VELOCITY[1])
 
 
 def test_an_agent_that_is_heard_again_is_where_it_is() -> None:
@@ -52,7 +53,7 @@ def test_the_velocity_is_the_last_one_that_was_reported() -> None:
     unknown = replace(flying, velocity=np.full((1, 3), np.nan))
     tracker.mark(flying, np.array([HEARD]))
     answer = tracker.mark(unknown, np.array([UNHEARD]))
-    assert answer.possible_travel[0] == pytest.approx([FLIES_ON_FOR * 0.5, 0, 0])
+    assert answer.possible_travel[0] == pytest.approx([WATCHDOG_TIME * 0.5, 0, 0])
 
 
 def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
@@ -61,7 +62,7 @@ def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
     wanted = Setpoint(VELOCITY, np.zeros(2), every)
     seen, extended = with_possible_positions(now, wanted, spacing=0.2)
     added = seen.position[2:]
-    assert added[-1] == pytest.approx(FLIES_ON_FOR * VELOCITY[1])
+    assert added[-1] == pytest.approx(WATCHDOG_TIME * VELOCITY[1])
     steps = np.diff(np.vstack([now.position[1], added]), axis=0)
     assert np.linalg.norm(steps, axis=1).max() <= 0.2
     assert extended.active.tolist() == [True, True] + [False] * len(added)
@@ -90,7 +91,7 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
     other, velocity, nearest = np.zeros(3), np.zeros(3), np.inf
     for k in range(round(12 / PERIOD)):
         time = k * PERIOD
-        if not stopped and time < FLIES_ON_FOR:
+        if not stopped and time < WATCHDOG_TIME:
             other = other + PERIOD * last[1]
         nearest = min(nearest, float(np.linalg.norm(position[0] - other)))
         now = estimate(
@@ -100,7 +101,9 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
         way = goal - position[0]
         wish = way * speed / max(np.linalg.norm(way), speed)
         wanted = Setpoint(np.array([wish, np.zeros(3)]), np.zeros(2), FIRST)
-        sent, _ = guard.filter(now, made.avoid(now, wanted), wanted)
+        sent, _ = guard.filter(
+            now, made.avoid(now, wanted), wanted, Pairs.of(now.position, guard.reach)
+        )
         velocity = velocity + PERIOD / 0.3 * (sent.velocity[0] - velocity)  # lag of first order
         position[0] = position[0] + PERIOD * velocity
     return nearest

@@ -12,7 +12,7 @@ import pytest
 from star_bench.figures import PARTS, Figures, figures, path_ratio, time_ratio
 from star_bench.scenario import Scenario, level
 from star_bench.table import COLUMNS, LEGEND, Key, as_csv, as_markdown, rows
-from star_core.metrics.deadlocks import MAX_WAIT, WAITING_DISTANCE
+from star_core.metrics.conflicts import MAX_WAIT, WAITING_DISTANCE
 
 TWO = level([(0, 0), (0, 5)], [(3, 4), (1, 5)], about="Two go 5 m and 1 m.")
 TWICE = Scenario(

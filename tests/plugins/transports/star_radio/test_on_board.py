@@ -26,7 +26,7 @@ from star_core import (
     fly,
     load,
 )
-from star_core.operator_stop import OperatorStop
+from star_core.shutdown import OperatorStop
 from star_core.testing import scene
 from star_radio import orders
 from star_radio.transport import Radio

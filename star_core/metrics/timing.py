@@ -1,0 +1,178 @@
+"""Computing time of plugins, and ticks that come late."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from time import perf_counter, thread_time
+from typing import Any, Final
+
+from star_core.toolkit.jit import compile_time
+
+log = logging.getLogger(__name__)
+
+MIN_SLOW_TIME: Final = 1.0  # s, least computing time in one tick that is reported
+MIN_SLOW_PERIODS: Final = 20  # periods of a tick, likewise
+
+REPORTED_KINDS: Final = 2  # kinds of plugins named in the report of a late tick
+MIN_REPORTED_TIME: Final = 1e-3  # s, least computing time named in it
+REPORT_INTERVAL: Final = 10.0  # s, least time between two reports of late ticks
+LABELS: Final = {"safety": "safety filter"}
+
+
+@dataclass(slots=True)
+class Stopwatch:
+    """Adds up the time spent in ``with`` blocks; not reentrant.
+
+    Attributes:
+        clock: Returns a time, s.
+        elapsed: Time spent so far, s.
+        total: Likewise, without compilation by numba.
+        before: `total` before this tick, s.
+        used: Whether there was a block in this tick.
+        ticks: Number of earlier ticks with a block.
+        slow_ticks: Number of ticks with more than the limit.
+        longest: Time spent in the slowest of those, s.
+    """
+
+    clock: Callable[[], float]
+    elapsed: float = 0.0
+    total: float = 0.0
+    before: float = 0.0
+    used: bool = False
+    ticks: int = 0
+    slow_ticks: int = 0
+    longest: float = 0.0
+    _begun: float = field(init=False, default=0.0)
+    _compiled: float = field(init=False, default=0.0)
+
+    def __enter__(self) -> None:
+        self._compiled = compile_time()
+        self._begun = self.clock()
+
+    def __exit__(self, *_error: object) -> None:
+        elapsed = self.clock() - self._begun
+        self.elapsed += elapsed
+        self.total += max(0.0, elapsed - (compile_time() - self._compiled))
+        self.used = True
+
+
+class ComputeTime:
+    """Computing time of every plugin of a flight, in total and tick by tick.
+
+    Args:
+        period: From one tick to the next, s.
+        realtime: Whether mission time goes on by itself; a plugin that takes too long then makes
+            ticks late, which is reported as that.
+    """
+
+    def __init__(self, period: float, *, realtime: bool) -> None:
+        self._limit = math.inf if realtime else max(MIN_SLOW_TIME, MIN_SLOW_PERIODS * period)
+        self._period = period
+        self._watches: dict[str, Stopwatch] = {}
+
+    def of(self, plugin: str, *, waits: bool = False) -> Stopwatch:
+        """Return the stopwatch of a plugin.
+
+        Args:
+            plugin: Its kind, name, distribution and version.
+            waits: Whether it may also sleep, as transports do, which is not counted then.
+        """
+        watch = self._watches.get(plugin)
+        if watch is None:
+            watch = self._watches[plugin] = Stopwatch(thread_time if waits else perf_counter)
+        return watch
+
+    def end_tick(self) -> list[str]:
+        """End a tick; return a report on every plugin that was slow for the first time.
+
+        The first tick in which a plugin is called does not count: some import or compile in it.
+        """
+        reports = []
+        for plugin, watch in self._watches.items():
+            if not watch.used:
+                continue
+            spent = watch.total - watch.before
+            watch.before, watch.used = watch.total, False
+            watch.ticks += 1
+            if spent <= self._limit:
+                continue
+            if watch.ticks == 1:
+                log.debug("the first call of %s took %.1f s", plugin, spent)
+                continue
+            watch.slow_ticks += 1
+            watch.longest = max(watch.longest, spent)
+            if watch.slow_ticks == 1:
+                reports.append(
+                    f"{plugin} took {spent:.2f} s for one tick of {self._period:g} s; from now on "
+                    "its slow ticks are only counted, for the summary"
+                )
+        return reports
+
+    def summary(self) -> dict[str, Any]:
+        """Return the entries of ``summary.json``."""
+        return {
+            "compute_s": {name: round(watch.total, 6) for name, watch in self._watches.items()},
+            "slow_ticks": {
+                name: {"ticks": watch.slow_ticks, "longest_s": round(watch.longest, 3)}
+                for name, watch in self._watches.items()
+                if watch.slow_ticks
+            },
+        }
+
+
+class TickTiming:
+    """Lateness of the ticks of a flight on a real-time transport; in simulation no tick is late.
+
+    Args:
+        period: From one tick to the next, s. A tick that is later than that was missed.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._took: Mapping[str, float] = {}  # s, before the previous tick
+        self._last = 0.0  # s, time of the previous tick
+        self._reported = -REPORT_INTERVAL  # s, time of the last report
+        self._unreported = 0  # late ticks since then
+        self._ticks = 0
+        self._latest = 0.0
+
+    def note(self, due: float, now: float, took: Mapping[str, float]) -> str:
+        """Count a tick if it is late; return a report, or an empty string.
+
+        Args:
+            due: Time at which the tick was due, s.
+            now: Time at which it came, s.
+            took: Computing time so far, s, by the kind of plugin.
+        """
+        spent = {kind: took[kind] - self._took.get(kind, 0.0) for kind in took}
+        passed, self._last, self._took = now - self._last, now, took
+        late = now - due
+        if late <= self._period:
+            return ""
+        self._ticks += 1
+        self._latest = max(self._latest, late)
+        if now < self._reported + REPORT_INTERVAL:
+            self._unreported += 1
+            return ""
+        others, self._unreported, self._reported = self._unreported, 0, now
+        largest = sorted(spent.items(), key=lambda one: -one[1])[:REPORTED_KINDS]
+        causes = [
+            f"the {LABELS.get(kind, kind)} took {seconds:.3f} s"
+            for kind, seconds in largest
+            if seconds >= MIN_REPORTED_TIME
+        ]
+        if (rest := passed - sum(spent.values())) > self._period:
+            causes.append(f"{rest:.3f} s were spent outside localizer, planner and avoider")
+        since = f"; {others} more late ticks since the last report" if others else ""
+        return (
+            f"the control loop was {late:.3f} s late, {passed:.3f} s after the previous tick: "
+            + ", ".join(causes)
+            + since
+        )
+
+    def summary(self) -> dict[str, float]:
+        """Return the entries of ``summary.json``: number of late ticks, greatest lateness, s."""
+        return {"late_ticks": self._ticks, "latest_tick_s": round(self._latest, 6)}
