@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-import cv2
 import numpy as np
 
 from star_core.messages.arrays import Array
@@ -43,6 +42,8 @@ def square_poses(rays: Array, size: float) -> list[tuple[Pose, float]]:
         Each pose of the square in the camera, with the root mean square of its residuals in the
         units of `rays`; none where the corners are not those of a square seen from the front.
     """
+    import cv2  # a flight without images or targets does not
+
     side = rays[_NEXT] - rays
     after = side[_NEXT]
     convex = side[:, 1] * after[:, 0] - side[:, 0] * after[:, 1] > 0  # turns left: y points down
