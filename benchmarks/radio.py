@@ -31,7 +31,9 @@ from cflib.crazyflie.swarm import CachedCfFactory, Swarm
 
 import star_radio
 from star_core import PluginError, Scene, Setpoint
+from star_core.plugin_schema import fill_defaults
 from star_core.testing import scene
+from star_radio.options import OPTIONS
 
 MANY, FEW = 30, 10  # drones to connect, drones to steer
 ROUNDS = 3
@@ -77,7 +79,7 @@ class Drones:
 
 def connected(room: Scene, cache: Path, **options: Any) -> tuple[float, str]:
     """Return how long it takes to connect, s, and what is said against it."""
-    radio = star_radio.make(room, cache=str(cache), **options)
+    radio = star_radio.make(room, **fill_defaults({"cache": str(cache), **options}, OPTIONS))
     begun = time.perf_counter()
     said = ""
     try:
@@ -132,7 +134,7 @@ def steering(drones: Drones) -> dict[str, float]:
     room = drones.scene()
     n = len(room.agents)
     with TemporaryDirectory() as cache:
-        radio = star_radio.make(room, cache=cache)
+        radio = star_radio.make(room, **fill_defaults({"cache": cache}, OPTIONS))
         radio.connect()
         still = Setpoint(np.zeros((n, 3)), np.zeros(n), np.ones(n, np.bool_))
         asleep = Sleeper(room.period)

@@ -36,7 +36,7 @@ class MotionCapture:
 
     Args:
         scene: The agents.
-        kind: Type of the system, as in ``motioncapture.connect``: ``optitrack``, ``vicon``, ...
+        type: Type of the system, as in ``motioncapture.connect``: ``optitrack``, ``vicon``, ...
         hostname: Its host.
         names: Rigid-body names by agent name; the agent's name if not given.
         timeout: For connecting, s.
@@ -49,7 +49,7 @@ class MotionCapture:
         self,
         scene: Scene,
         *,
-        kind: str,
+        type: str,  # noqa: A002 -- the option's name
         hostname: str,
         names: Mapping[str, str] | None = None,
         timeout: float = CONNECT_TIMEOUT,
@@ -71,10 +71,10 @@ class MotionCapture:
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             )
         bodies = [(names or {}).get(name, name) for name in scene.names]
-        self._connection.send((kind, hostname, bodies, timeout))
+        self._connection.send((type, hostname, bodies, timeout))
         if (problem := self._connected(timeout)) is not None:
             self._end()
-            raise PluginError(f"mocap: no {kind!r} at {hostname!r}: {problem}")
+            raise PluginError(f"mocap: no {type!r} at {hostname!r}: {problem}")
         self._thread.start()
 
     def truth(self, began: float) -> Truth | None:

@@ -1,7 +1,9 @@
-"""Schema of the options of the transport ``radio``."""
+"""Options of the transport ``radio``, and their schema."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 OPTIONS: dict[str, Any] = {
@@ -143,3 +145,25 @@ OPTIONS: dict[str, Any] = {
         },
     },
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadioOptions:
+    """Options as `OPTIONS` describes them."""
+
+    absent: str
+    response_timeout: float
+    connect_timeout: float
+    setpoints: str
+    report_period: float | None
+    mode: str
+    udp: str
+    cache: str | None
+    reset: bool
+    parameters: Mapping[str, float]
+    stop: str
+    watchdog: bool
+    cameras: Mapping[str, str]
+    camera_latency: float
+    mocap: Mapping[str, Any] | None
+    broadcast: int | None

@@ -1,116 +1,116 @@
-"""CRTP packets for flight: setpoints, high-level commands, arming and pose corrections.
+"""Packets for flight: setpoints, high-level commands, arming and pose corrections.
 
-Angles are in rad here, in degrees only inside packets that use degrees; every function states its
-frame. Formats follow the firmware's ``crtp_commander_generic.c``,
-``crtp_commander_high_level.c`` and ``crtp_localization_service.c``.
+cflib's own commanders pack them: `_packed` gives a commander an object that keeps the packet
+instead of sending it. Angles are in rad here, in degrees only inside packets that use degrees;
+every function states its frame.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, NamedTuple
 
-from star_radio.packets import FARTHEST, packet
+from cflib.crazyflie.commander import Commander
+from cflib.crazyflie.high_level_commander import HighLevelCommander
+from cflib.crazyflie.localization import Localization
+from cflib.crazyflie.supervisor import Supervisor
+from cflib.crtp.crtpstack import CRTPPacket
+from cflib.utils.encoding import compress_quaternion
 
-PLATFORM, LOCALISATION, SETPOINT, HIGH_LEVEL, SUPERVISOR = 13, 6, 7, 8, 9
-GOTO_LINEAR_FROM = 8  # first protocol version with GO_TO_2
-YAW_RATE_FROM = 9  # first protocol version with anticlockwise yaw rates
-START_YAW_FROM = 10  # first protocol version with START_TRAJECTORY_2
+from star_radio.connection.packets import LOCALISATION, packet
+
 SUPERVISOR_FROM = 12  # first protocol version with a port for the supervisor
+LATEST: Final = 12  # protocol version
 STOP, LAND = 3, 8  # commands to the high-level commander
 ALL_GROUPS: Final = 0  # mask that addresses all drones, whatever their groups
 MISSION: Final = 1  # bit of the group of all drones of the mission
 _GROUPS: Final = 2  # offset of the mask, after the header and the command number
-KEEP_YAW: Final = 1
-_ROOT_HALF = math.sqrt(0.5)
-_MAGNITUDE = 511  # nine bits
+
+
+class _Recorder:
+    """Keeps the packet that a commander sends; to the commander it is cflib's `Crazyflie`."""
+
+    def __init__(self, version: int) -> None:
+        self.packet = b""
+        self.platform = self
+        self._version = version
+
+    def get_protocol_version(self) -> int:
+        return self._version
+
+    def add_port_callback(self, *_what: object) -> None:
+        """Ignore that the commander also wants to receive."""
+
+    def send_packet(self, packet: CRTPPacket, **_how: object) -> None:
+        self.packet = bytes([packet.get_header()]) + bytes(packet.data)
+
+
+def _packed(commander: Any, method: str, *values: Any, version: int = LATEST, **how: Any) -> bytes:
+    """Return the packet that a method of one of cflib's commanders sends."""
+    recorder = _Recorder(version)
+    getattr(commander(recorder), method)(*values, **how)
+    return recorder.packet
 
 
 def velocity(velocity: Sequence[float], yaw_rate: float, version: int) -> bytes:
     """Velocity setpoint, m/s in the odometry frame, with `yaw_rate`, rad/s anticlockwise."""
-    rate = math.degrees(yaw_rate)
-    kind, rate = (8, rate) if version >= YAW_RATE_FROM else (1, -rate)
-    return packet(SETPOINT, 0, struct.pack("<Bffff", kind, *velocity, rate))
-
-
-def position(position: Sequence[float], yaw: float) -> bytes:
-    """Position setpoint, m in the odometry frame, with heading `yaw`, rad; flown directly."""
-    return packet(SETPOINT, 0, struct.pack("<Bffff", 7, *position, math.degrees(yaw)))
+    values = (*velocity, math.degrees(yaw_rate))
+    return _packed(Commander, "send_velocity_world_setpoint", *values, version=version)
 
 
 def full_state(
     position: Sequence[float],
     velocity: Sequence[float],
-    acceleration: Sequence[float],
     attitude: Sequence[float],
     rates: Sequence[float],
 ) -> bytes:
-    """Full-state setpoint, in the odometry frame.
+    """Full-state setpoint without acceleration, in the odometry frame; sent in thousandths.
 
     Args:
-        position: m.
+        position: m, within ±32.767.
         velocity: m/s.
-        acceleration: m/s².
-        attitude: Unit quaternion x, y, z, w from the body to the odometry frame.
-        rates: About the body axes, rad/s; sent in mrad/s.
-
-    Raises:
-        ValueError: A number is outside ±`FARTHEST`.
+        attitude: Quaternion x, y, z, w from the body to the odometry frame.
+        rates: About the body axes, rad/s: cflib documents degrees, but the firmware reads mrad/s.
     """
-    thousandths = [
-        round(1000 * value)
-        for value in (
-            *position,
-            *velocity,
-            *acceleration,
-            0,
-            *rates,
-        )  # 0: attitude, below
-    ]
-    if any(abs(value) > 1000 * FARTHEST for value in thousandths):
-        got = [value / 1000 for value in thousandths]
-        raise ValueError(f"expected a state within ±{FARTHEST}, got {got!r}")
-    thousandths[9] = packed_quaternion(attitude)
-    return packet(SETPOINT, 0, struct.pack("<BhhhhhhhhhIhhh", 6, *thousandths))
+    vectors = _rounded(position), _rounded(velocity), (0.0, 0.0, 0.0)
+    return _packed(Commander, "send_full_state_setpoint", *vectors, attitude, *_rounded(rates))
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    """Return values whose thousandths, which cflib truncates, are the nearest ones."""
+    return [(round(1000 * value) + math.copysign(0.1, value)) / 1000 for value in values]
 
 
 def no_more_setpoints() -> bytes:
     """Let the high-level commander take over; its commands are not flown before that."""
-    return packet(SETPOINT, 1, struct.pack("<BI", 0, 0))
+    return _packed(Commander, "send_notify_setpoint_stop")
 
 
 def takeoff(height: float, duration: float) -> bytes:
     """Climb straight up to z = `height`, m in the odometry frame, within `duration`, s."""
-    return packet(
-        HIGH_LEVEL, 0, struct.pack("<BBffBf", 7, ALL_GROUPS, height, 0.0, KEEP_YAW, duration)
-    )
+    return _packed(HighLevelCommander, "takeoff", height, duration, yaw=None)
 
 
 def land(height: float, duration: float) -> bytes:
     """Descend straight down to z = `height`, m in the odometry frame, within `duration`, s."""
-    return packet(
-        HIGH_LEVEL, 0, struct.pack("<BBffBf", LAND, ALL_GROUPS, height, 0.0, KEEP_YAW, duration)
-    )
+    return _packed(HighLevelCommander, "land", height, duration, yaw=None)
 
 
 def go_to(position: Sequence[float], yaw: float, duration: float, version: int) -> bytes:
     """Fly to a position, m, and heading `yaw`, rad, in the odometry frame, within `duration`, s."""
-    where = struct.pack("<fffff", *position, yaw, duration)
-    if version >= GOTO_LINEAR_FROM:
-        return packet(HIGH_LEVEL, 0, bytes([12, ALL_GROUPS, 0, 0]) + where)
-    return packet(HIGH_LEVEL, 0, bytes([4, ALL_GROUPS, 0]) + where)
+    return _packed(HighLevelCommander, "go_to", *position, yaw, duration, version=version)
 
 
 def stop() -> bytes:
     """Stop the motors."""
-    return packet(HIGH_LEVEL, 0, bytes([STOP, ALL_GROUPS]))
+    return _packed(HighLevelCommander, "stop")
 
 
 def set_groups(groups: int) -> bytes:
     """Assign the drone to some of the eight groups, one bit each, until it is switched off."""
-    return packet(HIGH_LEVEL, 0, bytes([0, groups]))
+    return _packed(HighLevelCommander, "set_group_mask", groups)
 
 
 def only_for(groups: int, order: bytes) -> bytes:
@@ -126,69 +126,75 @@ def only_for(groups: int, order: bytes) -> bytes:
     return order[:_GROUPS] + bytes([groups]) + order[_GROUPS + 1 :]
 
 
-def define_trajectory(number: int, pieces: int, at: int = 0, *, compressed: bool = False) -> bytes:
+def define_trajectory(number: int, pieces: int, at: int = 0) -> bytes:
     """Assign a number to the pieces written to the trajectory memory from byte `at` on."""
-    return packet(HIGH_LEVEL, 0, struct.pack("<BBBBIB", 6, number, 1, compressed, at, pieces))
+    return _packed(HighLevelCommander, "define_trajectory", number, at, pieces)
 
 
 def start_trajectory(
     number: int, version: int, *, stretch: float = 1.0, relative: bool = False
 ) -> bytes:
     """Fly a trajectory `stretch` times slower than defined; if `relative`, from here."""
-    if version >= START_YAW_FROM:
-        head = struct.pack("<BBBBBB", 13, ALL_GROUPS, relative, 0, 0, number)
-    else:
-        head = struct.pack("<BBBBB", 5, ALL_GROUPS, relative, 0, number)
-    return packet(HIGH_LEVEL, 0, head + struct.pack("<f", stretch))
+    values = (number, stretch, relative)
+    return _packed(HighLevelCommander, "start_trajectory", *values, version=version)
 
 
 def arm(version: int) -> bytes:
     """Arm the motors."""
-    if version >= SUPERVISOR_FROM:
-        return packet(SUPERVISOR, 1, bytes([1, 1]))
-    return packet(PLATFORM, 0, bytes([1, 1]))
+    return _packed(Supervisor, "send_arming_request", True, version=version)  # noqa: FBT003
 
 
 def emergency_stop(version: int) -> bytes:
     """Stop the motors and lock the drone until a power cycle."""
-    if version >= SUPERVISOR_FROM:
-        return packet(SUPERVISOR, 1, bytes([3]))
-    return packet(LOCALISATION, 1, bytes([3]))
+    return _packed(Supervisor, "send_emergency_stop", version=version)
 
 
 def keep_alive(version: int) -> bytes:
     """Reset the emergency-stop watchdog; the first reset starts it, and it expires after 1 s."""
-    if version >= SUPERVISOR_FROM:
-        return packet(SUPERVISOR, 1, bytes([4]))
-    return packet(LOCALISATION, 1, bytes([4]))
+    return _packed(Supervisor, "send_emergency_stop_watchdog", version=version)
 
 
-def seen_at(position: Sequence[float]) -> bytes:
+def measured_position(position: Sequence[float]) -> bytes:
     """Measured position for the estimator, m in the odometry frame."""
-    return packet(LOCALISATION, 0, struct.pack("<fff", *position))
+    return _packed(Localization, "send_extpos", position)
 
 
-def seen_as(position: Sequence[float], attitude: Sequence[float]) -> bytes:
+def measured_pose(position: Sequence[float], attitude: Sequence[float]) -> bytes:
     """Measured pose for the estimator: m and unit quaternion x, y, z, w, in the odometry frame."""
-    return packet(LOCALISATION, 1, struct.pack("<Bfffffff", 8, *position, *attitude))
+    return _packed(Localization, "send_extpose", position, attitude)
 
 
-def packed_quaternion(quaternion: Sequence[float]) -> int:
-    """Return a unit quaternion x, y, z, w in 32 bits: its three smallest components, to 1/723.
+class PackedPoses(NamedTuple):
+    """Type of a packet with poses of several drones; cflib has none for more than one.
 
-    The largest component is omitted, with the signs chosen so that it is positive (firmware,
-    ``quatcompress.h``).
-
-    >>> hex(packed_quaternion([0, 0, 0, 1]))
-    '0xc0000000'
+    Attributes:
+        channel: Channel of the port LOCALISATION.
+        head: First bytes of the payload.
+        most: Maximum number of drones in a packet.
     """
-    norm = math.sqrt(sum(value * value for value in quaternion))
-    largest = max(range(4), key=lambda i: abs(quaternion[i]))
-    turned = quaternion[largest] < 0
-    packed = largest
-    for i, value in enumerate(quaternion):
-        if i != largest:
-            negative = (value < 0) != turned
-            magnitude = int(_MAGNITUDE * (abs(value) / norm / _ROOT_HALF) + 0.5)
-            packed = packed << 10 | negative << 9 | magnitude
-    return packed
+
+    channel: int
+    head: bytes
+    most: int
+
+    def packet(self, entries: Iterable[bytes]) -> bytes:
+        """Return the packet of up to `most` entries, all of this kind."""
+        return packet(LOCALISATION, self.channel, self.head + b"".join(entries))
+
+
+POSITIONS: Final = PackedPoses(2, b"", 4)
+POSES: Final = PackedPoses(1, b"\x09", 2)
+
+
+def pose_entry(
+    last: int, position: Sequence[float], attitude: Sequence[float] | None = None
+) -> bytes:
+    """Return the entry with one drone's position or, given an attitude, its pose.
+
+    Args:
+        last: Last byte of the drone's address.
+        position: m, within ±32.767; sent in mm.
+        attitude: Unit quaternion x, y, z, w.
+    """
+    entry = struct.pack("<Bhhh", last, *(round(1000 * value) for value in position))
+    return entry if attitude is None else entry + struct.pack("<I", compress_quaternion(attitude))

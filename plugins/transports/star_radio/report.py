@@ -17,8 +17,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from star_core import Array, PluginError
-from star_radio import packets
-from star_radio.tables import Table
+from star_radio.connection import packets
+from star_radio.connection.tables import Table
 
 BLOCK: Final = 1  # number of the block
 MAX_SIZE: Final = 26  # bytes of variables in a report

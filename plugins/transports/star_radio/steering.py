@@ -1,4 +1,4 @@
-"""Encoding of setpoints: as velocities, or as full states that advance with time."""
+"""Setpoints and heading control: as velocities, or as full states that advance with time."""
 
 from __future__ import annotations
 
@@ -11,13 +11,31 @@ import numpy as np
 
 from star_core import Array, Mask, Setpoint, wrap_angle
 from star_radio import orders, report
-from star_radio.heading import yaw_rate
-from star_radio.packets import FARTHEST
+from star_radio.connection.packets import FARTHEST
 
+GAIN: Final = 3.0  # 1/s; well below the bandwidth of the firmware's yaw-rate loop
+MAX_YAW_RATE: Final = 2.0  # rad/s
 MAX_LEAD: Final = 0.15  # m, between the commanded and the reported position
 MAX_YAW_LEAD: Final = 0.5  # rad, between the commanded and the reported heading
 SETPOINT_TIMEOUT: Final = 0.5  # s without a setpoint, after which the firmware levels out
-_STILL: Final = (0.0, 0.0, 0.0)
+
+
+def yaw_rate(wanted: Array, yaw: Array) -> Array:
+    """Return the (N,) yaw rates that turn agents to their headings the shorter way, rad/s.
+
+    The rate is ``GAIN`` times the heading error, at most `MAX_YAW_RATE`: the same law as in the
+    simulator. It is 0 where the heading is unknown (NaN).
+
+    Args:
+        wanted: (N,) rad.
+        yaw: (N,) as reported, rad.
+
+    Example:
+        >>> yaw_rate(np.array([0.1, 3.0, 1.0]), np.array([0.0, -3.0, np.nan])).round(3)
+        array([ 0.3 , -0.85,  0.  ])
+    """
+    rate = np.clip(GAIN * wrap_angle(wanted - yaw), -MAX_YAW_RATE, MAX_YAW_RATE)
+    return np.where(np.isnan(rate), 0.0, rate)
 
 
 class Steering(Protocol):
@@ -85,7 +103,6 @@ class WholeStates:
             packed[row] = orders.full_state(
                 self._position[row].tolist(),
                 setpoint.velocity[row].tolist(),
-                _STILL,
                 (0.0, 0.0, math.sin(half), math.cos(half)),
                 (0.0, 0.0, float(rates[row])),
             )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Final, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -25,21 +27,21 @@ from star_core import (
     Trajectory,
     Truth,
 )
-from star_radio import commands, orders, report
-from star_radio.cflib_silencing import silence_cflib
-from star_radio.connection_options import ConnectionOptions
-from star_radio.link import Link
-from star_radio.parallel import faults
-from star_radio.steering import Steering
+from star_radio import budget, orders, report
+from star_radio.broadcast.commands import BroadcastCommands
+from star_radio.connection import udp_links
+from star_radio.connection.cflib_link import silence_cflib
+from star_radio.connection.link import Link
+from star_radio.connection.tables import Tables, user_cache
+from star_radio.mocap import MotionCapture
+from star_radio.options import RadioOptions
+from star_radio.steering import Steering, Velocities, WholeStates
 from star_radio.telemetry import TelemetryBuffer
-from star_radio.trajectory_memory import TrajectoryMemory, rotation_error
-from star_radio.udp_links import UdpLinks
+from star_radio.trajectories import TrajectoryMemory, rotation_error
 from star_radio.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from star_radio.ai_decks import AiDecks
-    from star_radio.broadcast_commands import BroadcastCommands
-    from star_radio.mocap import MotionCapture
+    from star_radio.camera.ai_decks import AiDecks
 
 log = logging.getLogger(__name__)
 
@@ -48,18 +50,13 @@ CLOSING_POLL_PERIOD: Final = 0.02  # s, between checks whether the last commands
 KEEP_ALIVE_PERIOD: Final = 0.2  # s, between resets of the emergency-stop watchdog, which is 1 s
 
 
-class Rules(NamedTuple):
-    """Failure handling.
-
-    Attributes:
-        fly_without_absent: Whether to fly without agents that cannot be reached.
-        latch: Whether a stop locks the drone until it is power-cycled.
-        watchdog: Whether drones lock when they receive nothing for 1 s.
-    """
-
-    fly_without_absent: bool = False
-    latch: bool = False
-    watchdog: bool = False
+COMMANDS: Final = {
+    Order.TAKEOFF: "take off",
+    Order.LAND: "land",
+    Order.GOTO: "go to a position",
+    Order.FOLLOW: "follow a trajectory",
+    Order.STOP: "stop",
+}
 
 
 class Radio:
@@ -70,37 +67,36 @@ class Radio:
 
     Args:
         scene: Agents, each with the address of its link.
-        options: Options for connecting drones.
-        rules: Failure handling.
-        steering: Encoder of setpoints.
-        ai_decks: Cameras.
-        mocap: Ground truth.
-        broadcasts: Broadcast commands and corrections.
-        udp_links: Handler of UDP links; cflib handles them if not given.
+        options: As a mission states them.
 
     Attributes:
         vehicles: The drone of each row.
+
+    Raises:
+        PluginError: The motion-capture system or the dongle for broadcasts is not available.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        options: ConnectionOptions,
-        rules: Rules,
-        steering: Steering,
-        *,
-        ai_decks: AiDecks | None = None,
-        mocap: MotionCapture | None = None,
-        broadcasts: BroadcastCommands | None = None,
-        udp_links: UdpLinks | None = None,
-    ) -> None:
+    def __init__(self, scene: Scene, options: RadioOptions) -> None:
         silence_cflib()
-        self._scene = scene
-        self._options, self._rules, self._steering = options, rules, steering
-        self._ai_decks, self._mocap, self._broadcasts = ai_decks, mocap, broadcasts
-        self._udp_links = udp_links
+        uris = [agent.uri or "" for agent in scene.agents]
+        self._scene, self._options = scene, options
+        self._tables = Tables(Path(options.cache) if options.cache else user_cache())
+        self._report_period = options.report_period or budget.report_period(uris, options.mode)
+        self._mocap = MotionCapture(scene, **options.mocap) if options.mocap else None
+        self._broadcasts: BroadcastCommands | None = None
+        if options.broadcast is not None:
+            self._broadcasts = BroadcastCommands(scene, options.broadcast)
+        self._ai_decks: AiDecks | None = None
+        if options.cameras:
+            from star_radio.camera.ai_decks import AiDecks  # OpenCV is slow to import
+
+            self._ai_decks = AiDecks(scene, options.cameras, options.camera_latency)
+        self._steering: Steering = Velocities()
+        if options.setpoints == "full-state":
+            self._steering = WholeStates(len(uris))
+        self._udp_links = udp_links.UdpLinks() if options.udp == "sockets" else None
         self.vehicles = tuple(
-            Vehicle(agent.name, Link(agent.uri or "", agent.name, udp_links))
+            Vehicle(agent.name, Link(agent.uri or "", agent.name, self._udp_links))
             for agent in scene.agents
         )
         self._memory = TrajectoryMemory()
@@ -117,11 +113,12 @@ class Radio:
         Raises:
             PluginError: Agents cannot be reached; the message lists each with its reason.
         """
+        fly_without = self._options.absent == "fly-without"
         if self._broadcasts is not None:
             self._broadcasts.clear_groups()
-        absent = faults(dict(enumerate(self.vehicles)), self._connect)
+        absent = _faults(dict(enumerate(self.vehicles)), self._connect)
         self._connected[:] = [row not in absent for row in range(len(self.vehicles))]
-        if self._ai_decks is not None and (self._rules.fly_without_absent or not absent):
+        if self._ai_decks is not None and (fly_without or not absent):
             self._ai_decks.connect(self._options.response_timeout)
         if not absent:
             return
@@ -129,7 +126,7 @@ class Radio:
         text = f"cannot reach {count} agents: {'; '.join(absent.values())}"
         if not self._connected.any():
             raise PluginError(text)
-        if not self._rules.fly_without_absent:
+        if not fly_without:
             raise PluginError(
                 f"{text}; to fly without them, set 'absent: fly-without' in a mission with "
                 "'safety: {link_lost: {}}'"
@@ -145,7 +142,9 @@ class Radio:
         self._memory = TrajectoryMemory(trajectories)
         present = {row: self.vehicles[row] for row in np.flatnonzero(self._connected).tolist()}
         agents = self._scene.agents
-        refused = faults(present, lambda row, one: self._memory.upload(one, agents[row].yaw))
+        refused = _faults(
+            present, lambda row, one: self._memory.upload(one.upload, agents[row].yaw)
+        )
         if refused:
             raise PluginError(
                 f"cannot upload trajectories to {len(refused)} of {len(present)} agents: "
@@ -167,7 +166,7 @@ class Radio:
             if self.vehicles[row].rebooted:
                 log.warning("radio: %s rebooted", self.vehicles[row].name)
                 self._connected[row] = False
-        if self._rules.watchdog and now - self._kept_alive >= KEEP_ALIVE_PERIOD:
+        if self._options.watchdog and now - self._kept_alive >= KEEP_ALIVE_PERIOD:
             self._kept_alive = now
             for vehicle in self._present():
                 vehicle.link.post(orders.keep_alive(vehicle.version))
@@ -198,10 +197,7 @@ class Radio:
             for _i, row in rows:
                 self.vehicles[row].arm()
             return
-        packets = {
-            row: commands.packet(command, i, self.vehicles[row].version, self._memory)
-            for i, row in rows
-        }
+        packets = {row: self._packet(command, i, self.vehicles[row].version) for i, row in rows}
         steered = any(self.vehicles[row].steered for row in packets)
         if self._broadcasts is not None:
             self._broadcasts.void(packets)
@@ -214,8 +210,8 @@ class Radio:
         broadcast = self._broadcasts.order(packets) if self._broadcasts and may_broadcast else {}
         for row, packet in (packets | broadcast).items():
             vehicle = self.vehicles[row]
-            vehicle.order(packet, commands.NAMES[command.order], sent=row in broadcast)
-            if command.order is Order.STOP and self._rules.latch:
+            vehicle.order(packet, COMMANDS[command.order], sent=row in broadcast)
+            if command.order is Order.STOP and self._options.stop == "lock":
                 vehicle.lock()
 
     def correct(self, corrections: Corrections) -> None:
@@ -278,6 +274,22 @@ class Radio:
     def _present(self) -> list[Vehicle]:
         return [self.vehicles[row] for row in np.flatnonzero(self._connected).tolist()]
 
+    def _packet(self, command: Command, i: int, version: int) -> bytes:
+        """Return the packet of row `i` of a command."""
+        position, yaw = command.position[i].tolist(), float(command.yaw[i])
+        duration = float(command.duration[i])
+        match command.order:
+            case Order.TAKEOFF:
+                return orders.takeoff(position[2], duration)
+            case Order.LAND:
+                return orders.land(position[2], duration)
+            case Order.GOTO:
+                return orders.go_to(position, yaw, duration, version)
+            case Order.FOLLOW:
+                return self._memory.start(command.trajectory, duration, version)
+            case _:
+                return orders.stop()
+
     def _can_follow(self, row: int, yaw: float) -> bool:
         """Whether a trajectory turned by `yaw`, rad, matches the uploaded one; else refuse it."""
         text = rotation_error(yaw, self._scene.agents[row].yaw)
@@ -295,7 +307,29 @@ class Radio:
         """Connect one drone; close its link on failure."""
         masks = {} if self._broadcasts is None else self._broadcasts.masks
         try:
-            vehicle.connect(self._options, masks.get(row, orders.MISSION))
+            vehicle.connect(
+                self._options, self._tables, self._report_period, masks.get(row, orders.MISSION)
+            )
         except Exception:
             vehicle.link.close()
             raise
+
+
+def _faults(
+    vehicles: Mapping[int, Vehicle], act: Callable[[int, Vehicle], object]
+) -> dict[int, str]:
+    """Run a function for many drones in parallel; return failures by row: ``name (reason)``."""
+
+    def fault(row: int) -> str | None:
+        vehicle = vehicles[row]
+        try:
+            act(row, vehicle)
+        except PluginError as error:
+            return f"{vehicle.name} ({error})"
+        except (IndexError, struct.error) as error:
+            return f"{vehicle.name} ({vehicle.link.uri} sent an invalid answer: {error})"
+        return None
+
+    with ThreadPoolExecutor(len(vehicles)) as pool:
+        results = pool.map(fault, vehicles)
+        return {row: why for row, why in zip(vehicles, results, strict=True) if why is not None}

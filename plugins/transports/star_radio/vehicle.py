@@ -10,22 +10,21 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from star_core import PluginError, Supervisor, Trajectory
-from star_radio import log_blocks, orders, packets
-from star_radio.answers import Question
-from star_radio.clock import Clock
-from star_radio.connection_options import ConnectionOptions
-from star_radio.estimator import ConvergenceWait, reset_estimator
-from star_radio.estimator_noise import EstimatorNoise
+from star_radio import orders
+from star_radio.connection import log_blocks, packets
+from star_radio.connection.clock import Clock
+from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
+from star_radio.connection.link import Link
+from star_radio.connection.parameters import set_now
+from star_radio.connection.questions import Question
+from star_radio.connection.tables import Table, Tables
 from star_radio.handover import Handover, Repeat, Report
-from star_radio.link import Link
-from star_radio.parameters import set_now
-from star_radio.reboot import TOPIC as REBOOT
-from star_radio.reboot import RebootWatch
+from star_radio.options import RadioOptions
 from star_radio.report import BLOCK, STATE, Layout, Z, stamp
-from star_radio.tables import Table
-from star_radio.trajectory import upload
+from star_radio.trajectories import upload
 
 MIN_PROTOCOL_VERSION: Final = 4  # supports tables of more than 255 entries
+REBOOT_TIMEOUT: Final = 0.5  # s without a report, after which a drone may have rebooted
 POLL_PERIOD: Final = 0.005  # s, between checks for the first report
 REPORT_TIMEOUT: Final = 0.5  # s without a report while connecting, then the log block is recreated
 END_OF_REPORTS_TIMEOUT: Final = 0.3  # s, for the confirmation that reports ended
@@ -89,7 +88,7 @@ class Vehicle:
         self._order: Question | None = None  # the last command, until it is confirmed
         self._stopped = False  # whether the last command was to stop the motors
         self._steered_at = -math.inf  # s, when the last setpoint was sent
-        self._reboot_watch = RebootWatch()
+        self._probe_due = 0.0  # s, earliest time of the next request to restart the reports
         self._end_of_reports: Question | None = None
         self._close_by = 0.0  # s, deadline of closing
         self._noise = EstimatorNoise()
@@ -99,18 +98,20 @@ class Vehicle:
         self._newest = b""  # report
         self._wrong_size = False  # whether a report of the wrong size has arrived
 
-    def connect(self, options: ConnectionOptions, groups: int = orders.MISSION) -> None:
-        """Open the link, start the reports, and assign the drone to groups, a bit each.
+    def connect(
+        self, options: RadioOptions, tables: Tables, period: float, groups: int = orders.MISSION
+    ) -> None:
+        """Open the link, start reports every `period`, s, and assign the drone to groups.
 
-        Commands are addressed to these groups: a drone that reboots leaves them and ignores
-        commands.
+        Commands are addressed to these groups, a bit each: a drone that reboots leaves them and
+        ignores commands.
 
         Raises:
             PluginError: It cannot be reached, its firmware is too old, or it refuses.
         """
         self._deadline = time.monotonic() + options.connect_timeout
         self._response_timeout = options.response_timeout
-        self._period = options.report_period
+        self._period = period
         self.link.open(options.response_timeout)
         question = packets.packet(packets.PLATFORM, packets.VERSION, packets.PROTOCOL)
         (answer,) = self._ask([Question.of(question, packets.PROTOCOL, "its protocol version")])
@@ -120,9 +121,9 @@ class Vehicle:
                 f"{self.link.uri} has protocol version {self.version}, expected "
                 f"{MIN_PROTOCOL_VERSION} or later: update its firmware"
             )
-        variables = options.tables.of(packets.LOG, self._ask)
+        variables = tables.of(packets.LOG, self._ask)
         layout = Layout.of(variables)
-        self.parameters = options.tables.of(packets.PARAMETER, self._ask)
+        self.parameters = tables.of(packets.PARAMETER, self._ask)
         for name, value in options.parameters.items():
             set_now(self.parameters, name, value, self._ask)
         if options.reset:
@@ -132,11 +133,11 @@ class Vehicle:
         self.link.report = partial(self._take, layout.size)
         packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
         self._ask([Question.of(packet, packets.RESET, "the end of earlier reports")])
-        self._begin_reports(layout.variables(variables), options)
+        self._begin_reports(layout.variables(variables))
         if options.reset:
             self._convergence.wait(variables, self._ask)
         if time.monotonic() - self.heard > REPORT_TIMEOUT:  # a late copy of a packet ended them
-            self._begin_reports(layout.variables(variables), options)
+            self._begin_reports(layout.variables(variables))
         packet = orders.set_groups(groups)  # last: a drone in a group has been connected
         (answer,) = self._ask([Question.of(packet, packet[1:], "its groups")])
         if error := _error(answer):
@@ -150,7 +151,7 @@ class Vehicle:
         return [samples.popleft() for _ in range(len(samples))]
 
     def steer(self, setpoint: bytes) -> None:
-        """Send a setpoint made by `orders.velocity`, `orders.position` or `orders.full_state`."""
+        """Send a setpoint made by `orders.velocity` or `orders.full_state`."""
         if not self.steered:
             self.steered = True
             self._stopped = False
@@ -186,8 +187,7 @@ class Vehicle:
         """Arm the drone."""
         packet = orders.arm(self.version)
         if self.version >= orders.SUPERVISOR_FROM:
-            place = (orders.SUPERVISOR, 1)
-            self.link.assure(Question(packet, place, b"\x81", "the order to arm", topic="arm"))
+            self.link.assure(Question.of(packet, b"\x81", "the order to arm", topic="arm"))
         else:
             self.link.post(packet)  # older firmware does not answer
 
@@ -217,7 +217,11 @@ class Vehicle:
             position: m.
             attitude: Unit quaternion x, y, z, w, if measured.
         """
-        at = orders.seen_at(position) if attitude is None else orders.seen_as(position, attitude)
+        at = (
+            orders.measured_position(position)
+            if attitude is None
+            else orders.measured_pose(position, attitude)
+        )
         self.link.post(at)
 
     def upload(self, number: int, trajectory: Trajectory, *, at: int = 0) -> None:
@@ -230,11 +234,6 @@ class Vehicle:
         self._deadline = math.inf
         upload(number, trajectory, self._ask, at=at)
 
-    def follow(self, number: int, *, stretch: float = 1.0, relative: bool = False) -> None:
-        """Fly an uploaded trajectory `stretch` times slower; from here if it is `relative`."""
-        packet = orders.start_trajectory(number, self.version, stretch=stretch, relative=relative)
-        self.order(packet, f"follow trajectory {number}")
-
     def confirm(self) -> None:
         """Treat the last command as confirmed, so that it is not repeated."""
         self.link.forget("order")
@@ -246,8 +245,8 @@ class Vehicle:
         """Repeat unconfirmed packets; return those that were refused or never confirmed."""
         failures = []
         for question in self.link.retry(now):
-            if question.topic == REBOOT:
-                self.rebooted |= self._reboot_watch.shows(question)
+            if question.topic == log_blocks.REBOOT:
+                self.rebooted |= log_blocks.shows_reboot(question.answer)
                 continue
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
@@ -294,9 +293,8 @@ class Vehicle:
             self.link.post(orders.no_more_setpoints())  # which without a plan stops the motors
         self._handover = None
         packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
-        place = (packets.LOG, packets.SETTINGS)
         about = "the end of reports"
-        self._end_of_reports = Question(packet, place, packets.RESET, about, topic="reports")
+        self._end_of_reports = Question.of(packet, packets.RESET, about, topic="reports")
         self.link.assure(self._end_of_reports)
 
     def is_closing(self, now: float) -> bool:
@@ -311,7 +309,7 @@ class Vehicle:
         packet = handover.packet
         self._order = Question(
             packet,
-            (orders.HIGH_LEVEL, 0),
+            packets.address(packet[0]),
             packet[1:4],  # echoed, followed by an error number
             f"the order to {handover.what}",
             topic="order",
@@ -345,11 +343,12 @@ class Vehicle:
         return True
 
     def _check_for_reboot(self, now: float) -> None:
-        """Detect a reboot; pending commands are then dropped."""
+        """Detect a reboot by the clock or a lost log block; pending commands are then dropped."""
         if self.layout is None:
             return
-        if probe := self._reboot_watch.question(now, self.heard, self._period):
-            self.link.assure(probe)
+        if now - self.heard >= REBOOT_TIMEOUT and now >= self._probe_due:
+            self._probe_due = now + REBOOT_TIMEOUT
+            self.link.assure(log_blocks.restart(BLOCK, self._period))
         self.rebooted |= self.clock.restarted
         if self.rebooted:
             self.link.forget("order")
@@ -392,22 +391,18 @@ class Vehicle:
             self._wrong_size |= payload[:1] == bytes([BLOCK])
             self._convergence.hear(payload)
 
-    def _begin_reports(self, variables: bytes, options: ConnectionOptions) -> None:
-        """Start the state reports.
-
-        Raises:
-            PluginError: The drone refuses or sends none.
-        """
+    def _begin_reports(self, variables: bytes) -> None:
+        """Start the state reports."""
 
         def reported() -> bool | None:
             began, self._wrong_size = time.monotonic(), False
             while self.heard < began:
-                if self._wrong_size or time.monotonic() > began + options.response_timeout:
+                if self._wrong_size or time.monotonic() > began + self._response_timeout:
                     return False if self._wrong_size else None
                 time.sleep(POLL_PERIOD)
             return True
 
-        log_blocks.begin(BLOCK, variables, options.report_period, self._ask, "its state", reported)
+        log_blocks.begin(BLOCK, variables, self._period, self._ask, "its state", reported)
 
     def _ask(self, questions: Sequence[Question]) -> list[bytes]:
         """Ask questions, blocking; for connecting and uploading."""

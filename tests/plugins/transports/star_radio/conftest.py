@@ -12,13 +12,20 @@ import pytest
 
 import star_radio
 from star_core import Scene
+from star_core.plugin_schema import fill_defaults
 from star_core.testing import scene
+from star_radio.options import OPTIONS
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.peer import Peer, PeerClock, UdpPeer
 from tests.plugins.transports.star_radio.virtual import virtual
 
 Open: TypeAlias = Callable[..., Radio]
 Peers: TypeAlias = Callable[..., list[Peer]]
+
+
+def options(**given: Any) -> dict[str, Any]:
+    """Options of the transport, with the defaults of the schema."""
+    return fill_defaults(given, OPTIONS)
 
 
 def reached(uris: list[str], rate: float = 20.0) -> Scene:
@@ -70,7 +77,7 @@ def make(tmp_path: Path, stack: ExitStack) -> Open:
 
     def make(uris: list[str], **options: Any) -> Radio:
         given: dict[str, Any] = {"cache": str(tmp_path), "response_timeout": 0.6} | options
-        radio = star_radio.make(reached(uris), **given)
+        radio = star_radio.make(reached(uris), **fill_defaults(given, OPTIONS))
         assert isinstance(radio, Radio)
         stack.callback(radio.close)
         return radio

@@ -15,7 +15,7 @@ from star_core import Frames, PluginError
 from star_core.camera import Camera
 from star_core.testing import scene
 from star_fleet.aideck.server import AideckServer
-from star_radio.ai_decks import AiDecks
+from star_radio.camera.ai_decks import AiDecks
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 SHAPE = (32, 48)
@@ -49,7 +49,7 @@ def test_images_are_gathered_by_row_and_time() -> None:
         assert (frames.arrived < 6).all()
 
 
-SAID = "star_radio.ai_decks"
+SAID = "star_radio.camera.ai_decks"
 
 
 @pytest.fixture

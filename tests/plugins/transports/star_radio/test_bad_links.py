@@ -13,6 +13,7 @@ from star_core import PluginError
 from star_core.testing import scene
 from star_fleet.link_faults import LinkFaults
 from tests.end_to_end.virtual_air import Air
+from tests.plugins.transports.star_radio.conftest import options
 from tests.plugins.transports.star_radio.virtual import virtual
 
 DRONES = 5
@@ -37,7 +38,7 @@ def refusals(faults: LinkFaults, cache: Path, *, n: int, seed: int) -> list[str]
     with (
         virtual(air),
         closing(air.fleet),
-        closing(star_radio.make(reached, cache=str(cache))) as radio,
+        closing(star_radio.make(reached, **options(cache=str(cache)))) as radio,
     ):
         try:
             radio.connect()

@@ -17,12 +17,12 @@ import star_radio
 from star_core import Command, Corrections, Order, PluginError, Setpoint
 from star_radio import orders
 from star_radio.address import RadioAddress
-from star_radio.broadcast import REPEATS, Broadcaster
-from star_radio.broadcast_commands import BroadcastCommands
-from star_radio.packed_poses import POSES, pose
-from star_radio.tables import Entry
+from star_radio.broadcast.commands import BroadcastCommands
+from star_radio.broadcast.dongle import REPEATS, Broadcaster
+from star_radio.connection.tables import Entry
+from star_radio.orders import POSES, pose_entry
 from star_radio.transport import Radio
-from tests.plugins.transports.star_radio.conftest import reached
+from tests.plugins.transports.star_radio.conftest import options, reached
 
 
 class Dongle:
@@ -175,7 +175,7 @@ def test_two_poses_go_into_one_packet(dongles: list[Dongle]) -> None:
     dongles[1].go.clear()
     radio.order(orders.stop())  # holds up what comes after it
     for last in (1, 2, 3):
-        radio.show(POSES, last, pose(last, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]))
+        radio.show(POSES, last, pose_entry(last, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]))
     dongles[1].go.set()
     radio.close()
     first, second = dongles[1].sent[REPEATS:]
@@ -213,7 +213,7 @@ def test_a_dongle_that_is_late_sends_the_newest_pose_of_each_drone(dongles: list
     dongles[1].go.clear()
     radio.order(orders.stop())
     for i in range(1000):
-        radio.show(POSES, 1, pose(1, [i / 1000, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
+        radio.show(POSES, 1, pose_entry(1, [i / 1000, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
     dongles[1].go.set()
     radio.close()
     [sent] = dongles[1].sent[REPEATS:]
@@ -283,7 +283,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tupl
 
         monkeypatch.setattr(Broadcaster, "order", order)
         monkeypatch.setattr(Broadcaster, "show", lambda *_pose: everybody.send(b"\x61"))
-        radio = star_radio.make(reached([AIR[0], AIR[2]]), broadcast=1)
+        radio = star_radio.make(reached([AIR[0], AIR[2]]), **options(broadcast=1))
         assert isinstance(radio, Radio)
         radio._connected[:] = True
         for vehicle in radio.vehicles:

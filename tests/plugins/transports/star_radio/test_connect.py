@@ -64,7 +64,7 @@ def test_estimators_settle_at_the_same_time(udp_peers: Peers, connect: Open) -> 
 def test_an_estimator_that_does_not_settle_is_named(
     peers: Peers, connect: Open, monkeypatch: pytest.MonkeyPatch, growth: float
 ) -> None:
-    monkeypatch.setattr("star_radio.estimator.CONVERGENCE_TIMEOUT", 0.9)
+    monkeypatch.setattr("star_radio.connection.estimator.CONVERGENCE_TIMEOUT", 0.9)
     [drone] = peers()
     drone.values |= VARIANCES
     report = drone.report
@@ -137,7 +137,7 @@ def test_a_lost_answer_is_asked_for_again(
 def test_an_old_answer_is_not_taken_for_a_new_one(
     peers: Peers, connect: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("star_radio.answers.MIN_RETRY_PERIOD", 0.05)
+    monkeypatch.setattr("star_radio.connection.questions.MIN_RETRY_PERIOD", 0.05)
     [drone] = peers()
     drone.delay = 0.2
     radio = connect([drone], response_timeout=2.0)

@@ -30,8 +30,10 @@ from star_core import (
 from star_core.testing import scene
 from star_fleet.aideck.crtp import CrtpOverTcp
 from star_fleet.server import Fleet
+from star_radio import orders
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air
+from tests.plugins.transports.star_radio.conftest import options as defaults
 from tests.plugins.transports.star_radio.virtual import virtual
 
 TICK = 0.05  # s
@@ -77,7 +79,7 @@ class Flight:
             for agent, uri in zip(room.agents, uris, strict=True)
         )
         reached = dataclasses.replace(room, agents=tuple(agents), realtime=True)
-        self.radio = star_radio.make(reached, cache=str(cache), **options)  # type: ignore[arg-type]
+        self.radio = star_radio.make(reached, **defaults(cache=str(cache), **options))
         assert isinstance(self.radio, Radio)
         self.vehicles = self.radio.vehicles
         self.n = len(room.agents)
@@ -216,7 +218,8 @@ def test_a_trajectory_is_flown(air: Air, tmp_path: Path) -> None:
     flight.vehicles[0].upload(1, Trajectory(np.full(2, 0.7), pieces))
     flight.order(Order.TAKEOFF, 0.5)
     assert flight.until(high)
-    flight.vehicles[0].follow(1, relative=True)
+    start = orders.start_trajectory(1, 12, relative=True)
+    flight.vehicles[0].order(start, "follow a trajectory")
     assert flight.until(lambda now: now.position[0, 0] > 0.2)
     assert flight.until(finished)
     flight.radio.close()

@@ -40,7 +40,7 @@ def ticks(radio: Radio, n: int, first: int = 0) -> float:
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have questions asked again at every tick."""
-    monkeypatch.setattr("star_radio.answers.Answers.timeout", 0.02)
+    monkeypatch.setattr("star_radio.connection.questions.Answers.timeout", 0.02)
 
 
 def told(order: Order, n: int = 1, *, z: float = 0.8, yaw: float = 0.5) -> Command:
@@ -433,7 +433,7 @@ def test_corrections_come_after_the_deviations_they_are_weighed_with(
     assert [packet[0] for packet in drone.got[before:]] == [0x22, 0x22, 0x61]
     assert drone.stored["locSrv.extPosStdDev"] == struct.pack("<f", 0.05)
     assert drone.stored["locSrv.extQuatStdDev"] == struct.pack("<f", 0.1)
-    assert drone.sent_to(6, 1) == [orders.seen_as((1, 2, 3), (0, 0, 0, 1))[1:]]
+    assert drone.sent_to(6, 1) == [orders.measured_pose((1, 2, 3), (0, 0, 0, 1))[1:]]
 
 
 def test_a_position_alone_is_told_without_an_attitude(peers: Peers, connect: Open) -> None:
@@ -444,7 +444,7 @@ def test_a_position_alone_is_told_without_an_attitude(peers: Peers, connect: Ope
     assert drone.until(lambda: bool(drone.sent_to(6, 0)))
     assert [packet[0] for packet in drone.got[before:]] == [0x22, 0x60]
     assert drone.stored["locSrv.extQuatStdDev"] == struct.pack("<f", 4.5e-3)
-    assert drone.sent_to(6, 0) == [orders.seen_at((1, 2, 3))[1:]]
+    assert drone.sent_to(6, 0) == [orders.measured_position((1, 2, 3))[1:]]
 
 
 def test_deviations_are_told_when_they_change(peers: Peers, connect: Open) -> None:
@@ -509,10 +509,11 @@ def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None
     assert np.allclose(numbers[:, 0], [0, 0.1, 0.2])
     assert np.allclose(numbers[:, 32], [1, 2, 3])
     vehicle.steer(orders.velocity((0, 0, 0), 0.0, 12))
-    vehicle.follow(1, stretch=2.0, relative=True)
+    order = orders.start_trajectory(1, 12, stretch=2.0, relative=True)
+    vehicle.order(order, "follow a trajectory")
     define, start = (
         orders.define_trajectory(1, 3),
-        orders.only_for(orders.MISSION, orders.start_trajectory(1, 12, stretch=2.0, relative=True)),
+        orders.only_for(orders.MISSION, order),
     )
     ticks(radio, 6)
     assert drone.until(lambda: drone.ordered == [define[1:], start[1:]])

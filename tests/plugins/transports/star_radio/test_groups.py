@@ -16,14 +16,13 @@ from hypothesis import strategies as st
 
 from star_core import Command, Order, PluginError, Scene, Setpoint, Supervisor, Telemetry
 from star_core.testing import scene
-from star_radio import orders, udp_links
-from star_radio.broadcast_commands import BroadcastCommands
-from star_radio.connection_options import ConnectionOptions
-from star_radio.steering import Velocities
-from star_radio.tables import Tables
-from star_radio.transport import Radio, Rules
+from star_radio import orders
+from star_radio.broadcast.commands import BroadcastCommands
+from star_radio.connection import udp_links
+from star_radio.options import RadioOptions
+from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air as FleetAir
-from tests.plugins.transports.star_radio.conftest import Peers, reached
+from tests.plugins.transports.star_radio.conftest import Peers, options, reached
 from tests.plugins.transports.star_radio.peer import Peer
 from tests.plugins.transports.star_radio.virtual import VirtualTime, virtual
 
@@ -73,7 +72,7 @@ def aired(n: int, groups: Groups, wired: Sequence[int] = ()) -> Scene:
 
 def broadcasts(room: Scene, air: Air) -> BroadcastCommands:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("star_radio.broadcast_commands.Broadcaster", lambda _dongle, _on: air)
+        patch.setattr("star_radio.broadcast.commands.Broadcaster", lambda _dongle, _on: air)
         return BroadcastCommands(room, 1)
 
 
@@ -174,18 +173,15 @@ Aloud: TypeAlias = Callable[..., Radio]
 def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
     """Make a radio over UDP that broadcasts too: everybody with a link hears it."""
 
-    def make(uris: list[str], groups: Groups, air: Air, **rules: bool) -> Radio:
+    def make(uris: list[str], groups: Groups, air: Air, **how: str) -> Radio:
         clock = udp_links.UdpLinks()
         assert isinstance(clock, VirtualTime)
         room = reached(uris)
-        radio = Radio(
-            room,
-            ConnectionOptions(Tables(tmp_path), report_period=0.01, response_timeout=0.6),
-            Rules(**rules),
-            Velocities(),
-            broadcasts=broadcasts(aired(len(uris), groups), air),
-            udp_links=clock,
-        )
+        made = broadcasts(aired(len(uris), groups), air)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("star_radio.transport.BroadcastCommands", lambda *_how: made)
+            given = options(cache=str(tmp_path), response_timeout=0.6, broadcast=1, **how)
+            radio = Radio(room, RadioOptions(**given))
         stack.callback(radio.close)
         air.clock = clock
         air.hearers = [vehicle.link.post for vehicle in radio.vehicles]
@@ -286,7 +282,7 @@ def test_an_absent_drone_stops_broadcasts_that_would_be_for_it_too(
     drones = peers(3)
     drones[absent].mute.set()
     air = Air()
-    radio = aloud(uris(drones), TRIO, air, fly_without_absent=True)
+    radio = aloud(uris(drones), TRIO, air, absent="fly-without")
     radio.connect()
     air.said.clear()
     radio.command(commanded(Order.STOP, [0, 1, 2]))

@@ -13,11 +13,10 @@ import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 
 from star_core import PluginError
-from star_radio import packets
-from star_radio.answers import Question
-from star_radio.link import WINDOW, Link
-from star_radio.quality import Quality
-from star_radio.udp_links import UdpLinks
+from star_radio.connection import packets
+from star_radio.connection.link import WINDOW, Link, Quality
+from star_radio.connection.questions import Question
+from star_radio.connection.udp_links import UdpLinks
 
 
 class Driver:
@@ -131,7 +130,7 @@ def test_what_a_driver_complains_of_is_told_with_what_is_not_answered(
     with pytest.raises(
         PluginError, match=r"about it from usb://0 in 0.05 s \(Too many packets lost\)"
     ):
-        link.ask(order(0), b"\0", "it", timeout=0.05)
+        link.ask_all([Question.of(order(0), b"\0", "it")], timeout=0.05)
 
 
 def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver) -> None:
@@ -144,7 +143,7 @@ def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver
 def test_a_link_that_stays_weak_is_told_once(
     link: Link, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("star_radio.quality.MIN_DURATION", 0.0)
+    monkeypatch.setattr("star_radio.connection.link.MIN_DURATION", 0.0)
     link.note_quality({"uplink_rssi": 40.0})
     link.note_quality({"link_quality": 71.0})
     assert caplog.text == ""
@@ -174,7 +173,8 @@ def test_a_complaint_with_a_traceback_is_one_line(
 def test_an_answer_is_known_by_its_beginning(driver: Driver, link: Link) -> None:
     for header, data in ((0x5D, b"\7\1\0"), (0x5C, b"\6\1\0"), (0x51, b"\6\1\5")):
         driver.inbox.append(CRTPPacket(header, data))
-    assert link.ask(b"\x5d\6\1", b"\6\1", "it", timeout=1.0) == b"\6\1\5"
+    question = Question.of(b"\x5d\6\1", b"\6\1", "it")
+    assert link.ask_all([question], timeout=1.0) == [b"\6\1\5"]
 
 
 def test_only_the_newest_question_of_a_topic_is_asked_again(driver: Driver, link: Link) -> None:
@@ -209,7 +209,7 @@ def test_a_slow_round_trip_needs_more_patience(link: Link) -> None:
     for _time in range(20):
         link.hear(packets.echo(now), now)  # 0.05 s, the least margin, ten times
     with pytest.raises(PluginError, match=r"no answer about it from usb://0 in 0.5 s"):
-        link.ask(order(0), b"\0", "it", timeout=0.01)
+        link.ask_all([Question.of(order(0), b"\0", "it")], timeout=0.01)
 
 
 def test_an_answer_that_is_not_accepted_is_passed_over(driver: Driver, link: Link) -> None:
@@ -242,4 +242,4 @@ def test_questions_are_asked_together(driver: Driver, link: Link) -> None:
 def test_a_closed_link_answers_nothing(link: Link) -> None:
     link.close()
     with pytest.raises(PluginError, match="no answer about it from usb://0"):
-        link.ask(order(0), b"\0", "it", timeout=5.0)
+        link.ask_all([Question.of(order(0), b"\0", "it")], timeout=5.0)

@@ -16,7 +16,7 @@ import pytest
 import star_radio
 from star_core import PluginError, Truth
 from star_radio.mocap import MotionCapture
-from tests.plugins.transports.star_radio.conftest import reached
+from tests.plugins.transports.star_radio.conftest import options, reached
 
 URIS = ["udp://127.0.0.1:9", "udp://127.0.0.1:7"]
 PACKAGE = """
@@ -55,9 +55,9 @@ class System:
 RUN = """
 import time
 from star_radio.mocap import MotionCapture
-from tests.plugins.transports.star_radio.conftest import reached
+from tests.plugins.transports.star_radio.conftest import options, reached
 
-capture = MotionCapture(reached(["udp://127.0.0.1:9"]), kind="mock", hostname="x")
+capture = MotionCapture(reached(["udp://127.0.0.1:9"]), type="mock", hostname="x")
 time.sleep(0.2)
 assert capture.truth(0.0) is not None
 """
@@ -97,7 +97,7 @@ def is_unknown(capture: MotionCapture) -> bool:
 def test_bodies_are_the_truth() -> None:
     names = {"cf2": "optitrack at host"}
     began = time.monotonic()
-    capture = MotionCapture(reached(URIS), kind="optitrack", hostname="host", names=names)
+    capture = MotionCapture(reached(URIS), type="optitrack", hostname="host", names=names)
     with closing(capture):
         waited_for(lambda: len(capture._frames) > 20)
         truth = seen(capture, began)
@@ -109,7 +109,7 @@ def test_bodies_are_the_truth() -> None:
 
 @pytest.mark.usefixtures("package")
 def test_an_old_frame_is_not_the_truth(caplog: pytest.LogCaptureFixture) -> None:
-    with closing(MotionCapture(reached(URIS), kind="silent", hostname="host")) as capture:
+    with closing(MotionCapture(reached(URIS), type="silent", hostname="host")) as capture:
         for _time in range(2):
             waited_for(lambda: is_unknown(capture))
     assert caplog.messages == ["radio: mocap sends no frames: no ground truth until it does"]
@@ -117,20 +117,20 @@ def test_an_old_frame_is_not_the_truth(caplog: pytest.LogCaptureFixture) -> None
 
 @pytest.mark.usefixtures("package")
 def test_a_body_that_is_not_seen_is_not_a_number() -> None:
-    with closing(MotionCapture(reached(URIS), kind="optitrack", hostname="host")) as capture:
+    with closing(MotionCapture(reached(URIS), type="optitrack", hostname="host")) as capture:
         truth = seen(capture)
     assert np.isnan(truth.position).tolist() == [[False] * 3, [True] * 3]
 
 
 @pytest.mark.usefixtures("package")
 def test_a_system_that_ends_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    with closing(MotionCapture(reached(URIS), kind="ending", hostname="host")):
+    with closing(MotionCapture(reached(URIS), type="ending", hostname="host")):
         waited_for(lambda: "radio: mocap ended: gone" in caplog.text)
 
 
 @pytest.mark.usefixtures("package")
 def test_closing_ends_the_process_of_a_silent_system(caplog: pytest.LogCaptureFixture) -> None:
-    capture = MotionCapture(reached(URIS), kind="silent", hostname="host")
+    capture = MotionCapture(reached(URIS), type="silent", hostname="host")
     for _time in range(2):
         capture.close()
         assert capture._process.poll() is not None
@@ -140,7 +140,7 @@ def test_closing_ends_the_process_of_a_silent_system(caplog: pytest.LogCaptureFi
 
 @pytest.mark.usefixtures("package")
 def test_the_transport_reports_it() -> None:
-    radio = star_radio.make(reached(URIS), mocap={"type": "vicon", "hostname": "host"})
+    radio = star_radio.make(reached(URIS), **options(mocap={"type": "vicon", "hostname": "host"}))
     with closing(radio):
         assert radio.truth() is None
         radio.wait(0.0)
@@ -150,7 +150,7 @@ def test_the_transport_reports_it() -> None:
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "motioncapture", None)
     with pytest.raises(PluginError, match="mocap needs the package 'motioncapture': pip install"):
-        MotionCapture(reached(URIS), kind="vicon", hostname="host")
+        MotionCapture(reached(URIS), type="vicon", hostname="host")
 
 
 @pytest.mark.usefixtures("package")
@@ -159,7 +159,7 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_a_system_that_cannot_be_reached_is_named(kind: str, problem: str) -> None:
     with pytest.raises(PluginError, match=f"mocap: no '{kind}' at 'host': {problem}"):
-        MotionCapture(reached(URIS), kind=kind, hostname="host", timeout=1.0)
+        MotionCapture(reached(URIS), type=kind, hostname="host", timeout=1.0)
 
 
 @pytest.mark.campaign

@@ -14,6 +14,7 @@ from star_core import Camera, Problem, Registry, Scene
 from star_core.testing import scene
 from star_radio.address import RadioAddress, fault
 from star_radio.options import OPTIONS
+from tests.plugins.transports.star_radio.conftest import options as defaults
 from tests.plugins.transports.star_radio.conftest import reached
 
 
@@ -24,7 +25,7 @@ def found(uris: list[str | None], **options: Any) -> list[str]:
         dataclasses.replace(agent, uri=uri) for agent, uri in zip(room.agents, uris, strict=True)
     )
     room = dataclasses.replace(room, agents=tuple(agents))
-    return [problem.message for problem in star_radio.check(room, **options)]
+    return [problem.message for problem in star_radio.check(room, **defaults(**options))]
 
 
 def test_it_is_offered_as_one_of_real_time() -> None:
@@ -130,7 +131,7 @@ def test_a_mode_that_cflib_does_not_have_is_refused(
     version: str, uri: str, told: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("importlib.metadata.version", lambda _package: version)
-    problems = star_radio.check(reached([uri]), mode="inline")
+    problems = star_radio.check(reached([uri]), **defaults(mode="inline"))
     assert [(p.path, p.message) for p in problems] == [(("mode",), one) for one in told]
 
 
@@ -153,7 +154,7 @@ def test_a_camera_that_cannot_be_read_is_named_and_located(name: str) -> None:
         dataclasses.replace(three, camera=Camera()),
     )
     room = dataclasses.replace(room, agents=agents)
-    assert list(star_radio.check(room, cameras={name: address})) == [
+    assert list(star_radio.check(room, **defaults(cameras={name: address}))) == [
         Problem(("cameras", name), told)
     ]
 
@@ -168,7 +169,7 @@ def seeing(*uris: str) -> Scene:
 @pytest.mark.parametrize("address", ["Deck", "deck:5000"])
 def test_a_deck_serves_a_link_or_a_camera(address: str) -> None:
     room = seeing("tcp://deck:5000")
-    assert [one[:2] for one in star_radio.check(room, cameras={"cf1": address})] == [
+    assert [one[:2] for one in star_radio.check(room, **defaults(cameras={"cf1": address}))] == [
         (
             ("cameras", "cf1"),
             "'deck:5000' is the link of agent 'cf1' already, and a deck serves one client",
@@ -179,7 +180,8 @@ def test_a_deck_serves_a_link_or_a_camera(address: str) -> None:
 def test_a_deck_serves_one_camera() -> None:
     room = seeing("usb://0", "usb://1")
     assert [
-        one[:2] for one in star_radio.check(room, cameras={"cf1": "deck", "cf2": "deck:5000"})
+        one[:2]
+        for one in star_radio.check(room, **defaults(cameras={"cf1": "deck", "cf2": "deck:5000"}))
     ] == [
         (
             ("cameras", "cf2"),
@@ -191,20 +193,20 @@ def test_a_deck_serves_one_camera() -> None:
 def test_links_and_cameras_at_other_ports_of_a_host_are_served() -> None:
     room = seeing("tcp://127.0.0.1:6000", "udp://127.0.0.1:5001")
     cameras = {"cf1": "127.0.0.1:5000", "cf2": "127.0.0.1:5001"}
-    assert list(star_radio.check(room, cameras=cameras)) == []
+    assert list(star_radio.check(room, **defaults(cameras=cameras))) == []
 
 
 @pytest.mark.parametrize("uri", ["radio://1/80/2M/E701", "radio://01/80/2M/E701"])
 def test_a_dongle_that_has_links_does_not_broadcast(uri: str) -> None:
-    assert [one[:2] for one in star_radio.check(reached([uri]), broadcast=1)] == [
+    assert [one[:2] for one in star_radio.check(reached([uri]), **defaults(broadcast=1))] == [
         (("broadcast",), "dongle 1 carries the link of agent 'cf1': expected another")
     ]
-    assert list(star_radio.check(reached([uri]), broadcast=0)) == []
+    assert list(star_radio.check(reached([uri]), **defaults(broadcast=0))) == []
 
 
 def test_a_watchdog_needs_a_quick_tick() -> None:
     room = reached(["usb://0"], rate=1.0)
-    [problem] = star_radio.check(room, watchdog=True)
+    [problem] = star_radio.check(room, **defaults(watchdog=True))
     assert problem[:2] == (("watchdog",), "it needs a tick of 0.5 s or less, got 1 s")
 
 

@@ -67,7 +67,7 @@ def begins(drone: Any) -> list[bytes]:
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have questions asked again at every tick."""
-    monkeypatch.setattr("star_radio.answers.Answers.timeout", 0.02)
+    monkeypatch.setattr("star_radio.connection.questions.Answers.timeout", 0.02)
 
 
 def test_trajectories_share_the_memory_of_every_drone(peers: Peers, connect: Open) -> None:

@@ -12,8 +12,15 @@ from cflib.utils.encoding import decompress_quaternion
 
 from star_core import Array, Setpoint
 from star_radio import orders, report
-from star_radio.heading import GAIN, MAX_YAW_RATE
-from star_radio.steering import MAX_LEAD, MAX_YAW_LEAD, SETPOINT_TIMEOUT, Velocities, WholeStates
+from star_radio.steering import (
+    GAIN,
+    MAX_LEAD,
+    MAX_YAW_LEAD,
+    MAX_YAW_RATE,
+    SETPOINT_TIMEOUT,
+    Velocities,
+    WholeStates,
+)
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 TICK = 0.05  # s

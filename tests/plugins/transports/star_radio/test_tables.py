@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from star_core import PluginError
-from star_radio.answers import Question
-from star_radio.packets import LOG
-from star_radio.tables import Entry, Table, Tables, user_cache
+from star_radio.connection.packets import LOG
+from star_radio.connection.questions import Question
+from star_radio.connection.tables import Entry, Table, Tables, user_cache
 
 NAMES = ["pm.vbat", "stateEstimate.x"]
 

@@ -11,8 +11,8 @@ from contextlib import closing
 import pytest
 
 from star_core import PluginError
-from star_radio.link import Link
-from star_radio.udp_links import UdpLinks
+from star_radio.connection.link import Link
+from star_radio.connection.udp_links import UdpLinks
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 

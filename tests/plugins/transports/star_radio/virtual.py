@@ -16,7 +16,7 @@ from typing import Self, TypeVar
 
 import pytest
 
-from star_radio.link_protocol import LinkListener
+from star_radio.connection.protocol import LinkListener
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -142,7 +142,7 @@ def virtual(clock: VirtualTime) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(time, "monotonic", clock.monotonic)
         patch.setattr(time, "sleep", clock.sleep)
-        patch.setattr("star_radio.link.Event", Event)
-        patch.setattr("star_radio.udp_links.UdpLinks", lambda: clock)
-        patch.setattr("star_radio.parallel.ThreadPoolExecutor", _OneByOne)
+        patch.setattr("star_radio.connection.link.Event", Event)
+        patch.setattr("star_radio.connection.udp_links.UdpLinks", lambda: clock)
+        patch.setattr("star_radio.transport.ThreadPoolExecutor", _OneByOne)
         yield

@@ -1,4 +1,4 @@
-"""Reset of a drone's state estimator, and detection of its convergence."""
+"""A drone's state estimator: its reset, its convergence, and the noise of its corrections."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 import struct
 import time
 from collections import deque
+from collections.abc import Iterator
 from typing import Final
 
 from star_core import PluginError
-from star_radio import log_blocks, packets
-from star_radio.answers import Ask, Question
-from star_radio.parameters import set_now
-from star_radio.tables import Table
+from star_radio.connection import log_blocks, packets
+from star_radio.connection.parameters import set_now, setting
+from star_radio.connection.questions import Ask, Question
+from star_radio.connection.tables import Table
 
 RESET: Final = "kalman.resetEstimation"
 RESET_DURATION: Final = 0.1  # s, for which the parameter stays set, as in Bitcraze's tools
@@ -23,17 +24,15 @@ SAMPLES: Final = 11  # 0.5 s, in which x and y gain 1.25e-3 m²/s² without meas
 CONVERGENCE_TIMEOUT: Final = 5.0  # s
 REPORT_TIMEOUT: Final = 1.0  # s without a report of the variances, then the block is recreated
 BLOCK: Final = 2  # number of their log block
+NOISE: Final = ("locSrv.extPosStdDev", "locSrv.extQuatStdDev")  # of corrections, m and rad
+TOLERANCE: Final = 0.1  # relative change of the noise that is not sent
 _FLOAT: Final = 7  # type of the log protocol
 _DATA: Final = struct.Struct("<B3x3f")
 _POLL_PERIOD: Final = 0.005  # s
 
 
 def reset_estimator(parameters: Table, ask: Ask) -> None:
-    """Reset the estimator of a drone.
-
-    Raises:
-        PluginError: The drone does not answer, or its firmware has no such parameter.
-    """
+    """Reset the estimator of a drone."""
     set_now(parameters, RESET, 1, ask)
     time.sleep(RESET_DURATION)
     set_now(parameters, RESET, 0, ask)
@@ -66,16 +65,7 @@ class ConvergenceWait:
         )
 
     def wait(self, variables: Table, ask: Ask) -> None:
-        """Wait until the variances have converged, if the firmware reports them.
-
-        Args:
-            variables: The drone's log table.
-            ask: Asks the drone.
-
-        Raises:
-            PluginError: They do not converge within `CONVERGENCE_TIMEOUT`, or the drone does not
-                answer.
-        """
+        """Wait until the variances have converged, if the firmware's log table has them."""
         if any(name not in variables for name in VARIANCES):
             return
         ids = b"".join(packets.log_variable(_FLOAT, variables[name].number) for name in VARIANCES)
@@ -90,8 +80,8 @@ class ConvergenceWait:
                     "Flow deck is attached and the drone does not move, or set 'reset: false'"
                 )
             time.sleep(_POLL_PERIOD)
-        question = packets.delete_block(BLOCK)
-        ask([Question.of(question, question[1:3], "the end of reports of its estimator")])
+        packet = packets.delete_block(BLOCK)
+        ask([Question.of(packet, packet[1:3], "the end of reports of its estimator")])
 
     @property
     def _silent(self) -> bool:
@@ -103,3 +93,44 @@ class ConvergenceWait:
         while self._silent and time.monotonic() < until:
             time.sleep(_POLL_PERIOD)
         return None if self._silent else True
+
+
+class EstimatorNoise:
+    """Standard deviations of pose corrections that one drone has been sent."""
+
+    def __init__(self) -> None:
+        self._sent = dict.fromkeys(NOISE, 0.0)
+        self._unconfirmed: set[str] = set()
+
+    def changed(self, table: Table, position: float, attitude: float) -> Iterator[Question]:
+        """Yield parameter settings for values that have changed by more than `TOLERANCE`.
+
+        Args:
+            table: The drone's parameters.
+            position: Standard deviation of positions, m.
+            attitude: Standard deviation of attitudes, rad; infinite if none are sent.
+
+        Raises:
+            PluginError: The firmware has no such parameter.
+        """
+        for name, std in zip(NOISE, (position, attitude), strict=True):
+            if math.isfinite(std) and abs(std - self._sent[name]) > TOLERANCE * self._sent[name]:
+                question = setting(table, name, std)
+                question.topic = name
+                self._sent[name] = std
+                yield question
+
+    def given_up(self, question: Question) -> bool:
+        """Mark a value that was never confirmed for sending again.
+
+        Returns whether this parameter was already given up before, without a confirmation since.
+        """
+        if question.topic not in self._sent:
+            return False
+        if question.answer is not None:
+            self._unconfirmed.discard(question.topic)
+            return False
+        self._sent[question.topic] = 0.0
+        before = question.topic in self._unconfirmed
+        self._unconfirmed.add(question.topic)
+        return before

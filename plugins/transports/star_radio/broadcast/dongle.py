@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from star_core import PluginError
 from star_radio.address import RadioAddress
-from star_radio.packed_poses import POSES, POSITIONS, Kind
+from star_radio.orders import POSES, POSITIONS, PackedPoses
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +70,7 @@ class Broadcaster:
         self.broken = False
         self._orders: deque[_Call] = deque()  # the first one may be in transmission
         # newest entry of each drone, by the last byte of its address
-        self._shown: dict[Kind, dict[int, bytes]] = {POSITIONS: {}, POSES: {}}
+        self._shown: dict[PackedPoses, dict[int, bytes]] = {POSITIONS: {}, POSES: {}}
         self._changed = threading.Condition()
         self._tuned: tuple[int, str] | None = None
         self._ended = False
@@ -107,13 +107,13 @@ class Broadcaster:
         with self._changed:
             self._changed.wait_for(lambda: self.broken or not self._orders)
 
-    def show(self, kind: Kind, last: int, entry: bytes) -> None:
+    def show(self, kind: PackedPoses, last: int, entry: bytes) -> None:
         """Queue a pose correction for one transmission; it replaces one that is still queued.
 
         Args:
             kind: Type of packet.
             last: Last byte of the drone's address.
-            entry: Entry made by `star_radio.packed_poses`.
+            entry: Entry made by `orders.pose_entry`.
         """
         with self._changed:
             self._shown[kind][last] = entry
@@ -151,7 +151,7 @@ class Broadcaster:
             entries = self._shown[kind]
             return _Call(kind.packet([entries.pop(last) for last in list(entries)[: kind.most]]))
 
-    def _waiting(self) -> Kind | None:
+    def _waiting(self) -> PackedPoses | None:
         """Return a type of correction that is queued, if any."""
         return next((kind for kind, entries in self._shown.items() if entries), None)
 

@@ -1,17 +1,23 @@
-"""Trajectories in the drones' memories: their layout, upload and start."""
+"""Trajectories in the drones' memories: their format, layout, upload and start."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import Final
 
+import numpy as np
+
 from star_core import ContractError, PluginError, Trajectory, transformed, wrap_angle
 from star_radio import orders
-from star_radio.trajectory import MOST_PIECES, PIECE, SIZE
-from star_radio.vehicle import Vehicle
+from star_radio.connection import packets
+from star_radio.connection.questions import Ask, Question
 
+TRAJECTORY_MEMORY: Final = 0x12  # type of the memory
+SIZE: Final = 4096  # bytes of the memory
+PIECE: Final = 132  # bytes of a piece: 33 numbers
+MAX_PIECES: Final = SIZE // PIECE
 MAX_TRAJECTORIES: Final = 10  # of the firmware (``NUM_TRAJECTORY_DEFINITIONS``)
 MAX_ROTATION: Final = math.radians(30)  # from the upload: heading drift is smaller
 
@@ -28,11 +34,11 @@ class TrajectoryMemory:
 
     def __init__(self, trajectories: Sequence[Trajectory] = ()) -> None:
         counts = [len(trajectory.duration) for trajectory in trajectories]
-        if (pieces := sum(counts)) > MOST_PIECES:
+        if (pieces := sum(counts)) > MAX_PIECES:
             raise PluginError(
                 f"{len(counts)} trajectories have {pieces} pieces of {PIECE} bytes, "
                 f"{pieces * PIECE} bytes in all; a Crazyflie has {SIZE} bytes for them: "
-                f"{MOST_PIECES} pieces at most"
+                f"{MAX_PIECES} pieces at most"
             )
         if len(counts) > MAX_TRAJECTORIES:
             raise PluginError(
@@ -45,19 +51,16 @@ class TrajectoryMemory:
     def __contains__(self, trajectory: object) -> bool:
         return trajectory in self._numbers
 
-    def upload(self, vehicle: Vehicle, heading: float) -> None:
+    def upload(self, write: Callable[..., None], heading: float) -> None:
         """Upload all to a drone, rotated to its odometry frame.
 
         Args:
-            vehicle: The drone.
-            heading: Its heading at the start, rad in the map frame.
-
-        Raises:
-            PluginError: The drone refuses or does not answer.
+            write: Uploads one trajectory to the drone; `Vehicle.upload`.
+            heading: Heading of the drone at the start, rad in the map frame.
         """
         for trajectory, number in self._numbers.items():
             turned = transformed(trajectory.coefficients, -heading)
-            vehicle.upload(number, Trajectory(trajectory.duration, turned), at=self._at[number])
+            write(number, Trajectory(trajectory.duration, turned), at=self._at[number])
 
     def start(self, trajectory: Trajectory | None, duration: float, version: int) -> bytes:
         """Return the packet that starts a trajectory of `duration`, s, at the current position.
@@ -91,3 +94,52 @@ def rotation_error(yaw: float, heading: float) -> str:
         f"refuses to follow a trajectory rotated by {math.degrees(rotation):.0f}°: it was uploaded "
         "without rotation"
     )
+
+
+def packed(trajectory: Trajectory) -> bytes:
+    """Return a trajectory's pieces in the uncompressed format of the trajectory memory.
+
+    Raises:
+        ContractError: There are more than fit.
+    """
+    count = len(trajectory.duration)
+    if count > MAX_PIECES:
+        raise ContractError(f"a trajectory has 1 to {MAX_PIECES} pieces, got {count}")
+    pieces = np.column_stack([trajectory.coefficients.reshape(count, -1), trajectory.duration])
+    return pieces.astype("<f4").tobytes()
+
+
+def upload(number: int, trajectory: Trajectory, ask: Ask, *, at: int = 0) -> None:
+    """Write a trajectory to a drone's memory, from byte `at` on, and assign it a number.
+
+    Takes about 0.1 s per piece over radio.
+    """
+    data = packed(trajectory)
+    memory = _memory(ask)
+    places = range(0, len(data), packets.MEMORY_PIECE)
+    writes = [
+        packets.write_memory(memory, at + done, data[done : done + packets.MEMORY_PIECE])
+        for done in places
+    ]
+    answers = ask([Question.of(one, one[1:6], "the trajectory memory") for one in writes])
+    for done, answer in zip(places, answers, strict=True):
+        if answer[5:6] != b"\0":
+            raise PluginError(
+                f"byte {at + done} of the trajectory memory is refused: {answer[5:].hex()!r}"
+            )
+    packet = orders.define_trajectory(number, len(trajectory.duration), at)
+    (answer,) = ask([Question.of(packet, packet[1:4], f"trajectory {number}")])
+    if answer[3:4] != b"\0":
+        raise PluginError(f"trajectory {number} is refused: error {answer[3:].hex()!r}")
+
+
+def _memory(ask: Ask) -> int:
+    """Return the number of the trajectory memory."""
+    about = "its memories"
+    packet = packets.packet(packets.MEMORY, packets.MEMORY_INFO, b"\1")
+    (answer,) = ask([Question.of(packet, b"\1", about)])
+    infos = [packets.memory_info(number) for number in range(answer[1])]
+    for number, info in enumerate(ask([Question.of(one, one[1:3], about) for one in infos])):
+        if info[2:3] == bytes([TRAJECTORY_MEMORY]):
+            return number
+    raise PluginError("its firmware has no memory for trajectories")

@@ -1,4 +1,4 @@
-"""Questions to a drone: matching of their answers, and retries."""
+"""Questions to a drone: matching of their answers, retries, and the round-trip time."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Self, TypeAlias
 
-from star_radio import packets
-from star_radio.round_trip import RoundTrip
+from star_radio.connection import packets
 
 MIN_RETRY_PERIOD: Final = 0.2  # s; a radio round trip takes about 10 ms
 ATTEMPTS: Final = 10  # after which a question is given up
+MARGIN: Final = 0.05  # s above the mean round trip, at least: reports delay answers
 
 
 @dataclass(eq=False, slots=True)
@@ -21,7 +21,7 @@ class Question:
 
     Attributes:
         packet: Packet to send.
-        place: Port and channel of the answer.
+        port: Port and channel of the answer.
         start: First bytes of the answer.
         about: Subject, for messages.
         topic: A newer question of the same topic replaces it; empty for none.
@@ -30,14 +30,14 @@ class Question:
         answer: Payload of the answer; None until then.
         refused: Payload of the last answer that was not accepted.
         due: Time of the next retry, s of the computer's clock.
-        left: Number of retries left.
+        retries: Number of retries that remain.
         sendings: Number of transmissions.
         answers: Number of answers.
         done: Set when it is answered.
     """
 
     packet: bytes
-    place: tuple[int, int]
+    port: tuple[int, int]
     start: bytes
     about: str
     topic: str = ""
@@ -46,15 +46,15 @@ class Question:
     answer: bytes | None = None
     refused: bytes | None = None
     due: float = 0.0
-    left: int = ATTEMPTS
+    retries: int = ATTEMPTS
     sendings: int = 0
     answers: int = 0
     done: threading.Event = field(default_factory=threading.Event)
 
     @classmethod
-    def of(cls, packet: bytes, start: bytes, about: str) -> Self:
+    def of(cls, packet: bytes, start: bytes, about: str, *, topic: str = "") -> Self:
         """Return a question whose answer comes on the same port and channel."""
-        return cls(packet, packets.address(packet[0]), start, about)
+        return cls(packet, packets.address(packet[0]), start, about, topic)
 
     @property
     def unheard(self) -> bool:
@@ -64,6 +64,33 @@ class Question:
 
 Ask: TypeAlias = Callable[[Sequence[Question]], list[bytes]]
 """Asks questions, blocking; returns the answers or raises `PluginError`."""
+
+
+class RoundTrip:
+    """Mean and mean deviation of round-trip times, smoothed as TCP does (RFC 6298, section 2)."""
+
+    def __init__(self) -> None:
+        self._mean: float | None = None  # s
+        self._deviation = 0.0  # s
+
+    def note(self, time: float) -> None:
+        """Add a measured round-trip time, s."""
+        if self._mean is None:
+            self._mean, self._deviation = time, time / 2
+            return
+        self._deviation += (abs(time - self._mean) - self._deviation) / 4
+        self._mean += (time - self._mean) / 8
+
+    @property
+    def timeout(self) -> float:
+        """Time after which an answer counts as lost, s; 0 before the first measurement.
+
+        >>> trip = RoundTrip()
+        >>> trip.note(0.3)
+        >>> round(trip.timeout, 9)
+        0.9
+        """
+        return 0.0 if self._mean is None else self._mean + max(MARGIN, 4 * self._deviation)
 
 
 class Answers:
@@ -85,12 +112,13 @@ class Answers:
         return max(MIN_RETRY_PERIOD, self.round_trip.timeout)
 
     def add(self, question: Question) -> None:
-        """Register a question that is being sent."""
+        """Register a question that is being sent; it replaces those of its topic."""
         self.repeat(question)
-        question.left -= 1
+        question.retries -= 1
         with self._lock:
-            if question.topic:
-                self._open = [other for other in self._open if other.topic != question.topic]
+            self._open = [
+                other for other in self._open if not (other.topic and other.topic == question.topic)
+            ]
             self._open.append(question)
 
     def repeat(self, question: Question) -> None:
@@ -109,38 +137,40 @@ class Answers:
         with self._lock:
             self._open = [question for question in self._open if question.topic != topic]
 
-    def take(self, place: tuple[int, int], payload: bytes) -> bool:
+    def take(self, port: tuple[int, int], payload: bytes) -> bool:
         """Match a packet to the oldest question it answers; return whether there was one."""
         with self._lock:
-            for question in self._open:
-                if question.place == place and payload.startswith(question.start):
-                    question.answers += 1
-                    if question.accepts(payload):
-                        question.answer = payload
-                        self._open.remove(question)
-                        self._ended.append(question)
-                        break
-                    question.refused = payload
-                    return True
-            else:
+            matches = (
+                question
+                for question in self._open
+                if question.port == port and payload.startswith(question.start)
+            )
+            question = next(matches, None)
+            if question is None:
                 return False
+            question.answers += 1
+            if not question.accepts(payload):
+                question.refused = payload
+                return True
+            question.answer = payload
+            self._open.remove(question)
+            self._ended.append(question)
         question.on_answer(payload)
         question.done.set()
         return True
 
     def overdue(self, now: float) -> list[Question]:
-        """Return the questions to repeat; a question without retries left is given up."""
+        """Return the questions to repeat at `now`, s; those without retries are given up."""
         with self._lock:
             late = [question for question in self._open if question.due <= now and question.topic]
             for question in late:
                 question.due = now + self.timeout
-                question.left -= 1
-                if question.left < 0:
+                question.retries -= 1
+                question.sendings += question.retries >= 0
+                if question.retries < 0:
                     self._open.remove(question)
                     self._ended.append(question)
-                else:
-                    question.sendings += 1
-        return [question for question in late if question.left >= 0]
+        return [question for question in late if question.retries >= 0]
 
     def ended(self) -> list[Question]:
         """Return the questions with a topic that were answered or given up since the last call."""

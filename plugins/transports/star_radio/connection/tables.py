@@ -14,8 +14,8 @@ from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple, TypeAlias
 
 from star_core import PluginError
-from star_radio import packets
-from star_radio.answers import Ask, Question
+from star_radio.connection import packets
+from star_radio.connection.questions import Ask, Question
 
 log = logging.getLogger(__name__)
 
@@ -52,15 +52,7 @@ class Tables:
         self._reading: dict[str, threading.Lock] = {}
 
     def of(self, port: int, ask: Ask) -> Table:
-        """Return a drone's table; safe to call from several threads.
-
-        Args:
-            port: `packets.LOG` or `packets.PARAMETER`.
-            ask: Asks the drone.
-
-        Raises:
-            PluginError: The drone does not answer.
-        """
+        """Return a drone's table of the port LOG or PARAMETER; callable from several threads."""
         about = f"its {KINDS[port]} table"
         question = packets.packet(port, packets.TABLE, packets.TABLE_SIZE)
         (answer,) = ask([Question.of(question, packets.TABLE_SIZE, about)])
@@ -71,7 +63,10 @@ class Tables:
         with reading:  # the first thread reads the table; if that fails, the next one tries
             table = self._known.get(key) or self._load(key, count)
             if table is None:
-                answers = ask([_question(port, number) for number in range(count)])
+                items = (packets.table_item(port, number) for number in range(count))
+                answers = ask(
+                    [Question.of(one, one[1:4], _about(port, i)) for i, one in enumerate(items)]
+                )
                 table = dict(_entry(port, *one) for one in enumerate(answers))
                 self._store(key, table)
             self._known[key] = table
@@ -119,11 +114,6 @@ def user_cache() -> Path:
 
 def _about(port: int, number: int) -> str:
     return f"entry {number} of its {KINDS[port]} table"
-
-
-def _question(port: int, number: int) -> Question:
-    packet = packets.table_item(port, number)
-    return Question.of(packet, packet[1:4], _about(port, number))
 
 
 def _entry(port: int, number: int, answer: bytes) -> tuple[str, Entry]:

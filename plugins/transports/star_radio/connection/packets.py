@@ -13,7 +13,8 @@ from typing import Final
 MOST: Final = 30  # bytes of payload, at most
 FARTHEST: Final = 32.767  # largest value in 16 bits of thousandths: m along each axis, etc.
 
-CONSOLE, PARAMETER, MEMORY, LOG, PLATFORM, LINK = 0, 2, 4, 5, 13, 15
+CONSOLE, PARAMETER, MEMORY, LOG = 0, 2, 4, 5  # ports
+LOCALISATION, HIGH_LEVEL, SUPERVISOR, PLATFORM, LINK = 6, 8, 9, 13, 15
 TABLE, SETTINGS, DATA = 0, 1, 2  # channels of LOG; of PARAMETER: TABLE, read, WRITE
 WRITE: Final = 2
 VERSION: Final = 1  # channel of PLATFORM

@@ -8,18 +8,23 @@ recreated if they have the wrong size.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Iterator
 from typing import Final
 
 from star_core import PluginError
-from star_radio import packets
-from star_radio.answers import Ask, Question
+from star_radio.connection import packets
+from star_radio.connection.questions import Ask, Question
 
 MAX_TRIES: Final = 2  # for a block that is refused or not reported
-VARIABLE: Final = 3  # bytes per variable in a request
-_VARIABLES: Final = (packets.MOST - 2) // VARIABLE * VARIABLE  # bytes of variables per packet
-_TOO_LARGE, _EXISTS = 7, 17  # errors
-_ERRORS: Final = {2: "no such variable", _TOO_LARGE: "it is too large", 12: "it has no memory left"}
+REBOOT: Final = "reboot"  # topic of `restart`
+_VARIABLES: Final = (packets.MOST - 2) // 3 * 3  # bytes of variables per packet, 3 for each
+_TOO_LARGE, _EXISTS = errno.E2BIG, errno.EEXIST
+_ERRORS: Final = {
+    errno.ENOENT: "no such variable",
+    _TOO_LARGE: "it is too large",
+    errno.ENOMEM: "it has no memory left",
+}
 
 
 def begin(
@@ -30,18 +35,15 @@ def begin(
     what: str,
     reported: Callable[[], bool | None],
 ) -> None:
-    """Create and start a log block.
+    """Create and start a log block, or replace that of the same number.
 
     Args:
-        number: Number of the block; an existing block of this number is replaced.
+        number: Number of the block.
         variables: Type and number of each variable, in the order of the reports.
         period: Time between two reports, s.
         ask: Asks the drone.
         what: Name of the block, for messages.
         reported: Waits for a report; returns whether it has the right size, None if none arrived.
-
-    Raises:
-        PluginError: The drone refuses, does not report, or does not answer.
     """
     tries = 0
     while True:
@@ -57,11 +59,19 @@ def begin(
             raise PluginError(f"it does not report {what}")
 
 
-def _build(number: int, variables: bytes, period: float, ask: Ask, what: str) -> int:
-    """Replace a block; return the error number, else 0.
+def restart(number: int, period: float) -> Question:
+    """Return the request to start an existing block; a drone that rebooted refuses it."""
+    packet = packets.start_block(number, period)
+    return Question.of(packet, packet[1:3], "its reports", topic=REBOOT)
 
-    The block may be complete despite `_TOO_LARGE`.
-    """
+
+def shows_reboot(answer: bytes | None) -> bool:
+    """Whether the answer to `restart` shows that the drone has lost the block."""
+    return answer is not None and answer[2:3] == bytes([errno.ENOENT])
+
+
+def _build(number: int, variables: bytes, period: float, ask: Ask, what: str) -> int:
+    """Replace a block; return the error number. It may be complete despite `_TOO_LARGE`."""
     repeated = 0
     for packet in _requests(number, variables, period):
         (answer,) = ask([Question.of(packet, packet[1:3], f"reports of {what}")])

@@ -14,16 +14,16 @@ from threading import Event
 from typing import Final
 
 from star_core import PluginError
-from star_radio import packets
-from star_radio.answers import ATTEMPTS, Answers, Question
-from star_radio.cflib_link import CflibLink
-from star_radio.link_protocol import LinkDriver
-from star_radio.quality import Quality
-from star_radio.round_trip import RoundTrip
-from star_radio.udp_links import SCHEME, UdpLinks
+from star_radio.connection import packets
+from star_radio.connection.cflib_link import CflibLink
+from star_radio.connection.protocol import LinkDriver
+from star_radio.connection.questions import ATTEMPTS, Answers, Question, RoundTrip
+from star_radio.connection.udp_links import SCHEME, UdpLinks
 
 log = logging.getLogger(__name__)
 
+MIN_QUALITY: Final = 70.0  # %: three of ten transmissions fail; chosen, not measured
+MIN_DURATION: Final = 2.0  # s below it, before the warning
 ECHO_PERIOD: Final = 0.5  # s without a sent packet, after which an echo keeps the link alive
 WINDOW: Final = 12  # simultaneously open requests; the firmware queues 16 packets per port
 
@@ -56,10 +56,7 @@ class Link:
         self._closing = False
 
     def open(self, timeout: float) -> None:
-        """Open the link.
-
-        Args:
-            timeout: s.
+        """Open the link within `timeout`, s.
 
         Raises:
             PluginError: The address cannot be used, or nothing answers there.
@@ -91,28 +88,10 @@ class Link:
         """Measured while requests are open and while the link is idle."""
         return self._answers.round_trip
 
-    def ask(self, packet: bytes, start: bytes, about: str, *, timeout: float) -> bytes:
-        """Send a packet until it is answered, and return the answer's payload.
-
-        Args:
-            packet: Request.
-            start: First bytes of the answer, which comes on the same port and channel.
-            about: Subject, for messages.
-            timeout: s.
-
-        Raises:
-            PluginError: There is no answer.
-        """
-        (answer,) = self.ask_all([Question.of(packet, start, about)], timeout=timeout)
-        return answer
-
     def ask_all(
         self, questions: Sequence[Question], *, timeout: float, deadline: float = math.inf
     ) -> list[bytes]:
         """Ask several questions, up to `WINDOW` at a time, until all are answered.
-
-        Answers that a question does not accept, such as late ones to an earlier question, are
-        ignored.
 
         Args:
             questions: Independent of each other.
@@ -121,7 +100,7 @@ class Link:
             deadline: For all of them, s of the computer's clock.
 
         Returns:
-            The payload of each answer.
+            The payload of each accepted answer.
 
         Raises:
             PluginError: There is no answer.
@@ -156,11 +135,9 @@ class Link:
         return [question.answer or b"" for question in questions]
 
     def assure(self, question: Question, *, sent: bool = False) -> None:
-        """Send a question that has a topic, and repeat it in `retry` until it is answered.
+        """Repeat a question that has a topic in `retry` until it is answered.
 
-        Args:
-            question: Question to ask.
-            sent: Whether it has already been sent by other means.
+        It is sent first, unless it has already been `sent` by other means.
         """
         self._answers.add(question)
         if not sent:
@@ -173,8 +150,7 @@ class Link:
     def retry(self, now: float) -> list[Question]:
         """Repeat questions that are overdue at `now`, s of the computer's clock.
 
-        Returns:
-            The questions answered since the last call, and those given up (without an answer).
+        Returns the questions answered since the last call, and those given up (without an answer).
         """
         for question in self._answers.overdue(now):
             self.post(question.packet)
@@ -188,18 +164,18 @@ class Link:
             driver.close()
 
     def hear(self, packet: bytes, arrived: float) -> None:
-        place = packets.address(packet[0])
-        if place == (packets.LOG, packets.DATA):
+        port = packets.address(packet[0])
+        if port == (packets.LOG, packets.DATA):
             self.report(packet[1:], arrived)
             return
         if packets.is_null(packet[0]):
             return
         payload = packet[1:]
-        if place == (packets.LINK, 0):
+        if port == (packets.LINK, 0):
             if (sent := packets.echoed(payload)) is not None:
                 self._answers.round_trip.note(arrived - sent)
             return
-        if not self._answers.take(place, payload) and place[0] == packets.CONSOLE:
+        if not self._answers.take(port, payload) and port[0] == packets.CONSOLE:
             log.debug("%s: console: %r", self._name, payload.decode("utf-8", "replace"))
 
     def idle(self, now: float) -> None:
@@ -227,3 +203,25 @@ class Link:
             why = f", but {question.refused.hex()!r}"
         about = f"no answer about {question.about}"
         return PluginError(f"{about} from {self.uri} in {wait:.3g} s{why}")
+
+
+class Quality:
+    """Warns once when the quality of a Crazyradio's link to an agent stays low."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._since = math.inf  # s, time since which it is low
+        self._warned = False
+
+    def note(self, quality: dict[str, float], now: float) -> None:
+        """Add cflib's link statistics at `now`, s; runs in the thread of the driver."""
+        percent = quality.get("link_quality")  # 100 minus ten times the mean retries per packet
+        if percent is None or self._warned:
+            return
+        self._since = min(self._since, now) if percent < MIN_QUALITY else math.inf
+        if now - self._since >= MIN_DURATION:
+            self._warned = True
+            log.warning(
+                "radio: the link of %s is weak: its quality is %.0f %%, below %g %% for %g s",
+                *(self._name, percent, MIN_QUALITY, MIN_DURATION),
+            )

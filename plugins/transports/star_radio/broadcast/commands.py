@@ -18,9 +18,9 @@ import numpy as np
 from star_core import Corrections, PluginError, Scene
 from star_radio import orders
 from star_radio.address import RadioAddress
-from star_radio.broadcast import Broadcaster
-from star_radio.packed_poses import POSES, POSITIONS, pose, position
-from star_radio.packets import FARTHEST
+from star_radio.broadcast.dongle import Broadcaster
+from star_radio.connection.packets import FARTHEST
+from star_radio.orders import POSES, POSITIONS, pose_entry
 
 MAX_GROUPS: Final = 8  # bits of the firmware's mask; the first is for all drones of the mission
 
@@ -112,10 +112,10 @@ class BroadcastCommands:
                 continue
             at = corrections.position[i].tolist()
             if np.isfinite(corrections.attitude_deviation[i]):
-                entry = pose(last, at, corrections.attitude[i].tolist())
+                entry = pose_entry(last, at, corrections.attitude[i].tolist())
                 self._radio.show(POSES, last, entry)
             else:
-                self._radio.show(POSITIONS, last, position(last, at))
+                self._radio.show(POSITIONS, last, pose_entry(last, at))
             sent.append(row)
         return sent
 

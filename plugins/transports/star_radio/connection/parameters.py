@@ -6,9 +6,9 @@ import struct
 from typing import Final
 
 from star_core import PluginError
-from star_radio import packets
-from star_radio.answers import Ask, Question
-from star_radio.tables import Table
+from star_radio.connection import packets
+from star_radio.connection.questions import Ask, Question
+from star_radio.connection.tables import Table
 
 FORMATS: Final = {
     0x0: "<b", 0x1: "<h", 0x2: "<i", 0x3: "<q", 0x8: "<B", 0x9: "<H", 0xA: "<I", 0xB: "<Q",
@@ -20,12 +20,7 @@ _TYPE = 0x0F
 
 
 def setting(table: Table, name: str, value: float) -> Question:
-    """Return the question that sets a parameter; its answer must contain the value.
-
-    Args:
-        table: The drone's parameters.
-        name: ``group.name``.
-        value: Value; an integer if the parameter has an integer type.
+    """Return the question that sets a parameter ``group.name``; its answer contains the value.
 
     Raises:
         PluginError: There is no such parameter, it is read-only, or the value does not fit.
@@ -43,19 +38,11 @@ def setting(table: Table, name: str, value: float) -> Question:
     except (struct.error, OverflowError) as error:
         raise PluginError(f"parameter {name!r} cannot be {value!r}: {error}") from error
     packet = packets.write_parameter(number, coded)
-    return Question(
-        packet,
-        (packets.PARAMETER, packets.WRITE),
-        packet[1:3],
-        f"parameter {name!r}",
-        accepts=lambda payload: payload[2:] == coded,
-    )
+    question = Question.of(packet, packet[1:3], f"parameter {name!r}")
+    question.accepts = lambda payload: payload[2:] == coded
+    return question
 
 
 def set_now(table: Table, name: str, value: float, ask: Ask) -> None:
-    """Set a parameter, and wait for the confirmation.
-
-    Raises:
-        PluginError: As `setting`, or the drone does not confirm the value.
-    """
+    """Set a parameter, and wait for the confirmation."""
     ask([setting(table, name, value)])

@@ -10,22 +10,27 @@ import logging
 import queue
 import threading
 import time
+import warnings
+from collections import deque
+from contextlib import suppress
+from importlib import import_module
 from typing import Any, Final
 
 import cflib.crtp
 from cflib.crtp.crtpstack import CRTPPacket
 
 from star_core import PluginError
-from star_radio.cflib_silencing import close_driver
-from star_radio.link_protocol import LinkListener
-from star_radio.send_queue import SendQueue
+from star_radio.connection.protocol import LinkListener
 
 log = logging.getLogger(__name__)
 
 POLL_PERIOD: Final = 0.1  # s, between checks whether the reader should end
 ERROR_PAUSE: Final = 0.05  # s, by which a failing driver is slowed: it would report without pause
 TCP_TIMEOUT: Final = 2.0  # s without a packet, despite echoes: the TCP connection is closed
-CLOSE_TIMEOUT: Final = 1.5  # s, after which a driver is left to close on its own
+CLOSE_TIMEOUT: Final = 1.5  # s, after which a driver closes on its own
+DRAIN_TIMEOUT: Final = 0.5  # s, for sending what is queued when a link is closed
+PRINTING_MODULES: Final = ("cflib.cpx.transports", "cflib.crtp.radiodriver", "cflib.crtp.tcpdriver")
+TRACEBACK_MODULE: Final = "cflib.cpx"  # prints one when a link is closed, and repeatedly when lost
 
 
 class CflibLink:
@@ -44,32 +49,44 @@ class CflibLink:
     def __init__(self, uri: str, name: str, listener: LinkListener, timeout: float) -> None:
         self._uri, self._listener = uri, listener
         self._closing = False
-        self._sending = threading.Lock()
-        self._sender = 0  # thread that is sending
+        self._complaining = threading.local()
         self._may_end = uri.startswith("tcp://")  # cflib does not notice the end of a connection
         self._driver: Any = self._open(timeout)
-        self._queue = SendQueue(self._send, name)
-        self._reader = threading.Thread(target=self._read, name=f"star-radio-{name}", daemon=True)
-        self._reader.start()
-        self._queue.start()
+        self._packets: deque[bytes] = deque()
+        self._setpoint: bytes | None = None
+        self._changed = threading.Condition()
+        self._threads = [
+            threading.Thread(target=work, name=f"star-radio-{name}", daemon=True)
+            for work in (self._write, self._read)
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def send(self, packet: bytes) -> None:
-        self._queue.order(packet)
+        with self._changed:
+            self._packets.append(packet)
+            self._setpoint = None
+            self._changed.notify()
 
     def steer(self, setpoint: bytes) -> None:
-        self._queue.steer(setpoint)
+        with self._changed:
+            self._setpoint = setpoint
+            self._changed.notify()
 
     def close(self) -> None:
         if self._closing:
             return
-        self._closing = True
-        self._queue.stop()
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        writer, reader = self._threads
+        writer.join(DRAIN_TIMEOUT)
         driver, self._driver = self._driver, None
         if driver is not None:
             ending = threading.Thread(target=self._end, args=(driver,), daemon=True)
             ending.start()
             ending.join(CLOSE_TIMEOUT)
-        self._reader.join(2 * POLL_PERIOD)
+        reader.join(2 * POLL_PERIOD)
 
     def _open(self, timeout: float) -> Any:
         if not cflib.crtp.CLASSES:
@@ -106,23 +123,30 @@ class CflibLink:
         except Exception as error:  # noqa: BLE001 -- the other links must still be closed
             log.debug("%s: %s", self._uri, error)
 
-    def _send(self, packet: bytes) -> None:
-        driver = self._driver
-        if driver is None:
-            return
-        crtp_packet = CRTPPacket(packet[0], packet[1:])
-        with self._sending:
-            self._sender = threading.get_ident()
+    def _write(self) -> None:
+        """Send queued packets in order, and the latest setpoint after them; runs in a thread."""
+        while (packet := self._next()) is not None:
+            driver = self._driver
+            if driver is None:
+                return
+            self._complaining.sends = True
             try:
-                driver.send_packet(crtp_packet)
+                driver.send_packet(CRTPPacket(packet[0], packet[1:]))
             except Exception as error:  # noqa: BLE001 -- one link must not stop the others
                 if self._driver is driver:  # not closed meanwhile
                     self._complain(str(error))
-            finally:
-                self._sender = 0
+
+    def _next(self) -> bytes | None:
+        """Wait for the next packet to send; None at the end."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._packets or self._setpoint or self._closing)
+            if self._packets:
+                return self._packets.popleft()
+            packet, self._setpoint = self._setpoint, None
+            return packet
 
     def _read(self) -> None:
-        """Receive packets until the link is closed; runs in its own thread."""
+        """Receive packets until the link is closed; runs in a thread."""
         heard = time.monotonic()
         while not self._closing:
             driver = self._driver
@@ -141,7 +165,37 @@ class CflibLink:
                 return
 
     def _complain(self, message: str) -> None:
-        """Pass on a driver's error message; runs in the driver's thread."""
+        """Pass on a driver's error message; slows the driver down, but not the sending thread."""
         self._listener.complain(message)
-        if threading.get_ident() != self._sender:
+        if not getattr(self._complaining, "sends", False):
             time.sleep(ERROR_PAUSE)
+
+
+def silence_cflib() -> None:
+    """Turn cflib's prints into debug messages, and disable its logging and warnings.
+
+    A module-level ``print`` shadows the built-in one, so the output of other modules is unaffected.
+    """
+    for name in PRINTING_MODULES:
+        vars(import_module(name))["print"] = lambda *words, **_how: log.debug("cflib: %s", words)
+    vars(import_module(TRACEBACK_MODULE))["print"] = lambda *_words, **_how: None
+    logging.getLogger("cflib").setLevel(logging.CRITICAL)
+    for message in ("The supervisor subsystem requires", "Using legacy TYPE_VELOCITY"):
+        warnings.filterwarnings("ignore", message)  # packets for old firmware
+
+
+def close_driver(driver: Any) -> None:
+    """Close a driver and, for TCP, its socket.
+
+    The TCP reader of cflib 0.1.34 ignores the end of the stream and reads again at once, until its
+    transport has no socket.
+    """
+    transport = getattr(getattr(getattr(driver, "cpx", None), "_router", None), "_transport", None)
+    try:
+        driver.close()
+    finally:
+        socket = getattr(transport, "_socket", None)
+        if socket is not None:
+            vars(transport)["_socket"] = None
+            with suppress(OSError):
+                socket.close()

@@ -1,0 +1,1 @@
+"""Broadcasts to all Crazyflies of a channel, by an additional Crazyradio."""

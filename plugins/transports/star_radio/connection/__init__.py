@@ -1,0 +1,1 @@
+"""Connection to one Crazyflie: its link, questions and answers, tables, reports and estimator."""
