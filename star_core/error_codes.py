@@ -19,6 +19,10 @@ class Entry(NamedTuple):
 
 
 CATALOGUE: Final = {
+    "address-in-use": Entry(
+        "A network address or port cannot be opened.",
+        "Choose another one, or end the program that uses it.",
+    ),
     "contract-broken": Entry(
         "A plugin returned something that its contract does not allow.",
         "Correct the plugin; `star_core.testing` checks it without a flight.",
@@ -31,6 +35,10 @@ CATALOGUE: Final = {
         "There is no file of that name.",
         "Correct the name; files of a mission are looked up in the mission's folder.",
     ),
+    "invalid-address": Entry(
+        "A network address has a wrong form.",
+        "Write it like the example in the message.",
+    ),
     "invalid-argument": Entry(
         "The command line has an argument that the command does not accept.",
         "`star COMMAND --help` lists the arguments.",
@@ -39,6 +47,10 @@ CATALOGUE: Final = {
         "A file or an option cannot be used as it is.",
         "Correct it as the message describes.",
     ),
+    "invalid-message": Entry(
+        "An external process or planner sent something that `external` does not accept.",
+        "`docs/missions.md` describes the protocol; goals must respect fence, heights and limits.",
+    ),
     "invalid-option": Entry(
         "An option has a value that cannot be used in this mission.",
         "`star plugins` lists the options of all plugins with their meaning.",
@@ -46,6 +58,14 @@ CATALOGUE: Final = {
     "invalid-trajectory": Entry(
         "A file of waypoints or of a polynomial trajectory has invalid contents.",
         "Correct the line that the message names; `docs/missions.md` describes both formats.",
+    ),
+    "option-conflict": Entry(
+        "Two options exclude each other, or one needs another.",
+        "Remove or add the option that the message names.",
+    ),
+    "out-of-range": Entry(
+        "A number is too small or too large in this mission.",
+        "The message states the range.",
     ),
     "plugin-failed": Entry(
         "A plugin raised an error.",

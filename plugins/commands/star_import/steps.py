@@ -101,7 +101,7 @@ class Steps:
                     f"external for {names}: the program now uses STAR's messages instead of ROS; "
                     f"ends after {SILENCE:g} s of silence",
                 )
-                end = f"silence: {SILENCE:g}, then: fail, on_failure: continue"
+                end = f"max_silence: {SILENCE:g}, on_silence: fail, on_failure: continue"
                 yield f"external: {{{_joined(agents, end)}}}"
             case "goto" if self._executed:
                 end = ", nor does it land" if record.lands else ""

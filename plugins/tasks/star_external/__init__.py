@@ -9,6 +9,6 @@ from star_core import TaskSpec, hookimpl
 
 @hookimpl
 def star_tasks() -> Iterable[TaskSpec]:
-    from star_external.offer import offer
+    from star_external.spec import spec
 
-    yield offer()
+    yield spec()

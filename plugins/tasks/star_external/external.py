@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from star_core import Estimate, Goals, Health, Scene, Status, TaskOutput
-from star_external.offer import DEFAULT_TIMEOUT
-from star_external.planner import Done, Failed, Goal
-from star_external.source import Hold, Source
+from star_external.planner import Answer, Done, Failed, Goal
+from star_external.protocol import DEFAULT_TIMEOUT
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """The agents should hold their positions."""
+
+
+class Source(Protocol):
+    """Source of a step's goals: another process, or a planner in this one."""
+
+    def poll(
+        self, estimate: Estimate, health: Health, agents: Mapping[str, int]
+    ) -> Iterable[Answer | Hold]:
+        """Yield the answers since the last tick, in order; none follows `Done` or `Failed`.
+
+        Args:
+            estimate: Of this tick.
+            health: Of this tick.
+            agents: Row of each agent in the step, by name.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release all resources."""
+        ...
 
 
 class External:
@@ -37,7 +63,7 @@ class External:
         return DEFAULT_TIMEOUT
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
-        for answer in self._source.ask(estimate, health, self._row_of):
+        for answer in self._source.poll(estimate, health, self._row_of):
             match answer:
                 case Done():
                     return TaskOutput(status=Status.SUCCESS)

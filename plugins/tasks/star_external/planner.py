@@ -1,7 +1,7 @@
 """Interface of external planners, which set goals for their agents in every tick.
 
 They run in this process and are created through an entry point
-(`star_external.planner_registry.GROUP`). The messages of another process are equivalent. Does not
+(`star_external.planner_source.GROUP`). The messages of another process are equivalent. Does not
 import numpy.
 """
 

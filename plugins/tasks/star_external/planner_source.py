@@ -1,17 +1,52 @@
-"""Goals from an installed planner, which runs in this process."""
+"""Installed external planners, and goals from one of them, which runs in this process."""
 
 from __future__ import annotations
 
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib.metadata import EntryPoint
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Final
 
-from star_core import ContractError, Estimate, Health, PluginError, Scene, StarError
-from star_external.goals import GOAL_KEYS, checked
+from star_core import ContractError, PluginError, StarError
 from star_external.planner import Answer, Done, ExternalPlanner, Failed, Goal
-from star_external.rates import ticks_between
-from star_external.text import quoted, reason
+from star_external.protocol import GOAL_KEYS, checked_goals, quoted, shortened, ticks_between
+
+if TYPE_CHECKING:
+    from star_core import Estimate, Health, Scene
+
+GROUP: Final = "star.external_planners"
+"""Entry points of planners: each names a function that is called with the scene and the rows of a
+step's agents and returns a `star_external.planner.ExternalPlanner`."""
+
+
+@cache
+def _installed() -> tuple[EntryPoint, ...]:
+    return tuple(sorted(entry_points(group=GROUP)))
+
+
+def planner_names() -> tuple[str, ...]:
+    """Return the names of all planners."""
+    return tuple(dict.fromkeys(point.name for point in _installed()))
+
+
+def find_planner(name: str) -> EntryPoint:
+    """Return the entry point of a planner.
+
+    Raises:
+        PluginError: There is none of that name, or there are two.
+    """
+    found = [point for point in _installed() if point.name == name]
+    if not found:
+        installed = ", ".join(planner_names()) or f"none (planners are entry points of {GROUP!r})"
+        message = f"no external planner named {name!r}; installed: {installed}"
+        raise PluginError(message, code="unknown-plugin")
+    if len(found) > 1:
+        values = " and ".join(point.value for point in found)
+        message = f"two external planners are named {name!r}: {values}; uninstall one"
+        raise PluginError(message, code="duplicate-plugin")
+    return found[0]
 
 
 class PlannerSource:
@@ -32,7 +67,9 @@ class PlannerSource:
         self, scene: Scene, rows: tuple[int, ...], point: EntryPoint, rate: float | None = None
     ) -> None:
         self._scene = scene
-        self._label = f"external planner {point.name!r} ({_source(point)})"
+        dist = point.dist
+        origin = f"{dist.name} {dist.version}: {point.value}" if dist else point.value
+        self._label = f"external planner {point.name!r} ({origin})"
         self._every = ticks_between(rate, scene.period)
         self._ticks = 0
         with self._attributed():
@@ -41,7 +78,7 @@ class PlannerSource:
                 made = type(self._planner).__name__
                 raise ContractError(f"made {made}, expected plan(estimate, health, rows)")
 
-    def ask(
+    def poll(
         self, estimate: Estimate, health: Health, agents: Mapping[str, int]
     ) -> Iterator[Answer]:
         due = self._ticks % self._every == 0
@@ -62,10 +99,10 @@ class PlannerSource:
             case Done():
                 return answer
             case Failed(str(why)):
-                return Failed(f"{self._label} gave up: {reason(why)}")
+                return Failed(f"{self._label} gave up: {shortened(why)}")
             case Mapping():
                 given = {name: _fields(name, goal) for name, goal in answer.items()}
-                return checked(given, self._scene, agents)
+                return checked_goals(given, self._scene, agents)
         raise ContractError(
             f"plan() returned {quoted(answer)}, expected goals by agent, Done() or Failed(why)"
         )
@@ -79,22 +116,12 @@ class PlannerSource:
             raise PluginError(f"{self._label}: {error}") from error
         except (Exception, SystemExit) as error:
             at = traceback.extract_tb(error.__traceback__)[-1]
-            text = reason(f"{type(error).__name__}: {error}")
+            text = shortened(f"{type(error).__name__}: {error}")
             raise PluginError(f"{self._label}: {text} ({at.filename}:{at.lineno})") from error
 
 
-def _source(point: EntryPoint) -> str:
-    """Return the origin of a planner: its distribution, if known, and its function."""
-    found = point.dist
-    return f"{found.name} {found.version}: {point.value}" if found else point.value
-
-
 def _fields(name: str, goal: object) -> dict[str, object]:
-    """Return the fields of a goal in the form that another process would send.
-
-    Raises:
-        ContractError: It is not a goal.
-    """
+    """Return the fields of a goal in the form that another process would send."""
     if not isinstance(goal, Goal):
         raise ContractError(f"{name}: the goal is {quoted(goal)}, expected a Goal")
     return {key: value for key in GOAL_KEYS if (value := getattr(goal, key)) is not None}

@@ -1,9 +1,9 @@
 """Goals from another process, through a TCP socket.
 
 The other process connects to the port and is sent JSON objects, one per line: a greeting
-(`star_external.reports.greeting`), and then state lines, every tick or at a rate
-(`star_external.reports.state`). It sends goals, or the success or failure of the step
-(`star_external.messages`). An invalid line is answered with ``{"error": why, "line": number}`` and
+(`star_external.protocol.greeting`), and then state lines, every tick or at a rate
+(`star_external.protocol.state`). It sends goals, or the success or failure of the step
+(`star_external.protocol`). An invalid line is answered with ``{"error": why, "line": number}`` and
 otherwise ignored. Every valid line, also ``{"goals": {}}``, restarts the silence timeout. The
 connection is closed when the step ends; the greeting is repeated when the agents of the step
 change.
@@ -15,45 +15,20 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final, Literal, TypeVar
 
 from star_core import Estimate, Health, InputError, Scene
-from star_external.messages import read
+from star_external.external import Hold
 from star_external.planner import Answer, Done, Failed
-from star_external.rates import ticks_between
-from star_external.reports import greeting, refusal, state
-from star_external.source import Hold
+from star_external.protocol import greeting, read, refusal, state, ticks_between
 from star_external.tcp_server import MAX_LINE, Line, TcpServer
 
 End = TypeVar("End", Done, Failed)
 
 log = logging.getLogger(__name__)
 
-LINES: Final = 50
-"""Lines read per tick; further lines wait in the buffers, which finally block the sender."""
-
-ROUNDING: Final = 1e-9
-"""Tolerance of mission time against a whole number of ticks, s."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ConnectionOptions:
-    """Options of the connection, as in the schema.
-
-    Attributes:
-        rate: State lines per second, 1/s; None for every tick.
-        silence: Maximum time without a line, s.
-        then: What to do after that.
-        response_timeout: Time to wait for the connection and for each answer, s.
-        lockstep: Whether a simulation waits for answers.
-    """
-
-    rate: float | None = None
-    silence: float = 2.0
-    then: Literal["hold", "fail"] = "hold"
-    response_timeout: float = 10.0
-    lockstep: bool = True
+MAX_LINES: Final = 50  # read per tick; others wait in the buffers, which finally block the sender
+ROUNDING: Final = 1e-9  # s: tolerance of mission time against a whole number of ticks
 
 
 class ProcessSource:
@@ -62,18 +37,34 @@ class ProcessSource:
     Args:
         scene: The mission's scene.
         server: Server that the other process connects to.
-        options: Options of the connection.
+        rate: State lines per second, 1/s; None for every tick.
+        max_silence: Maximum time without a line, s.
+        on_silence: What to do after that.
+        response_timeout: Time to wait for the connection and for each answer, s.
+        lockstep: Whether a simulation waits for answers.
 
     Attributes:
         server: As given.
     """
 
-    def __init__(self, scene: Scene, server: TcpServer, options: ConnectionOptions) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        server: TcpServer,
+        *,
+        rate: float | None,
+        max_silence: float,
+        on_silence: Literal["hold", "fail"],
+        response_timeout: float,
+        lockstep: bool,
+    ) -> None:
         self._scene = scene
         self.server = server
-        self._options = options
-        self._waits = options.lockstep and not scene.realtime
-        self._every = ticks_between(options.rate, scene.period)
+        self._max_silence = max_silence
+        self._on_silence = on_silence
+        self._response_timeout = response_timeout
+        self._waits = lockstep and not scene.realtime
+        self._every = ticks_between(rate, scene.period)
         self._seen_turn: int | None = None  # of the server, when another step held it
         self._client_count: int | None = None  # of the server, at the last greeting
         self._greeted: Mapping[str, int] | None = None  # agents of the last greeting
@@ -84,7 +75,7 @@ class ProcessSource:
         self._heard: float | None = None  # s, last line; None before a client connected
         self._silent = False
 
-    def ask(
+    def poll(
         self, estimate: Estimate, health: Health, agents: Mapping[str, int]
     ) -> Iterator[Answer | Hold]:
         if self._begun is None:
@@ -145,7 +136,7 @@ class ProcessSource:
     def _meet(self, estimate: Estimate, agents: Mapping[str, int]) -> None:
         """Accept the other process, and greet it."""
         new = self._waits and self._heard is None
-        if not self.server.accept(self._options.response_timeout if new else 0.0):
+        if not self.server.accept(self._response_timeout if new else 0.0):
             return
         if self._client_count == self.server.client_count and self._greeted == agents:
             return
@@ -161,7 +152,7 @@ class ProcessSource:
 
     def _wait(self, waited: float) -> Iterator[Failed]:
         """Fail if no client has connected in time; `waited` is the time so far, s."""
-        timeout = self._options.response_timeout
+        timeout = self._response_timeout
         if self._waits or waited >= timeout - ROUNDING:
             host, port = self.server.address
             yield self._leave(Failed(f"no client connected to {host}:{port} within {timeout:g} s"))
@@ -169,10 +160,10 @@ class ProcessSource:
     def _lines(self) -> list[Line]:
         """Return the lines since the last tick; in lock-step the outstanding answer."""
         if not self._waits:
-            return self.server.receive(LINES, 0.0)
+            return self.server.receive(MAX_LINES, 0.0)
         if not self._owed:
             return []
-        lines = self.server.receive(1, self._options.response_timeout if self._patient else 0.0)
+        lines = self.server.receive(1, self._response_timeout if self._patient else 0.0)
         self._patient = bool(lines)
         self._owed = not lines and self.server.connected
         return lines
@@ -190,10 +181,10 @@ class ProcessSource:
 
     def _after_silence(self, lasts: float, agents: Mapping[str, int]) -> Iterator[Failed | Hold]:
         """Hold or fail if no line has arrived for too long; `lasts` is the time since, s."""
-        silence = self._options.silence
+        silence = self._max_silence
         if lasts < silence - ROUNDING:
             return
-        if self._options.then == "fail":
+        if self._on_silence == "fail":
             yield self._leave(Failed(f"the other process sent nothing for {silence:g} s"))
         elif not self._silent:
             self._silent = True

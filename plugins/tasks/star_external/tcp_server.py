@@ -11,14 +11,9 @@ from typing import Final, NamedTuple
 
 from star_core import PluginError
 
-MAX_LINE: Final = 65536
-"""Bytes of a line: about 500 goals."""
-
-MAX_UNREAD: Final = 262144
-"""Bytes buffered for a client that does not read."""
-
-CHUNKS: Final = 16
-"""Reads per tick of a line that is too long: the rest is dropped in later ticks."""
+MAX_LINE: Final = 65536  # bytes: about 500 goals
+MAX_UNREAD: Final = 262144  # bytes buffered for a client that does not read
+MAX_READS: Final = 16  # per tick of a line that is too long: the rest is dropped in later ticks
 
 BUSY: Final = b'{"error": "another process is connected", "line": 0}\n'
 
@@ -60,9 +55,8 @@ class TcpServer:
             self._server = socket.create_server((listen, port))
         except OSError as error:
             why = os.strerror(error.errno or 0)  # the error's text repeats the address
-            raise PluginError(
-                f"cannot listen on {listen}:{port}: {why}; choose another 'port'"
-            ) from error
+            message = f"cannot listen on {listen}:{port}: {why}; choose another 'port'"
+            raise PluginError(message, code="address-in-use") from error
         self._server.settimeout(0.0)
         self.address: tuple[str, int] = self._server.getsockname()
         self.client_count = 0
@@ -157,7 +151,7 @@ class TcpServer:
 
     def _receive(self) -> None:
         """Read from the client, as far as the buffer has room."""
-        for _ in range(CHUNKS):
+        for _ in range(MAX_READS):
             if self._client is None or self._ended or len(self._received) > MAX_LINE:
                 return
             try:

@@ -47,7 +47,7 @@ def test_every_verb_has_its_step(commands: Fly) -> None:
         ("takeoff", (0, 1), {"height": 0.8, "speed": 0.2}),
         ("hold", (0, 1), {"for": 2.5}),
         ("goto", (0,), flight),
-        ("external", (1,), {"silence": 5, "then": "fail"}),
+        ("external", (1,), {"max_silence": 5, "on_silence": "fail"}),
         ("land", (0, 1), {}),
     ]
 

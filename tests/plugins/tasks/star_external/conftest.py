@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 
-from star_core import Scene
+from star_core import Scene, fill_defaults
 from star_core.testing import scene
-from star_external import planner_registry
+from star_external import planner_source
 from star_external.external import External
-from star_external.process_source import ConnectionOptions, ProcessSource
+from star_external.process_source import ProcessSource
+from star_external.spec import PROCESS_OPTIONS
 from star_external.tcp_server import TcpServer
 
 SOON = 5.0  # s, by which what was sent over the loopback has arrived
@@ -73,8 +74,10 @@ def room() -> Scene:
 def external(server: TcpServer, room: Scene) -> Callable[..., External]:
     """Make the task of the first two of three agents, with these options."""
 
-    def made(**options: Any) -> External:
-        return External(room, (0, 1), ProcessSource(room, server, ConnectionOptions(**options)))
+    def made(scene: Scene = room, **options: Any) -> External:
+        filled = fill_defaults({"rate": None, **options}, {"properties": PROCESS_OPTIONS})
+        given = {key: value for key, value in filled.items() if key not in {"port", "listen"}}
+        return External(scene, (0, 1), ProcessSource(scene, server, **given))
 
     return made
 
@@ -83,7 +86,7 @@ class Installed(EntryPoint):
     """An entry point of what is at hand: ``theirs = their_package:Planner``."""
 
     def __init__(self, make: Callable[..., object], name: str = "theirs") -> None:
-        super().__init__(name, "their_package:Planner", planner_registry.GROUP)
+        super().__init__(name, "their_package:Planner", planner_source.GROUP)
         vars(self)["make"] = make
 
     def load(self) -> Any:
@@ -96,8 +99,8 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
 
     def installed(*given: EntryPoint | Callable[..., object]) -> None:
         points = [one if isinstance(one, EntryPoint) else Installed(one) for one in given]
-        monkeypatch.setattr(planner_registry, "entry_points", lambda **_group: points)
-        planner_registry._installed.cache_clear()
+        monkeypatch.setattr(planner_source, "entry_points", lambda **_group: points)
+        planner_source._installed.cache_clear()
 
     yield installed
-    planner_registry._installed.cache_clear()
+    planner_source._installed.cache_clear()

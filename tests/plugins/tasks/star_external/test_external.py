@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from star_core import Estimate, Goals, Scene, Status, TaskOutput
 from star_core.testing import estimate, health
 from star_external.external import External
-from star_external.process_source import LINES, ConnectionOptions, ProcessSource
+from star_external.process_source import MAX_LINES, ProcessSource
 from star_external.tcp_server import TcpServer
 
 AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
@@ -158,7 +158,8 @@ def test_a_wrong_line_is_answered_and_changes_nothing(external: Make, connect: C
     client.receive()
     client.receive()
     assert client.receive() == {
-        "error": "no agent named 'cf3' in this step; there are: cf1, cf2", "line": 1,
+        "error": "no agent named 'cf3' in this step; there are: cf1, cf2 [invalid-message]",
+        "line": 1,
     }  # fmt: skip
 
 
@@ -197,16 +198,16 @@ def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -
 
 def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
-    lines = [{"goals": {"cf1": {"position": [i / 100, 0, 1]}}} for i in range(2 * LINES)]
+    lines = [{"goals": {"cf1": {"position": [i / 100, 0, 1]}}} for i in range(2 * MAX_LINES)]
     client.send(*lines)
     door_of(task).accept(SOON)
     door_of(task).receive(0, 0.2)
-    assert goals(step(task)).position[0, 0] == (LINES - 1) / 100
-    assert goals(step(task)).position[0, 0] == (2 * LINES - 1) / 100
+    assert goals(step(task)).position[0, 0] == (MAX_LINES - 1) / 100
+    assert goals(step(task)).position[0, 0] == (2 * MAX_LINES - 1) / 100
 
 
 def test_a_client_that_says_nothing_lets_its_agents_hold(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False, silence=1.0))
+    client, task = connect(), begun(external(lockstep=False, max_silence=1.0))
     flying(task, client, SOMEWHERE)
     assert goals(step(task, 0.95)).position[0].tolist() == [0.5, 0.5, 1.0]
     held = step(task, 1.0)
@@ -216,7 +217,7 @@ def test_a_client_that_says_nothing_lets_its_agents_hold(external: Make, connect
 
 
 def test_it_flies_on_when_it_is_heard_again(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False, silence=1.0))
+    client, task = connect(), begun(external(lockstep=False, max_silence=1.0))
     flying(task, client, ALIVE)
     step(task, 5.0)
     again = flying(task, client, SOMEWHERE, time=5.05)
@@ -225,7 +226,7 @@ def test_it_flies_on_when_it_is_heard_again(external: Make, connect: Connect) ->
 
 
 def test_silence_can_fail_the_step(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False, silence=1.0, then="fail"))
+    client, task = connect(), begun(external(lockstep=False, max_silence=1.0, on_silence="fail"))
     flying(task, client, ALIVE)
     ended = step(task, 1.0)
     assert (ended.status, ended.reason) == (
@@ -234,13 +235,13 @@ def test_silence_can_fail_the_step(external: Make, connect: Connect) -> None:
 
 
 def test_a_wrong_line_is_no_sign_of_life(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False, silence=1.0, then="fail"))
+    client, task = connect(), begun(external(lockstep=False, max_silence=1.0, on_silence="fail"))
     flying(task, client, ALIVE)
     assert flying(task, client, b"nonsense\n", time=1.0).status is Status.FAILURE
 
 
 def test_a_client_that_comes_back_is_greeted_and_flies_on(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False, silence=1.0))
+    client, task = connect(), begun(external(lockstep=False, max_silence=1.0))
     flying(task, client, ALIVE)
     client.close()
     while door_of(task).connected:
@@ -290,7 +291,7 @@ def test_in_lock_step_only_states_are_answered(external: Make, connect: Connect)
 def test_in_lock_step_an_answer_that_is_late_is_not_waited_for_twice(
     external: Make, connect: Connect
 ) -> None:
-    client, task = connect(), begun(external(response_timeout=0.05, silence=1.0))
+    client, task = connect(), begun(external(response_timeout=0.05, max_silence=1.0))
     assert step(task) == TaskOutput()
     for tick in range(1, 20):
         step(task, tick * 0.05)
@@ -303,17 +304,13 @@ def test_in_lock_step_an_answer_that_is_late_is_not_waited_for_twice(
     assert client.receive()["time"] == 1.05  # no state stood between without an answer
 
 
-def test_on_hardware_nothing_waits(server: TcpServer, room: Scene, connect: Connect) -> None:
+def test_on_hardware_nothing_waits(
+    external: Make, server: TcpServer, room: Scene, connect: Connect
+) -> None:
     connect()
     server.accept(SOON)
     hardware = replace(room, realtime=True)
-    task = begun(
-        External(
-            hardware,
-            (0,),
-            ProcessSource(hardware, server, ConnectionOptions(response_timeout=1000.0)),
-        )
-    )
+    task = begun(external(scene=hardware, response_timeout=1000.0))
     assert step(task) == TaskOutput()
 
 
@@ -325,7 +322,9 @@ def test_goals_of_who_left_are_gone_and_refused(external: Make, connect: Connect
     assert flying(task, client, SOMEWHERE, time=0.1).goals is None
     said = [client.receive() for _ in range(6)]
     assert [line["agents"] for line in said if "star" in line] == [["cf1", "cf2"], ["cf2"]]
-    assert said[-1]["error"] == "no agent named 'cf1' in this step; there are: cf2"
+    assert said[-1]["error"] == (
+        "no agent named 'cf1' in this step; there are: cf2 [invalid-message]"
+    )
 
 
 def test_who_takes_a_part_takes_its_goal(external: Make, connect: Connect) -> None:

@@ -26,8 +26,7 @@ from star_core import (
 )
 from star_core.testing import estimate, health, scene
 from star_external.planner import Done, ExternalPlanner, Failed, Goal
-from star_external.planner_registry import GROUP
-from star_external.planner_source import PlannerSource
+from star_external.planner_source import GROUP, PlannerSource
 
 AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
 WHO = "external planner 'theirs' (their_package:Planner): "

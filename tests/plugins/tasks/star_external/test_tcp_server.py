@@ -188,6 +188,7 @@ def test_a_port_that_is_taken_is_an_error(server: TcpServer) -> None:
         TcpServer(host, port)
     assert str(error.value) == (
         f"cannot listen on 127.0.0.1:{port}: Address already in use; choose another 'port'"
+        " [address-in-use]"
     )
 
 

@@ -14,8 +14,8 @@ import star_external
 from star_core import Task, TaskSpec, fill_defaults
 from star_core.plugin_schema import held
 from star_core.testing import scene
-from star_external.checks import check
-from star_external.planner_registry import GROUP
+from star_external.planner_source import GROUP
+from star_external.spec import check
 
 ROOM = scene(2)
 ORBIT = EntryPoint("orbit", "their_package:Orbit", GROUP)
@@ -82,13 +82,13 @@ def test_a_name_is_no_address() -> None:
 
 
 def test_a_silence_is_longer_than_from_state_to_state() -> None:
-    ((path, message),) = told(silence=0.5, rate=2)
-    assert path == ("silence",)
+    ((path, message),) = told(max_silence=0.5, rate=2)
+    assert path == ("max_silence",)
     assert message == ("a silence of 0.5 s is not longer than the period of state lines, 0.5 s")
 
 
 def test_options_that_are_well_have_no_problem() -> None:
-    assert told(listen="0.0.0.0", silence=1, rate=2, port=0) == []  # noqa: S104 -- an option
+    assert told(listen="0.0.0.0", max_silence=1, rate=2, port=0) == []  # noqa: S104 -- an option
 
 
 def test_planners_that_are_installed_are_offered(install: Callable[..., None]) -> None:
@@ -128,8 +128,8 @@ def test_two_planners_of_one_name_are_told(install: Callable[..., None]) -> None
     [
         ("port", 5800),
         ("listen", "127.0.0.2"),
-        ("silence", 1),
-        ("then", "fail"),
+        ("max_silence", 1),
+        ("on_silence", "fail"),
         ("response_timeout", 5),
         ("lockstep", False),
     ],

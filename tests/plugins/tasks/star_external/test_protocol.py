@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from star_core import InputError, Obstacle
 from star_core.testing import scene
-from star_external.messages import read
 from star_external.planner import Done, Failed, Goal
+from star_external.protocol import read
 
 ROOM = scene(2)
 PILLAR = Obstacle("pillar", (((4.0, 4.0), (5.0, 4.0), (5.0, 5.0), (4.0, 5.0)),), (0.0, 3.0))
@@ -46,7 +46,8 @@ def said(value: Any) -> Any:
 def refused(value: Any) -> str:
     with pytest.raises(InputError) as error:
         said(value)
-    return str(error.value)
+    assert error.value.code == "invalid-message"
+    return str(error.value).removesuffix(" [invalid-message]")
 
 
 def wrong_goal(**goal: Any) -> str:

@@ -1,0 +1,190 @@
+"""The verb ``external``: its options as JSON Schema, their checks, and the factory of its task."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from functools import partial
+from ipaddress import AddressValueError, IPv4Address
+from typing import TYPE_CHECKING, Any, Final
+
+from star_core import Exclusive, PluginError, Problem, TaskSpec
+from star_external.planner_source import GROUP, find_planner, planner_names
+from star_external.protocol import DEFAULT_TIMEOUT, ticks_between
+
+if TYPE_CHECKING:
+    from star_core import Scene, Task
+    from star_external.tcp_server import TcpServer
+
+log = logging.getLogger(__name__)
+
+PROCESS_OPTIONS: Final[dict[str, dict[str, Any]]] = {
+    "port": {
+        "type": "integer",
+        "minimum": 0,
+        "maximum": 65535,
+        "description": "TCP port to listen on; 0 selects a free port, which is logged.",
+        "default": 5799,
+    },
+    "listen": {
+        "type": "string",
+        "description": "IPv4 address to listen on. The default accepts connections from this "
+        "computer only; otherwise any host that reaches the port can control the agents.",
+        "default": "127.0.0.1",
+        "examples": ["0.0.0.0"],  # noqa: S104 -- what an editor shows, not the default
+    },
+    "max_silence": {
+        "type": "number",
+        "exclusiveMinimum": 0,
+        "description": "Maximum time without a line from the other process, s.",
+        "default": 2.0,
+    },
+    "on_silence": {
+        "enum": ["hold", "fail"],
+        "description": "What to do after that time: hold the agents' positions until a line "
+        "arrives, or fail the step.",
+        "default": "hold",
+    },
+    "response_timeout": {
+        "type": "number",
+        "minimum": 0,
+        "description": "Time to wait for the connection, and in lock-step for each answer, s; "
+        "wall time in lock-step, else mission time.",
+        "default": 10.0,
+    },
+    "lockstep": {
+        "type": "boolean",
+        "description": "Whether a simulation waits for one line in answer to each state line, so "
+        "that flights are reproducible; on hardware it never waits.",
+        "default": True,
+    },
+}  # which do not go with a planner
+
+
+def spec() -> TaskSpec:
+    """Return the verb, with all installed planners in its schema.
+
+    Steps of one flight with the same port share its server.
+    """
+    names = planner_names()
+    installed = {"enum": list(names)} if names else {}  # an empty enum is not a valid schema
+    return TaskSpec(
+        name="external",
+        before="air",
+        summary="Fly to goals sent by another process through a socket, or by an installed "
+        "planner.",
+        make=partial(make, {}),
+        check=check,
+        exclusive=Exclusive(options=("listen", "port"), unless="planner", timeout=DEFAULT_TIMEOUT),
+        options={
+            "type": "object",
+            "properties": {
+                "planner": {
+                    "type": "string",
+                    **installed,
+                    "description": "Planner in this process that provides the goals; entry points "
+                    f"of {GROUP}: {', '.join(names) or 'none'}. If not given, another "
+                    "process provides them.",
+                },
+                "rate": {
+                    "type": "number",
+                    "exclusiveMinimum": 0,
+                    "description": "Rate of state lines, or of calls to the planner, 1/s, rounded "
+                    "to whole ticks; at most, and if not given, once per tick.",
+                    "examples": [10],
+                },
+                **PROCESS_OPTIONS,
+            },
+            "examples": [{"port": 5799, "timeout": 60}],
+        },
+    )
+
+
+def check(
+    scene: Scene,
+    _rows: tuple[int, ...],
+    *,
+    planner: str | None = None,
+    rate: float | None = None,
+    **options: Any,
+) -> Iterator[Problem]:
+    """Yield problems with these options."""
+    changed = [key for key, rules in PROCESS_OPTIONS.items() if options[key] != rules["default"]]
+    if planner is not None:
+        try:
+            find_planner(planner)
+        except PluginError as error:
+            yield Problem(("planner",), str(error), error.code)
+        for key in changed:
+            yield Problem(
+                (key,),
+                f"{key!r} applies to another process, but planner {planner!r} runs in this one; "
+                "remove one of the two",
+                "option-conflict",
+            )
+        return
+    try:
+        IPv4Address(options["listen"])
+    except AddressValueError:
+        yield Problem(
+            ("listen",),
+            f"{options['listen']!r} is not an IPv4 address, expected one like 127.0.0.1",
+            "invalid-address",
+        )
+    apart = ticks_between(rate, scene.period) * scene.period
+    silence = options["max_silence"]
+    if silence <= apart:
+        yield Problem(
+            ("max_silence" if "max_silence" in changed else "rate",),
+            f"a silence of {silence:g} s is not longer than the period of state lines, {apart:g} s",
+            "out-of-range",
+        )
+
+
+def make(
+    servers: dict[tuple[str, int], TcpServer],
+    scene: Scene,
+    rows: tuple[int, ...],
+    *,
+    planner: str | None = None,
+    rate: float | None = None,
+    port: int,
+    listen: str,
+    **options: Any,
+) -> Task:
+    """Return the task, with its planner created or its port open, so that errors precede takeoff.
+
+    Args:
+        servers: Open servers, by address.
+        scene: The mission's scene.
+        rows: Rows of the agents.
+        planner: Name of the planner; None for another process.
+        rate: Rate of state lines or of calls to the planner, 1/s; None for every tick.
+        port: Port to listen on.
+        listen: Address to listen on.
+        options: Other options of `ProcessSource`.
+
+    Raises:
+        PluginError: The planner cannot be created, or the port cannot be opened.
+    """
+    from star_external.external import External
+    from star_external.planner_source import PlannerSource
+    from star_external.process_source import ProcessSource
+    from star_external.tcp_server import TcpServer
+
+    if planner is not None:
+        return External(scene, rows, PlannerSource(scene, rows, find_planner(planner), rate))
+    server = servers.get((listen, port))
+    if server is None or server.closed:
+        server = servers[listen, port] = TcpServer(listen, port)
+        _log_address(server, asked=port)
+    return External(scene, rows, ProcessSource(scene, server, rate=rate, **options))
+
+
+def _log_address(server: TcpServer, asked: int) -> None:
+    """Log a port that was chosen automatically, and warn if other hosts can connect."""
+    host, port = server.address
+    if asked == 0:
+        log.warning("external: listens on %s:%d", host, port)
+    if not IPv4Address(host).is_loopback:
+        log.warning("external: any host that reaches %s:%d can control the agents", host, port)
