@@ -26,7 +26,14 @@ MISSIONS = Path(__file__).parents[2] / "missions"
 FILES = sorted(MISSIONS.glob("*.yaml"))
 README = (MISSIONS / "README.md").read_text(encoding="utf-8")
 MOST_LINES = 40
-HEAVY = ("numba", "scipy", "cv2", "gtsam", "cflib", "star_external.tcp_server")  # numpy and shapely may
+HEAVY = (
+    "numba",
+    "scipy",
+    "cv2",
+    "gtsam",
+    "cflib",
+    "star_external.tcp_server",
+)  # numpy and shapely may
 
 
 def verbs(steps: list[dict[str, Any]]) -> Iterator[str]:
