@@ -34,7 +34,7 @@ from star_core import (
     rotation_from_quaternion,
     square_corners,
 )
-from star_core.rotations import turned
+from star_core.world.quaternions import turned
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import floor
 from star_sim.camera_sim.renderer import Renderer

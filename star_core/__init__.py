@@ -10,7 +10,6 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
-    from star_core.camera import Camera
     from star_core.cli.run_folders import new_folder
     from star_core.contracts import (
         Avoider,
@@ -72,10 +71,11 @@ if TYPE_CHECKING:
     from star_core.toolkit.square_pose import square_corners, square_poses
     from star_core.toolkit.timeouts import step_timeout, timeout
     from star_core.toolkit.trajectory import polynomial, transformed
-    from star_core.world import Fence, Obstacle, Tag, World
+    from star_core.world.camera import Camera
+    from star_core.world.world import Fence, Obstacle, Tag, World
 
 _HOME = {
-    "star_core.camera": ("Camera",),
+    "star_core.world.camera": ("Camera",),
     "star_core.contracts": (
         "Avoider", "AvoiderSpec", "CommandSpec", "Exclusive", "Localizer", "LocalizerSpec",
         "Planner", "PlannerSpec", "Problem", "Status", "StepGoal", "Task", "TaskOutput", "TaskSpec",
@@ -112,7 +112,7 @@ _HOME = {
     "star_core.toolkit.square_pose": ("square_corners", "square_poses"),
     "star_core.toolkit.timeouts": ("step_timeout", "timeout"),
     "star_core.toolkit.trajectory": ("polynomial", "transformed"),
-    "star_core.world": ("Fence", "Obstacle", "Tag", "World"),
+    "star_core.world.world": ("Fence", "Obstacle", "Tag", "World"),
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOME.items() for name in names}
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from star_core.camera import Camera
 from star_core.errors import InputError, PluginError
 from star_core.mission_file import schema
 from star_core.mission_file import world_loader as world_file
@@ -23,7 +22,8 @@ from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat, act
 from star_core.plugin_schema import SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
-from star_core.world import Fence, World
+from star_core.world.camera import Camera
+from star_core.world.world import Fence, World
 
 # What stands for the parts of a mission that are not known while the others are checked.
 NO_WORLD: Final = World("", Fence((-math.inf,) * 3, (math.inf,) * 3))

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from star_core.camera import Camera
 from star_core.errors import InputError, suggestion
-from star_core.rotations import Point
-from star_core.world import World
+from star_core.world.camera import Camera
+from star_core.world.quaternions import Point
+from star_core.world.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from star_core.messages.transforms import Transform
 from star_core.pipeline import checked_estimate, checked_plan, checked_setpoint
 from star_core.plugin_guard import require_methods
 from star_core.scene import Agent, Limits, Scene
-from star_core.world import Fence, World
+from star_core.world.world import Fence, World
 
 
 def scene(n: int, *, rate: float = 20.0, limits: Limits | None = None, seed: int = 0) -> Scene:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from star_core.camera import camera_faults
 from star_core.errors import InputError
 from star_core.mission import checked
 from star_core.mission_file import schema
@@ -13,6 +12,7 @@ from star_core.mission_file.includes import check_alone, lacking
 from star_core.mission_file.located_document import Document, kind_of, override, read
 from star_core.mission_file.world_loader import world
 from star_core.registry import Registry
+from star_core.world.camera import camera_faults
 
 
 def check_file(path: Path, assignments: Sequence[str], registry: Registry) -> str:

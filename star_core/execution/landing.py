@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from star_core.execution.goal_buffer import GoalBuffer
-from star_core.geometry.obstacle_distance import distance
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command
 from star_core.messages.state import AgentPhase, Estimate, among
@@ -179,6 +178,6 @@ class LandingManager:
             foot, crest = obstacle.height
             if foot < top:
                 level = np.full((len(candidates), 1), min(top, crest))
-                away = distance(np.hstack([candidates, level]), obstacle)
+                away = obstacle.distances(np.hstack([candidates, level]))
                 free &= away >= OBSTACLE_CLEARANCE + 2 * extra
         return free

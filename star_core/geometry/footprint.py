@@ -9,7 +9,7 @@ from typing import Final
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from star_core.world import Obstacle
+from star_core.world.world import Obstacle
 
 STEPS: Final = 4
 """Chords of a quarter of a circle around a corner."""

@@ -10,12 +10,11 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs
-from star_core.geometry.obstacle_distance import distance
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.events import Tick
 from star_core.messages.state import AIRBORNE, AgentPhase, Paths, among
 from star_core.scene import Scene
-from star_core.world import CONTACT_RADIUS
+from star_core.world.world import CONTACT_RADIUS
 
 HYSTERESIS: Final = 0.02  # m beyond the limit at which a close approach is over
 COLLISION_DISTANCE: Final = 2 * CONTACT_RADIUS  # m between two agents
@@ -186,7 +185,7 @@ class Contacts:
         """Compare (N, 3) positions, m, with the obstacles."""
         if not self._obstacles:
             return []
-        clearances = np.array([distance(position, one) for one in self._obstacles])  # (K, N)
+        clearances = np.array([one.distances(position) for one in self._obstacles])  # (K, N)
         clearances[~np.isfinite(clearances)] = np.inf  # an unknown position touches nothing
         clearance = clearances.min(axis=0)
         hitting = clearance < CONTACT_RADIUS

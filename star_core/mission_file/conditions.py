@@ -12,8 +12,8 @@ from star_core.errors import suggestion
 if TYPE_CHECKING:
     from star_core.messages.events import Event
     from star_core.messages.state import Estimate, Health
-    from star_core.rotations import Point
     from star_core.scene import Scene
+    from star_core.world.quaternions import Point
 
 Condition: TypeAlias = Mapping[str, Any]
 

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any, TypeAlias
 
-from star_core.geometry.polygons import around_circle, box, outline_fault
-from star_core.world import Corner, Fence, Obstacle, wall
+from star_core.world.outlines import around_circle, box, outline_fault, wall
+from star_core.world.world import Corner, Fence, Obstacle
 
 Fault: TypeAlias = tuple[tuple[str | int, ...], str]
 

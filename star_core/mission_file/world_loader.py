@@ -10,8 +10,8 @@ from typing import Any, Final
 from star_core.errors import InputError
 from star_core.mission_file.located_document import Document
 from star_core.mission_file.obstacles import Fault, obstacle, obstacle_faults
-from star_core.rotations import Point, moved, turned
-from star_core.world import Fence, Obstacle, Tag, World
+from star_core.world.quaternions import Point, moved, turned
+from star_core.world.world import Fence, Obstacle, Tag, World
 
 SIZE: Final = 0.168
 """Edge of the black square of a tag that is printed to fill an A4 sheet, m."""

@@ -10,9 +10,9 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core.camera import Camera
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.rotations import Pose, rotation_from_quaternion
+from star_core.world.camera import Camera
 
 WIDEST: Final = (
     10.0  # tangent of the angle off the axis, 84 degrees, up to which a lens is examined

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from star_core.camera import Camera
 from star_core.errors import ContractError, InputError
 from star_core.messages.vision import Detections, Frames, Sightings
 from star_core.mission import Mission, load
 from star_core.registry import Registry
-from star_core.rotations import moved, product, turned
+from star_core.world.camera import Camera
+from star_core.world.quaternions import moved, product, turned
 
 WORLD = """\
 star: 1

@@ -13,11 +13,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
-from star_core.geometry import obstacle_distance as clearance
 from star_core.mission_file.located_document import Document
 from star_core.mission_file.world_loader import world
 from star_core.mission_file.yaml_source import parse
-from star_core.world import CONTACT_RADIUS, Fence, Obstacle, World, wall
+from star_core.world.outlines import wall
+from star_core.world.world import CONTACT_RADIUS, Fence, Obstacle, World
 
 Corner: TypeAlias = tuple[float, float]
 Point: TypeAlias = tuple[float, float, float]
@@ -180,7 +180,7 @@ def test_a_point_is_as_far_from_an_obstacle_as_flights_are_judged_by(
     polygon: tuple[Corner, ...], point: Point
 ) -> None:
     thing = Obstacle("thing", (polygon, PILLAR.polygons[0]), (-1, 2))
-    (judged,) = clearance.distance(np.array([point]), thing)
+    (judged,) = thing.distances(np.array([point]))
     assert thing.distance(point, point[2]) == pytest.approx(judged, abs=1e-9)
 
 

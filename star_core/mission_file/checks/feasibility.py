@@ -14,9 +14,9 @@ from star_core.mission_file.sound_parts import Incomplete
 from star_core.mission_file.step_tree import within
 from star_core.plugin_schema import JOIN, RESERVE
 from star_core.registry import Registry
-from star_core.rotations import Point
 from star_core.scene import Scene
-from star_core.world import CONTACT_RADIUS, Fence
+from star_core.world.quaternions import Point
+from star_core.world.world import CONTACT_RADIUS, Fence
 
 Path: TypeAlias = tuple[str | int, ...]
 Fault: TypeAlias = tuple[Path, str]

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from star_core.camera import camera_faults
 from star_core.errors import suggestion
 from star_core.mission_file import conditions
 from star_core.mission_file.checks import feasibility as room
@@ -18,6 +17,7 @@ from star_core.mission_file.step_tree import begun, within
 from star_core.plugin_schema import JOIN, SHARED
 from star_core.registry import Registry
 from star_core.scene import Scene
+from star_core.world.camera import camera_faults
 
 
 def of_mission(

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core.geometry.footprint import OVER, footprint
-from star_core.geometry.polygons import box
-from star_core.world import Obstacle, wall
+from star_core.world.outlines import box, wall
+from star_core.world.world import Obstacle
 
 Corner: TypeAlias = tuple[float, float]
 

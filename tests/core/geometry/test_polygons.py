@@ -10,7 +10,7 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from star_core.geometry.polygons import THIN, around_circle, box, outline_fault
+from star_core.world.outlines import THIN, around_circle, box, outline_fault
 
 Corner: TypeAlias = tuple[float, float]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from star_core import Fence, Obstacle, World
-from star_core.world import wall
+from star_core.world.outlines import wall
 from star_orca.edges import layer_at
 from star_orca.outlines import A_JUTS, AX, AY, B_JUTS, LENGTH, MARGIN, UX, UY, Outlines, outlines
 

@@ -33,9 +33,8 @@ from star_core import (
     World,
     fill_defaults,
 )
-from star_core.geometry.polygons import box
 from star_core.testing import estimate, scene
-from star_core.world import wall
+from star_core.world.outlines import box, wall
 
 N = 3
 tables = arrays(np.float64, (N, 3), elements=st.floats(-3, 3))

@@ -14,9 +14,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from star_core import Array, Fence, Limits, Obstacle, Scene, World
-from star_core.geometry.polygons import box
 from star_core.testing import scene
-from star_core.world import wall
+from star_core.world.outlines import box, wall
 from star_visibility.network import Work
 from star_visibility.routes import Routes
 

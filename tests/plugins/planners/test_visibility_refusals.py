@@ -26,10 +26,10 @@ from star_core import (
     load,
 )
 from star_core import fly as fly_mission
-from star_core.geometry.polygons import box
 from star_core.registry import Registry
 from star_core.testing import estimate, scene
-from star_core.world import CONTACT_RADIUS
+from star_core.world.outlines import box
+from star_core.world.world import CONTACT_RADIUS
 
 CLEARANCE = 0.2
 WALL = Obstacle("wall", (box((-0.5, 0), (1, 2), 0.0),), (0.0, 1.5))

@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import shortest_path
 
 from star_core import Array, Fence, Obstacle, Scene, World, footprint
-from star_core.geometry.polygons import box
 from star_core.testing import scene
-from star_core.world import wall
+from star_core.world.outlines import box, wall
 from star_visibility.routes import Routes
 
 Corner: TypeAlias = tuple[float, float]

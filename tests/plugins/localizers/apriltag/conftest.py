@@ -34,7 +34,7 @@ from star_core import (
     rotation_from_quaternion,
     square_corners,
 )
-from star_core.rotations import Quaternion, turned
+from star_core.world.quaternions import Quaternion, turned
 from tests.plugins.localizers.vision.conftest import seen
 
 RADIUS, SPEED, HEIGHT = 1.0, 0.28, 0.8  # m, m/s and m

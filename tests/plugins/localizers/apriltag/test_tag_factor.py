@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from star_apriltag.tag_factor import HUBER, _by_mounting, factor
 from star_apriltag.vision.body_pose import AT_REST, Motion, View, reproject
 from star_core import Array, Pose, rotation_from_quaternion, rotation_from_vector
-from star_core.rotations import turned
+from star_core.world.quaternions import turned
 from tests.plugins.localizers.apriltag.conftest import LENS, Circle, sheets, views
 
 MOUNTING = LENS.mounting

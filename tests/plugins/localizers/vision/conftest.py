@@ -22,7 +22,7 @@ from star_core import (
     rotation_from_quaternion,
     square_corners,
 )
-from star_core.rotations import turned
+from star_core.world.quaternions import turned
 
 FINE = 4  # by which images are painted larger than they are, along each side
 BLUR, NOISE = 0.7, 4.0  # px and grey values

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from star_core import Frames, PluginError
-from star_core.camera import Camera
 from star_core.testing import scene
+from star_core.world.camera import Camera
 from star_fleet.aideck.server import AideckServer
 from star_radio.camera.ai_decks import AiDecks
 from tests.plugins.transports.star_radio.conftest import Open, Peers

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Fence, Obstacle, World
-from star_core.rotations import turned
+from star_core.world.quaternions import turned
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import Floor, floor
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from star_core import Camera
-from star_core.rotations import moved
+from star_core.world.quaternions import moved
 from star_sim.camera_sim.camera_pose import Shot, mounting, poses
 from star_sim.camera_sim.optics import optics
 

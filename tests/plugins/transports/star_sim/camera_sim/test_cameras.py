@@ -11,8 +11,8 @@ import pytest
 
 import star_sim
 from star_core import Agent, Array, Camera, Command, Order, Rows, Scene, Tag
-from star_core.rotations import turned
 from star_core.testing import scene
+from star_core.world.quaternions import turned
 from star_sim.airframe import STEP
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.cameras import NEVER, Cameras

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from star_core import Camera, Tag
-from star_core.rotations import turned
+from star_core.world.quaternions import turned
 from star_sim.camera_sim.ground_truth import real_camera, real_tags
 
 WALL = turned(math.pi / 2, 0.0, 0.7)

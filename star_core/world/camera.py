@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from star_core.rotations import Point, Quaternion, product, turned
+from star_core.world.quaternions import Point, Quaternion, product, turned
 
 FORWARD: Quaternion = (-0.5, 0.5, -0.5, 0.5)
 """From a camera's frame to the body's, for a camera that looks straight ahead, the right way up."""

@@ -1,13 +1,13 @@
-"""Outlines in the map's x-y plane: of boxes and cylinders, and what makes one no polygon."""
+"""Outlines in the map's x-y plane: of boxes, cylinders and walls, and why one is not a polygon."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final
 
-from star_core.world import Corner
+from star_core.world.world import Corner
 
 SIDES: Final = 24
 """Sides of the polygon around a cylinder; its corners are 0.9 % farther out than the circle."""
@@ -54,6 +54,31 @@ def around_circle(centre: Sequence[float], radius: float) -> tuple[Corner, ...]:
     reach = radius / math.cos(math.pi / SIDES)
     angles = (math.tau * i / SIDES for i in range(SIDES))
     return tuple((x + reach * math.cos(angle), y + reach * math.sin(angle)) for angle in angles)
+
+
+def wall(points: Iterable[Corner], thickness: float) -> tuple[tuple[Corner, ...], ...]:
+    """Return one rectangle for each stretch of a wall along `points`.
+
+    Each rectangle reaches half a thickness beyond the ends of its stretch, so that corners close.
+
+    >>> wall([(0, 0), (2, 0)], 0.2)
+    (((-0.1, -0.1), (2.1, -0.1), (2.1, 0.1), (-0.1, 0.1)),)
+    """
+    line = list(points)
+    half = thickness / 2
+    pieces = []
+    for (ax, ay), (bx, by) in pairwise(line):
+        length = math.hypot(bx - ax, by - ay)
+        ux, uy = (bx - ax) / length * half, (by - ay) / length * half  # along the wall
+        pieces.append(
+            (
+                (ax - ux + uy, ay - uy - ux),
+                (bx + ux + uy, by + uy - ux),
+                (bx + ux - uy, by + uy + ux),
+                (ax - ux - uy, ay - uy + ux),
+            )
+        )
+    return tuple(pieces)
 
 
 def outline_fault(corners: Sequence[Corner]) -> str | None:

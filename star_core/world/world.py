@@ -1,21 +1,25 @@
-"""The world a mission flies in: geofence, obstacles and tags, as plain numbers.
+"""The world of a mission: geofence, obstacles and tags, as plain numbers.
 
-Nothing here imports numpy, so that ``star check`` stays quick.
+shapely, and numpy with it, is imported when the first distance to an obstacle is computed.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import Final, TypeAlias
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, TypeAlias
 
-from star_core.rotations import Point, Quaternion
+from star_core.world.quaternions import Point, Quaternion
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from shapely import GeometryCollection
 
 CONTACT_RADIUS: Final = 0.06
-"""Half a Crazyflie's span with propellers, m: two drones nearer than twice this collide, and one
-nearer than this to an obstacle hits it."""
+"""Half a Crazyflie's span with propellers, m: two drones closer than twice this collide, and one
+closer than this to an obstacle hits it."""
 
 Corner: TypeAlias = tuple[float, float]
 
@@ -33,7 +37,7 @@ class Fence:
     high: Point
 
     def contains(self, point: Point) -> bool:
-        """Whether `point` (map frame, m) is inside or on the fence.
+        """Return whether `point` (map frame, m) is inside or on the fence.
 
         >>> Fence((-1, -1, 0), (1, 1, 2)).contains((0.0, 0.5, 3.0))
         False
@@ -44,7 +48,7 @@ class Fence:
         )
 
     def distance(self, point: Point) -> float:
-        """Return how far `point` (map frame, m) is outside the fence, m; 0 inside.
+        """Return the distance of `point` (map frame, m) outside the fence, m; 0 inside.
 
         >>> Fence((-1, -1, 0), (1, 1, 2)).distance((4.0, 0.0, 6.0))
         5.0
@@ -57,14 +61,14 @@ class Fence:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Obstacle:
-    """An upright prism, or several that make one thing.
+    """An upright prism, or several that belong together.
 
     Attributes:
-        name: As the world file calls it.
+        name: In the world file.
         polygons: Corners of each piece in the map's x-y plane, m; a piece may be concave.
-        height: z of its foot and of its top, m.
+        height: z of its bottom and of its top, m.
         boxes: Least x and y, and greatest x and y, of each piece, m.
     """
 
@@ -89,26 +93,23 @@ class Obstacle:
             above: Distance above and below the box that is near, m.
         """
         x, y, z = point
-        foot, top = self.height
-        return foot - above <= z <= top + above and any(
-            left - beside <= x <= right + beside and bottom - beside <= y <= back + beside
-            for (left, bottom), (right, back) in self.boxes
+        bottom, top = self.height
+        return bottom - above <= z <= top + above and any(
+            left - beside <= x <= right + beside and front - beside <= y <= back + beside
+            for (left, front), (right, back) in self.boxes
         )
 
     def contains(self, point: Point) -> bool:
-        """Whether `point` (map frame, m) is inside.
+        """Return whether `point` (map frame, m) is inside.
 
         >>> pillar = Obstacle("pillar", (((0, 0), (1, 0), (1, 1), (0, 1)),), (0, 2))
         >>> pillar.contains((0.5, 0.5, 1.0)), pillar.contains((0.5, 0.5, 2.5))
         (True, False)
         """
-        foot, top = self.height
-        return foot <= point[2] <= top and any(
-            _inside(point[0], point[1], polygon) for polygon in self.polygons
-        )
+        return self.gaps(point) == (0.0, 0.0)
 
     def distance(self, low: Point, high: float) -> float:
-        """Return how far the upright line from `low` (map frame, m) to z `high` is from it, m.
+        """Return the distance of the upright line from `low` (map frame, m) to z `high`, m.
 
         0 where they meet. With `high` at the height of `low`, or below, it is that of a point.
 
@@ -116,32 +117,57 @@ class Obstacle:
         >>> shelf.distance((4.0, 5.0, 0.0), 1.5), shelf.distance((0.5, 0.5, 0.0), 0.75)
         (5.0, 0.25)
         """
-        x, y, z = low
-        foot, top = self.height
-        beside = min(_away(x, y, polygon) for polygon in self.polygons)
-        return math.hypot(beside, max(foot - max(high, z), z - top, 0.0))
+        beside, _ = self.gaps(low)
+        bottom, top = self.height
+        return math.hypot(beside, max(bottom - max(high, low[2]), low[2] - top, 0.0))
+
+    def distances(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distances of (N, 3) positions in the map, m, 0 inside: (N,) m.
+
+        >>> import numpy as np
+        >>> pillar = Obstacle("pillar", (((0, 0), (1, 0), (1, 1), (0, 1)),), (0, 2))
+        >>> pillar.distances(np.array([[2.0, 0.5, 1.0], [0.5, 0.5, 3.0], [0.5, 0.5, 1.0]]))
+        array([1., 1., 0.])
+        """
+        import numpy as np
+        import shapely
+
+        bottom, top = self.height
+        above = np.maximum(0.0, np.maximum(bottom - position[:, 2], position[:, 2] - top))
+        with np.errstate(invalid="ignore"):  # NaN has the distance inf
+            beside = shapely.distance(self._area, shapely.points(position[:, :2]))
+        distances: NDArray[np.float64] = np.hypot(beside, above)
+        return distances
 
     def gaps(self, point: Point) -> tuple[float, float]:
-        """Return how far `point` (map frame, m) is beside it, and above or below it, m.
+        """Return the distances of `point` (map frame, m) beside it, and above or below it, m.
 
         >>> pillar = Obstacle("pillar", (((0, 0), (1, 0), (1, 1), (0, 1)),), (0, 2))
         >>> pillar.gaps((1.5, 0.5, 1.0)), pillar.gaps((0.5, 0.5, 2.25))
         ((0.5, 0.0), (0.0, 0.25))
         """
+        import shapely
+
         x, y, z = point
-        foot, top = self.height
-        beside = min(_away(x, y, polygon) for polygon in self.polygons)
-        return beside, max(foot - z, z - top, 0.0)
+        bottom, top = self.height
+        return float(self._area.distance(shapely.Point(x, y))), max(bottom - z, z - top, 0.0)
 
     def touched(self, low: Point, high: float) -> bool:
-        """Whether a drone touches it that is on the upright line from `low` to z `high`.
+        """Return whether a drone touches it that is on the upright line from `low` to z `high`.
 
-        It does where its middle is nearer than `CONTACT_RADIUS`.
+        It does where its center is closer than `CONTACT_RADIUS`.
         """
         x, y, z = low
         nearest = x, y, min(max(z, self.height[0]), max(high, z))  # of the line in height
         near = self.is_near(nearest, CONTACT_RADIUS, CONTACT_RADIUS)
         return near and self.distance(low, high) < CONTACT_RADIUS
+
+    @cached_property
+    def _area(self) -> GeometryCollection:
+        """Its pieces in the map's x-y plane, which may overlap."""
+        import shapely
+
+        return shapely.GeometryCollection([shapely.Polygon(piece) for piece in self.polygons])
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +177,7 @@ class Tag:
     Attributes:
         id: Its number, 0 to 586.
         size: Edge of its black square, m.
-        position: Its centre, map frame, m.
+        position: Its center, map frame, m.
         rotation: From the tag's frame to the map. As one reads the tag, x points right and y up;
             z points out of the paper.
         of: The landmark or target that it belongs to.
@@ -166,14 +192,14 @@ class Tag:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """Where a mission flies.
+    """The environment of a mission.
 
     Attributes:
         name: For records.
         fence: The geofence.
-        obstacles: What to stay clear of.
-        landmarks: Tags whose places are known: what localizers look for.
-        targets: Tags to be found. Where they are is for simulators only.
+        obstacles: To stay clear of.
+        landmarks: Tags with known poses, for localizers.
+        targets: Tags to be found. Their poses are for simulators only.
     """
 
     name: str
@@ -196,7 +222,7 @@ class World:
         return self.contact_fault(point)
 
     def contact_fault(self, point: Point) -> str | None:
-        """Say which obstacle a drone at `point` (map frame, m) touches, or return None if none."""
+        """Return which obstacle a drone at `point` (map frame, m) touches, or None."""
         for obstacle in self.obstacles:
             if obstacle.touched(point, point[2]):
                 away = obstacle.distance(point, point[2])
@@ -207,7 +233,7 @@ class World:
         return None
 
     def overhead(self, point: Point, height: float) -> Obstacle | None:
-        """Return the lowest obstacle that a drone touches which climbs from `point` to z `height`.
+        """Return the lowest obstacle that a drone touches that climbs from `point` to z `height`.
 
         Args:
             point: Where the climb begins, map frame, m.
@@ -215,57 +241,6 @@ class World:
         """
         touched = [obstacle for obstacle in self.obstacles if obstacle.touched(point, height)]
         return min(touched, key=lambda obstacle: obstacle.height[0], default=None)
-
-
-def wall(points: Iterable[Corner], thickness: float) -> tuple[tuple[Corner, ...], ...]:
-    """Return one rectangle for each stretch of a wall along `points`.
-
-    Each rectangle reaches half a thickness beyond the ends of its stretch, so that corners close.
-
-    >>> wall([(0, 0), (2, 0)], 0.2)
-    (((-0.1, -0.1), (2.1, -0.1), (2.1, 0.1), (-0.1, 0.1)),)
-    """
-    line = list(points)
-    half = thickness / 2
-    pieces = []
-    for (ax, ay), (bx, by) in pairwise(line):
-        length = math.hypot(bx - ax, by - ay)
-        ux, uy = (bx - ax) / length * half, (by - ay) / length * half  # along the wall
-        pieces.append(
-            (
-                (ax - ux + uy, ay - uy - ux),
-                (bx + ux + uy, by + uy - ux),
-                (bx + ux - uy, by + uy + ux),
-                (ax - ux - uy, ay - uy + ux),
-            )
-        )
-    return tuple(pieces)
-
-
-def _inside(x: float, y: float, polygon: tuple[Corner, ...]) -> bool:
-    """Whether a point is inside a polygon, by counting crossings of a ray towards +x."""
-    odd = False
-    for (ax, ay), (bx, by) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
-        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
-            odd = not odd
-    return odd
-
-
-def _away(x: float, y: float, polygon: tuple[Corner, ...]) -> float:
-    """How far a point is from a polygon in the plane, m; 0 inside."""
-    if _inside(x, y, polygon):
-        return 0.0
-    edges = zip(polygon, polygon[1:] + polygon[:1], strict=True)
-    return min(_from_edge(x, y, a, b) for a, b in edges)
-
-
-def _from_edge(x: float, y: float, a: Corner, b: Corner) -> float:
-    """How far a point is from the stretch between two corners, m."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    square = dx * dx + dy * dy
-    along = ((x - a[0]) * dx + (y - a[1]) * dy) / square if square > 0 else 0.0
-    share = min(max(along, 0.0), 1.0)
-    return math.hypot(x - a[0] - share * dx, y - a[1] - share * dy)
 
 
 def _show(point: Point) -> str:

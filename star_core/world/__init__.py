@@ -1,0 +1,1 @@
+"""The static environment as plain numbers: geofence, obstacles, tags and cameras."""
