@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from star_apriltag.vision.detector import ORDER
-from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.tag_measurement import Eye
+from star_apriltag.vision.body_pose import Motion, Prediction
+from star_apriltag.vision.detector import ORDER, Detector
+from star_apriltag.vision.image_analysis import ImageAnalyzer
 from star_core import (
     Array,
     Camera,
@@ -100,17 +100,17 @@ def compare(images: Sequence[Case]) -> dict[str, float]:
     peer = cv2.aruco.ArucoDetector(
         cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), _subpixel()
     )
-    detector, ours, theirs = Eye(Camera(), {}, {}).detector, Score(), Score()
+    detector, ours, theirs = Detector(CameraModel(Camera())), Score(), Score()
     whole: list[int] = []
     for case in images:
-        eye = Eye(Camera(), {tag.id: tag for tag in case.tags}, {})
-        eye.lens.undistort(np.zeros((1, 2)))  # what is worked out once for each camera
+        analyzer = ImageAnalyzer(Camera(), case.tags, {}, guided_matching=True)
+        analyzer.lens.undistort(np.zeros((1, 2)))  # computed once for each camera
         begin = thread_time_ns()
         found = detector.detect(case.image)
         middle = thread_time_ns()
         quads, tags, _ = peer.detectMarkers(case.image)
         late = thread_time_ns()
-        eye.look(case.image, case.prediction)
+        analyzer.analyze(case.image, case.prediction)
         whole.append(thread_time_ns() - late)
         ours.add(case, found.tag, found.corners, middle - begin)
         corners = np.reshape(np.array(quads, np.float64), (-1, 4, 2))[:, ORDER]
@@ -125,10 +125,10 @@ def compare(images: Sequence[Case]) -> dict[str, float]:
         "wrong_numbers": float(ours.wrong),
         "opencv_wrong_numbers": float(theirs.wrong),
         "detect_ratio": float(np.median(np.divide(ours.times, theirs.times))),
-        "look_ratio": float(np.median(np.divide(whole, theirs.times))),
+        "analysis_ratio": float(np.median(np.divide(whole, theirs.times))),
         "detect_ms": float(np.median(ours.times)) / 1e6,
-        "look_ms": float(np.median(whole)) / 1e6,
-        "look_p95_ms": float(np.percentile(whole, 95)) / 1e6,
+        "analysis_ms": float(np.median(whole)) / 1e6,
+        "analysis_p95_ms": float(np.percentile(whole, 95)) / 1e6,
         "opencv_ms": float(np.median(theirs.times)) / 1e6,
     }
 
@@ -153,7 +153,7 @@ def cases(count: int) -> Iterator[Case]:
         velocity = SPEED * np.array([math.cos(yaw), math.sin(yaw), 0.0])
         rates = np.array([0.0, 0.0, rng.uniform(-TURN, TURN)])
         sure = np.diag([0.1, 0.1, 0.07]) ** 2
-        prediction = Prediction(body, sure, roll, pitch, HEIGHT, velocity @ body.rotation, rates)
+        prediction = Prediction(body, sure, Motion(velocity @ body.rotation, rates))
         corners = {tag.id: _seen(lens, tag, prediction) for tag in tags}
         counting = {tag: pixels for tag, pixels in corners.items() if pixels is not None}
         if counting:
@@ -169,7 +169,7 @@ def _seen(lens: CameraModel, tag: Tag, body: Prediction) -> Array | None:
     still = body.pose.inverse().apply(place.apply(square_corners(tag.size)))
     delay = np.zeros((4, 1))
     for _ in range(4):  # until each corner is where it is when its own row is read
-        moved = still + delay * (np.cross(still, body.rates) - body.velocity)
+        moved = still + delay * (np.cross(still, body.motion.rates) - body.motion.velocity)
         camera = lens.mounting.inverse().apply(moved)
         if camera[:, 2].min() < NEAREST or np.linalg.norm(camera.mean(axis=0)) > FARTHEST:
             return None

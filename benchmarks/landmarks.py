@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from star_apriltag.agent_estimator import Settings, Sight, Smoothed
-from star_apriltag.batch import Batched
-from star_apriltag.floor_odometry import Floor
+from star_apriltag.agent_estimator import CameraReport, Settings, SmoothingEstimator
+from star_apriltag.batch import BatchEstimator
+from star_apriltag.floor_odometry import FloorOdometry
 from star_apriltag.smoother import Smoother
-from star_apriltag.vision import tag_measurement
+from star_apriltag.vision import image_analysis
 from star_core import Array, Odometry, Registry, fly, load
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.geometric import OnboardDetector
@@ -48,13 +48,13 @@ def main() -> None:
 
 def frames() -> dict[str, float]:
     """From image to pose, where a tag was found; guided matching, a tag; following the floor."""
-    took = timed(Smoothed, "look", lambda answer: bool(answer and answer[0].views))
-    matching = timed(tag_measurement, "find")
+    took = timed(SmoothingEstimator, "add_image", lambda answer: bool(answer and answer[0].views))
+    matching = timed(image_analysis, "match_tag")
     flown("paper_box.yaml", "localizer={use: apriltag, processes: 0}")
     ordered = sorted(took)
-    measuring = timed(Floor, "look")
+    measuring = timed(FloorOdometry, "measure")
     flown("paper_box.yaml", "localizer={use: apriltag, floor_odometry: true, processes: 0}")
-    theirs = timed(Batched, "_optimise")
+    theirs = timed(BatchEstimator, "_optimize")
     flown("paper_box.yaml", "localizer={use: apriltag, method: batch, processes: 0}")
     return {
         "frame_ms_median": 1000 * statistics.median(ordered),
@@ -72,18 +72,18 @@ def growth() -> dict[str, float]:
     assert agent.camera is not None
     detector = OnboardDetector(agent.camera, scene.world.landmarks, scene.world)
     settings = Settings("smoother", 2, 0.15, 0.02, 2.5, guided_matching=True, floor_odometry=False)
-    follower = Smoothed(agent, scene.world.landmarks, (), settings)
+    follower = SmoothingEstimator(agent, scene.world.landmarks, (), settings)
     took = timed(Smoother, "add")
     rng = np.random.default_rng(0)
     before = 0
     for tick in range(int(MINUTES * 60 / TICK)):
         times = tick * TICK + np.arange(1, 6) * TICK / 5
-        follower.hear(odometry(times, rng), np.arange(5), motors=True)
+        follower.add_odometry(odometry(times, rng), np.arange(5), motors=True)
         if tick % 2 == 0:
             taken = float(times[0])
             tags, corners = detector.detect(shot(taken), rng)
-            follower.look(Sight(0, taken, None, tags, corners))
-        follower.go_on(float(times[-1]))
+            follower.add_image(CameraReport(0, taken, None, tags, corners))
+        follower.advance(float(times[-1]))
         if tick == int(60 / TICK):  # all is loaded, and the track is not full yet
             before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

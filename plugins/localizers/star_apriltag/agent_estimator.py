@@ -1,29 +1,42 @@
-"""Follows one agent: what it hears and sees, and where it is then."""
+"""Estimates the state of one agent from its odometry and its camera."""
 
 from __future__ import annotations
 
 import logging
+import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple, Protocol
 
 import gtsam
 import numpy as np
 
-from star_apriltag.dead_reckoning import Belief, Known
-from star_apriltag.floor_odometry import Floor
+from star_apriltag.dead_reckoning import (
+    AgentState,
+    Anchor,
+    odometry_leg,
+    predict,
+    predicted_covariance,
+    start_node,
+)
+from star_apriltag.floor_odometry import FloorOdometry
+from star_apriltag.odometry_calibration import KnownPose, OdometryCalibration
+from star_apriltag.odometry_track import Motion, OdometryTrack
 from star_apriltag.relocation import Claim, Relocation
 from star_apriltag.smoother import Smoother
-from star_apriltag.tracker import Tracker
-from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.tag_measurement import Eye, Look
+from star_apriltag.vision.body_pose import AT_REST, Prediction, View
+from star_apriltag.vision.body_pose import Motion as BodyMotion
+from star_apriltag.vision.image_analysis import ImageAnalysis, ImageAnalyzer
 from star_core import Agent, Array, Image, Odometry, Pose, Rows, Tag
 
 log = logging.getLogger(__name__)
 
-BEHIND: Final = 0.35  # s beyond the latency, by which the graph trails where nothing is seen
+NODE_PERIOD: Final = 0.5  # s, of nodes without tags
+ADVANCE_DELAY: Final = 0.35  # s beyond the latency after which such nodes are added
+NO_MOTION: Final = Motion(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Settings(NamedTuple):
-    """Options of the estimators; see the localizer's schema for what they mean."""
+    """Options of the estimators, as described in the localizer's schema."""
 
     method: str
     max_tags_per_landmark: int
@@ -34,16 +47,16 @@ class Settings(NamedTuple):
     floor_odometry: bool
 
 
-class Sight(NamedTuple):
-    """An image, or the tags found in one on board.
+class CameraReport(NamedTuple):
+    """An image, or the tags that were detected in one on board.
 
     Attributes:
         row: Of the agent.
-        taken: When it was taken, s.
-        image: None if tags were found on board.
+        taken: Time of the exposure, s.
+        image: None if tags were detected on board.
         tags: (K,) numbers of those.
         corners: (K, 4, 2) px.
-        arrived: When it arrived, s; None if that does not matter.
+        arrived: Time of arrival, s; None if it does not matter.
     """
 
     row: int
@@ -54,35 +67,39 @@ class Sight(NamedTuple):
     arrived: float | None = None
 
 
-class Follower(Protocol):
-    """What the localizer asks of a way to follow one agent."""
+class AgentEstimator(Protocol):
+    """A method to estimate the state of one agent."""
 
-    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
-        """Take in those samples of the odometry that are this agent's."""
+    @property
+    def anchor(self) -> Anchor:
+        """Where dead reckoning continues."""
 
-    def look(self, sight: Sight) -> tuple[Look, Belief] | None:
-        """Take in an image; return what it said and where the agent was believed to be then.
+    def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
+        """Add the samples in `rows`, which are the agent's."""
+
+    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
+        """Add an image; return its analysis and the predicted state at its exposure.
 
         Raises:
             ValueError: It is no image of the agent's camera.
         """
 
-    def go_on(self, now: float) -> None:
-        """It is `now`, s, and there is nothing else to be seen."""
-
-    @property
-    def known(self) -> Known:
-        """What is known of the agent by now."""
+    def advance(self, now: float) -> None:
+        """Continue up to `now`, s, without further images."""
 
 
-class Smoothed:
-    """Follows one agent with a fixed-lag smoother.
+class SmoothingEstimator:
+    """Estimates one agent's state with a fixed-lag smoother.
 
     Args:
         agent: With its camera, or without: then it has odometry only.
         landmarks: The map.
-        targets: Tags to be found; only their numbers and sizes are used.
+        targets: Tags of targets; only their numbers and sizes are used.
         settings: Options.
+
+    Attributes:
+        track: The agent's odometry.
+        calibration: Of that odometry.
     """
 
     def __init__(
@@ -92,74 +109,120 @@ class Smoothed:
         targets: tuple[Tag, ...],
         settings: Settings,
     ) -> None:
-        self._behind = settings.latency + BEHIND
-        self._eye = self._floor = None
+        self.track = OdometryTrack()
+        self.calibration = OdometryCalibration()
+        self._delay = settings.latency + ADVANCE_DELAY
+        self._ground = float(agent.start[2])  # z of the odometry frame, m
+        self._analyzer = self._floor = None
         mounting = Pose(np.eye(3), np.zeros(3))
         if agent.camera is not None:
-            self._eye = Eye(
+            self._analyzer = ImageAnalyzer(
                 agent.camera,
-                {tag.id: tag for tag in landmarks},
+                landmarks,
                 {tag.id: tag.size for tag in targets},
-                guided=settings.guided_matching,
+                guided_matching=settings.guided_matching,
             )
-            mounting = self._eye.lens.mounting
-            self._floor = Floor(self._eye.lens) if settings.floor_odometry else None
-        smoother = Smoother(mounting, mounting_std=settings.mounting_std, lag=settings.lag)
-        self.tracker = Tracker(agent, smoother)
+            mounting = self._analyzer.lens.mounting
+            self._floor = FloorOdometry(self._analyzer.lens) if settings.floor_odometry else None
+        self._smoother = Smoother(mounting, mounting_std=settings.mounting_std, lag=settings.lag)
+        self._smoother.start(*start_node(agent))
         self._relocation = Relocation()
 
-    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
-        """Take in those samples of the odometry that are this agent's."""
-        self.tracker.track.add(odometry, rows, motors=motors)
-
-    def go_on(self, now: float) -> None:
-        """It is `now`, s, and there is nothing else to be seen."""
-        self.tracker.go_on(now - self._behind)
-
     @property
-    def known(self) -> Known:
-        """What is known of the agent by now."""
-        return self.tracker.known
+    def anchor(self) -> Anchor:
+        """Where dead reckoning continues."""
+        return Anchor(self._smoother.node, self.calibration.scale, self.calibration.yaw_bias)
 
-    def look(self, sight: Sight) -> tuple[Look, Belief] | None:
-        """Take in an image; return what it said and where the agent was believed to be then."""
-        tracker = self.tracker
-        if self._eye is None or not sight.taken > tracker.node.time:
+    def at(self, time: float) -> AgentState:
+        """Return the state at `time`, s, no earlier than the newest node."""
+        return predict(self.anchor, time, self.track, self._ground)
+
+    def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
+        """Add the samples in `rows`, which are the agent's."""
+        self.track.add(odometry, rows, motors=motors)
+
+    def advance(self, now: float) -> None:
+        """Add nodes without tags, up to some time before `now`, s."""
+        while now - self._delay - self._smoother.node.time > NODE_PERIOD:
+            self._add_node(self._smoother.node.time + NODE_PERIOD, (), AT_REST)
+
+    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
+        """Add an image; return its analysis and the predicted state at its exposure."""
+        time = report.taken
+        if self._analyzer is None or not time > self._smoother.node.time:
             return None
-        measured = False
-        if sight.image is not None and self._floor is not None:
-            measured = tracker.measure(self._floor, sight.image, sight.taken)
-        belief = tracker.at(sight.taken)
-        prediction = _prediction(belief, tracker.camera_turn)
-        if sight.image is None:
-            look = self._eye.consider(sight.tags, sight.corners, prediction)
+        measured = report.image is not None and self._measure_floor(report.image, time)
+        state = self.at(time)
+        prediction = _prediction(state, self._smoother.camera_turn)
+        if report.image is None:
+            analysis = self._analyzer.evaluate(report.tags, report.corners, prediction)
         else:
-            look = self._eye.look(sight.image, prediction)
-        if look.accepted:
+            analysis = self._analyzer.analyze(report.image, prediction)
+        if analysis.accepted:
             self._relocation.forget()
-        if look.views:
-            tracker.see(sight.taken, look.views, prediction.motion)
-        elif look.other is not None:
-            pose = gtsam.Pose3(gtsam.Rot3(look.other.pose.rotation), look.other.pose.position)
-            claim = Claim(sight.taken, pose, look.other.covariance)
-            if (agreed := self._relocation.consider(claim, tracker.track)) is not None:
-                log.info("an agent is found again elsewhere at %.2f s", sight.taken)
-                tracker.restart(agreed.time, agreed.pose, agreed.covariance)
+        if analysis.views:
+            self.add_views(time, analysis.views, prediction.motion)
+        elif analysis.other is not None:
+            pose = gtsam.Pose3(
+                gtsam.Rot3(analysis.other.pose.rotation), analysis.other.pose.position
+            )
+            claim = Claim(time, pose, analysis.other.covariance)
+            if self._relocation.consider(claim, self.track):
+                log.info("an agent is relocated at %.2f s", time)
+                self.restart(*claim)
                 measured = False
-        if measured and not look.views:
-            tracker.see(sight.taken, (), prediction.motion)
-        return look, belief
+        if measured and not analysis.views:
+            self.add_views(time, (), prediction.motion)
+        return analysis, state
+
+    def add_views(self, time: float, views: Sequence[View], motion: BodyMotion) -> None:
+        """Add the tags that were accepted in an image taken at `time`, s.
+
+        An image that is not newer than the newest node is ignored.
+        """
+        if time <= self._smoother.node.time:
+            return
+        self._add_node(time, views, motion)
+        if views:
+            node = self._smoother.node
+            x, y, _ = node.pose.translation()
+            spread = predicted_covariance(node, 0j, NO_MOTION)
+            deviation = math.sqrt(max(spread[0, 0], spread[1, 1]))
+            yaw, yaw_deviation = node.pose.rotation().yaw(), math.sqrt(spread[3, 3])
+            known = KnownPose(time, complex(x, y), yaw, deviation, yaw_deviation)
+            self.calibration.add(known, self.track)
+
+    def restart(self, time: float, pose: gtsam.Pose3, covariance: Array) -> None:
+        """Restart from a pose, since the previous ones were wrong."""
+        self._smoother.start(time, pose, covariance)
+        self.calibration.forget_poses()
+
+    def _measure_floor(self, image: Image, time: float) -> bool:
+        """Correct the odometry up to an image by the floor; return whether that was possible."""
+        if self._floor is None:
+            return False
+        bias = self.calibration.yaw_bias
+        turn = self._smoother.camera_turn
+        measured = self._floor.measure(
+            image, time, self.track, ground=self._ground, yaw_bias=bias, camera_turn=turn
+        )
+        if measured is None:
+            return False
+        self.track.correct(*measured, yaw_bias=bias)
+        return True
+
+    def _add_node(self, time: float, views: Sequence[View], motion: BodyMotion) -> None:
+        leg = odometry_leg(self.anchor, time, self.track)
+        sample = self.track.at(time)
+        level = gtsam.Rot3.Ypr(0.0, sample.pitch, sample.roll)
+        self._smoother.add(time, leg, level, self._ground + sample.height, views, motion)
 
 
-def _prediction(belief: Belief, camera_turn: Array) -> Prediction:
-    rotation = gtsam.Rot3.Ypr(belief.yaw, belief.pitch, belief.roll).matrix()
+def _prediction(state: AgentState, camera_turn: Array) -> Prediction:
+    rotation = state.rotation
     return Prediction(
-        pose=Pose(rotation, belief.position),
-        covariance=belief.covariance[np.ix_([0, 1, 3], [0, 1, 3])],
-        roll=belief.roll,
-        pitch=belief.pitch,
-        height=float(belief.position[2]),
-        velocity=belief.velocity @ rotation,
-        rates=np.array([0.0, 0.0, belief.yaw_rate]),
+        pose=Pose(rotation, state.position),
+        covariance=state.covariance[np.ix_([0, 1, 3], [0, 1, 3])],
+        motion=BodyMotion(state.velocity @ rotation, np.array([0.0, 0.0, state.yaw_rate])),
         camera_turn=camera_turn,
     )

@@ -1,113 +1,142 @@
-"""The original STAR's localisation, to compare with: a pose graph, optimised whole every time.
+"""The original STAR's localization, for comparison: a pose graph, optimized as a whole every time.
 
 As its paper has it: a node for each image with tags, at 6 Hz; between nodes the motion that the
 on-board estimator reports; from node to landmark the pose that the image shows; a prior on each
-landmark; Levenberg and Marquardt over all of it since take-off. What the paper leaves open is as in
-the released code: one deviation serves every factor in all six directions, nothing is gated and no
-factor is robust; a tag's pose is the one that its homography gives, whichever of the two a small
-tag looks like; an image counts for when it arrived; and the camera sits in the body's middle,
-turned only.
+landmark; Levenberg-Marquardt over all of it since take-off. What the paper leaves open is as in
+the released code: one standard deviation for every factor in all six directions, no gate and no
+robust factors; a tag's pose is that of its homography, whichever of the two that a small tag has;
+an image counts at its arrival; and the camera is in the body's center, rotated only.
 
-Kinder than that code, motion between nodes is odometry and not the difference of two sights, the
-camera's rotation counts once, tags may be mounted anyhow, corners are those of
-``method: smoother``, and no fix reaches the on-board estimator.
+Better than in that code, motion between nodes is odometry and not the difference of two sightings,
+the camera's rotation counts once, tags may have any orientation, corners are those of
+``method: smoother``, and no pose is sent to the on-board estimator.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
-from star_apriltag.agent_estimator import Sight
-from star_apriltag.dead_reckoning import Belief, Known, travel
-from star_apriltag.odometry_track import Track
+from star_apriltag.agent_estimator import CameraReport
+from star_apriltag.dead_reckoning import AgentState, Anchor, odometry_leg
+from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.smoother import Node
 from star_apriltag.vision.detector import Detector
-from star_apriltag.vision.homography import flat_pose
-from star_apriltag.vision.landmark import Place
-from star_apriltag.vision.tag_measurement import Look
-from star_core import Agent, CameraModel, Odometry, Pose, Rows, Tag
+from star_apriltag.vision.image_analysis import ImageAnalysis
+from star_apriltag.vision.tag_poses import MapTag
+from star_core import Agent, Array, CameraModel, Odometry, Pose, Rows, Tag, square_corners
 
-PERIOD: Final = 1 / 6  # s from one node to the next, at least
-DEVIATION: Final = 0.03  # m and rad, of every factor
+PERIOD: Final = 1 / 6  # s between nodes, at least
+STD: Final = 0.03  # m and rad, of every factor
+SINGULAR: Final = 1e-9
 
 
-class Batched:
-    """Follows one agent with a graph of every pose since take-off.
+class BatchEstimator:
+    """Estimates one agent's state with a graph of every pose since take-off.
 
     Args:
         agent: With its camera, or without: then it has odometry only.
         landmarks: The map.
 
     Attributes:
-        known: What is known of the agent by now.
+        anchor: Where dead reckoning continues.
     """
 
     def __init__(self, agent: Agent, landmarks: tuple[Tag, ...]) -> None:
-        self._track = Track()
+        self._track = OdometryTrack()
         self._lens = None if agent.camera is None else CameraModel(agent.camera)
         self._detector = None if self._lens is None else Detector(self._lens)
-        self._places = {tag.id: Place(tag) for tag in landmarks}
-        self._noise = gtsam.noiseModel.Isotropic.Sigma(6, DEVIATION)
+        self._map = {tag.id: MapTag(tag) for tag in landmarks}
+        self._noise = gtsam.noiseModel.Isotropic.Sigma(6, STD)
         self._graph = gtsam.NonlinearFactorGraph()
         self._values = gtsam.Values()
         self._count = 0
         start = gtsam.Pose3(gtsam.Rot3.Yaw(agent.yaw), np.array(agent.start, float))
         self._graph.add(gtsam.PriorFactorPose3(X(0), start, self._noise))
         self._values.insert(X(0), start)
-        self.known = Known(Node(0.0, start, np.eye(6) * DEVIATION**2))  # odometry as it is
+        self.anchor = Anchor(Node(0.0, start, np.eye(6) * STD**2))  # odometry without calibration
 
-    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
-        """Take in those samples of the odometry that are this agent's."""
+    def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
+        """Add the samples in `rows`, which are the agent's."""
         self._track.add(odometry, rows, motors=motors)
 
-    def go_on(self, now: float) -> None:
-        """Without tags there are no nodes."""
+    def advance(self, now: float) -> None:
+        """Do nothing: there are no nodes without tags."""
 
-    def look(self, sight: Sight) -> tuple[Look, Belief] | None:
-        """Take in an image, if it is time for a node; targets are not looked for."""
+    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
+        """Add an image if a node is due; targets are not searched."""
         if self._lens is None or self._detector is None:
             return None
-        time = sight.taken if sight.arrived is None else sight.arrived
-        if time < self.known.node.time + PERIOD:
+        time = report.taken if report.arrived is None else report.arrived
+        if time < self.anchor.node.time + PERIOD:
             return None
-        tags, corners = sight.tags, sight.corners
-        if sight.image is not None:
-            found = self._detector.detect(sight.image)
+        tags, corners = report.tags, report.corners
+        if report.image is not None:
+            found = self._detector.detect(report.image)
             tags, corners = found.tag, found.corners
         turned = Pose(self._lens.mounting.rotation, np.zeros(3))
         seen = {}
-        for tag, pixels in zip(tags.tolist(), corners, strict=True):
-            place = self._places.get(tag)
-            if place is None:
-                continue
-            pose = flat_pose(self._lens.undistort(pixels), place.size)
+        for number, pixels in zip(tags.tolist(), corners, strict=True):
+            tag = self._map.get(number)
+            pose = homography_pose(self._lens.undistort(pixels), tag.size) if tag else None
             if pose is not None:
-                seen[tag] = _as_gtsam(turned @ pose)
+                seen[number] = _as_gtsam(turned @ pose)
         if seen:
-            self._optimise(time, seen)
+            self._optimize(time, seen)
         return None
 
-    def _optimise(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:
-        """Add a node with the tags seen from it, in the body, and optimise everything."""
-        leg = travel(self.known, time, self._track)
+    def _optimize(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:
+        """Add a node with the tags seen from it, in the body, and optimize everything."""
+        leg = odometry_leg(self.anchor, time, self._track)
         last, key = X(self._count), X(self._count + 1)
         self._count += 1
         self._graph.add(gtsam.BetweenFactorPose3(last, key, leg.delta, self._noise))
-        self._values.insert(key, self.known.node.pose.compose(leg.delta))
-        for tag, pose in seen.items():
-            if not self._values.exists(L(tag)):
-                known = _as_gtsam(self._places[tag].pose)
-                self._graph.add(gtsam.PriorFactorPose3(L(tag), known, self._noise))
-                self._values.insert(L(tag), known)
-            self._graph.add(gtsam.BetweenFactorPose3(key, L(tag), pose, self._noise))
-        optimiser = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values)
-        self._values = optimiser.optimize()
+        self._values.insert(key, self.anchor.node.pose.compose(leg.delta))
+        for number, pose in seen.items():
+            if not self._values.exists(L(number)):
+                known = _as_gtsam(self._map[number].pose)
+                self._graph.add(gtsam.PriorFactorPose3(L(number), known, self._noise))
+                self._values.insert(L(number), known)
+            self._graph.add(gtsam.BetweenFactorPose3(key, L(number), pose, self._noise))
+        optimizer = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values)
+        self._values = optimizer.optimize()
         covariance = gtsam.Marginals(self._graph, self._values).marginalCovariance(key)
-        self.known = Known(Node(time, self._values.atPose3(key), covariance))
+        self.anchor = Anchor(Node(time, self._values.atPose3(key), covariance))
+
+
+def homography_pose(rays: Array, size: float) -> Pose | None:
+    """Return the pose of a square in the camera by its homography, or None if there is none.
+
+    Up to a factor, the homography from the square's plane to the image is the first two columns of
+    the rotation and the position. The factor makes the geometric mean of those columns' lengths 1;
+    with their cross product, the nearest rotation is taken. Errors of the corners are not weighted,
+    and either of the two poses that a small square may have can result.
+
+    Args:
+        rays: (4, 2) its corners: bottom left, bottom right, top right, top left.
+        size: Its edge, m.
+    """
+    if not np.isfinite(rays).all():
+        return None
+    (x, y), (u, v) = square_corners(size)[:, :2].T, rays.T
+    one, zero = np.ones(4), np.zeros(4)
+    equations = np.concatenate(  # in double precision, which OpenCV's findHomography has not
+        [
+            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
+            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
+        ]
+    )
+    homography = np.linalg.svd(equations)[2][-1].reshape(3, 3)
+    if abs(np.linalg.det(homography)) < SINGULAR or abs(homography[2, 2]) < SINGULAR:
+        return None
+    length = math.sqrt(float(np.prod(np.linalg.norm(homography[:, :2], axis=0))))
+    right, up, position = (homography / math.copysign(length, homography[2, 2])).T
+    before, _, after = np.linalg.svd(np.column_stack([right, up, np.cross(right, up)]))
+    return Pose(before @ after, position)
 
 
 def _as_gtsam(pose: Pose) -> gtsam.Pose3:

@@ -1,4 +1,4 @@
-"""Where an agent is by its odometry, since the newest pose that is known of it."""
+"""State of an agent by its odometry since its newest optimized pose."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ from typing import Final, NamedTuple
 import gtsam
 import numpy as np
 
-from star_apriltag.odometry_track import Motion, Track
+from star_apriltag.odometry_track import Motion, OdometryTrack
 from star_apriltag.smoother import Leg, Node
-from star_apriltag.vision.body_pose import HEIGHT_DEVIATION
+from star_apriltag.vision.body_pose import HEIGHT_STD
 from star_core import Agent, Array, Odometry, Rows
 
-# How an agent is put where the mission says that it starts.
-START_DEVIATION: Final = 0.05  # m
-START_TILT: Final = 0.05  # rad: a floor is not quite level
-START_YAW: Final = math.radians(3.0)  # rad
+# Standard deviations of an agent's manual placement at its start.
+START_STD: Final = 0.05  # m
+START_TILT_STD: Final = 0.05  # rad: a floor is not quite level
+START_YAW_STD: Final = math.radians(3.0)  # rad
 
-# What odometry is good for between two nodes.
-WAY: Final = 0.038  # m/√m; much, for the floor errs one way for as long as it is alike
-SWAY: Final = 0.007  # m/√s
-SEEN_WAY: Final = 0.006  # m/√m, where images measured it
-SEEN_SWAY: Final = 0.002  # m/√s
-LEAST: Final = 0.0005  # m
-RISE: Final = 0.01  # m/√s
-YAW: Final = math.radians(0.175)  # rad/√s
-LEAST_YAW: Final = math.radians(0.01)  # rad
-TILT: Final = math.radians(0.3)  # rad/√s
-LEAST_TILT: Final = math.radians(0.06)  # rad
+# Standard deviations of odometry between two nodes.
+PER_LENGTH: Final = 0.038  # m/√m; large, because errors by the floor are correlated
+PER_TIME: Final = 0.007  # m/√s
+SEEN_PER_LENGTH: Final = 0.006  # m/√m, measured by images
+SEEN_PER_TIME: Final = 0.002  # m/√s, likewise
+MIN_STD: Final = 0.0005  # m
+HEIGHT_PER_TIME: Final = 0.01  # m/√s
+YAW_PER_TIME: Final = math.radians(0.175)  # rad/√s
+MIN_YAW_STD: Final = math.radians(0.01)  # rad
+TILT_PER_TIME: Final = math.radians(0.3)  # rad/√s
+MIN_TILT_STD: Final = math.radians(0.06)  # rad
 
 
-class Known(NamedTuple):
-    """What is known of an agent, apart from what its odometry says since.
+class Anchor(NamedTuple):
+    """Where dead reckoning begins, and the calibration of the odometry.
 
     Attributes:
-        node: Its newest pose.
-        scale: What velocities of its odometry are to be multiplied by.
-        yaw_bias: What is to be taken from its yaw rates, rad/s.
+        node: The newest pose.
+        scale: Factor of the odometry's velocities.
+        yaw_bias: Subtracted from its yaw rates, rad/s.
     """
 
     node: Node
@@ -46,11 +46,10 @@ class Known(NamedTuple):
     yaw_bias: float = 0.0
 
 
-class Belief(NamedTuple):
-    """Where the agent is believed to be at one time.
+class AgentState(NamedTuple):
+    """Estimated state of an agent at one time.
 
     Attributes:
-        time: s.
         position: (3,) in the map, m.
         yaw: rad.
         roll: rad.
@@ -60,7 +59,6 @@ class Belief(NamedTuple):
         covariance: (4, 4) of x, y, z and yaw: m and rad.
     """
 
-    time: float
     position: Array
     yaw: float
     roll: float
@@ -69,72 +67,77 @@ class Belief(NamedTuple):
     yaw_rate: float
     covariance: Array
 
+    @property
+    def rotation(self) -> Array:
+        """(3, 3) from the body to the map."""
+        matrix: Array = gtsam.Rot3.Ypr(self.yaw, self.pitch, self.roll).matrix()
+        return matrix
 
-class Reckoner:
-    """Carries what is known of one agent on to now.
+
+class DeadReckoner:
+    """Keeps one agent's odometry and predicts its current state.
 
     Args:
         agent: Where it starts.
 
     Attributes:
-        known: To be set when more is known.
+        anchor: To be replaced by newer ones.
     """
 
     def __init__(self, agent: Agent) -> None:
-        self._track = Track()
+        self._track = OdometryTrack()
         self._ground = float(agent.start[2])
-        self.known = Known(standing(agent))
+        self.anchor = Anchor(start_node(agent))
 
-    def hear(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
-        """Take in those samples of the odometry that are this agent's."""
+    def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
+        """Add the agent's samples."""
         self._track.add(odometry, rows, motors=motors)
 
-    def at(self, time: float) -> Belief:
-        """Return where it is at `time`, s, or at that of the newest pose if that is later."""
-        return carry(self.known, max(time, self.known.node.time), self._track, self._ground)
+    def at(self, time: float) -> AgentState:
+        """Return the state at `time`, s, or at that of the newest pose if that is later."""
+        return predict(self.anchor, max(time, self.anchor.node.time), self._track, self._ground)
 
 
-def standing(agent: Agent) -> Node:
-    """Return where an agent is before it takes off."""
-    turn = [START_TILT, START_TILT, START_YAW]
-    deviations = np.array([*turn, START_DEVIATION, START_DEVIATION, HEIGHT_DEVIATION])
+def start_node(agent: Agent) -> Node:
+    """Return an agent's pose before take-off."""
+    turn = [START_TILT_STD, START_TILT_STD, START_YAW_STD]
+    deviations = np.array([*turn, START_STD, START_STD, HEIGHT_STD])
     pose = gtsam.Pose3(gtsam.Rot3.Yaw(agent.yaw), np.array(agent.start, float))
     return Node(0.0, pose, np.diag(deviations**2))
 
 
-def carry(known: Known, time: float, track: Track, ground: float) -> Belief:
-    """Return where an agent is at `time` that then followed its odometry.
+def predict(anchor: Anchor, time: float, track: OdometryTrack, ground: float) -> AgentState:
+    """Return an agent's state at `time` by dead reckoning.
 
     Args:
-        known: Of the agent.
+        anchor: Of the agent.
         time: No earlier than its newest pose's, s.
         track: Its odometry.
         ground: z of its odometry frame in the map, m.
     """
-    node = known.node
-    motion = track.between(node.time, time, scale=known.scale, yaw_bias=known.yaw_bias)
-    stance = track.at(time)
+    node = anchor.node
+    motion = track.between(node.time, time, scale=anchor.scale, yaw_bias=anchor.yaw_bias)
+    sample = track.at(time)
     yaw = node.pose.rotation().yaw()
-    way = motion.shift * cmath.rect(1.0, yaw)
+    shift = motion.shift * cmath.rect(1.0, yaw)
     x, y, _ = node.pose.translation()
-    ahead = complex(stance.velocity[0], stance.velocity[1]) * known.scale
-    ahead *= cmath.rect(1.0, yaw + motion.turn)
-    return Belief(
-        time=time,
-        position=np.array([x + way.real, y + way.imag, ground + stance.height]),
+    velocity = complex(sample.velocity[0], sample.velocity[1]) * anchor.scale
+    velocity *= cmath.rect(1.0, yaw + motion.turn)
+    return AgentState(
+        position=np.array([x + shift.real, y + shift.imag, ground + sample.height]),
         yaw=yaw + motion.turn,
-        roll=stance.roll,
-        pitch=stance.pitch,
-        velocity=np.array([ahead.real, ahead.imag, stance.velocity[2]]),
-        yaw_rate=stance.yaw_rate - known.yaw_bias,
-        covariance=carried(node, way, motion),
+        roll=sample.roll,
+        pitch=sample.pitch,
+        velocity=np.array([velocity.real, velocity.imag, sample.velocity[2]]),
+        yaw_rate=sample.yaw_rate - anchor.yaw_bias,
+        covariance=predicted_covariance(node, shift, motion),
     )
 
 
-def travel(known: Known, end: float, track: Track) -> Leg:
-    """Return what odometry says of the way from the newest pose to `end`, s."""
-    begin = known.node.time
-    motion = track.between(begin, end, scale=known.scale, yaw_bias=known.yaw_bias)
+def odometry_leg(anchor: Anchor, end: float, track: OdometryTrack) -> Leg:
+    """Return the motion from the newest pose to `end`, s, by odometry."""
+    begin = anchor.node.time
+    motion = track.between(begin, end, scale=anchor.scale, yaw_bias=anchor.yaw_bias)
     first, last = track.at(begin), track.at(end)
     before = gtsam.Pose3(
         gtsam.Rot3.Ypr(0.0, first.pitch, first.roll), np.array([0.0, 0.0, first.height])
@@ -146,17 +149,17 @@ def travel(known: Known, end: float, track: Track) -> Leg:
     return Leg(before.between(after), _deviations(motion))
 
 
-def carried(node: Node, way: complex, motion: Motion) -> Array:
-    """Return the (4, 4) covariance of x, y, z and yaw after a motion by `way` in the map."""
+def predicted_covariance(node: Node, shift: complex, motion: Motion) -> Array:
+    """Return the (4, 4) covariance of x, y, z and yaw after a motion by `shift` in the map."""
     rotation = node.pose.rotation().matrix()
     by_tangent = np.zeros((4, 6))
     by_tangent[:3, 3:] = rotation
     by_tangent[3, :3] = rotation[2]
-    by_tangent[0] -= way.imag * by_tangent[3]
-    by_tangent[1] += way.real * by_tangent[3]
+    by_tangent[0] -= shift.imag * by_tangent[3]
+    by_tangent[1] += shift.real * by_tangent[3]
     covariance: Array = by_tangent @ node.covariance @ by_tangent.T
     turn, aside, rise = _deviations(motion)[[2, 3, 5]]
-    across = np.array([-way.imag, way.real, 0.0]) / math.sqrt(3)  # the turn came about on the way
+    across = np.array([-shift.imag, shift.real, 0.0]) / math.sqrt(3)  # the turn grows on the way
     covariance[:3, :3] += np.diag([aside**2, aside**2, rise**2]) + turn**2 * np.outer(
         across, across
     )
@@ -165,11 +168,12 @@ def carried(node: Node, way: complex, motion: Motion) -> Array:
 
 
 def _deviations(motion: Motion) -> Array:
-    """(6,) of turn and shift, over a motion."""
-    passed = math.sqrt(motion.duration)
-    tilt = TILT * passed + LEAST_TILT
-    variance = WAY**2 * motion.blind_length + SWAY**2 * motion.blind_duration
-    variance += SEEN_WAY**2 * (motion.length - motion.blind_length)
-    variance += SEEN_SWAY**2 * (motion.duration - motion.blind_duration)
-    aside = math.sqrt(max(variance, 0.0)) + LEAST
-    return np.array([tilt, tilt, max(YAW * passed, LEAST_YAW), aside, aside, RISE * passed + LEAST])
+    """Return (6,) standard deviations of turn and shift, over a motion."""
+    root = math.sqrt(motion.duration)
+    tilt = TILT_PER_TIME * root + MIN_TILT_STD
+    yaw = max(YAW_PER_TIME * root, MIN_YAW_STD)
+    variance = PER_LENGTH**2 * motion.blind_length + PER_TIME**2 * motion.blind_duration
+    variance += SEEN_PER_LENGTH**2 * (motion.length - motion.blind_length)
+    variance += SEEN_PER_TIME**2 * (motion.duration - motion.blind_duration)
+    aside = math.sqrt(max(variance, 0.0)) + MIN_STD
+    return np.array([tilt, tilt, yaw, aside, aside, HEIGHT_PER_TIME * root + MIN_STD])

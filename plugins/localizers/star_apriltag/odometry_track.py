@@ -1,4 +1,4 @@
-"""What one agent's odometry says of its motion, and what better measures of it say."""
+"""One agent's odometry, integrated, and corrected by better measurements."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 
 from star_core import Array, Odometry, Rows
 
-ROOM: Final = 1 << 13  # samples kept: 82 s at 100 Hz, well beyond the longest gap between fixes
-COLUMNS: Final = 10  # time, velocity, yaw rate, roll, pitch, height, whether blind, whether still
+CAPACITY: Final = 1 << 13  # samples: 82 s at 100 Hz, well beyond the longest gap between fixes
+COLUMNS: Final = 10  # time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest
 
-STILL: Final = 0.05  # m/s: slower, an agent with its motors off stands
-STILL_TURN: Final = math.radians(3.0)  # rad/s, likewise
+MAX_REST_SPEED: Final = 0.05  # m/s, of an agent at rest with its motors off
+MAX_REST_RATE: Final = math.radians(3.0)  # rad/s, likewise
 
 
 class Motion(NamedTuple):
-    """A motion from one time to a later one, as seen from its start.
+    """A motion from one time to a later one, relative to its start.
 
     Attributes:
         shift: Displacement in x and y of the start's level body frame, m, as x + iy.
         turn: Change of yaw, rad.
-        length: Way flown, m.
-        duration: Time for which the agent did not stand, s.
-        blind_length: Part of the way that nothing but the flow sensor measured, m.
+        length: Of the path, m.
+        duration: Without the time at rest, s.
+        blind_length: Length that only the flow sensor measured, m.
         blind_duration: Likewise, s.
     """
 
@@ -36,8 +36,8 @@ class Motion(NamedTuple):
     blind_duration: float
 
 
-class Stance(NamedTuple):
-    """How the agent stood and moved at one time.
+class OdometrySample(NamedTuple):
+    """Attitude, height and motion of the agent at one time.
 
     Attributes:
         roll: rad.
@@ -54,29 +54,29 @@ class Stance(NamedTuple):
     yaw_rate: float
 
 
-class Track:
+class OdometryTrack:
     """Keeps the samples of one agent in order of time, and integrates them.
 
-    A sample holds from the one before it to its own time. Samples that are not newer than the last
-    one, or not finite, are passed over. Who stands stays where it is: what its sensors say then is
+    A sample is valid from the one before it to its own time. Samples that are not newer than the
+    last one, or not finite, are ignored. An agent at rest does not move: its sensors then show
     their bias, which need not be that of the flight.
     """
 
     def __init__(self) -> None:
-        self._rows = np.zeros((2 * ROOM, COLUMNS))
+        self._rows = np.zeros((2 * CAPACITY, COLUMNS))
         self._end = 0
 
     def add(self, odometry: Odometry, rows: Rows, *, motors: bool = True) -> None:
-        """Take in those samples of `odometry` that stand in `rows`.
+        """Add the samples in `rows` of `odometry`.
 
         Args:
             odometry: With the agent's samples.
-            rows: Which they are.
-            motors: Whether its motors may run; off, it stands unless it is carried about.
+            rows: Of the agent.
+            motors: Whether its motors may run; off, it is at rest unless it is carried.
         """
-        still = np.full(len(rows), not motors)
-        still &= np.abs(odometry.velocity[rows]).max(axis=1, initial=0.0) < STILL
-        still &= np.abs(odometry.yaw_rate[rows]) < STILL_TURN
+        rests = np.full(len(rows), not motors)
+        rests &= np.abs(odometry.velocity[rows]).max(axis=1, initial=0.0) < MAX_REST_SPEED
+        rests &= np.abs(odometry.yaw_rate[rows]) < MAX_REST_RATE
         table = np.column_stack(
             [
                 odometry.time[rows],
@@ -86,12 +86,12 @@ class Track:
                 odometry.pitch[rows],
                 odometry.height[rows],
                 np.ones(len(rows)),
-                still,
+                rests,
             ]
         )
         table = table[np.isfinite(table).all(axis=1)]
         newer = np.maximum.accumulate(np.append(self.newest, table[:-1, 0])) < table[:, 0]
-        table = table[newer][-ROOM:]
+        table = table[newer][-CAPACITY:]
         self._make_room(len(table))
         self._rows[self._end : self._end + len(table)] = table
         self._end += len(table)
@@ -104,19 +104,18 @@ class Track:
     def between(
         self, begin: float, end: float, *, scale: complex = 1.0, yaw_bias: float = 0.0
     ) -> Motion:
-        """Integrate from `begin` to `end`, s; beyond the newest sample its motion goes on.
+        """Integrate from `begin` to `end`, s; the newest sample's motion continues after it.
 
         Args:
             begin: s.
             end: s, no earlier than `begin`.
-            scale: What to multiply velocities by: how much longer the way is than the flow sensor
-                says, and how it is turned in the body.
-            yaw_bias: What to take from the yaw rate, rad/s.
+            scale: Factor of velocities: scale and misalignment of the flow sensor.
+            yaw_bias: Subtracted from the yaw rate, rad/s.
         """
         times = self._rows[: self._end, 0]
         if end <= begin or not len(times):
-            still = max(0.0, end - begin)
-            return Motion(0j, 0.0, 0.0, still, 0.0, still)
+            duration = max(0.0, end - begin)
+            return Motion(0j, 0.0, 0.0, duration, 0.0, duration)
         first = min(int(np.searchsorted(times, begin, side="right")), len(times) - 1)
         last = min(int(np.searchsorted(times, end)), len(times) - 1)
         rows = self._rows[first : last + 1]
@@ -137,16 +136,16 @@ class Track:
         )
 
     def correct(self, begin: float, end: float, shift: complex, *, yaw_bias: float) -> None:
-        """Make the way between two times what something better than the flow sensor measured.
+        """Replace the displacement between two times by a better measurement.
 
-        Velocities in the body change by one and the same amount; turns stay what they are. If
-        there are no samples up to `end` yet, nothing changes.
+        All velocities in the body change by the same amount; turns do not change. Without samples
+        up to `end`, nothing changes.
 
         Args:
             begin: s.
             end: s.
             shift: As `between` returns it for these times and this yaw bias, m.
-            yaw_bias: What to take from the yaw rate, rad/s.
+            yaw_bias: Subtracted from the yaw rate, rad/s.
         """
         if not begin < end <= self.newest:
             return
@@ -161,7 +160,7 @@ class Track:
         rows[:, 8:] = 0.0
 
     def _cut(self, time: float) -> int:
-        """Let a sample end at `time`, s, no later than the newest; return the row after it."""
+        """Split a sample at `time`, s, no later than the newest; return the row after it."""
         row = int(np.searchsorted(self._rows[: self._end, 0], time))
         if self._rows[row, 0] != time:
             self._rows[row + 1 : self._end + 1] = self._rows[row : self._end].copy()
@@ -170,16 +169,17 @@ class Track:
         return row + 1
 
     def _make_room(self, more: int) -> None:
-        """Forget old samples if there is no room for that many more."""
+        """Drop old samples if there is no room for that many more."""
         if self._end + more > len(self._rows):
-            kept = self._rows[self._end - ROOM : self._end].copy()
+            kept = self._rows[self._end - CAPACITY : self._end].copy()
             self._end = len(kept)
             self._rows[: self._end] = kept
 
-    def at(self, time: float) -> Stance:
-        """Return the sample that holds at `time`, s; level and at rest if there is none."""
+    def at(self, time: float) -> OdometrySample:
+        """Return the sample that is valid at `time`, s; level and at rest if there is none."""
         times = self._rows[: self._end, 0]
         if not len(times):
-            return Stance(0.0, 0.0, 0.0, np.zeros(3), 0.0)
+            return OdometrySample(0.0, 0.0, 0.0, np.zeros(3), 0.0)
         row = self._rows[min(int(np.searchsorted(times, time)), len(times) - 1)]
-        return Stance(float(row[5]), float(row[6]), float(row[7]), row[1:4], float(row[4]))
+        roll, pitch, height = row[5:8].tolist()
+        return OdometrySample(roll, pitch, height, row[1:4], float(row[4]))

@@ -1,42 +1,46 @@
-"""Follows agents beside the tick, in processes of their own: a tick never waits for an image.
+"""Estimates agents' states beside the tick, in processes of their own.
 
-GTSAM holds the interpreter's lock while it optimises, so threads would not do.
+A tick never waits for an image. GTSAM holds the interpreter's lock while it optimizes, so threads
+would not do.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import logging
 import os
 import signal
 import subprocess
 import sys
+import traceback
 from contextlib import suppress
 from multiprocessing import Pipe
-from typing import Final
+from multiprocessing.connection import Connection
+from typing import Final, NamedTuple
 
 from star_apriltag.agent_estimator import Settings
-from star_apriltag.agent_group import NOTHING, Group, Heard, Learnt, together
+from star_apriltag.agent_group import AgentGroup, TickInput, TickOutput, merged
 from star_core import Scene
 
 log = logging.getLogger(__name__)
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-SERVE: Final = "from star_apriltag.process import serve; serve"
-PATIENCE: Final = 5.0  # s for a process to end by itself
-OLDEST: Final = 1.0  # s: a process that is later than that is spared the images before
+SERVE: Final = "from star_apriltag.worker_pool import serve; serve"
+EXIT_TIMEOUT: Final = 5.0  # s, for a process to end by itself
+MAX_IMAGE_AGE: Final = 1.0  # s: a process that is later than that does not get older images
 
 
-class Beside:
-    """Follows all agents of a scene.
+class WorkerPool:
+    """Estimates the states of all agents of a scene.
 
-    In lock-step, what an image says is known at the tick after the one at which it arrived, and
-    waited for if need be: a flight is the same however many processes there are. Where mission
-    time goes on by itself, it is known at the first tick by which it is there.
+    In lock-step, the result of an image is used in the tick after the one at which it arrived, and
+    awaited if necessary: a flight is the same with any number of processes. In real time it is used
+    in the first tick after it is ready.
 
     Args:
         scene: Agents with their cameras, the map.
-        settings: How to follow them.
-        processes: How many to use; with 0, agents are followed within the tick.
+        settings: Options.
+        processes: Number of processes; with 0, states are estimated within the tick.
 
     Attributes:
         lost: Rows of agents whose process has ended.
@@ -45,27 +49,27 @@ class Beside:
     def __init__(self, scene: Scene, settings: Settings, processes: int) -> None:
         rows = sorted(range(len(scene.agents)), key=lambda row: scene.agents[row].camera is None)
         self.lost: list[int] = []
-        self._workers: list[Here | There] = []
+        self._workers: list[LocalWorker | RemoteWorker] = []
         self._wait = not scene.realtime
         if not processes:
-            self._workers.append(Here(scene, rows, settings))
+            self._workers.append(LocalWorker(scene, rows, settings))
             return
         try:
             for i in range(min(processes, len(rows))):
-                self._workers.append(There(scene, rows[i::processes], settings))
+                self._workers.append(RemoteWorker(scene, rows[i::processes], settings))
             for worker in self._workers if scene.realtime else ():
-                worker.take(wait=True)  # so that the first images need not wait for imports
+                worker.receive(wait=True)  # so that the first images need not wait for imports
         except BaseException:
             self.close()
             raise
 
-    def tick(self, heard: Heard) -> Learnt:
-        """Take in what was heard in a tick; return what is known of earlier ones that was not."""
-        learnt = together([worker.take(wait=self._wait) for worker in self._workers])
+    def update(self, reports: TickInput) -> TickOutput:
+        """Process the reports of one tick; return new results of earlier ones."""
+        output = merged([worker.receive(wait=self._wait) for worker in self._workers])
         for worker in self._workers:
-            worker.give(heard)
+            worker.send(reports)
         self.lost = [row for worker in self._workers if worker.ended for row in worker.rows]
-        return learnt
+        return output
 
     def close(self) -> None:
         """End the processes."""
@@ -73,52 +77,52 @@ class Beside:
             worker.close()
 
 
-def suited(scene: Scene) -> int:
-    """Return how many processes suit a scene and this machine.
+def default_processes(scene: Scene) -> int:
+    """Return a number of processes that suits a scene and this machine.
 
-    ``OMP_NUM_THREADS=1`` says, as it does to other libraries, that there is one core to be used.
+    ``OMP_NUM_THREADS=1`` means, as for other libraries, that one core is available.
     """
     cameras = sum(agent.camera is not None for agent in scene.agents)
-    told = os.environ.get("OMP_NUM_THREADS", "")
-    cores = min(_cores(), int(told) if told.isdecimal() else sys.maxsize)
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    cores = min(_cores(), int(limit) if limit.isdecimal() else sys.maxsize)
     return min(cameras, max(1, cores - 1)) if cores > 1 or scene.realtime else 0
 
 
-class Here:
-    """Follows agents in this process."""
+class LocalWorker:
+    """Estimates states in this process."""
 
     ended = False
 
     def __init__(self, scene: Scene, rows: list[int], settings: Settings) -> None:
         self.rows = rows
-        self._group = Group(scene, rows, settings)
-        self._learnt = NOTHING
+        self._group = AgentGroup(scene, rows, settings)
+        self._output = TickOutput()
 
-    def take(self, *, wait: bool) -> Learnt:
-        """Return what the tick before said."""
-        return self._learnt
+    def receive(self, *, wait: bool) -> TickOutput:
+        """Return the results of the last tick."""
+        return self._output
 
-    def give(self, heard: Heard) -> None:
-        """Take in a tick."""
-        self._learnt = self._group.follow(heard)
+    def send(self, reports: TickInput) -> None:
+        """Process a tick."""
+        self._output = self._group.update(reports)
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing."""
 
 
-class There:
-    """Follows agents in another process.
+class RemoteWorker:
+    """Estimates states in another process.
 
-    It is told more only once it has answered, so that handing over never waits.
+    Input is sent only after the process has answered, so that sending never waits.
 
     Args:
         scene: Agents with their cameras, the map.
-        rows: Of those to follow.
-        settings: How to follow them.
+        rows: Of the agents.
+        settings: Options.
 
     Attributes:
         rows: The same.
-        ended: Whether the process has ended, though it should not have.
+        ended: Whether the process has ended unexpectedly.
 
     Raises:
         OSError: The process cannot be started.
@@ -128,8 +132,8 @@ class There:
         self.rows = rows
         self.ended = False
         self._names = scene.named(rows)
-        self._late: list[Heard] = []
-        self._busy = True  # it imports, and says so when it is ready
+        self._pending: list[TickInput] = []
+        self._busy = True  # until it has imported
         self._connection, theirs = Pipe()
         path = os.pathsep.join(filter(None, sys.path))
         with theirs:
@@ -137,78 +141,130 @@ class There:
                 [sys.executable, "-c", f"{SERVE}({theirs.fileno()})"],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
-                process_group=0,  # an interrupt from the keyboard is for the flight to answer
+                process_group=0,  # a keyboard interrupt is for the parent only
                 env=os.environ | dict.fromkeys(THREADS, "1") | {"PYTHONPATH": path},
             )
         self._connection.send((scene, rows, settings))
 
-    def take(self, *, wait: bool) -> Learnt:
-        """Return what the ticks that it was given last said, if it has answered.
+    def receive(self, *, wait: bool) -> TickOutput:
+        """Return the results of the last input, if the process has answered.
 
         Args:
             wait: Until it has.
 
         Raises:
-            RuntimeError: Following failed; the message is the traceback.
+            RuntimeError: The process failed; the message is its traceback.
         """
         if self.ended or not self._busy or not (wait or self._connection.poll()):
-            return NOTHING
+            return TickOutput()
         try:
             answer = self._connection.recv()
         except (EOFError, OSError):
-            self._end()
-            return NOTHING
+            self._report_end()
+            return TickOutput()
         self._busy = False
         if isinstance(answer, str):
-            raise RuntimeError(f"following {self._names} failed:\n{answer}")  # noqa: TRY004
+            raise RuntimeError(f"estimating {self._names} failed:\n{answer}")  # noqa: TRY004
         for name, level, text in answer.log:
             logging.getLogger(name).log(level, "%s", text)
-        learnt: Learnt = answer.learnt
-        return learnt
+        output: TickOutput = answer.output
+        return output
 
-    def give(self, heard: Heard) -> None:
-        """Hand a tick over; one for which the process is not ready waits for its turn."""
+    def send(self, reports: TickInput) -> None:
+        """Send a tick, or keep it until the process is ready."""
         if self.ended:
             return
-        self._late.append(heard.of(self.rows))
+        self._pending.append(reports.of(self.rows))
         if self._busy:
-            self._late = [
-                old if heard.time - old.time <= OLDEST else old._replace(sights=())
-                for old in self._late
+            self._pending = [
+                old if reports.time - old.time <= MAX_IMAGE_AGE else old._replace(images=())
+                for old in self._pending
             ]
             return
         try:
-            self._connection.send(self._late)
+            self._connection.send(self._pending)
         except OSError:
-            self._end()
+            self._report_end()
             return
-        self._late, self._busy = [], True
+        self._pending, self._busy = [], True
 
     def close(self) -> None:
-        """End the process, in its own time if it has any sense."""
+        """End the process: by closing its connection, or by a signal if it does not respond."""
         self._connection.close()
         try:
-            self._process.wait(PATIENCE)
+            self._process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
-    def _end(self) -> None:
-        """Say that the process has ended."""
+    def _report_end(self) -> None:
         self.ended = True
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(PATIENCE)
+            self._process.wait(EXIT_TIMEOUT)
         status = self._process.returncode
-        how = f"exit status {status}" if status is None or status >= 0 else _signal(-status)
-        log.error("the process that follows %s has ended with %s", self._names, how)
+        signaled = status is not None and status < 0
+        how = signal.Signals(-status).name if signaled else f"exit status {status}"
+        log.error("the process that estimates %s has ended with %s", self._names, how)
+
+
+class Answer(NamedTuple):
+    """Answer of a process to some ticks.
+
+    Attributes:
+        output: Their results.
+        log: Logger's name, level and text of each message logged meanwhile.
+    """
+
+    output: TickOutput
+    log: tuple[tuple[str, int, str], ...]
+
+
+class LogBuffer(logging.Handler):
+    """Keeps log messages until they are taken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._records: list[tuple[str, int, str]] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._records.append((record.name, record.levelno, record.getMessage()))
+
+    def take(self) -> tuple[tuple[str, int, str], ...]:
+        """Return the messages since the last call."""
+        records = tuple(self._records)
+        self._records.clear()
+        return records
+
+
+def serve(descriptor: int) -> None:
+    """Estimate states until a connection is closed: the main function of a process.
+
+    Receives the arguments of `AgentGroup`, then lists of `TickInput`, and answers each with an
+    `Answer`. After a failure it answers with the traceback and ends.
+
+    Args:
+        descriptor: Of the connection's end, which is inherited.
+    """
+    faulthandler.enable()
+    connection = Connection(descriptor)
+    logger, buffer = logging.getLogger("star_apriltag"), LogBuffer()
+    logger.addHandler(buffer)
+    logger.setLevel(logging.INFO)
+    try:
+        group = AgentGroup(*connection.recv())
+        connection.send(Answer(TickOutput(), ()))
+        while True:
+            ticks = connection.recv()
+            output = merged([group.update(one) for one in ticks])
+            connection.send(Answer(output, buffer.take()))
+    except (EOFError, OSError):  # the parent has ended
+        return
+    except Exception:  # noqa: BLE001 -- the parent reports it
+        connection.send(traceback.format_exc())
 
 
 def _cores() -> int:
-    """How many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _signal(number: int) -> str:
-    return signal.Signals(number).name

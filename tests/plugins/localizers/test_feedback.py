@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_apriltag.dead_reckoning import Belief
-from star_apriltag.feedback import LEAST, LEAST_YAW, RETURN, RETURN_YAW, Feedback
+from star_apriltag.dead_reckoning import AgentState
+from star_apriltag.feedback import MIN_STD, MIN_YAW_STD, RETURN_STEP, RETURN_TURN, Feedback
 from star_core import (
     Array,
     Corrections,
@@ -99,9 +99,9 @@ def test_corrections_are_not_counted_twice() -> None:
     assert np.mean([summary["position_mse_m2"]["mean"] for summary in summaries]) < 0.005
 
 
-def belief(position: list[float], yaw: float = math.pi / 2, spread: float = 0.001) -> Belief:
+def belief(position: list[float], yaw: float = math.pi / 2, spread: float = 0.001) -> AgentState:
     covariance = np.diag([spread**2] * 4)
-    return Belief(1.0, np.array(position), yaw, 0.05, -0.02, np.zeros(3), 0.0, covariance)
+    return AgentState(np.array(position), yaw, 0.05, -0.02, np.zeros(3), 0.0, covariance)
 
 
 def telemetry(position: list[float]) -> Telemetry:
@@ -115,7 +115,7 @@ def heading(corrections: Corrections) -> float:
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def told(found: Belief, reported: list[float]) -> Corrections:
+def told(found: AgentState, reported: list[float]) -> Corrections:
     return Feedback(AT_HOME).corrections([0], [found], AT_HOME, telemetry(reported))
 
 
@@ -147,12 +147,12 @@ def test_a_fix_is_told_to_be_less_sure_than_it_is() -> None:
     sure, unsure = (
         told(belief([1.0, 2.0, 0.8], spread=spread), [0.0, 0.0, 0.8]) for spread in (0.001, 0.1)
     )
-    assert (sure.position_deviation[0], sure.attitude_deviation[0]) == (LEAST, LEAST_YAW)
+    assert (sure.position_deviation[0], sure.attitude_deviation[0]) == (MIN_STD, MIN_YAW_STD)
     assert unsure.position_deviation[0] == pytest.approx(0.15)
     assert unsure.attitude_deviation[0] == pytest.approx(0.15)
 
 
-@pytest.mark.parametrize(("turns", "yaw"), [(True, RETURN_YAW), (False, 0.3)])
+@pytest.mark.parametrize(("turns", "yaw"), [(True, RETURN_TURN), (False, 0.3)])
 def test_a_jump_moves_the_frame_which_then_returns(*, turns: bool, yaw: float) -> None:
     feedback = Feedback(AT_HOME, turns=turns)
     lies = Transform(np.array([math.pi / 2 + 0.3]), np.array([[1.0, 3.0, 0.0]]))
@@ -160,11 +160,11 @@ def test_a_jump_moves_the_frame_which_then_returns(*, turns: bool, yaw: float) -
     assert len(feedback.corrections([0], [far], lies, here).agent) == 0
 
     answer = feedback.corrections([0], [far], lies, here)
-    assert math.hypot(*answer.position[0, :2]) == pytest.approx(RETURN)
+    assert math.hypot(*answer.position[0, :2]) == pytest.approx(RETURN_STEP)
     assert heading(answer) == pytest.approx(yaw)
     for _fix in range(20):
         answer = feedback.corrections([0], [far], lies, here)
-    assert math.hypot(*answer.position[0, :2]) == pytest.approx(21 * RETURN)
+    assert math.hypot(*answer.position[0, :2]) == pytest.approx(21 * RETURN_STEP)
 
 
 def test_a_jump_of_a_drone_that_has_not_reported_leaves_its_frame_finite() -> None:

@@ -241,7 +241,7 @@ def test_landmarks_and_numbers_that_nobody_knows_are_no_targets() -> None:
 
 
 @pytest.mark.parametrize("taken", [-1.0, 5.0], ids=["before the flight", "in the future"])
-def test_what_was_seen_when_nobody_knows_where_is_passed_over(taken: float) -> None:
+def test_what_was_seen_when_nobody_knows_where_is_exclude(taken: float) -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0)))
     found = detections((100, corners(FLAT, *in_map(*along(0.0)))), taken=taken, arrived=0.1)
@@ -265,7 +265,7 @@ def test_an_agent_heard_for_the_first_time_in_flight_sees_at_once() -> None:
     assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
 
 
-def test_corners_that_are_no_numbers_are_passed_over() -> None:
+def test_corners_that_are_no_numbers_are_exclude() -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0)))
     found = detections((100, np.full((4, 2), np.nan)), taken=0.0, arrived=0.1)

@@ -1,35 +1,33 @@
-"""Where the body is, from tags whose places are known."""
+"""The body's pose, from tags at known positions."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from star_core import Array, Pose, perspective, skew
 
-LEVEL_DEVIATION: Final = math.radians(2.0)
-"""What the on-board estimator's roll and pitch are good for, rad; loose, for its errors last."""
+LEVEL_STD: Final = math.radians(2.0)
+"""Of the on-board estimator's roll and pitch, rad; large, because their errors last."""
 
-HEIGHT_DEVIATION: Final = 0.02
-"""What its height is good for, m."""
-
-MOST_STEPS: Final = 10
-SETTLED: Final = 1e-4  # rad and m: after a step that small, the next is below 1e-6
-NEAREST: Final = 0.02  # m, ahead of the camera: nearer than any lens focuses
+HEIGHT_STD: Final = 0.02  # m, of its height
+MAX_STEPS: Final = 10
+CONVERGED: Final = 1e-4  # rad and m: after a step that small, the next is below 1e-6
+MIN_DEPTH: Final = 0.02  # m, before the camera; no lens focuses nearer
 
 
 class View(NamedTuple):
-    """What was seen of the map in one place of one image: a tag's four corners, or one point.
+    """A measurement of the map in one image: a tag's four corners, or one point.
 
     Attributes:
         points: (K, 3) in the map, m.
-        rays: (K, 2) where they were seen: undistorted, over the depth.
-        deviation: Of each number in `rays`.
-        delay: (K,) when each point was read, from the image's middle row on, s.
+        rays: (K, 2) at which they were seen.
+        deviation: Standard deviation of each coordinate of the rays.
+        delay: (K,) when each point's row was read, after the image's middle row, s.
     """
 
     points: Array
@@ -38,31 +36,8 @@ class View(NamedTuple):
     delay: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Level:
-    """What the on-board estimator says beside the tags.
-
-    Attributes:
-        up: (3,) the map's z axis in the body frame.
-        height: z of the body in the map, m.
-    """
-
-    up: Array
-    height: float
-
-    @classmethod
-    def of(cls, roll: float, pitch: float, height: float) -> Level:
-        """Return it for a body rolled and pitched (nose down positive), rad."""
-        up = [
-            -math.sin(pitch),
-            math.cos(pitch) * math.sin(roll),
-            math.cos(pitch) * math.cos(roll),
-        ]
-        return cls(np.array(up), height)
-
-
 class Motion(NamedTuple):
-    """How the body moves while the rows of an image are read, in its own frame.
+    """Motion of the body while the rows of an image are read, in its own frame.
 
     Attributes:
         velocity: (3,) m/s.
@@ -77,14 +52,35 @@ AT_REST: Final = Motion(np.zeros(3), np.zeros(3))
 
 
 @dataclass(frozen=True, slots=True)
+class Prediction:
+    """State of an agent when an image was taken, before the image is analyzed.
+
+    Attributes:
+        pose: Of the body in the map; tilt and height are those of the on-board estimator.
+        covariance: (3, 3) of x, y and yaw, m and rad.
+        motion: Of the body.
+        camera_turn: (3, 3) rotation of the camera against its mounting, in its own frame.
+    """
+
+    pose: Pose
+    covariance: Array
+    motion: Motion = AT_REST
+    camera_turn: Array = field(default_factory=lambda: np.eye(3))
+
+    def camera(self, mounting: Pose) -> Pose:
+        """Return the pose in the body of a camera with that mounting."""
+        return Pose(mounting.rotation @ self.camera_turn.T, mounting.position)
+
+
+@dataclass(frozen=True, slots=True)
 class Fix:
-    """A pose that was found, and how sure it is.
+    """An estimated pose.
 
     Attributes:
         pose: Of the body in the map.
-        covariance: (6, 6), of a turn and then a shift in the body's own frame, rad and m: the
-            tangent of gtsam's `Pose3`. It holds what tilt and height were taken to be good for.
-        misfit: Root mean square of the points' residuals, in deviations.
+        covariance: (6, 6) of a rotation and then a shift in the body's own frame, rad and m: the
+            tangent of gtsam's `Pose3`. It includes the errors of tilt and height.
+        misfit: Root mean square of the points' residuals, in standard deviations.
     """
 
     pose: Pose
@@ -96,38 +92,37 @@ def refine(
     pose: Pose,
     views: Sequence[View],
     mounting: Pose,
-    level: Level | None = None,
+    level: Pose | None = None,
     motion: Motion = AT_REST,
 ) -> Fix | None:
-    """Return the body pose at which the map looks most as it was seen, or None.
+    """Return the body pose with the least squared residuals, or None if there is none.
 
-    All six degrees of freedom are sought, by Gauss-Newton; tilt and height are held by `level`
-    as far as it is good for.
+    All six degrees of freedom are estimated, by Gauss-Newton.
 
     Args:
         pose: Of the body in the map, to begin from.
         views: At least one.
         mounting: Camera in the body.
-        level: None to use the tags alone.
+        level: A pose whose tilt and height are a prior, or None.
         motion: Of the body.
     """
-    sight = View(
+    view = View(
         np.concatenate([view.points for view in views]),
         np.concatenate([view.rays for view in views]),
         1.0,
         np.concatenate([view.delay for view in views]),
     )
     weight = np.concatenate([np.full(view.rays.size, 1 / view.deviation) for view in views])
-    for _ in range(MOST_STEPS):
-        camera, residual, by_pose, _ = reproject(pose, sight, motion, mounting)
-        if not camera[:, 2].min() > NEAREST:
+    for _ in range(MAX_STEPS):
+        camera, residual, by_pose, _ = reproject(pose, view, motion, mounting)
+        if not camera[:, 2].min() > MIN_DEPTH:
             return None
         residual *= weight
         jacobian = by_pose * weight[:, None]
         information = jacobian.T @ jacobian
         slope = -jacobian.T @ residual
         if level is not None:
-            more, pull = _held(pose, level)
+            more, pull = _level_information(pose, level)
             information += more
             slope += pull
         try:
@@ -136,7 +131,7 @@ def refine(
             return None
         step = covariance @ slope
         pose = pose.moved(step)
-        if np.abs(step).max() < SETTLED:
+        if np.abs(step).max() < CONVERGED:
             break
     else:
         return None
@@ -148,7 +143,7 @@ def refine(
 def reproject(
     pose: Pose, view: View, motion: Motion, mounting: Pose
 ) -> tuple[Array, Array, Array, Array]:
-    """Return how a view is seen from a body pose, and the derivatives.
+    """Return the points of a view as seen from a body pose, and the derivatives.
 
     With the body's rotation R and position t, a point P is at ``b = R'(P - t)`` in the body when
     the middle row is read, and at ``b + d (cross(b, w) - v)`` when its own row is, d later; then at
@@ -176,17 +171,17 @@ def reproject(
     return camera, (rays - view.rays).ravel(), by_pose.reshape(-1, 6), by_camera
 
 
-def _held(pose: Pose, level: Level) -> tuple[Array, Array]:
-    """Return the (6, 6) information and the (6,) slope that tilt and height add."""
+def _level_information(pose: Pose, level: Pose) -> tuple[Array, Array]:
+    """Return the (6, 6) information and the (6,) slope of the prior on tilt and height."""
     up = pose.rotation[2]
-    x, y, z = (up / LEVEL_DEVIATION).tolist()
+    x, y, z = (up / LEVEL_STD).tolist()
     jacobian = np.zeros((3, 6))
     jacobian[0, 1:3] = -z, y
     jacobian[1, 0:3:2] = z, -x
-    jacobian[2, 3:] = up / HEIGHT_DEVIATION
-    off = (level.up - up) / LEVEL_DEVIATION
-    off[2] = (level.height - pose.position[2]) / HEIGHT_DEVIATION
+    jacobian[2, 3:] = up / HEIGHT_STD
+    off = (level.rotation[2] - up) / LEVEL_STD
+    off[2] = (level.position[2] - pose.position[2]) / HEIGHT_STD
     return jacobian.T @ jacobian, off @ jacobian
 
 
-_IN_FRONT = np.array([-np.inf, -np.inf, NEAREST])  # behind a camera is no image: it stays finite
+_IN_FRONT = np.array([-np.inf, -np.inf, MIN_DEPTH])  # keeps points behind the camera finite

@@ -1,4 +1,4 @@
-"""Finds the tags in an image."""
+"""Detects the tags in an image."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from star_apriltag.vision.edge_fit import refine
 from star_core import Array, CameraModel, Image, Rows
 
 WINDOW: Final = 5
-"""Edge of the square whose mean a pixel is compared with, px. One size is quicker than OpenCV's
-three; the smaller it is, the less do the modules of a far tag run into one another."""
+"""Edge of the square whose mean is a pixel's threshold, px. One size is faster than OpenCV's three;
+in a small one the modules of a far tag merge less."""
 
-CELL: Final = 8  # px to a module, in the straightened picture that bits are read from
-CORRECTED: Final = 1.0  # of the five wrong bits that a family of distance 11 can mend
-LEAST_PERIMETER: Final = 0.1  # of the image's longer side: a module of a pixel
+MODULE_PIXELS: Final = 8  # in the rectified image from which bits are read
+CORRECTION_RATE: Final = 1.0  # of the five wrong bits that a family of distance 11 can correct
+MIN_PERIMETER: Final = 0.1  # of the image's longer side: one pixel per module
 
 ORDER: Final = [3, 2, 1, 0]
 """Bottom left, bottom right, top right and top left among OpenCV's corners, which run clockwise
-from the top left. A tag is read as OpenCV draws it; the pictures of the family's authors are turned
-by half against that."""
+from the top left. Up is as OpenCV draws a tag; the images of the family's authors are rotated by
+180°."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Found:
     Attributes:
         tag: (K,) numbers.
         corners: (K, 4, 2) px: bottom left, bottom right, top right and top left of each tag.
-        misfit: (K,) how far the edges are from straight, root mean square, px.
+        misfit: (K,) root mean square deviation of the edges from straight lines, px.
     """
 
     tag: Rows
@@ -43,18 +43,18 @@ class Found:
 class Detector:
     """OpenCV's detector of tag36h11, with corners to a fraction of a pixel by `edge_fit`.
 
-    A tag whose edges cannot be made out is not reported.
+    A tag without clear edges is not reported.
 
     Args:
-        lens: Of the camera whose images are looked at.
+        lens: Of the camera.
     """
 
     def __init__(self, lens: CameraModel) -> None:
         parameters = cv2.aruco.DetectorParameters()
         parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = WINDOW
-        parameters.perspectiveRemovePixelPerCell = CELL
-        parameters.errorCorrectionRate = CORRECTED
-        parameters.minMarkerPerimeterRate = LEAST_PERIMETER
+        parameters.perspectiveRemovePixelPerCell = MODULE_PIXELS
+        parameters.errorCorrectionRate = CORRECTION_RATE
+        parameters.minMarkerPerimeterRate = MIN_PERIMETER
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
         family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
         self._detector = cv2.aruco.ArucoDetector(family, parameters)
@@ -64,7 +64,7 @@ class Detector:
         """Return the tags in an image.
 
         Raises:
-            ValueError: It is no grey image of the camera's size.
+            ValueError: It is no gray image of the camera's size.
         """
         image = checked(image, self._lens)
         corners, ids, _ = self._detector.detectMarkers(image)
@@ -80,7 +80,7 @@ def checked(image: Image, lens: CameraModel) -> Image:
     """Return an image whose rows are contiguous in memory.
 
     Raises:
-        ValueError: It is no grey image of the camera's size.
+        ValueError: It is no gray image of the camera's size.
     """
     if image.shape != lens.shape or image.dtype != np.uint8:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Where the corners of tags are to a fraction of a pixel: straight lines along their sides."""
+"""Corners of tags to a fraction of a pixel, by straight lines along their sides."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from star_core import Array, CameraModel, Image
 
 POINTS: Final = 24  # along each side
 STEP: Final = 0.25  # px, between samples across a side
-APART: Final = 2  # steps to each of the two samples whose difference is the rise at a place
-REACHES: Final = (2.0, 1.25)  # px, how far from the side an edge is looked for, in each pass
-MARGIN: Final = 1.5  # px, next to a corner: the other side's edge blurs in there
-LEAST_RISE: Final = 8.0  # grey values over a pixel; camera noise is about four
-FAR: Final = 3.0  # px, further from where it was found no corner moves
-LEAST_ANGLE: Final = 1e-3  # rad, between neighbouring sides
-BEFORE: Final = [3, 0, 1, 2]
-AFTER: Final = [1, 2, 3, 0]
+APART: Final = 2  # steps to each of the two samples whose difference is the gradient at a point
+REACHES: Final = (2.0, 1.25)  # px, distance from the side at which an edge is searched, per pass
+MARGIN: Final = 1.5  # px, from a corner, within which the other side's blur disturbs
+MIN_RISE: Final = 8.0  # gray values per pixel; camera noise is about four
+MAX_SHIFT: Final = 3.0  # px, of a corner
+MIN_ANGLE: Final = 1e-3  # rad, between adjacent sides
+PREVIOUS: Final = [3, 0, 1, 2]
+NEXT: Final = [1, 2, 3, 0]
 
 
 class Corners(NamedTuple):
@@ -26,8 +26,8 @@ class Corners(NamedTuple):
 
     Attributes:
         pixels: (K, 4, 2) px.
-        misfit: (K,) root mean square distance of the edges' points from their lines, px; NaN where
-            the sides of a tag cannot be made out.
+        misfit: (K,) root mean square distance of the edges' points from their lines, px; NaN for
+            a tag without clear sides.
     """
 
     pixels: Array
@@ -37,17 +37,17 @@ class Corners(NamedTuple):
 def refine(image: Image, corners: Array, lens: CameraModel) -> Corners:
     """Return the corners of tags.
 
-    Brightness is sampled across each side at many points; the edge lies at the mean of the places
-    where it rises outwards, weighted by the rise, much as in the AprilTag 3 library (Krogius,
-    Haggenmiller and Olson, IROS 2019). The weight is the cube of the rise over one pixel: on far
-    tags, whose border and rim are hardly wider than the blur, that reaches least into what lies
-    beyond them. A line is fitted through each side's points by least squares, on rays, for only
-    there is a side straight; neighbours meet in the corners.
+    Brightness is sampled across each side at many points; the edge is at the mean position of its
+    outward rise, weighted by the rise, much as in the AprilTag 3 library (Krogius, Haggenmiller and
+    Olson, IROS 2019). The weight is the cube of the rise over one pixel: on far tags, whose borders
+    are hardly wider than the blur, that is affected least by what lies beyond them. A line is
+    fitted to each side's points by least squares, on rays, where sides are straight; adjacent lines
+    intersect in the corners.
 
     Args:
         image: As the lens shows it.
-        corners: (K, 4, 2) px, anticlockwise as one sees them, to about a pixel.
-        lens: What took it.
+        corners: (K, 4, 2) px, anticlockwise in the image, to about a pixel.
+        lens: The camera.
     """
     found, clear = corners, np.ones(len(corners), np.bool_)
     spread = np.zeros(len(corners))
@@ -55,19 +55,19 @@ def refine(image: Image, corners: Array, lens: CameraModel) -> Corners:
         points, weight = _edge(image, found, reach)
         clear = clear & (np.count_nonzero(weight, axis=2) >= POINTS // 2).all(axis=1)
         lines, square = _lines(lens.undistort(points), weight)
-        meet = _meet(lines[:, BEFORE], lines)
-        clear = clear & (np.abs(meet[..., 2]) > LEAST_ANGLE).all(axis=1)
+        meet = _intersection(lines[:, PREVIOUS], lines)
+        clear = clear & (np.abs(meet[..., 2]) > MIN_ANGLE).all(axis=1)
         meet[~clear] = 1.0
         there = lens.project(meet)
-        clear = clear & (np.abs(there - corners).max(axis=(1, 2)) < FAR)
+        clear = clear & (np.abs(there - corners).max(axis=(1, 2)) < MAX_SHIFT)
         found = np.where(clear[:, None, None], there, corners)
         spread = square.mean(axis=1) * lens.matrix[0, 0] * lens.matrix[1, 1]
     return Corners(found, np.where(clear, np.sqrt(np.maximum(spread, 0.0)), np.nan))
 
 
 def _edge(image: Image, corners: Array, reach: float) -> tuple[Array, Array]:
-    """Return (K, 4, POINTS, 2) places of the edges, px, and their (K, 4, POINTS) weights."""
-    side = corners[:, AFTER] - corners
+    """Return (K, 4, POINTS, 2) points of the edges, px, and their (K, 4, POINTS) weights."""
+    side = corners[:, NEXT] - corners
     length = np.maximum(np.hypot(side[..., 0], side[..., 1]), 1.0)[..., None]
     outward = np.stack([-side[..., 1], side[..., 0]], axis=-1) / length
     margin = np.minimum(MARGIN / length, 0.25)
@@ -83,9 +83,9 @@ def _edge(image: Image, corners: Array, reach: float) -> tuple[Array, Array]:
     sampled = cv2.remap(
         image, u.reshape(rows), v.reshape(rows), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    grey = sampled.reshape(u.shape).astype(np.float64)
-    rise = np.maximum(grey[..., 2 * APART :] - grey[..., : -2 * APART], 0.0)
-    clear = rise.max(axis=-1) >= LEAST_RISE
+    gray = sampled.reshape(u.shape).astype(np.float64)
+    rise = np.maximum(gray[..., 2 * APART :] - gray[..., : -2 * APART], 0.0)
+    clear = rise.max(axis=-1) >= MIN_RISE
     power = rise**3
     total = power.sum(axis=-1)
     offset = power @ across[APART:-APART] / np.maximum(total, 1.0)
@@ -112,8 +112,8 @@ def _lines(points: Array, weight: Array) -> tuple[Array, Array]:
     return lines, (xx + yy) / 2 - np.hypot(half, xy)
 
 
-def _meet(one: Array, other: Array) -> Array:
-    """Return where (..., 3) lines meet others: (..., 3), to be divided by the last."""
+def _intersection(one: Array, other: Array) -> Array:
+    """Return the intersections of (..., 3) lines, homogeneous, (..., 3)."""
     a, b, c = one[..., 0], one[..., 1], one[..., 2]
     d, e, f = other[..., 0], other[..., 1], other[..., 2]
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=-1)

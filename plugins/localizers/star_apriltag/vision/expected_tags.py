@@ -1,4 +1,4 @@
-"""Which tags of the map should be in an image, and where."""
+"""Tags of the map that should be in an image, and their expected pixels."""
 
 from __future__ import annotations
 
@@ -9,102 +9,101 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.vision.body_pose import HEIGHT_DEVIATION, NEAREST
-from star_apriltag.vision.landmark import Place
-from star_apriltag.vision.prediction import Prediction
+from star_apriltag.vision.body_pose import HEIGHT_STD, MIN_DEPTH, Prediction
+from star_apriltag.vision.tag_poses import USUAL_SIZE, MapTag
 from star_core import Array, CameraModel, Pose, perspective, skew
 
-FARTHEST: Final = 3.0
-"""How far away a tag of 0.168 m may be, m. On the floor, seen from 0.8 m above it, its code fills
-about thirty pixels then."""
+MAX_DISTANCE: Final = 3.0
+"""Of a tag of `USUAL_SIZE`, m. On the floor, seen from 0.8 m above it, its code fills about thirty
+pixels then."""
 
-LEAST_SLANT: Final = 0.15  # cosine between a tag's normal and the way to the camera
-MOST: Final = 6  # tags of an image, so that it does not take long
+MIN_SLANT: Final = 0.15  # cosine between a tag's normal and the direction to the camera
+MAX_TAGS: Final = 6  # of an image, which bounds the time
 
-TURN_DEVIATION: Final = math.radians(1.0)
-"""What tilt and the camera's mounting are good for together, about each axis, rad. It is less than
-`LEVEL_DEVIATION`, which is loose because errors last; for one image they do not."""
+TURN_STD: Final = math.radians(1.0)
+"""Of tilt and the camera's mounting together, about each axis, rad. It is less than `LEVEL_STD`,
+which is large because errors last; for one image they do not."""
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
-    """How a tag should be seen.
+class ExpectedTag:
+    """A tag as it should be seen.
 
     Attributes:
-        place: In the map.
-        tag: In the camera, when the row of its centre is read.
-        pixel: (2,) its centre, px.
+        tag: Of the map.
+        pose: In the camera, when the row of its center is read.
+        pixel: (2,) its center, px.
         covariance: (2, 2) of that, px².
-        distance: From the camera to its centre, m.
+        distance: From the camera to its center, m.
     """
 
-    place: Place
-    tag: Pose
+    tag: MapTag
+    pose: Pose
     pixel: Array
     covariance: Array
     distance: float
 
 
-class Foresight:
-    """Says which tags should be in the images of one camera.
+class ExpectedTags:
+    """Predicts which tags are in the images of one camera.
 
     Args:
         lens: Of the camera.
-        places: The map.
+        tags: The map.
     """
 
-    def __init__(self, lens: CameraModel, places: Sequence[Place]) -> None:
+    def __init__(self, lens: CameraModel, tags: Sequence[MapTag]) -> None:
         self._lens = lens
-        self._places = tuple(places)
-        self._numbers = np.array([place.tag for place in places], np.int64)
-        self._centres = np.array([place.pose.position for place in places]).reshape(-1, 3)
-        self._normals = np.array([place.pose.rotation[:, 2] for place in places]).reshape(-1, 3)
-        self._reach = np.array([FARTHEST * place.size / 0.168 for place in places])
+        self._tags = tuple(tags)
+        self._numbers = np.array([tag.number for tag in tags], np.int64)
+        self._centers = np.array([tag.pose.position for tag in tags]).reshape(-1, 3)
+        self._normals = np.array([tag.pose.rotation[:, 2] for tag in tags]).reshape(-1, 3)
+        self._reach = np.array([MAX_DISTANCE * tag.size / USUAL_SIZE for tag in tags])
 
-    def expect(self, prediction: Prediction, passed_over: Collection[int] = ()) -> list[Expected]:
+    def expect(self, prediction: Prediction, exclude: Collection[int] = ()) -> list[ExpectedTag]:
         """Return the nearest tags whose faces should be seen, nearest first.
 
         Args:
             prediction: Of the body when the image was taken.
-            passed_over: Numbers of tags that do not matter.
+            exclude: Numbers of tags to leave out.
         """
         camera = prediction.pose @ prediction.camera(self._lens.mounting)
-        away = self._centres - camera.position
+        away = self._centers - camera.position
         ahead = away @ camera.rotation
         distance = np.sqrt((away * away).sum(axis=1))
-        facing = -(away * self._normals).sum(axis=1) >= LEAST_SLANT * distance
-        there = (distance <= self._reach) & facing & (ahead[:, 2] > NEAREST)
-        rows = np.flatnonzero(there & ~np.isin(self._numbers, list(passed_over)))
+        facing = -(away * self._normals).sum(axis=1) >= MIN_SLANT * distance
+        there = (distance <= self._reach) & facing & (ahead[:, 2] > MIN_DEPTH)
+        rows = np.flatnonzero(there & ~np.isin(self._numbers, list(exclude)))
         pixels = self._lens.project(ahead[rows])
         inside = ((pixels >= 0) & (pixels < self._lens.shape[::-1])).all(axis=1)
-        nearest = sorted(np.flatnonzero(inside).tolist(), key=lambda k: distance[rows[k]])[:MOST]
-        seen = [self._seen(self._places[rows[k]], pixels[k], prediction) for k in nearest]
+        nearest = sorted(np.flatnonzero(inside).tolist(), key=lambda k: distance[rows[k]])
+        seen = [self._seen(self._tags[rows[k]], pixels[k], prediction) for k in nearest[:MAX_TAGS]]
         return [expected for expected in seen if expected is not None]
 
-    def _seen(self, place: Place, pixel: Array, prediction: Prediction) -> Expected | None:
-        """Return how a tag should be seen whose row is about that of (2,) `pixel`."""
+    def _seen(self, tag: MapTag, pixel: Array, prediction: Prediction) -> ExpectedTag | None:
+        """Return a tag as it should be seen, with a row of about that of (2,) `pixel`."""
         lens, mounting = self._lens, prediction.camera(self._lens.mounting)
-        moving = np.concatenate([prediction.rates, prediction.velocity])
+        moving = np.concatenate([prediction.motion.rates, prediction.motion.velocity])
         body = prediction.pose.moved(float(lens.row_delay(pixel)) * moving)
-        tag = (body @ mounting).inverse() @ place.pose
-        if not (tag.position[2] > NEAREST and lens.in_reach(tag.position)):
+        pose = (body @ mounting).inverse() @ tag.pose
+        if not (pose.position[2] > MIN_DEPTH and lens.in_reach(pose.position)):
             return None
-        pixel = lens.project(tag.position)
-        ray, by_camera = perspective(tag.position)
+        ray, by_camera = perspective(pose.position)
         by_camera *= float(lens.magnification(ray))
-        by_body = np.hstack([skew(mounting.apply(tag.position)), -np.eye(3)])
+        by_body = np.hstack([skew(mounting.apply(pose.position)), -np.eye(3)])
         by_step = by_camera @ mounting.rotation.T @ by_body
         covariance = by_step @ _spread(prediction) @ by_step.T
-        return Expected(place, tag, pixel, covariance, math.hypot(*tag.position))
+        pixel = lens.project(pose.position)
+        return ExpectedTag(tag, pose, pixel, covariance, math.hypot(*pose.position))
 
 
 def _spread(prediction: Prediction) -> Array:
-    """The (6, 6) covariance of a turn and then a shift of the body in its own frame."""
+    """Return the (6, 6) covariance of a rotation and then a shift of the body in its own frame."""
     rotation = prediction.pose.rotation
     by_map = np.zeros((6, 3))  # of x, y and yaw
     by_map[3:, :2] = rotation[:2].T
     by_map[:3, 2] = rotation[2]
     covariance: Array = by_map @ prediction.covariance @ by_map.T
-    covariance[:3, :3] += TURN_DEVIATION**2 * np.eye(3)
-    covariance[3:, 3:] += HEIGHT_DEVIATION**2 * np.outer(rotation[2], rotation[2])
+    covariance[:3, :3] += TURN_STD**2 * np.eye(3)
+    covariance[3:, 3:] += HEIGHT_STD**2 * np.outer(rotation[2], rotation[2])
     return covariance

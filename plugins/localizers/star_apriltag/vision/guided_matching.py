@@ -1,4 +1,4 @@
-"""Finds a tag that was not detected, where the map has it: guided matching."""
+"""Guided matching: finds tags that were not detected at their expected pixels."""
 
 from __future__ import annotations
 
@@ -8,111 +8,111 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from star_apriltag.vision.body_pose import NEAREST, View
-from star_apriltag.vision.expected_tags import Expected
+from star_apriltag.vision.body_pose import MIN_DEPTH, View
+from star_apriltag.vision.expected_tags import ExpectedTag
+from star_apriltag.vision.tag_poses import USUAL_SIZE
 from star_apriltag.vision.tag_template import Picture, Region, Template, template
 from star_core import Array, CameraModel, Image, Mask
 
-DEVIATIONS: Final = 3.0  # of the expected place, within which a tag is looked for
+SEARCH_STDS: Final = 3.0  # standard deviations of the expected pixel that are searched
 MARGIN: Final = 3.0  # px, beyond that
-WIDEST: Final = 40.0  # px, but no further
-UNSURE: Final = 20.0  # px, deviation of the expected place beyond which matching is not guided
-LEAST_SHARE: Final = 0.4  # of a tag with its rim that is in the image
-LEAST_EDGE: Final = 6  # px, of the part that is compared
-MOST_PIXELS: Final = 10_000  # of that; what is larger is near, and takes long
+MAX_SEARCH: Final = 40.0  # px, to either side
+MAX_PIXEL_STD: Final = 20.0  # px, of the expected pixel
+MIN_SHARE: Final = 0.4  # of a tag with its border that is in the image
+MIN_EDGE: Final = 6  # px, of the region that is compared
+MAX_PIXELS: Final = 10_000  # in that; a larger one is near, and takes long
 
-COVERED: Final = 0.5  # of a pixel, from which on it counts
-LEAST_LIKENESS: Final = 0.6  # correlation of the tag with its rim
-LEAST_LEAD: Final = 0.08  # by which that is above any other place's
-LOBE: Final = 3  # px, around the likeliest place, that are no other one
+COVERAGE: Final = 0.5  # of a pixel, above which it is compared
+MIN_CORRELATION: Final = 0.6  # of the tag with its border
+MIN_LEAD: Final = 0.08  # of that over any other pixel's
+LOBE: Final = 3  # px around the peak that belong to it
 
-LEAST_CODE: Final = 0.7
-"""Correlation of the code alone. Border and rim look the same on every tag: a wrong one of the same
-size correlates by two thirds, but its code hardly does."""
+MIN_CODE_CORRELATION: Final = 0.7
+"""Of the code alone. Borders look the same on every tag: a wrong one of the same size correlates by
+two thirds, but its code hardly does."""
 
-LEAST_CODE_PIXELS: Final = 10  # fewer say nothing
-LEAST_CONTRAST: Final = 8.0  # grey values, deviation over the tag; camera noise is about four
-CERTAIN: Final = 1.001  # no correlation is above, but by rounding where there is no contrast
+MIN_CODE_PIXELS: Final = 10  # fewer are not significant
+MIN_CONTRAST: Final = 8.0  # gray values, standard deviation over the tag; camera noise is about 4
+MAX_CORRELATION: Final = 1.001  # a larger one is a rounding error, without contrast
 
-# The deviation of a centre, px: LEAST, and more for each metre to a tag of 0.168 m. In simulation a
-# centre is found to 0.15 px; the rest stands for what is wrong with the map, which lasts.
-LEAST: Final = 0.25
-PER_METRE: Final = 0.08
+# Standard deviation of a center, px: MIN_STD, and more for each meter to a tag of USUAL_SIZE. In
+# simulation a center is found to 0.15 px; the rest are errors of the map, which last.
+MIN_STD: Final = 0.25
+STD_PER_METER: Final = 0.08
 
 
-class Match(NamedTuple):
+class TagMatch(NamedTuple):
     """A tag that was found where it was expected.
 
     Attributes:
         tag: Its number.
-        pixel: (2,) its centre, px.
+        pixel: (2,) its center, px.
         view: The same as a measurement, of one point.
-        likeness: Correlation with what was expected, at most 1.
+        correlation: With its template, at most 1.
     """
 
     tag: int
     pixel: Array
     view: View
-    likeness: float
+    correlation: float
 
 
-def find(image: Image, expected: Expected, lens: CameraModel) -> Match | None:
-    """Return where an expected tag is in an image, or None if it is not clearly seen there.
+def match_tag(image: Image, expected: ExpectedTag, lens: CameraModel) -> TagMatch | None:
+    """Return an expected tag's position in an image, or None if it is not clearly visible.
 
-    What it should look like is compared with the image at every place near the expected one, by
-    normalised cross-correlation. Compared is what is paper: nothing is known of what is around it.
-    It is found if it is likelier at one place than at all others, and if the code is its own.
+    A template of the tag is compared with the image at all pixels near the expected one, by
+    normalized cross-correlation over the tag's paper. The tag is found if one peak is clearly above
+    all others, and if the code is its own.
 
     Args:
         image: As the lens shows it.
         expected: The tag.
-        lens: What it is seen through.
+        lens: The camera.
     """
     spread = np.sqrt(expected.covariance.diagonal())
-    if not spread.max() <= UNSURE:
+    if not spread.max() <= MAX_PIXEL_STD:
         return None
     region = _region(expected, lens, spread)
     if region is None:
         return None
-    place = expected.place
-    drawn = template(place.tag, place.size, expected.tag, lens, region)
-    reach = np.ceil(np.minimum(DEVIATIONS * spread + MARGIN, WIDEST)).astype(int)
+    tag = expected.tag
+    drawn = template(tag.number, tag.size, expected.pose, lens, region)
+    reach = np.ceil(np.minimum(SEARCH_STDS * spread + MARGIN, MAX_SEARCH)).astype(int)
     across, down = reach.tolist()
     left, top = max(region.left - across, 0), max(region.top - down, 0)
     window = image[top : region.bottom + down, left : region.right + across].astype(np.float32)
-    likeness = cv2.matchTemplate(
-        window, drawn.grey, cv2.TM_CCOEFF_NORMED, mask=_counts(drawn.paper).astype(np.float32)
+    correlation = cv2.matchTemplate(
+        window, drawn.gray, cv2.TM_CCOEFF_NORMED, mask=_covered(drawn.paper).astype(np.float32)
     )
-    peak = _peak(np.asarray(likeness, np.float32))
+    peak = _peak(np.asarray(correlation, np.float32))
     if peak is None:
         return None
     u, v = peak
     column, row = round(u), round(v)
-    height, width = drawn.grey.shape
+    height, width = drawn.gray.shape
     if not _readable(window[row : row + height, column : column + width], drawn):
         return None
-    shift = np.array([u + left - region.left, v + top - region.top])
-    pixel = expected.pixel + shift
+    pixel = expected.pixel + np.array([u + left - region.left, v + top - region.top])
     ray = lens.undistort(pixel)
     if not np.isfinite(ray).all():
         return None
-    deviation = math.hypot(LEAST, PER_METRE * expected.distance * 0.168 / place.size)
+    deviation = math.hypot(MIN_STD, STD_PER_METER * expected.distance * USUAL_SIZE / tag.size)
     view = View(
-        place.pose.position[None],
+        tag.pose.position[None],
         ray[None],
         deviation / float(lens.magnification(ray)),
         lens.row_delay(pixel)[None],
     )
-    return Match(place.tag, pixel, view, float(likeness[row, column]))
+    return TagMatch(tag.number, pixel, view, float(correlation[row, column]))
 
 
-def _region(expected: Expected, lens: CameraModel, spread: Array) -> Region | None:
-    """The part of the image that is compared, or None if too little of the tag is in it.
+def _region(expected: ExpectedTag, lens: CameraModel, spread: Array) -> Region | None:
+    """Return the region of the image that is compared, or None if it has too little of the tag.
 
-    It leaves room at the image's edges for the tag to be a deviation further out.
+    At the image's edges a standard deviation is left for the tag to be farther out.
     """
-    ahead = expected.tag.apply(expected.place.outline)
-    if not ahead[:, 2].min() > NEAREST:
+    ahead = expected.pose.apply(expected.tag.outline)
+    if not ahead[:, 2].min() > MIN_DEPTH:
         return None
     outline = lens.project(ahead)
     height, width = lens.shape
@@ -125,49 +125,50 @@ def _region(expected: Expected, lens: CameraModel, spread: Array) -> Region | No
         min(math.ceil(bottom) + 1, height - down),
     )
     edges = region.right - region.left, region.bottom - region.top
-    if min(edges) < LEAST_EDGE or math.prod(edges) > MOST_PIXELS:
+    if min(edges) < MIN_EDGE or math.prod(edges) > MAX_PIXELS:
         return None
     whole = outline.astype(np.float32)
     inside, _ = cv2.intersectConvexConvex(whole, region.corners)
-    return region if inside >= LEAST_SHARE * cv2.contourArea(whole) else None
+    return region if inside >= MIN_SHARE * cv2.contourArea(whole) else None
 
 
-def _peak(likeness: Picture) -> tuple[float, float] | None:
-    """Return the column and row of the likeliest place, or None if no place stands out.
+def _peak(correlation: Picture) -> tuple[float, float] | None:
+    """Return column and row of the peak, or None if it is not clearly above the rest.
 
-    Between pixels it is where the parabola through three of them has its summit.
+    Between pixels it is the vertex of the parabola through three of them.
     """
-    likeness = np.where(np.abs(likeness) < CERTAIN, likeness, np.float32(0.0))
-    _, best, _, (column, row) = cv2.minMaxLoc(likeness)
-    rows, columns = likeness.shape
-    if best < LEAST_LIKENESS or not (0 < row < rows - 1 and 0 < column < columns - 1):
+    plain = np.float32(0.0)
+    correlation = np.where(np.abs(correlation) < MAX_CORRELATION, correlation, plain)
+    _, best, _, (column, row) = cv2.minMaxLoc(correlation)
+    rows, columns = correlation.shape
+    if best < MIN_CORRELATION or not (0 < row < rows - 1 and 0 < column < columns - 1):
         return None
-    rest = likeness.copy()
+    rest = correlation.copy()
     rest[max(0, row - LOBE) : row + LOBE + 1, max(0, column - LOBE) : column + LOBE + 1] = 0.0
-    if rest.max() > best - LEAST_LEAD:
+    if rest.max() > best - MIN_LEAD:
         return None
-    across = likeness[row, column - 1 : column + 2]
-    down = likeness[row - 1 : row + 2, column]
-    return column + _summit(*across.tolist()), row + _summit(*down.tolist())
+    across = correlation[row, column - 1 : column + 2]
+    down = correlation[row - 1 : row + 2, column]
+    return column + _vertex(*across.tolist()), row + _vertex(*down.tolist())
 
 
-def _summit(before: float, here: float, after: float) -> float:
-    """Where a parabola has its summit, from -0.5 to 0.5 if no value is above the middle one."""
+def _vertex(before: float, here: float, after: float) -> float:
+    """Return a parabola's vertex, from -0.5 to 0.5 if no value is above the middle one."""
     bend = before - 2 * here + after
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
 
 def _readable(patch: Picture, drawn: Template) -> bool:
     """Return whether a patch has contrast, and shows the tag's own code."""
-    code = _counts(drawn.code)
-    if patch[_counts(drawn.paper)].std() < LEAST_CONTRAST:
+    code = _covered(drawn.code)
+    if patch[_covered(drawn.paper)].std() < MIN_CONTRAST:
         return False
-    if np.count_nonzero(code) < LEAST_CODE_PIXELS:
+    if np.count_nonzero(code) < MIN_CODE_PIXELS:
         return False
-    seen, known = (grey[code] - grey[code].mean() for grey in (patch, drawn.grey))
+    seen, known = (gray[code] - gray[code].mean() for gray in (patch, drawn.gray))
     both = math.sqrt(float(seen @ seen) * float(known @ known))
-    return float(seen @ known) >= LEAST_CODE * both > 0
+    return float(seen @ known) >= MIN_CODE_CORRELATION * both > 0
 
 
-def _counts(share: Picture) -> Mask:
-    return share > COVERED
+def _covered(share: Picture) -> Mask:
+    return share > COVERAGE

@@ -13,7 +13,7 @@ import star_apriltag
 from star_apriltag.agent_estimator import Settings
 from star_apriltag.localizer import AprilTag
 from star_apriltag.vision.body_pose import View
-from star_apriltag.vision.square import deviation
+from star_apriltag.vision.tag_poses import corner_std
 from star_core import (
     Agent,
     Array,
@@ -203,7 +203,7 @@ def views(body: Pose, tags: Sequence[Tag], real: Sequence[Tag] | None = None) ->
             continue
         place = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
         eye = (body @ lens.mounting).position
-        spread = deviation(float(np.linalg.norm(place.position - eye)), tag.size)
+        spread = corner_std(float(np.linalg.norm(place.position - eye)), tag.size)
         rays = lens.undistort(pixels)
         spread /= float(lens.magnification(rays.mean(axis=0)))
         found.append(View(place.apply(square_corners(tag.size)), rays, spread, np.zeros(4)))

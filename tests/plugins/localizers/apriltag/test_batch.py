@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_apriltag.batch import Batched
-from star_apriltag.localizer import sights
+from star_apriltag.batch import BatchEstimator
+from star_apriltag.localizer import camera_reports
 from star_core import Frames
 from tests.plugins.localizers.apriltag.conftest import (
     Circle,
@@ -35,28 +35,28 @@ def test_tags_correct_the_drift_of_odometry() -> None:
 
 def test_every_pose_since_the_start_stays_in_the_graph() -> None:
     circle = Circle(10)
-    follower = Batched(circle.agent(), tuple(TAGS))
+    follower = BatchEstimator(circle.agent(), tuple(TAGS))
     for heard in ticks([circle], 5.0, TAGS):
-        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)), motors=True)
-        for sight in sights(heard, 0.15):
-            follower.look(sight)
+        follower.add_odometry(heard.odometry, np.arange(len(heard.odometry.agent)), motors=True)
+        for sight in camera_reports(heard, 0.15):
+            follower.add_image(sight)
     assert 20 <= follower._count <= 31  # at 6 Hz at most
 
 
 def test_an_image_counts_for_when_it_arrived() -> None:
     circle = Circle(10)
-    follower = Batched(circle.agent(), tuple(TAGS))
+    follower = BatchEstimator(circle.agent(), tuple(TAGS))
     arrivals = set()
     for heard in ticks([circle], 5.0, TAGS):
-        follower.hear(heard.odometry, np.arange(len(heard.odometry.agent)), motors=True)
-        for sight in sights(heard, 0.15):
-            follower.look(sight)
+        follower.add_odometry(heard.odometry, np.arange(len(heard.odometry.agent)), motors=True)
+        for sight in camera_reports(heard, 0.15):
+            follower.add_image(sight)
             arrivals.add(sight.arrived)
     assert follower._count > 0
-    assert follower.known.node.time in arrivals
+    assert follower.anchor.node.time in arrivals
 
 
-def test_an_image_of_another_size_is_passed_over(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_image_of_another_size_is_exclude(caplog: pytest.LogCaptureFixture) -> None:
     circle = Circle(10)
     made = localizer(room([circle], TAGS), method="batch")
     one = np.zeros(1)
@@ -64,4 +64,4 @@ def test_an_image_of_another_size_is_passed_over(caplog: pytest.LogCaptureFixtur
     with caplog.at_level(logging.WARNING):
         estimate = made.locate(replace(telemetry([circle], 1.0), frames=image))
     assert estimate.valid.all()
-    assert "an image of cf0 is passed over" in caplog.text
+    assert "an image of cf0 is ignored" in caplog.text

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from star_apriltag.floor_odometry import LONGEST, Floor
-from star_apriltag.odometry_track import Track
+from star_apriltag.floor_odometry import MAX_INTERVAL, FloorOdometry, MeasuredMotion
+from star_apriltag.odometry_track import OdometryTrack
 from star_core import Array, Camera, CameraModel, Image, Odometry, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import turned_model
 
@@ -48,11 +48,13 @@ def picture(
     return image
 
 
-def track(velocity: complex = 0j, yaw_rate: float = 0.0, *, height: float = HEIGHT) -> Track:
+def track(
+    velocity: complex = 0j, yaw_rate: float = 0.0, *, height: float = HEIGHT
+) -> OdometryTrack:
     """Two seconds of odometry."""
     time = np.arange(1, 201) / 100
     zero = np.zeros(len(time))
-    told = Track()
+    told = OdometryTrack()
     there = np.column_stack([zero + velocity.real, zero + velocity.imag, zero])
     told.add(
         Odometry(zero.astype(int), time, there, zero + yaw_rate, zero, zero, zero + height),
@@ -61,14 +63,29 @@ def track(velocity: complex = 0j, yaw_rate: float = 0.0, *, height: float = HEIG
     return told
 
 
-def shift(first: Image, second: Image, told: Track, *, yaw_bias: float = 0.0) -> complex | None:
-    floor = Floor(LENS)
-    assert floor.look(first, FROM, told, ground=0.0, yaw_bias=yaw_bias) is None
-    passage = floor.look(second, TO, told, ground=0.0, yaw_bias=yaw_bias)
-    if passage is None:
+def measure(
+    floor: FloorOdometry,
+    image: Image,
+    time: float,
+    told: OdometryTrack,
+    *,
+    ground: float = 0.0,
+    yaw_bias: float = 0.0,
+) -> MeasuredMotion | None:
+    """The motion by a camera whose mounting is exact."""
+    return floor.measure(image, time, told, ground=ground, yaw_bias=yaw_bias, camera_turn=np.eye(3))
+
+
+def shift(
+    first: Image, second: Image, told: OdometryTrack, *, yaw_bias: float = 0.0
+) -> complex | None:
+    floor = FloorOdometry(LENS)
+    assert measure(floor, first, FROM, told, ground=0.0, yaw_bias=yaw_bias) is None
+    motion = measure(floor, second, TO, told, ground=0.0, yaw_bias=yaw_bias)
+    if motion is None:
         return None
-    assert (passage.begin, passage.end) == (FROM, TO)
-    return passage.shift
+    assert (motion.begin, motion.end) == (FROM, TO)
+    return motion.shift
 
 
 @pytest.mark.parametrize("way", [0.03 + 0j, -0.02 + 0.02j, 0.04j])
@@ -117,37 +134,37 @@ def test_near_the_floor_nothing_is_said() -> None:
 
 def test_images_long_after_each_other_say_nothing() -> None:
     told = track()
-    floor = Floor(LENS)
-    floor.look(picture(key=1), 0.5, told, ground=0.0, yaw_bias=0.0)
-    assert floor.look(picture(key=2), 0.6 + LONGEST, told, ground=0.0, yaw_bias=0.0) is None
+    floor = FloorOdometry(LENS)
+    measure(floor, picture(key=1), 0.5, told)
+    assert measure(floor, picture(key=2), 0.6 + MAX_INTERVAL, told) is None
 
 
 def test_an_image_that_is_newer_than_odometry_says_nothing() -> None:
     told = track()
-    floor = Floor(LENS)
-    floor.look(picture(key=1), 1.95, told, ground=0.0, yaw_bias=0.0)
-    assert floor.look(picture(key=2), 2.05, told, ground=0.0, yaw_bias=0.0) is None
+    floor = FloorOdometry(LENS)
+    measure(floor, picture(key=1), 1.95, told)
+    assert measure(floor, picture(key=2), 2.05, told) is None
 
 
 def test_images_may_be_lost_in_between() -> None:
     told = track(0.36 + 0.03j, 0.5)
-    floor = Floor(LENS)
-    floor.look(picture(key=1), 1.0, told, ground=0.0, yaw_bias=0.0)
+    floor = FloorOdometry(LENS)
+    measure(floor, picture(key=1), 1.0, told)
     # On an arc of 0.3 m/s and 0.5 rad/s, after 0.4 s.
     way = 0.3 / 0.5 * complex(math.sin(0.2), 1 - math.cos(0.2))
-    passage = floor.look(picture(way, 0.2, key=2), 1.4, told, ground=0.0, yaw_bias=0.0)
-    assert passage is not None
-    assert passage.shift == pytest.approx(way, abs=0.002)
+    motion = measure(floor, picture(way, 0.2, key=2), 1.4, told)
+    assert motion is not None
+    assert motion.shift == pytest.approx(way, abs=0.002)
 
 
 def test_after_a_gap_the_next_two_images_say_where_it_went() -> None:
     told = track(0.3 + 0j)
-    floor = Floor(LENS)
-    floor.look(picture(key=1), 0.1, told, ground=0.0, yaw_bias=0.0)
-    floor.look(picture(key=2), 1.5, told, ground=0.0, yaw_bias=0.0)
-    passage = floor.look(picture(0.03 + 0j, key=3), 1.6, told, ground=0.0, yaw_bias=0.0)
-    assert passage is not None
-    assert passage.shift == pytest.approx(0.03, abs=0.001)
+    floor = FloorOdometry(LENS)
+    measure(floor, picture(key=1), 0.1, told)
+    measure(floor, picture(key=2), 1.5, told)
+    motion = measure(floor, picture(0.03 + 0j, key=3), 1.6, told)
+    assert motion is not None
+    assert motion.shift == pytest.approx(0.03, abs=0.001)
 
 
 def test_an_error_of_the_mounting_is_a_constant_factor() -> None:
@@ -169,17 +186,17 @@ def test_a_camera_that_is_known_to_be_turned_is_taken_as_it_is() -> None:
     lens = turned_model(error, Camera(readout=0.0))
     told, ways = track(0.3 + 0j), []
     for camera_turn in (np.eye(3), error):  # ... which the smoother does not know, or does
-        floor = Floor(lens)
+        floor = FloorOdometry(lens)
         for image, time in ((picture(key=1), FROM), (picture(0.03 + 0j, key=2), TO)):
-            passage = floor.look(
+            motion = floor.measure(
                 image, time, told, ground=0.0, yaw_bias=0.0, camera_turn=camera_turn
             )
-        assert passage is not None
-        ways.append(abs(passage.shift - 0.03))
+        assert motion is not None
+        ways.append(abs(motion.shift - 0.03))
     assert ways[1] == pytest.approx(0, abs=0.0005)
     assert ways[0] > 2 * ways[1]
 
 
 def test_an_image_of_another_size_is_an_error() -> None:
     with pytest.raises(ValueError, match="expected"):
-        Floor(LENS).look(np.zeros((10, 10), np.uint8), 1.0, track(), ground=0.0, yaw_bias=0.0)
+        measure(FloorOdometry(LENS), np.zeros((10, 10), np.uint8), 1.0, track())

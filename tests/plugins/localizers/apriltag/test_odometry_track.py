@@ -12,7 +12,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from star_apriltag.odometry_track import ROOM, Track
+from star_apriltag.odometry_track import CAPACITY, OdometryTrack
 from star_core import Array, Odometry
 
 number = st.floats(-1.0, 1.0)
@@ -28,18 +28,18 @@ def stream(time: Any, velocity: Array, yaw_rate: Any, agent: int = 0) -> Odometr
     return Odometry(np.full(n, agent), np.asarray(time), velocity, yaw_rate, zero, zero, zero)
 
 
-def track(rows: Sequence[tuple[float, float, float, float]]) -> Track:
+def track(rows: Sequence[tuple[float, float, float, float]]) -> OdometryTrack:
     """A track of (time since the last one, forward, left, yaw rate)."""
     table = np.array(rows)
     velocity = np.column_stack([table[:, 1:3], np.zeros(len(table))])
-    made = Track()
+    made = OdometryTrack()
     made.add(stream(np.cumsum(table[:, 0]), velocity, table[:, 3]), np.arange(len(table)))
     return made
 
 
 def even(
     seconds: float, velocity: tuple[float, float] = (1.0, 0.0), yaw_rate: float = 0.0
-) -> Track:
+) -> OdometryTrack:
     """100 samples a second, all alike."""
     return track([(0.01, *velocity, yaw_rate)] * round(100 * seconds))
 
@@ -112,7 +112,7 @@ def test_who_stands_neither_moves_nor_turns(
     rate: float,
     stands: bool,  # noqa: FBT001
 ) -> None:
-    made, time = Track(), np.arange(1, 101) / 100
+    made, time = OdometryTrack(), np.arange(1, 101) / 100
     velocity = np.full((100, 3), [speed, 0.0, 0.0])
     made.add(stream(time, velocity, np.full(100, rate)), np.arange(100), motors=motors)
     motion = made.between(0.0, 1.0, yaw_bias=0.004)
@@ -133,7 +133,7 @@ def test_a_stand_between_two_ways_takes_no_time() -> None:
 
 
 def test_without_a_sample_nothing_moves() -> None:
-    assert Track().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0, 0.0, 2.0)
+    assert OdometryTrack().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0, 0.0, 2.0)
 
 
 def test_a_time_that_ends_before_it_begins_holds_no_motion() -> None:
@@ -141,15 +141,15 @@ def test_a_time_that_ends_before_it_begins_holds_no_motion() -> None:
 
 
 @pytest.mark.parametrize("times", [[0.2, 0.1, 0.3], [0.1, 0.1, 0.3], [0.1, math.nan, 0.3]])
-def test_samples_that_go_backwards_or_say_no_time_are_passed_over(times: list[float]) -> None:
-    made = Track()
+def test_samples_that_go_backwards_or_say_no_time_are_exclude(times: list[float]) -> None:
+    made = OdometryTrack()
     forward = np.array([[1.0, 0, 0], [100.0, 0, 0], [1.0, 0, 0]])
     made.add(stream(times, forward, np.zeros(3)), np.arange(3))
     assert made.newest == 0.3
     assert made.between(0.0, 0.3).shift == pytest.approx(0.3)
 
 
-def test_samples_older_than_those_of_the_last_tick_are_passed_over() -> None:
+def test_samples_older_than_those_of_the_last_tick_are_exclude() -> None:
     made = even(1.0)
     made.add(stream([0.4], np.full((1, 3), 9.0), np.zeros(1)), np.arange(1))
     assert made.newest == pytest.approx(1.0)
@@ -157,33 +157,33 @@ def test_samples_older_than_those_of_the_last_tick_are_passed_over() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_samples_that_are_not_finite_are_passed_over(value: float) -> None:
+def test_samples_that_are_not_finite_are_exclude(value: float) -> None:
     made = even(1.0)
     made.add(stream([1.1, 1.2], np.array([[value, 0, 0], [1.0, 0, 0]]), np.zeros(2)), np.arange(2))
     assert made.between(0.0, 1.2).shift == pytest.approx(1.2)
 
 
 def test_samples_of_others_are_not_taken_in() -> None:
-    made = Track()
+    made = OdometryTrack()
     both = stream([0.1, 0.1], np.array([[1.0, 0, 0], [5.0, 0, 0]]), np.zeros(2))
     made.add(both, np.array([1]))
     assert made.between(0.0, 0.1).shift == pytest.approx(0.5)
 
 
 def test_it_goes_on_when_its_room_is_full() -> None:
-    made = Track()
-    n = 2 * ROOM + 1000
+    made = OdometryTrack()
+    n = 2 * CAPACITY + 1000
     time = np.linspace(0.01, 0.01 * n, n)
     forward: Array = np.column_stack([np.arange(n), np.zeros((n, 2))])
     for part in np.array_split(np.arange(n), 500):
         made.add(stream(time[part], forward[part], np.zeros(len(part))), np.arange(len(part)))
     assert made.newest == time[-1]
-    motion = made.between(time[-ROOM // 2], time[-1])
-    assert motion.shift == pytest.approx(0.01 * forward[-ROOM // 2 + 1 :, 0].sum())
+    motion = made.between(time[-CAPACITY // 2], time[-1])
+    assert motion.shift == pytest.approx(0.01 * forward[-CAPACITY // 2 + 1 :, 0].sum())
 
 
 def test_more_samples_at_once_than_it_has_room_for_leave_the_newest() -> None:
-    made, n = Track(), 2 * ROOM + 5
+    made, n = OdometryTrack(), 2 * CAPACITY + 5
     made.add(stream(0.01 * np.arange(n), np.ones((n, 3)), np.zeros(n)), np.arange(n))
     assert made.newest == pytest.approx(0.01 * (n - 1))
     assert made.between(0.01 * (n - 101), made.newest).length == pytest.approx(math.sqrt(2))
@@ -205,7 +205,7 @@ def test_a_yaw_bias_is_taken_from_the_turn() -> None:
 
 
 def test_a_stance_is_the_sample_that_holds_then() -> None:
-    made = Track()
+    made = OdometryTrack()
     table = Odometry(
         agent=np.zeros(2, int),
         time=np.array([0.1, 0.2]),
@@ -223,7 +223,7 @@ def test_a_stance_is_the_sample_that_holds_then() -> None:
 
 
 def test_without_a_sample_it_stands_level_and_still() -> None:
-    stance = Track().at(1.0)
+    stance = OdometryTrack().at(1.0)
     assert (stance.roll, stance.pitch, stance.height, stance.yaw_rate) == (0, 0, 0, 0)
     assert not stance.velocity.any()
 
@@ -266,7 +266,7 @@ def test_what_is_not_reported_yet_is_not_corrected() -> None:
 
 
 def test_ways_are_corrected_when_its_room_is_full() -> None:
-    made, n = Track(), 2 * ROOM
+    made, n = OdometryTrack(), 2 * CAPACITY
     made.add(stream(0.01 * np.arange(n), np.ones((n, 3)), np.zeros(n)), np.arange(n))
     made.add(stream(0.01 * np.arange(n, 2 * n), np.ones((n, 3)), np.zeros(n)), np.arange(n))
     while made._end < len(made._rows):

@@ -236,7 +236,7 @@ def test_begun_anew_it_is_no_surer_than_before() -> None:
 def test_what_was_learnt_of_the_camera_outlives_the_graph() -> None:
     flight = right(mounting_std=math.radians(2.0))
     flight.fly(40)
-    flight.smoother._extra = gtsam.Rot3(rotation_from_vector(np.array([0.01, 0, 0])))
+    flight.smoother._turn = gtsam.Rot3(rotation_from_vector(np.array([0.01, 0, 0])))
     poison_by_nan(flight)
     assert flight.smoother.camera_turn == pytest.approx(
         rotation_from_vector(np.array([0.01, 0, 0]))

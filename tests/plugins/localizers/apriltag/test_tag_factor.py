@@ -11,7 +11,7 @@ from gtsam.symbol_shorthand import E, X
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_apriltag.tag_factor import HUBER, _by_mounting, factor
+from star_apriltag.smoother import HUBER, _by_mounting, tag_factor
 from star_apriltag.vision.body_pose import AT_REST, Motion, View, reproject
 from star_core import Array, Pose, rotation_from_quaternion, rotation_from_vector
 from star_core.world.quaternions import turned
@@ -86,7 +86,7 @@ def test_a_point_weighs_as_one_point() -> None:
     body = Pose(BODY.rotation, BODY.position + np.array([0.001, 0.0, 0.0]))
     far = float(np.linalg.norm(seen(body, np.eye(3), view=POINT))) / POINT.deviation
     assert far < HUBER
-    made = factor(X(1), E(0), POINT, AT_REST, MOUNTING)
+    made = tag_factor(X(1), E(0), POINT, AT_REST, MOUNTING)
     assert made.dim() == 2
     assert made.error(values(body, np.eye(3))) == pytest.approx(far**2 / 2, rel=1e-6)
 
@@ -120,14 +120,14 @@ def test_gtsam_finds_the_residual_over_its_deviation(shift: Array, extra: Array)
         Pose(BODY.rotation, BODY.position + 0.05 * shift),
         rotation_from_vector(0.02 * extra),
     )
-    made = factor(X(1), E(0), VIEW, AT_REST, MOUNTING)
+    made = tag_factor(X(1), E(0), VIEW, AT_REST, MOUNTING)
     assert made.unwhitenedError(values(body, mount)) == pytest.approx(seen(body, mount), abs=1e-12)
 
 
 @given(st.floats(0.0, 0.3))
 def test_its_error_is_hubers_loss_of_the_whole_tag(aside: float) -> None:
     body = Pose(BODY.rotation, BODY.position + np.array([aside, 0.0, 0.0]))
-    made = factor(X(1), E(0), VIEW, AT_REST, MOUNTING)
+    made = tag_factor(X(1), E(0), VIEW, AT_REST, MOUNTING)
     far = float(np.linalg.norm(seen(body, np.eye(3)))) / VIEW.deviation
     loss = far**2 / 2 if far <= HUBER else HUBER * (far - HUBER / 2)
     assert made.error(values(body, np.eye(3))) == pytest.approx(loss, rel=1e-6, abs=1e-9)
@@ -137,7 +137,9 @@ def test_gtsam_linearises_it_by_our_derivatives() -> None:
     body = Pose(BODY.rotation @ rotation_from_quaternion(turned(0.001, -0.001, 0)), BODY.position)
     _, by_pose, by_mounting = projected(body, np.eye(3))
     jacobian, _ = (
-        factor(X(1), E(0), VIEW, AT_REST, MOUNTING).linearize(values(body, np.eye(3))).jacobian()
+        tag_factor(X(1), E(0), VIEW, AT_REST, MOUNTING)
+        .linearize(values(body, np.eye(3)))
+        .jacobian()
     )
     far = float(np.linalg.norm(seen(body, np.eye(3)))) / VIEW.deviation
     weight = math.sqrt(min(1.0, HUBER / far)) / VIEW.deviation

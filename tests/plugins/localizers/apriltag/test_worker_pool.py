@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from star_apriltag import worker_pool
-from star_apriltag.agent_group import Heard
-from star_apriltag.localizer import AprilTag, sights
-from star_apriltag.worker_pool import Beside, There, suited
+from star_apriltag.agent_group import TickInput
+from star_apriltag.localizer import AprilTag, camera_reports
+from star_apriltag.worker_pool import RemoteWorker, WorkerPool, default_processes
 from star_core import Agent, Estimate, Frames, Scene
 from tests.plugins.localizers.apriltag.conftest import (
     SETTINGS,
@@ -51,7 +51,7 @@ def localizer(scene: Scene, processes: int, **changes: Any) -> Iterator[AprilTag
 
 def processes(made: AprilTag) -> list[int]:
     """The numbers of its processes, as the system has them."""
-    return [w._process.pid for w in made._beside._workers if isinstance(w, There)]
+    return [w._process.pid for w in made._pool._workers if isinstance(w, RemoteWorker)]
 
 
 def flight(workers: int) -> list[Estimate]:
@@ -98,16 +98,16 @@ def test_who_is_followed_by_a_process_that_ends_is_not_fit_to_fly_and_the_others
     assert estimates[-1].valid.tolist() == [True, False]
     assert np.isfinite(estimates[-1].position).all()
     (told,) = [r.getMessage() for r in caplog.records if r.levelno == logging.ERROR]
-    assert told == "the process that follows cf1 has ended with SIGKILL"
+    assert told == "the process that estimates cf1 has ended with SIGKILL"
 
 
 def test_what_goes_wrong_in_a_process_is_raised_here() -> None:
     scene = room([Circle(1)], TAGS)
-    made = Beside(scene, SETTINGS._replace(lag=float("nan"), mounting_std=float("nan")), 1)
+    made = WorkerPool(scene, SETTINGS._replace(lag=float("nan"), mounting_std=float("nan")), 1)
     try:
         heard = telemetry([Circle(1)], TICK)
-        with pytest.raises(RuntimeError, match=r"(?s)following cf0 failed:\nTraceback"):
-            made.tick(Heard(heard.time, heard.odometry, (), ALL))
+        with pytest.raises(RuntimeError, match=r"(?s)estimating cf0 failed:\nTraceback"):
+            made.update(TickInput(heard.time, heard.odometry, (), ALL))
     finally:
         made.close()
 
@@ -118,20 +118,20 @@ def test_what_a_process_logs_is_logged_here(caplog: pytest.LogCaptureFixture) ->
     with localizer(room([Circle(2)], TAGS), 1) as made:
         made.locate(replace(telemetry([Circle(2)], 1.0), frames=image))
         made.locate(telemetry([Circle(2)], 1.05))
-    assert "an image of cf0 is passed over: image is (10, 324)" in caplog.text
+    assert "an image of cf0 is ignored: image is (10, 324)" in caplog.text
     assert {record.name for record in caplog.records} == {"star_apriltag.agent_group"}
 
 
 def test_processes_end_when_the_localizer_is_closed() -> None:
     with localizer(room(CIRCLES, TAGS), 2) as made:
-        workers = [w for w in made._beside._workers if isinstance(w, There)]
+        workers = [w for w in made._pool._workers if isinstance(w, RemoteWorker)]
     assert [worker._process.returncode for worker in workers] == [0, 0]
 
 
 def test_a_process_that_does_not_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_pool, "PATIENCE", 0.2)
+    monkeypatch.setattr(worker_pool, "EXIT_TIMEOUT", 0.2)
     with localizer(room([Circle(1)], TAGS), 1) as made:
-        (worker,) = (w for w in made._beside._workers if isinstance(w, There))
+        (worker,) = (w for w in made._pool._workers if isinstance(w, RemoteWorker))
         made.locate(telemetry([Circle(1)], TICK))
         os.kill(worker._process.pid, signal.SIGSTOP)
     assert worker._process.returncode == -signal.SIGKILL
@@ -139,17 +139,19 @@ def test_a_process_that_does_not_end_is_killed(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_late_process_is_spared_old_images_and_told_all_odometry() -> None:
     circle = Circle(3)
-    worker = There(replace(room([circle], TAGS), realtime=True), [0], SETTINGS)
+    worker = RemoteWorker(replace(room([circle], TAGS), realtime=True), [0], SETTINGS)
     try:
         for heard in ticks([circle], 3.0, TAGS):
-            worker.give(Heard(heard.time, heard.odometry, tuple(sights(heard, 0.15)), ALL))
-        told = worker._late
+            worker.send(
+                TickInput(heard.time, heard.odometry, tuple(camera_reports(heard, 0.15)), ALL)
+            )
+        told = worker._pending
     finally:
         worker.close()
     assert sum(len(one.odometry.time) for one in told) == 300
-    with_images = [one.time for one in told if one.sights]
+    with_images = [one.time for one in told if one.images]
     assert with_images
-    assert min(with_images) >= told[-1].time - worker_pool.OLDEST
+    assert min(with_images) >= told[-1].time - worker_pool.MAX_IMAGE_AGE
 
 
 @pytest.mark.parametrize(
@@ -178,4 +180,4 @@ def test_there_is_a_process_for_each_camera_and_a_core_for_the_tick(
     scene = room(CIRCLES, TAGS)
     blind = Agent("cf2", (9.0, 0.0, 0.0))
     scene = replace(scene, agents=(*scene.agents, blind), realtime=realtime)
-    assert suited(scene) == expected
+    assert default_processes(scene) == expected

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from star_apriltag.vision.prediction import Prediction
+from star_apriltag.vision.body_pose import Prediction
 from star_core import (
     Array,
     Camera,
@@ -107,11 +107,5 @@ def seen(lens: CameraModel, body: Pose, tag: Tag) -> Array | None:
 
 def predicted(body: Pose, deviation: float = 0.1, yaw_deviation: float = 0.07) -> Prediction:
     """Returns a prediction that is right."""
-    r = body.rotation
-    return Prediction(
-        pose=body,
-        covariance=np.diag([deviation, deviation, yaw_deviation]) ** 2,
-        roll=math.atan2(r[2, 1], r[2, 2]),
-        pitch=-math.asin(r[2, 0]),
-        height=float(body.position[2]),
-    )
+    covariance = np.diag([deviation, deviation, yaw_deviation]) ** 2
+    return Prediction(pose=body, covariance=covariance)

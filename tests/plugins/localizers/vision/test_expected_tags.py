@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_apriltag.vision.body_pose import HEIGHT_DEVIATION
-from star_apriltag.vision.expected_tags import MOST, TURN_DEVIATION, Expected, Foresight
-from star_apriltag.vision.landmark import Place
-from star_apriltag.vision.prediction import Prediction
+from star_apriltag.vision.body_pose import HEIGHT_STD, Motion, Prediction
+from star_apriltag.vision.expected_tags import MAX_TAGS, TURN_STD, ExpectedTag, ExpectedTags
+from star_apriltag.vision.tag_poses import MapTag
 from star_core import Array, CameraModel, Pose, Tag, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import hovering, on_floor, on_wall, predicted
 
@@ -24,10 +23,10 @@ def expect(
     lens: CameraModel,
     tags: Sequence[Tag],
     prediction: Prediction | None = None,
-    passed_over: Sequence[int] = (),
-) -> list[Expected]:
-    places = [Place(tag) for tag in tags]
-    return Foresight(lens, places).expect(prediction or predicted(BODY), passed_over)
+    exclude: Sequence[int] = (),
+) -> list[ExpectedTag]:
+    places = [MapTag(tag) for tag in tags]
+    return ExpectedTags(lens, places).expect(prediction or predicted(BODY), exclude)
 
 
 def centre(lens: CameraModel, body: Pose, tag: Tag) -> Array:
@@ -44,12 +43,11 @@ def test_a_tag_is_expected_where_it_is(lens: CameraModel) -> None:
 
 
 def test_it_is_expected_where_its_row_shows_it_from_a_moving_body(lens: CameraModel) -> None:
-    moving = replace(
-        predicted(BODY), velocity=np.array([0.5, 0.2, 0.0]), rates=np.array([0.0, 0.0, 0.9])
-    )
+    motion = Motion(np.array([0.5, 0.2, 0.0]), np.array([0.0, 0.0, 0.9]))
+    moving = replace(predicted(BODY), motion=motion)
     far = on_floor(1, 2.1, 0.5)
     (expected,) = expect(lens, [far], moving)
-    step = np.concatenate([moving.rates, moving.velocity])
+    step = np.concatenate([motion.rates, motion.velocity])
     late = BODY.moved(float(lens.row_delay(expected.pixel)) * step)
     np.testing.assert_allclose(expected.pixel, centre(lens, late, far), atol=0.02)
     assert np.abs(expected.pixel - centre(lens, BODY, far)).max() > 0.5
@@ -93,16 +91,16 @@ def test_a_tag_beyond_the_lens_is_not_expected_where_its_model_folds_back(
     assert not expect(lens, [replace(TAG, position=(x, y, z))])
 
 
-def test_tags_that_are_passed_over_are_not_expected(lens: CameraModel) -> None:
+def test_excluded_tags_are_not_expected(lens: CameraModel) -> None:
     other = on_floor(2, 1.2, 0.1)
-    (expected,) = expect(lens, [TAG, other], passed_over=[1])
-    assert expected.place.tag == 2
+    (expected,) = expect(lens, [TAG, other], exclude=[1])
+    assert expected.tag.number == 2
 
 
 def test_of_many_tags_the_nearest_are_expected(lens: CameraModel) -> None:
-    tags = [on_floor(k, 2.0 - 0.1 * k, 0.3) for k in range(MOST + 4)]
+    tags = [on_floor(k, 2.0 - 0.1 * k, 0.3) for k in range(MAX_TAGS + 4)]
     expected = expect(lens, tags)
-    assert [one.place.tag for one in expected] == [tag.id for tag in tags[: -MOST - 1 : -1]]
+    assert [one.tag.number for one in expected] == [tag.id for tag in tags[: -MAX_TAGS - 1 : -1]]
 
 
 def test_without_a_map_nothing_is_expected(lens: CameraModel) -> None:
@@ -120,8 +118,8 @@ def test_the_covariance_is_that_of_where_it_is_seen(lens: CameraModel) -> None:
     seen = []
     for _ in range(2000):
         around = rotation_from_vector(np.array([0, 0, rng.normal(0, 0.02)]))
-        tilt = rotation_from_vector(rng.normal(0, TURN_DEVIATION, 3))
-        shift = rng.normal(0, [0.02, 0.02, HEIGHT_DEVIATION])
+        tilt = rotation_from_vector(rng.normal(0, TURN_STD, 3))
+        shift = rng.normal(0, [0.02, 0.02, HEIGHT_STD])
         body = Pose(around @ BODY.rotation @ tilt, BODY.position + shift)
         seen.append(centre(lens, body, TAG))
     found = np.linalg.inv(expected.covariance) @ np.cov(np.array(seen).T)

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from star_apriltag.vision.body_pose import Prediction
 from star_apriltag.vision.detector import Detector
-from star_apriltag.vision.expected_tags import Foresight
-from star_apriltag.vision.guided_matching import Match, _peak, find
-from star_apriltag.vision.landmark import Place
-from star_apriltag.vision.prediction import Prediction
+from star_apriltag.vision.expected_tags import ExpectedTags
+from star_apriltag.vision.guided_matching import TagMatch, _peak, match_tag
+from star_apriltag.vision.tag_poses import MapTag
 from star_core import Array, Camera, CameraModel, Image, Pose, Tag, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, predicted
 
@@ -27,11 +27,11 @@ SURE = {"deviation": 0.03, "yaw_deviation": 0.01}
 
 def guided(
     image: Image, tag: Tag, prediction: Prediction | None = None, body: Pose = BODY
-) -> Match | None:
+) -> TagMatch | None:
     """Returns where a tag is found by an agent that believes to be where it is, or as told."""
     told = prediction or predicted(body, **SURE)
-    (expected,) = Foresight(LENS, [Place(tag)]).expect(told)
-    return find(image, expected, LENS)
+    (expected,) = ExpectedTags(LENS, [MapTag(tag)]).expect(told)
+    return match_tag(image, expected, LENS)
 
 
 def centre(tag: Tag, body: Pose = BODY) -> Array:

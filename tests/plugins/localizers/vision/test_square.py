@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from star_apriltag.vision.square import deviation, solve
+from star_apriltag.vision.tag_poses import corner_std, solve
 from star_core import Array, CameraModel
 from tests.plugins.localizers.vision.conftest import hovering, in_map, on_floor, seen
 
@@ -19,11 +19,11 @@ def test_a_square_is_found_where_it_is(lens: CameraModel, pixels: Array) -> None
     square = solve(lens.undistort(pixels), SIZE, lens)
     tag = (hovering() @ lens.mounting).inverse() @ in_map(on_floor(1, 0.8, 0.1, yaw=0.4))
     assert square is not None
-    best = square.solutions[0]
-    np.testing.assert_allclose(best.pose.position, tag.position, atol=1e-5)
-    np.testing.assert_allclose(best.pose.rotation, tag.rotation, atol=1e-4)
+    (best, misfit), (_, other) = square.solutions
+    np.testing.assert_allclose(best.position, tag.position, atol=1e-5)
+    np.testing.assert_allclose(best.rotation, tag.rotation, atol=1e-4)
     assert square.distance == pytest.approx(np.linalg.norm(tag.position))
-    assert best.surprise < square.solutions[1].surprise
+    assert misfit < other
 
 
 def test_a_square_seen_in_a_mirror_is_none(lens: CameraModel, pixels: Array) -> None:
@@ -50,5 +50,5 @@ def test_corners_that_no_lens_shows_are_no_square(
 
 
 def test_a_tag_twice_as_large_is_as_sure_at_twice_the_distance() -> None:
-    assert deviation(2.4, 0.336) == pytest.approx(deviation(1.2, 0.168))
-    assert deviation(1.2, 0.168) > deviation(0.8, 0.168)
+    assert corner_std(2.4, 0.336) == pytest.approx(corner_std(1.2, 0.168))
+    assert corner_std(1.2, 0.168) > corner_std(0.8, 0.168)

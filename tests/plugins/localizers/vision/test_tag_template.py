@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from star_apriltag.vision.landmark import Place
+from star_apriltag.vision.tag_poses import MapTag
 from star_apriltag.vision.tag_template import Region, Template, template
 from star_core import Array, CameraModel, Pose, Tag
 from tests.plugins.localizers.vision.conftest import Paint, hovering, in_map, on_floor
@@ -25,7 +25,7 @@ def drawn(lens: CameraModel, tag: Tag, region: Region, body: Pose = BODY) -> Tem
 def outline(lens: CameraModel, tag: Tag) -> Array:
     """Returns the (4, 2) corners of a tag's rim in the image."""
     there = (BODY @ lens.mounting).inverse() @ in_map(tag)
-    return lens.project(there.apply(Place(tag).outline))
+    return lens.project(there.apply(MapTag(tag).outline))
 
 
 def around(lens: CameraModel, tag: Tag) -> Region:
@@ -42,7 +42,7 @@ def test_it_is_what_a_camera_sees(lens: CameraModel, paint: Paint, x: float, yaw
     expected = drawn(lens, tag, region)
     taken = paint(BODY, [tag])[region.top : region.bottom, region.left : region.right]
     inner = expected.paper > 0.99
-    assert np.corrcoef(taken[inner], expected.grey[inner])[0, 1] > 0.97
+    assert np.corrcoef(taken[inner], expected.gray[inner])[0, 1] > 0.97
 
 
 def test_paper_fills_what_is_within_its_outline(lens: CameraModel) -> None:
@@ -60,8 +60,8 @@ def test_a_part_of_a_region_shows_a_part_of_the_tag(lens: CameraModel) -> None:
     whole = around(lens, TAG)
     left, top, right, bottom = whole
     part = Region(left + 10, top + 8, right - 9, bottom - 7)
-    expected = drawn(lens, TAG, whole).grey[8:-7, 10:-9]
-    seen = drawn(lens, TAG, part).grey
+    expected = drawn(lens, TAG, whole).gray[8:-7, 10:-9]
+    seen = drawn(lens, TAG, part).gray
     np.testing.assert_allclose(seen[3:-3, 3:-3], expected[3:-3, 3:-3], atol=1e-3)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_apriltag.vision.homography import flat_pose
+from star_apriltag.batch import homography_pose
 from star_core import Array, Pose, rotation_from_vector, square_corners
 
 FACING = np.diag([1.0, -1.0, -1.0])  # the square's z axis towards the camera
@@ -29,7 +29,7 @@ def test_exact_corners_give_the_exact_pose(
         FACING @ rotation_from_vector(np.array([roll, pitch, yaw])),
         np.array([aside, -aside, ahead]),
     )
-    found = flat_pose(rays(pose), SIZE)
+    found = homography_pose(rays(pose), SIZE)
     assert found is not None
     assert found.position == pytest.approx(pose.position, abs=1e-8)
     assert found.rotation == pytest.approx(pose.rotation, abs=1e-7)
@@ -37,7 +37,7 @@ def test_exact_corners_give_the_exact_pose(
 
 def test_what_it_gives_for_corners_that_err_is_a_rotation() -> None:
     pose = Pose(FACING @ rotation_from_vector(np.array([0.3, 0.1, 0.2])), np.array([0.1, 0.0, 1.2]))
-    found = flat_pose(rays(pose) + np.random.default_rng(0).normal(0, 0.002, (4, 2)), SIZE)
+    found = homography_pose(rays(pose) + np.random.default_rng(0).normal(0, 0.002, (4, 2)), SIZE)
     assert found is not None
     assert found.rotation @ found.rotation.T == pytest.approx(np.eye(3), abs=1e-9)
     assert np.linalg.det(found.rotation) == pytest.approx(1.0)
@@ -47,4 +47,4 @@ def test_what_it_gives_for_corners_that_err_is_a_rotation() -> None:
     "bad", [np.full((4, 2), np.nan), np.zeros((4, 2)), np.repeat([[0.1, 0.2]], 4, axis=0)]
 )
 def test_corners_that_are_no_square_have_no_pose(bad: Array) -> None:
-    assert flat_pose(bad, SIZE) is None
+    assert homography_pose(bad, SIZE) is None

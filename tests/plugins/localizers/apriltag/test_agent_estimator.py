@@ -9,16 +9,15 @@ import gtsam
 import numpy as np
 import pytest
 
-from star_apriltag.dead_reckoning import Belief
-from star_apriltag.smoother import Smoother
-from star_apriltag.tracker import NODE_EVERY, Tracker
+from star_apriltag.agent_estimator import NODE_PERIOD, SmoothingEstimator
+from star_apriltag.dead_reckoning import AgentState
 from star_apriltag.vision.body_pose import AT_REST
 from star_core import Odometry, Tag
 from star_sim.camera_sim.ground_truth import real_tags
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
-    LENS,
     RATE,
+    SETTINGS,
     SPEED,
     TICK,
     Circle,
@@ -36,8 +35,8 @@ class Flight:
     def __init__(
         self, circle: Circle, *, noise: float = 0.0, survey: float = 0.0, seed: int = 0
     ) -> None:
-        smoother = Smoother(LENS.mounting, mounting_std=math.radians(1.0), lag=2.5)
-        self.tracker = Tracker(circle.agent(), smoother)
+        settings = SETTINGS._replace(mounting_std=math.radians(1.0))
+        self.estimator = SmoothingEstimator(circle.agent(), (), (), settings)
         self.circle = circle
         self.now = 0.0
         self._noise = noise
@@ -47,7 +46,7 @@ class Flight:
 
     def hear(self, until: float) -> None:
         stream = self.circle.odometry(self.now, until)
-        self.tracker.track.add(stream, np.arange(len(stream.agent)))
+        self.estimator.track.add(stream, np.arange(len(stream.agent)))
         self.now = until
 
     def see(self, taken: float, tags: Sequence[Tag] = TAGS) -> None:
@@ -60,16 +59,16 @@ class Flight:
             for view in views(self.circle.body(taken), tags, real)
         ]
         if found:
-            self.tracker.see(taken, found, AT_REST)
+            self.estimator.add_views(taken, found, AT_REST)
 
-    def fly(self, seconds: float, tags: Sequence[Tag] = TAGS) -> list[Belief]:
+    def fly(self, seconds: float, tags: Sequence[Tag] = TAGS) -> list[AgentState]:
         beliefs = []
         for k in range(round(seconds / TICK)):
             self.hear(round(self.now + TICK, 9))
             if k % 2 == 0 and self.now > LATENCY:
                 self.see(self.now - LATENCY, tags)
-            self.tracker.go_on(self.now - 0.5)
-            beliefs.append(self.tracker.at(self.now))
+            self.estimator.advance(self.now)
+            beliefs.append(self.estimator.at(self.now))
         return beliefs
 
     def stand(self, seconds: float, yaw_rate: float) -> None:
@@ -79,13 +78,13 @@ class Flight:
             n, zero = len(time), np.zeros(100)
             turns = np.full(n, yaw_rate)
             still = Odometry(np.zeros(n, int), time, np.zeros((n, 3)), turns, zero, zero, zero)
-            self.tracker.track.add(still, np.arange(n), motors=False)
+            self.estimator.track.add(still, np.arange(n), motors=False)
             self.now += 1.0
-            self.tracker.go_on(self.now - 0.5)
+            self.estimator.advance(self.now)
 
-    def nees(self, belief: Belief) -> float:
+    def nees(self, belief: AgentState, time: float) -> float:
         """Squared error in x and y over covariance, a degree of freedom; a map is good for 5 mm."""
-        error = (belief.position - self.circle.body(belief.time).position)[:2]
+        error = (belief.position - self.circle.body(time).position)[:2]
         covariance = belief.covariance[:2, :2] + np.eye(2) * 0.005**2
         return float(error @ np.linalg.solve(covariance, error)) / 2
 
@@ -108,24 +107,23 @@ def test_it_holds_the_place_that_tags_give_it_though_odometry_drifts() -> None:
     blind = Flight(Circle(20, scale=scale)).fly(20.0, tags=())
     flight = Flight(circle := Circle(20, scale=scale))
     seeing = flight.fly(20.0)
-    far = [
-        np.linalg.norm(b.position - circle.body(b.time).position) for b in (seeing[-1], blind[-1])
-    ]
+    there = circle.body(20.0).position
+    far = [np.linalg.norm(b.position - there) for b in (seeing[-1], blind[-1])]
     assert far[0] < 0.01
     assert far[1] > 10 * far[0]
-    assert abs(flight.tracker.calibration.scale - scale) < 0.02
+    assert abs(flight.estimator.calibration.scale - scale) < 0.02
 
 
 def test_the_chain_is_whole_over_ten_seconds_without_a_tag() -> None:
     flight = Flight(Circle(20))
     flight.fly(3.0)
     flight.hear(13.0)
-    flight.tracker.go_on(12.5)
-    assert 0 <= 12.5 - flight.tracker.node.time <= NODE_EVERY
-    assert flight.tracker._smoother.restarts == 0
+    flight.estimator.advance(13.0)
+    assert 0 <= 12.5 - flight.estimator.anchor.node.time <= NODE_PERIOD
+    assert flight.estimator._smoother.restarts == 0
     flight.see(13.0 - LATENCY)
     body = flight.circle.body(13.0)
-    assert flight.tracker.at(13.0).position == pytest.approx(body.position, abs=0.01)
+    assert flight.estimator.at(13.0).position == pytest.approx(body.position, abs=0.01)
 
 
 def test_one_leg_over_ten_seconds_is_survived_too() -> None:
@@ -133,8 +131,8 @@ def test_one_leg_over_ten_seconds_is_survived_too() -> None:
     flight.fly(3.0)
     flight.hear(13.0)
     flight.see(13.0)
-    assert flight.tracker._smoother.restarts == 0
-    assert flight.tracker.at(13.0).position == pytest.approx(
+    assert flight.estimator._smoother.restarts == 0
+    assert flight.estimator.at(13.0).position == pytest.approx(
         flight.circle.body(13.0).position, abs=0.01
     )
 
@@ -146,31 +144,31 @@ def test_a_stand_changes_nothing_whatever_bias_was_learnt_in_flight(
     bias = math.radians(0.4)
     flight = Flight(Circle(20, yaw_bias=bias))
     (*_, landed) = flight.fly(20.0)
-    assert flight.tracker.calibration.yaw_bias == pytest.approx(bias, rel=0.3)
+    assert flight.estimator.calibration.yaw_bias == pytest.approx(bias, rel=0.3)
     flight.stand(120.0, bias_on_the_ground * bias)
-    belief = flight.tracker.at(flight.now)
+    belief = flight.estimator.at(flight.now)
     assert belief.position == pytest.approx(landed.position, abs=1e-3)
     assert belief.yaw == pytest.approx(landed.yaw, abs=math.radians(0.1))
     assert math.sqrt(belief.covariance[3, 3]) < math.radians(1.0)
-    assert flight.tracker._smoother.restarts == 0
+    assert flight.estimator._smoother.restarts == 0
 
 
 @pytest.mark.parametrize("late", [0.0, 0.3, 5.0])
-def test_an_image_no_later_than_the_newest_node_is_passed_over(late: float) -> None:
+def test_an_image_no_later_than_the_newest_node_is_ignored(late: float) -> None:
     flight = Flight(Circle(10))
     flight.fly(4.0)
-    node = flight.tracker.node
+    node = flight.estimator.anchor.node
     found = views(flight.circle.body(0.5), TAGS)
-    flight.tracker.see(node.time - late, found, AT_REST)
-    assert flight.tracker.node is node
+    flight.estimator.add_views(node.time - late, found, AT_REST)
+    assert flight.estimator.anchor.node is node
 
 
 def test_covariance_grows_along_odometry() -> None:
     flight = Flight(Circle(20))
     flight.fly(5.0)
-    begin = flight.tracker.node.time
+    begin = flight.estimator.anchor.node.time
     flight.hear(15.0)
-    spread = [flight.tracker.at(begin + k).covariance for k in range(10)]
+    spread = [flight.estimator.at(begin + k).covariance for k in range(10)]
     for k in range(9):
         assert (np.linalg.eigvalsh(spread[k + 1] - spread[k])[-1]) > 0
     traces = [np.trace(one[:2, :2]) for one in spread]
@@ -182,9 +180,9 @@ def test_covariance_is_one_whether_the_way_is_one_leg_or_many() -> None:
     whole, parts = Flight(Circle(10)), Flight(Circle(10))
     for flight in (whole, parts):
         flight.hear(6.0)
-    parts.tracker.go_on(6.0 - 1e-9)
-    one = np.sqrt(np.diag(whole.tracker.at(6.0).covariance))
-    many = np.sqrt(np.diag(parts.tracker.at(6.0).covariance))
+    parts.estimator.advance(6.5 - 1e-9)
+    one = np.sqrt(np.diag(whole.estimator.at(6.0).covariance))
+    many = np.sqrt(np.diag(parts.estimator.at(6.0).covariance))
     assert many[[0, 1, 3]] == pytest.approx(one[[0, 1, 3]], rel=0.3)
 
 
@@ -192,7 +190,8 @@ def test_its_covariance_is_honest_over_many_flights() -> None:
     surprises = []
     for seed in range(6):
         flight = Flight(Circle(20, seed=seed), noise=0.3, survey=0.008, seed=seed)
-        surprises += [flight.nees(belief) for belief in flight.fly(20.0, sheets(2))[40:]]
+        beliefs = flight.fly(20.0, sheets(2))
+        surprises += [flight.nees(beliefs[k], (k + 1) * TICK) for k in range(40, len(beliefs))]
     assert 0.3 < np.mean(surprises) < 2.5
 
 
@@ -200,7 +199,7 @@ def test_begun_anew_it_is_where_it_was_told() -> None:
     flight = Flight(Circle(10))
     flight.fly(4.0)
     there = gtsam.Pose3(gtsam.Rot3.Yaw(1.0), np.array([5.0, 5.0, HEIGHT]))
-    flight.tracker.restart(4.0, there, np.eye(6) * 1e-4)
-    assert flight.tracker.calibration._place is None  # it makes no pair with one over there
-    assert flight.tracker.at(4.0).position == pytest.approx([5.0, 5.0, HEIGHT])
-    assert flight.tracker.at(4.0).yaw == pytest.approx(1.0)
+    flight.estimator.restart(4.0, there, np.eye(6) * 1e-4)
+    assert flight.estimator.calibration._pose is None  # it makes no pair with one over there
+    assert flight.estimator.at(4.0).position == pytest.approx([5.0, 5.0, HEIGHT])
+    assert flight.estimator.at(4.0).yaw == pytest.approx(1.0)

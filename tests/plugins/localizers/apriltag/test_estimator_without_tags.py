@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.agent_estimator import Sight, Smoothed
+from star_apriltag.agent_estimator import CameraReport, SmoothingEstimator
 from star_core import Agent, Array, Camera, Odometry, Tag
 from tests.plugins.localizers.apriltag.conftest import SETTINGS
 from tests.plugins.localizers.apriltag.test_floor_odometry import HEIGHT, picture
@@ -17,15 +17,17 @@ NO_CORNERS = np.zeros((0, 4, 2))
 NOWHERE = Tag(7, 0.168, (50.0, 50.0, 0.0), (0.0, 0.0, 0.0, 1.0), "far away")
 
 
-def followed(*, floor: bool = True, stains: float = 1.0) -> Smoothed:
+def followed(*, floor: bool = True, stains: float = 1.0) -> SmoothingEstimator:
     """An agent after a straight flight along x over a floor without tags."""
     agent = Agent("cf1", (0.0, 0.0, HEIGHT), camera=Camera(readout=0.0))
-    follower = Smoothed(agent, (NOWHERE,), (), SETTINGS._replace(floor_odometry=floor))
+    follower = SmoothingEstimator(agent, (NOWHERE,), (), SETTINGS._replace(floor_odometry=floor))
     for k in range(1, round(10 * SECONDS) + 1):
-        follower.hear(odometry(0.1 * k + np.arange(-9, 1) / 100), np.arange(10), motors=True)
+        follower.add_odometry(
+            odometry(0.1 * k + np.arange(-9, 1) / 100), np.arange(10), motors=True
+        )
         image = picture(SPEED * 0.1 * k + 0j, stains=stains, key=k)
-        follower.look(Sight(0, 0.1 * k, image, np.zeros(0, np.int64), NO_CORNERS))
-        follower.go_on(0.1 * k)
+        follower.add_image(CameraReport(0, 0.1 * k, image, np.zeros(0, np.int64), NO_CORNERS))
+        follower.advance(0.1 * k)
     return follower
 
 
@@ -36,24 +38,24 @@ def odometry(time: Array) -> Odometry:
 
 
 def test_the_floor_says_how_far_it_went_though_odometry_errs() -> None:
-    x, y, _ = followed().tracker.at(SECONDS).position
+    x, y, _ = followed().at(SECONDS).position
     assert abs(x - SPEED * SECONDS) < 0.2 * (TOLD - SPEED) * SECONDS
     assert abs(y) < 0.01
 
 
 def test_without_texture_odometry_is_all_there_is() -> None:
     for follower in (followed(stains=0.0), followed(floor=False)):
-        x, _, _ = follower.tracker.at(SECONDS).position
+        x, _, _ = follower.at(SECONDS).position
         assert abs(x - TOLD * SECONDS) < 0.01
 
 
 def test_each_measured_image_is_a_pose_for_others_to_go_on_from() -> None:
-    assert followed().known.node.time == SECONDS
-    assert followed(floor=False).known.node.time < SECONDS - 0.3
+    assert followed().anchor.node.time == SECONDS
+    assert followed(floor=False).anchor.node.time < SECONDS - 0.3
 
 
 def test_a_measured_way_is_surer_than_a_blind_one() -> None:
-    measured, blind = (followed(floor=floor).tracker.at(SECONDS) for floor in (True, False))
+    measured, blind = (followed(floor=floor).at(SECONDS) for floor in (True, False))
     gained, lost = (
         belief.covariance[0, 0] - 0.05**2
         for belief in (measured, blind)  # where it started

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from star_apriltag.vision.body_pose import Prediction
 from star_apriltag.vision.gate import Verdict
-from star_apriltag.vision.prediction import Prediction
-from star_apriltag.vision.square import deviation
-from star_apriltag.vision.tag_measurement import Eye, Look
+from star_apriltag.vision.image_analysis import ImageAnalysis, ImageAnalyzer
+from star_apriltag.vision.tag_poses import corner_std
 from star_core import Array, Camera, CameraModel, Pose, Rows, Tag, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import (
     Paint,
@@ -26,8 +26,8 @@ LANDMARKS = [on_floor(1, 0.7, -0.105, yaw=0.3), on_floor(2, 0.7, 0.105, yaw=0.3)
 TARGET = on_floor(9, 0.8, 0.3, yaw=-0.8)
 
 
-def eye(tags: Sequence[Tag]) -> Eye:
-    return Eye(Camera(), {tag.id: tag for tag in tags}, {TARGET.id: TARGET.size})
+def eye(tags: Sequence[Tag]) -> ImageAnalyzer:
+    return ImageAnalyzer(Camera(), tags, {TARGET.id: TARGET.size}, guided_matching=True)
 
 
 def table(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> tuple[Rows, Array]:
@@ -36,11 +36,11 @@ def table(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> tuple[Rows, Arr
     return np.array([tag.id for tag in tags]), np.array(corners)
 
 
-def considered(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> Look:
-    return eye(LANDMARKS).consider(*table(lens, body, tags), predicted(body))
+def considered(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> ImageAnalysis:
+    return eye(LANDMARKS).evaluate(*table(lens, body, tags), predicted(body))
 
 
-def verdicts(look: Look) -> list[Verdict]:
+def verdicts(look: ImageAnalysis) -> list[Verdict]:
     return [landmark.verdict for landmark in look.landmarks]
 
 
@@ -50,7 +50,7 @@ def test_an_image_of_landmarks_says_where_the_body_is(paint: Paint) -> None:
     off = replace(
         expected, pose=Pose(expected.pose.rotation, body.position + np.array([0.1, -0.1, 0]))
     )
-    look = eye(LANDMARKS).look(paint(body, LANDMARKS), off)
+    look = eye(LANDMARKS).analyze(paint(body, LANDMARKS), off)
     assert verdicts(look) == [Verdict.ACCEPTED] * 2
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, body.position, atol=0.01)
@@ -58,14 +58,14 @@ def test_an_image_of_landmarks_says_where_the_body_is(paint: Paint) -> None:
 
 
 def test_an_empty_image_says_nothing(lens: CameraModel) -> None:
-    look = eye(LANDMARKS).look(np.zeros(lens.shape, np.uint8), predicted(hovering()))
-    assert look == Look()
+    look = eye(LANDMARKS).analyze(np.zeros(lens.shape, np.uint8), predicted(hovering()))
+    assert look == ImageAnalysis()
 
 
 def test_two_tags_that_were_taken_for_each_other_are_turned_away(lens: CameraModel) -> None:
     far = [LANDMARKS[0], on_floor(2, -1.0, 1.0)]
     _, corners = table(lens, hovering(), LANDMARKS)
-    look = eye(far).consider(np.array([2, 1]), corners, predicted(hovering()))
+    look = eye(far).evaluate(np.array([2, 1]), corners, predicted(hovering()))
     assert verdicts(look) == [Verdict.ELSEWHERE, Verdict.ACCEPTED] or not look.accepted
     assert not [s for s in look.accepted if s.tag == 2]
 
@@ -73,7 +73,7 @@ def test_two_tags_that_were_taken_for_each_other_are_turned_away(lens: CameraMod
 def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: CameraModel) -> None:
     known = [*LANDMARKS, on_floor(3, -1.4, 1.4)]
     _, corners = table(lens, hovering(), LANDMARKS)
-    look = eye(known).consider(np.array([1, 3]), corners, predicted(hovering()))
+    look = eye(known).evaluate(np.array([1, 3]), corners, predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED, Verdict.ELSEWHERE]
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
@@ -84,22 +84,22 @@ def test_of_tags_that_do_not_fit_together_the_more_surprising_one_is_turned_away
 ) -> None:
     known = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
     _, corners = table(lens, hovering(), LANDMARKS)
-    look = eye(known).consider(np.array([1, 3]), corners, predicted(hovering(), deviation=0.3))
-    assert verdicts(look) == [Verdict.ACCEPTED, Verdict.AT_ODDS]
+    look = eye(known).evaluate(np.array([1, 3]), corners, predicted(hovering(), deviation=0.3))
+    assert verdicts(look) == [Verdict.ACCEPTED, Verdict.INCONSISTENT]
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
 def test_tags_of_a_map_that_is_two_centimetres_off_are_all_believed(lens: CameraModel) -> None:
     known = [on_floor(1, 0.72, -0.105, yaw=0.3), on_floor(2, 0.7, 0.125, yaw=0.33)]
-    look = eye(known).consider(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
+    look = eye(known).evaluate(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED] * 2
 
 
 def test_an_agent_that_is_elsewhere_is_still_found(lens: CameraModel) -> None:
     body = hovering(yaw=0.1)
     lost = replace(predicted(body), pose=hovering(1.0, 0.4, yaw=0.5))
-    look = eye(LANDMARKS).consider(*table(lens, body, LANDMARKS), lost)
+    look = eye(LANDMARKS).evaluate(*table(lens, body, LANDMARKS), lost)
     assert verdicts(look) == [Verdict.ELSEWHERE] * 2
     assert look.fix is None
     assert look.other is not None
@@ -108,28 +108,27 @@ def test_an_agent_that_is_elsewhere_is_still_found(lens: CameraModel) -> None:
 
 def test_tags_that_are_elsewhere_and_do_not_agree_place_nobody(lens: CameraModel) -> None:
     moved = [on_floor(1, -1.0, 0.3), on_floor(2, 1.5, 1.0, yaw=2.0)]
-    look = eye(moved).consider(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
+    look = eye(moved).evaluate(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ELSEWHERE] * 2
     assert look.other is None
 
 
 def test_a_pose_that_the_on_board_tilt_contradicts_is_turned_away(lens: CameraModel) -> None:
     body = hovering()
-    wrong = replace(predicted(body), roll=math.radians(40))
-    look = eye(LANDMARKS).consider(*table(lens, body, LANDMARKS), wrong)
+    wrong = replace(predicted(body), pose=hovering(roll=math.radians(40)))
+    look = eye(LANDMARKS).evaluate(*table(lens, body, LANDMARKS), wrong)
     assert verdicts(look) == [Verdict.TILTED] * 2
 
 
 def test_corners_that_are_no_square_are_turned_away() -> None:
     broken = np.array([[[10.0, 10], [90, 10], [np.nan, 50], [10, 50]]])
-    look = eye(LANDMARKS).consider(np.array([1]), broken, predicted(hovering()))
+    look = eye(LANDMARKS).evaluate(np.array([1]), broken, predicted(hovering()))
     assert verdicts(look) == [Verdict.UNSOLVED]
     assert look.fix is None
 
 
-def test_a_number_that_nobody_knows_is_a_strangers(lens: CameraModel) -> None:
+def test_a_tag_with_an_unknown_number_is_ignored(lens: CameraModel) -> None:
     look = considered(lens, hovering(), [on_floor(77, 0.7, 0.0)])
-    assert look.strangers == (77,)
     assert not look.landmarks
     assert not look.targets
 
@@ -151,12 +150,13 @@ def test_the_right_one_of_two_solutions_is_chosen(lens: CameraModel, wall: bool)
         if corners is None or distance > 1.5:
             continue
         count += 1
-        corners += rng.normal(0, deviation(distance, tag.size), (4, 2))
+        corners += rng.normal(0, corner_std(distance, tag.size), (4, 2))
         sure = predicted(body)
         turned = rotation_from_vector(np.array([0, 0, rng.normal(0, 0.05)]))
+        rolled = rotation_from_vector(np.array([0.02, 0, 0]))
         place = body.position + rng.normal(0, [0.1, 0.1, 0])
-        off = replace(sure, pose=Pose(turned @ body.rotation, place), roll=sure.roll + 0.02)
-        (landmark,) = eye([tag]).consider(np.array([1]), corners[None], off).landmarks
+        off = replace(sure, pose=Pose(turned @ body.rotation @ rolled, place))
+        (landmark,) = eye([tag]).evaluate(np.array([1]), corners[None], off).landmarks
         if landmark.fix is not None:
             error = Rotation.from_matrix(landmark.fix.pose.rotation.T @ body.rotation).magnitude()
             right += int(error < math.radians(15))
@@ -168,14 +168,14 @@ def test_a_camera_that_is_turned_in_its_mounting_is_understood() -> None:
     extra = rotation_from_vector(np.radians([2.0, -3.0, 4.0]))
     turned = turned_model(extra.T)
     expected = replace(predicted(body), camera_turn=extra)
-    look = eye(LANDMARKS).consider(*table(turned, body, LANDMARKS), expected)
+    look = eye(LANDMARKS).evaluate(*table(turned, body, LANDMARKS), expected)
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, body.position, atol=1e-4)
 
 
 def test_a_landmark_comes_with_what_a_smoother_needs(lens: CameraModel) -> None:
     tags, corners = table(lens, hovering(), LANDMARKS)
-    first, _ = eye(LANDMARKS).consider(tags, corners, predicted(hovering())).landmarks
+    first, _ = eye(LANDMARKS).evaluate(tags, corners, predicted(hovering())).landmarks
     assert first.view is not None
     np.testing.assert_allclose(first.view.rays, lens.undistort(corners[0]))
     np.testing.assert_allclose(first.view.points.mean(axis=0), LANDMARKS[0].position, atol=1e-12)
@@ -184,7 +184,7 @@ def test_a_landmark_comes_with_what_a_smoother_needs(lens: CameraModel) -> None:
     expected = float(np.linalg.norm(camera - LANDMARKS[0].position))
     assert first.distance == pytest.approx(expected, rel=1e-4)
     pixels = first.view.deviation * float(lens.magnification(first.view.rays.mean(axis=0)))
-    assert pixels == pytest.approx(deviation(expected, 0.168), rel=1e-3)
+    assert pixels == pytest.approx(corner_std(expected, 0.168), rel=1e-3)
 
 
 @pytest.mark.parametrize("target", [TARGET, on_wall(9, 0.9, 0.2, 0.4, 2.7)])
@@ -199,8 +199,8 @@ def test_a_target_is_found_before_the_body_as_surely_as_is_said(
     distance = float(np.linalg.norm((body @ lens.mounting).position - target.position))
     squares = []
     for _ in range(150):
-        noisy = clean + rng.normal(0, deviation(distance, target.size), (4, 2))
-        look = eye(LANDMARKS).consider(np.array([9]), noisy[None], predicted(body))
+        noisy = clean + rng.normal(0, corner_std(distance, target.size), (4, 2))
+        look = eye(LANDMARKS).evaluate(np.array([9]), noisy[None], predicted(body))
         (found,) = look.targets
         error = found.pose.position - expected.position
         squares.append(error @ np.linalg.solve(found.covariance, error))
@@ -216,7 +216,7 @@ def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall(lens: CameraModel)
     assert clean is not None
     for _ in range(100):
         noisy = clean + rng.normal(0, 0.3, (4, 2))
-        (found,) = eye([]).consider(np.array([9]), noisy[None], predicted(body)).targets
+        (found,) = eye([]).evaluate(np.array([9]), noisy[None], predicted(body)).targets
         assert found.pose.rotation[2, 2] == pytest.approx(expected.rotation[2, 2], abs=0.3)
         assert found.pose.yaw == pytest.approx(expected.yaw, abs=0.2)
 
@@ -230,39 +230,39 @@ def sure(body: Pose) -> Prediction:
 
 def test_tags_that_are_not_detected_are_found_by_guidance(paint: Paint) -> None:
     body = hovering()
-    look = eye([*LANDMARKS, *FAR]).look(paint(body, [*LANDMARKS, *FAR]), sure(body))
+    look = eye([*LANDMARKS, *FAR]).analyze(paint(body, [*LANDMARKS, *FAR]), sure(body))
     assert {seen.tag for seen in look.accepted} == {1, 2}
-    assert {match.tag for match in look.guided} == {3, 4}
+    assert {match.tag for match in look.matches} == {3, 4}
     assert [len(view.points) for view in look.views] == [4, 4, 1, 1]
 
 
 def test_guidance_can_be_done_without(paint: Paint) -> None:
     body = hovering()
-    unguided = Eye(Camera(), {tag.id: tag for tag in FAR}, {}, guided=False)
-    assert unguided.look(paint(body, FAR), sure(body)) == Look()
+    unguided = ImageAnalyzer(Camera(), FAR, {}, guided_matching=False)
+    assert unguided.analyze(paint(body, FAR), sure(body)) == ImageAnalysis()
 
 
 def test_without_an_image_nobody_is_guided(lens: CameraModel) -> None:
     tags, corners = table(lens, hovering(), LANDMARKS)
-    look = eye([*LANDMARKS, *FAR]).consider(tags, corners, sure(hovering()))
-    assert look.guided == ()
+    look = eye([*LANDMARKS, *FAR]).evaluate(tags, corners, sure(hovering()))
+    assert look.matches == ()
     assert len(look.views) == 2
 
 
 def test_nobody_is_guided_by_a_belief_that_all_tags_contradict(paint: Paint) -> None:
     body, moved = hovering(), on_floor(1, 1.4, -0.9)
     image = paint(body, [LANDMARKS[0], *FAR])
-    assert len(eye(FAR).look(image, sure(body)).guided) == 2
-    look = eye([moved, *FAR]).look(image, sure(body))
+    assert len(eye(FAR).analyze(image, sure(body)).matches) == 2
+    look = eye([moved, *FAR]).analyze(image, sure(body))
     assert verdicts(look) == [Verdict.ELSEWHERE]
     assert look.views == ()
 
 
 def test_one_wrong_number_among_right_ones_leaves_guidance_on(paint: Paint) -> None:
     body, moved = hovering(), on_floor(1, -1.4, -0.9)
-    look = eye([moved, LANDMARKS[1], *FAR]).look(paint(body, [*LANDMARKS, *FAR]), sure(body))
+    look = eye([moved, LANDMARKS[1], *FAR]).analyze(paint(body, [*LANDMARKS, *FAR]), sure(body))
     assert verdicts(look) in (
         [Verdict.ELSEWHERE, Verdict.ACCEPTED],
         [Verdict.ACCEPTED, Verdict.ELSEWHERE],
     )
-    assert len(look.guided) == 2
+    assert len(look.matches) == 2

@@ -1,0 +1,146 @@
+"""Tags in one image: detected, matched, located and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from star_apriltag.vision.body_pose import Fix, Prediction, View
+from star_apriltag.vision.detector import Detector
+from star_apriltag.vision.expected_tags import ExpectedTags
+from star_apriltag.vision.gate import MAX_JOINT_MISFIT, Verdict
+from star_apriltag.vision.guided_matching import TagMatch, match_tag
+from star_apriltag.vision.tag_poses import (
+    MapTag,
+    SeenLandmark,
+    SeenTarget,
+    joint_fix,
+    seen_landmark,
+    seen_target,
+)
+from star_core import Array, Camera, CameraModel, Image, Rows, Tag
+
+
+@dataclass(frozen=True, slots=True)
+class ImageAnalysis:
+    """Result of one image.
+
+    Attributes:
+        landmarks: Tags of the map.
+        targets: Tags of targets.
+        fix: Of the body, from all accepted landmarks; None if there is none.
+        other: Of the body, from all landmarks that were rejected as far from the prediction, if
+            they are consistent: the agent's pose if the prediction is wrong.
+        matches: Tags of the map that were not detected, but found where they were expected.
+    """
+
+    landmarks: tuple[SeenLandmark, ...] = ()
+    targets: tuple[SeenTarget, ...] = ()
+    fix: Fix | None = None
+    other: Fix | None = None
+    matches: tuple[TagMatch, ...] = ()
+
+    def with_verdict(self, verdict: Verdict) -> tuple[SeenLandmark, ...]:
+        """Return the landmarks with a verdict."""
+        return tuple(seen for seen in self.landmarks if seen.verdict is verdict)
+
+    @property
+    def accepted(self) -> tuple[SeenLandmark, ...]:
+        """The landmarks that were detected and accepted."""
+        return self.with_verdict(Verdict.ACCEPTED)
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """All accepted measurements."""
+        detected = tuple(seen.view for seen in self.accepted if seen.view is not None)
+        return detected + tuple(match.view for match in self.matches)
+
+
+class ImageAnalyzer:
+    """Analyzes the images of one camera.
+
+    Args:
+        camera: As the scene has it.
+        landmarks: Tags of the map.
+        targets: Sizes of the tags of targets, m, by their numbers.
+        guided_matching: Whether to search expected tags that were not detected.
+
+    Attributes:
+        lens: Of the camera.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        landmarks: Iterable[Tag],
+        targets: Mapping[int, float],
+        *,
+        guided_matching: bool,
+    ) -> None:
+        self.lens = CameraModel(camera)
+        self._detector = Detector(self.lens)
+        self._map = {tag.id: MapTag(tag) for tag in landmarks}
+        self._sizes = dict(targets)
+        self._expected = ExpectedTags(
+            self.lens, list(self._map.values()) if guided_matching else []
+        )
+
+    def analyze(self, image: Image, prediction: Prediction) -> ImageAnalysis:
+        """Detect tags in an image and evaluate them.
+
+        Args:
+            image: As the lens shows it.
+            prediction: Of the body when the image was taken.
+
+        Raises:
+            ValueError: It is no gray image of the camera's size.
+        """
+        found = self._detector.detect(image)
+        analysis = self.evaluate(found.tag, found.corners, prediction)
+        if analysis.with_verdict(Verdict.ELSEWHERE) and not analysis.accepted:
+            return analysis  # all tags contradict the prediction, which cannot guide then
+        expected = self._expected.expect(prediction, exclude=found.tag.tolist())
+        matches = [match_tag(image, one, self.lens) for one in expected]
+        return replace(analysis, matches=tuple(match for match in matches if match is not None))
+
+    def evaluate(self, tags: Rows, corners: Array, prediction: Prediction) -> ImageAnalysis:
+        """Evaluate the tags that were detected in an image.
+
+        Args:
+            tags: (K,) their numbers.
+            corners: (K, 4, 2) px: bottom left, bottom right, top right and top left of each.
+            prediction: Of the body when the image was taken.
+        """
+        landmarks: list[SeenLandmark] = []
+        targets: list[SeenTarget] = []
+        rays = self.lens.undistort(corners)
+        for tag, pixels, seen in zip(tags.tolist(), corners, rays, strict=True):
+            if tag in self._map:
+                landmarks.append(seen_landmark(self._map[tag], pixels, seen, self.lens, prediction))
+            elif tag in self._sizes:
+                size = self._sizes[tag]
+                target = seen_target(tag, size, pixels, seen, self.lens, prediction)
+                targets.extend([] if target is None else [target])
+        elsewhere = [s for s in landmarks if s.verdict is Verdict.ELSEWHERE]
+        other = joint_fix(elsewhere, self.lens, prediction)
+        fix = self._consistent(landmarks, prediction)
+        return ImageAnalysis(
+            landmarks=tuple(landmarks),
+            targets=tuple(targets),
+            fix=fix,
+            other=other if other is not None and other.misfit <= MAX_JOINT_MISFIT else None,
+        )
+
+    def _consistent(self, landmarks: list[SeenLandmark], prediction: Prediction) -> Fix | None:
+        """Return the fix of the accepted landmarks.
+
+        Tags of one sheet are too close for the gate to detect a wrong number by its position. While
+        they are inconsistent, the most surprising one is rejected.
+        """
+        while True:
+            rows = [i for i, s in enumerate(landmarks) if s.verdict is Verdict.ACCEPTED]
+            fix = joint_fix([landmarks[i] for i in rows], self.lens, prediction)
+            if len(rows) <= 1 or (fix is not None and fix.misfit <= MAX_JOINT_MISFIT):
+                return fix
+            worst = max(rows, key=lambda i: landmarks[i].surprise)
+            landmarks[worst] = replace(landmarks[worst], verdict=Verdict.INCONSISTENT)

@@ -1,0 +1,247 @@
+"""Poses from single tags: of the body from a tag of the map, of a target from the body."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from star_apriltag.vision.body_pose import LEVEL_STD, Fix, Prediction, View, refine
+from star_apriltag.vision.gate import MAX_SURPRISE, Verdict, judge, surprise, tilt
+from star_core import (
+    Array,
+    CameraModel,
+    Pose,
+    Tag,
+    rotation_from_quaternion,
+    skew,
+    square_corners,
+    square_poses,
+)
+
+MODULES: Final = 8  # per row of a tag of family 36h11, with its black border
+CELLS: Final = MODULES + 2  # with its white border
+USUAL_SIZE: Final = 0.168  # m, edge of the tag that figures by distance refer to
+
+MAX_TILT: Final = math.radians(20.0)
+"""Greatest angle between a solution's up and the on-board estimator's."""
+
+TILT_STD: Final = math.radians(1.0) / 0.9**2  # rad per squared meter, of a solution's tilt
+
+UPRIGHT_PENALTY: Final = 6.0
+"""Squared deviations by which an image must favor a target on a wall over one on the floor. Where a
+camera looks down at 45°, one may look like the other."""
+
+# Standard deviation of a corner, px: MIN_STD, and STD_AT for a tag of USUAL_SIZE at DISTANCE, which
+# grows with that POWER of the distance. Fitted to simulated flights over a surveyed map.
+MIN_STD: Final = 0.30
+STD_AT: Final = 0.12
+DISTANCE: Final = 0.9
+POWER: Final = 2.2
+
+
+class MapTag:
+    """A tag of a landmark.
+
+    Args:
+        tag: As the scene has it.
+
+    Attributes:
+        number: Of the tag.
+        size: Edge of its black square, m.
+        pose: In the map.
+        corners: (4, 3) in the map, m: bottom left, bottom right, top right and top left.
+        outline: (4, 3) the same of the white border around it, in the tag's own frame.
+    """
+
+    def __init__(self, tag: Tag) -> None:
+        self.number = tag.id
+        self.size = tag.size
+        self.pose = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
+        self.corners = self.pose.apply(square_corners(tag.size))
+        self.outline = square_corners(tag.size) * CELLS / MODULES
+
+
+class Square(NamedTuple):
+    """Possible poses of a square in the camera.
+
+    Attributes:
+        solutions: One or two poses, best first, each with the sum of the squared residuals of its
+            corners, in standard deviations.
+        distance: From the camera, m.
+        deviation: Standard deviation of each coordinate of its rays.
+    """
+
+    solutions: tuple[tuple[Pose, float], ...]
+    distance: float
+    deviation: float
+
+
+@dataclass(frozen=True, slots=True)
+class SeenLandmark:
+    """A tag of the map in one image.
+
+    Attributes:
+        tag: Its number.
+        verdict: Whether it is used.
+        view: Its corners as a measurement; None if no pose fits.
+        distance: From the camera to its center, m; NaN if no pose fits.
+        surprise: Of its fix against the prediction; NaN without a fix.
+        fix: Of the body, from this tag alone with the on-board tilt and height.
+    """
+
+    tag: int
+    verdict: Verdict
+    view: View | None = None
+    distance: float = math.nan
+    surprise: float = math.nan
+    fix: Fix | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SeenTarget:
+    """A tag of a target in one image.
+
+    Attributes:
+        tag: Its number.
+        pose: In the body.
+        covariance: (3, 3) of its position in the body frame, m², without that of the body's pose.
+    """
+
+    tag: int
+    pose: Pose
+    covariance: Array
+
+
+def seen_landmark(
+    tag: MapTag, pixels: Array, rays: Array, lens: CameraModel, prediction: Prediction
+) -> SeenLandmark:
+    """Return the body's pose according to a tag of the map, and whether it is used.
+
+    Args:
+        tag: Of the map.
+        pixels: (4, 2) its corners, px.
+        rays: (4, 2) the same as rays.
+        lens: The camera.
+        prediction: Of the body.
+    """
+    square = solve(rays, tag.size, lens)
+    if square is None:
+        return SeenLandmark(tag.number, Verdict.UNSOLVED)
+    view = View(tag.corners, rays, square.deviation, lens.row_delay(pixels))
+    camera = prediction.camera(lens.mounting)
+    pose = _likeliest(square, tag, camera, prediction)
+    if pose is None:
+        return SeenLandmark(tag.number, Verdict.TILTED, view, square.distance)
+    fix = refine(pose, [view], camera, prediction.pose, prediction.motion)
+    if fix is None:
+        return SeenLandmark(tag.number, Verdict.UNSOLVED, view, square.distance)
+    verdict, far = judge(fix, square.distance, prediction.pose, prediction.covariance)
+    return SeenLandmark(tag.number, verdict, view, square.distance, far, fix)
+
+
+def joint_fix(
+    seen: Sequence[SeenLandmark], lens: CameraModel, prediction: Prediction
+) -> Fix | None:
+    """Return the body's pose from several tags of one image, or None if there is none."""
+    solved = [(s.fix, s.view) for s in seen if s.fix is not None and s.view is not None]
+    if len(solved) <= 1:
+        return solved[0][0] if solved else None
+    best = min((fix for fix, _ in solved), key=lambda fix: float(np.trace(fix.covariance)))
+    views = [view for _, view in solved]
+    camera = prediction.camera(lens.mounting)
+    return refine(best.pose, views, camera, prediction.pose, prediction.motion)
+
+
+def seen_target(
+    tag: int, size: float, pixels: Array, rays: Array, lens: CameraModel, prediction: Prediction
+) -> SeenTarget | None:
+    """Return the pose of a target in the body, or None if no pose fits its corners.
+
+    Args:
+        tag: Its number.
+        size: Its edge, m.
+        pixels: (4, 2) its corners, px.
+        rays: (4, 2) the same as rays.
+        lens: The camera.
+        prediction: Of the body.
+    """
+    square = solve(rays, size, lens)
+    if square is None:
+        return None
+    camera = prediction.camera(lens.mounting)
+    up = prediction.pose.rotation[2]
+    best, _ = min(
+        square.solutions,
+        key=lambda one: one[1] - UPRIGHT_PENALTY * up @ (camera.rotation @ one[0].rotation)[:, 2],
+    )
+    view = View(square_corners(size), rays, square.deviation, lens.row_delay(pixels))
+    fix = refine((camera @ best).inverse(), [view], camera, motion=prediction.motion)
+    if fix is None:
+        return None
+    pose = fix.pose.inverse()
+    shift = np.hstack([skew(pose.position), -np.eye(3)])  # of the tag, by a step of the body
+    return SeenTarget(tag, pose, shift @ fix.covariance @ shift.T)
+
+
+def solve(rays: Array, size: float, lens: CameraModel) -> Square | None:
+    """Return the possible poses of a square in the camera, or None if there is none.
+
+    Args:
+        rays: (4, 2) of its corners: bottom left, bottom right, top right, top left.
+        size: Its edge, m.
+        lens: The camera.
+    """
+    found = square_poses(rays, size)
+    if not found:
+        return None
+    distance = float(np.linalg.norm(found[0][0].position))
+    spread = corner_std(distance, size) / float(lens.magnification(rays.mean(axis=0)))
+    return Square(
+        tuple((pose, rays.size * (misfit / spread) ** 2) for pose, misfit in found),
+        distance,
+        spread,
+    )
+
+
+def corner_std(distance: float, size: float) -> float:
+    """Return the standard deviation of each coordinate of a corner, px.
+
+    A tag twice as large looks like one at half the distance. It is more than the detector's own
+    error, since it includes errors of the map and of the lens.
+
+    Args:
+        distance: From the camera, m.
+        size: Edge of the tag, m.
+
+    Example:
+        >>> round(corner_std(0.9, 0.168), 3)
+        0.323
+    """
+    return math.hypot(MIN_STD, STD_AT * (distance * USUAL_SIZE / size / DISTANCE) ** POWER)
+
+
+def _likeliest(square: Square, tag: MapTag, camera: Pose, prediction: Prediction) -> Pose | None:
+    """Return the likelier body pose of those that are level enough, or None if none is.
+
+    The on-board tilt separates the two solutions of a tag on the floor; those of a tag on a wall,
+    which differ in yaw, only the prediction does. Its weight is limited to that of the gate, so
+    that an agent far from the predicted pose is still located.
+    """
+    up = prediction.pose.rotation[2]
+    meters = square.distance * USUAL_SIZE / tag.size
+    spread = math.hypot(LEVEL_STD, TILT_STD * meters**2)
+    best, least = None, math.inf
+    for solution, misfit in square.solutions:
+        pose = tag.pose @ solution.inverse() @ camera.inverse()
+        angle = tilt(pose, up)
+        if not angle <= MAX_TILT:
+            continue
+        far = surprise(pose, square.distance, prediction.pose, prediction.covariance)
+        cost = misfit + (angle / spread) ** 2 + min(far, MAX_SURPRISE)
+        if cost < least:
+            best, least = pose, cost
+    return best
