@@ -23,6 +23,10 @@ CATALOGUE: Final = {
         "A network address or port cannot be opened.",
         "Choose another one, or end the program that uses it.",
     ),
+    "circular-include": Entry(
+        "A file of steps includes itself, directly or through others.",
+        "Remove one of the includes.",
+    ),
     "contract-broken": Entry(
         "A plugin returned something that its contract does not allow.",
         "Correct the plugin; `star_core.testing` checks it without a flight.",
@@ -43,6 +47,10 @@ CATALOGUE: Final = {
         "The command line has an argument that the command does not accept.",
         "`star COMMAND --help` lists the arguments.",
     ),
+    "invalid-assignment": Entry(
+        "An assignment of `--set` cannot be followed.",
+        "Write `--set path.to.value=VALUE`, with keys and indices of the mission joined by dots.",
+    ),
     "invalid-input": Entry(
         "A file or an option cannot be used as it is.",
         "Correct it as the message describes.",
@@ -59,6 +67,18 @@ CATALOGUE: Final = {
         "A file of waypoints or of a polynomial trajectory has invalid contents.",
         "Correct the line that the message names; `docs/missions.md` describes both formats.",
     ),
+    "invalid-yaml": Entry(
+        "A file is not YAML, or has anchors, tags, dates or non-finite numbers.",
+        "Correct the reported line; put text that looks like a number in quotes.",
+    ),
+    "misplaced-key": Entry(
+        "A key is in a place where it has no meaning.",
+        "Move it as the message describes.",
+    ),
+    "missing-option": Entry(
+        "A key or an option that is required is missing.",
+        "Add it.",
+    ),
     "option-conflict": Entry(
         "Two options exclude each other, or one needs another.",
         "Remove or add the option that the message names.",
@@ -71,7 +91,14 @@ CATALOGUE: Final = {
         "A plugin raised an error.",
         "`star run --verbose` shows its traceback; report it to the plugin's author.",
     ),
-    "unknown-code": Entry("No error has this code.", "`star errors` lists all codes."),
+    "unknown-code": Entry(
+        "No error has this code.",
+        "`star errors` lists all codes.",
+    ),
+    "unknown-parameter": Entry(
+        "A parameter is not one of the included file.",
+        "Correct its name, or add it under `parameters:` of that file.",
+    ),
     "unknown-plugin": Entry(
         "No plugin of that name is installed.",
         "Correct the name, or install the plugin; the message lists those that are installed.",
@@ -83,6 +110,10 @@ CATALOGUE: Final = {
     "wrong-shape": Entry(
         "A table of a plugin has a wrong number of rows or columns.",
         "Return one row per agent, in the order of the swarm.",
+    ),
+    "wrong-type": Entry(
+        "A value is of another type than expected, such as text instead of a number.",
+        "Write a value of the expected type; put text that looks like a number in quotes.",
     ),
 }
 

@@ -12,14 +12,14 @@ from typing import Any, Final
 from star_core.errors import InputError, PluginError
 from star_core.mission_file import schema
 from star_core.mission_file import world_loader as world_file
-from star_core.mission_file.camera_files import furnished
 from star_core.mission_file.checks import airborne_state, feasibility
 from star_core.mission_file.checks import references as checks
-from star_core.mission_file.includes import expanded, lacking
-from star_core.mission_file.located_document import PARTS, Document, kind_of, override, read
+from star_core.mission_file.includes import lacking, with_files
+from star_core.mission_file.located import Document, kind_of, read
+from star_core.mission_file.overrides import override
 from star_core.mission_file.sound_parts import Incomplete, sound_parts
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat, actions
-from star_core.plugin_schema import SHARED
+from star_core.plugin_schema import PARTS, SHARED
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
 from star_core.world.camera import Camera
@@ -75,6 +75,13 @@ class Mission:
     document: Document
     world: Document
 
+    def with_seed(self, seed: int) -> Mission:
+        """Return the same mission with another seed."""
+        root = self.document.root
+        number = replace(root, data=seed)
+        document = replace(self.document, root=replace(root, data={**root.map(), "seed": number}))
+        return replace(self, scene=replace(self.scene, seed=seed), document=document)
+
     @property
     def reserve_rows(self) -> tuple[int, ...]:
         """Rows of the agents that are in reserve at the start."""
@@ -99,22 +106,21 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     if why := _other(written):
         raise InputError(f"{written.path}: {why}")
     composed = schema.compose(registry.offers())
-    document, problems = _with_files(override(written, assignments))
+    document, problems = with_files(override(written, assignments))
     refused = schema.faults(document, composed)
     problems += schema.located(document, refused)
     world, room = _world(document, problems)
     sound = sound_parts(document.data, refused)
     if sound is None:
         raise InputError(_in_file_order(problems, document.path), "invalid-option")
-    known = replace(document, data=sound)
-    scene = _scene(known, room or NO_WORLD, realtime=_realtime(known, registry))
-    problems += checks.of_mission(known, scene, registry, world_known=room is not None)
+    scene = _scene(document, sound, room or NO_WORLD, realtime=_realtime(sound, registry))
+    problems += checks.of_mission(document, sound, scene, registry, world_known=room is not None)
     groups = checks.agents_by_name(scene)
     steps = tuple(
-        _node(step, ("mission", i), known, groups, registry)
+        _node(step, ("mission", i), document, groups, registry)
         for i, step in enumerate(sound["mission"])
     )
-    problems += _step_problems(steps, known, scene, registry)
+    problems += _step_problems(steps, sound, scene, registry)
     if problems or world is None:
         raise InputError(_in_file_order(problems, document.path), "invalid-option")
     return Mission(
@@ -131,10 +137,10 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
 
 
 def _step_problems(
-    steps: Sequence[Node], document: Document, scene: Scene, registry: Registry
+    steps: Sequence[Node], data: Mapping[str, Any], scene: Scene, registry: Registry
 ) -> list[str]:
     """Return which steps find their agents in the wrong place, or obstacles above them."""
-    reserve = document.data.get("reserve", {})
+    reserve = data.get("reserve", {})
     names = reserve.get("agents", [])
     if not {*names} <= {*scene.names} or (isinstance(reserve, Incomplete) and not names):
         return []  # the agents that are in the mission at first are not known
@@ -166,7 +172,7 @@ def _in_file_order(problems: Iterable[str], path: Path) -> list[str]:
 
 def _other(document: Document) -> str:
     """Say what a file is that is no mission, and which mission to name; empty for a mission."""
-    match kind_of(document):
+    match kind_of(document.data):
         case "steps":
             lacks = lacking(document)
             return f"holds steps for missions to include: name a mission that includes it{lacks}"
@@ -176,20 +182,6 @@ def _other(document: Document) -> str:
             return "is a camera: name a mission that has it"
         case _:
             return ""
-
-
-def _with_files(document: Document) -> tuple[Document, list[str]]:
-    """Return a mission with the cameras and the steps that it names files of put in.
-
-    Where a file cannot be used, the reasons are returned beside the mission, which keeps its name.
-    """
-    problems = list[str]()
-    for read_in in (furnished, expanded):
-        try:
-            document = read_in(document)
-        except InputError as error:
-            problems += error.problems
-    return document, problems
 
 
 def _world(document: Document, problems: list[str]) -> tuple[Document | None, World | None]:
@@ -217,8 +209,7 @@ def _world_document(document: Document) -> Document:
     return schema.read_as(path, "world")
 
 
-def _scene(document: Document, world: World, *, realtime: bool) -> Scene:
-    data = document.data
+def _scene(document: Document, data: Mapping[str, Any], world: World, *, realtime: bool) -> Scene:
     cameras = {
         name: Camera() if isinstance(given, Incomplete) else _camera(given)
         for name, given in data.get("cameras", {}).items()
@@ -260,9 +251,9 @@ def _groups(data: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     }
 
 
-def _realtime(document: Document, registry: Registry) -> bool:
+def _realtime(data: Mapping[str, Any], registry: Registry) -> bool:
     """Whether mission time goes on by itself with the transport that is named."""
-    transport = document.data["transport"]
+    transport = data["transport"]
     use = transport if isinstance(transport, str) else transport["use"]
     try:
         return bool(registry.find("transport", use).offer.realtime)

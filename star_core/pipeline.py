@@ -18,9 +18,8 @@ from star_core.messages.telemetry import Telemetry
 from star_core.messages.vision import Corrections
 from star_core.metrics.timing import ComputeTime, Stopwatch
 from star_core.mission import Mission
-from star_core.mission_file.located_document import PARTS
 from star_core.plugin_guard import PluginGuard, close_all, require_methods, require_signature
-from star_core.plugin_schema import fill_defaults
+from star_core.plugin_schema import PARTS, fill_defaults
 from star_core.registry import Registry
 
 TIME_TOLERANCE: Final = 1e-3  # s; clocks of computers have a resolution

@@ -16,6 +16,9 @@ from star_core.errors import PluginError
 AnySpec = TypeVar("AnySpec", bound=Spec)
 AnyMissionSpec = TypeVar("AnyMissionSpec", bound=MissionSpec)
 
+PARTS: Final = ("transport", "localizer", "planner", "avoider")
+"""Kinds of plugins that a mission chooses, each by name or as ``{use: name, ...options}``."""
+
 SHARED: Final = ("agents", "until", "timeout", "on_failure")
 """What every verb of a plugin takes beside its own options; the core itself handles it."""
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from star_core.contracts import Problem
 from star_core.errors import InputError
 from star_core.mission import checked
 from star_core.mission_file import schema
 from star_core.mission_file.includes import check_alone, lacking
-from star_core.mission_file.located_document import Document, kind_of, override, read
+from star_core.mission_file.located import Document, kind_of, read
+from star_core.mission_file.overrides import override
 from star_core.mission_file.world_loader import world
 from star_core.registry import Registry
 from star_core.world.camera import camera_faults
@@ -28,7 +30,7 @@ def check_file(path: Path, assignments: Sequence[str], registry: Registry) -> st
     """
     document = read(path)
     others = {"steps": _steps, "world": _world, "camera": _camera}
-    if found := others.get(kind_of(document)):
+    if found := others.get(kind_of(document.data)):
         return f"{path}: {found(override(document, assignments), registry)}"
     mission = checked(document, registry, assignments)
     agents = len(mission.scene.agents)
@@ -56,6 +58,6 @@ def _world(document: Document, _registry: Registry) -> str:
 def _camera(document: Document, _registry: Registry) -> str:
     """Check a camera's file, whatever mission has it."""
     found = schema.problems(document, schema.load("camera"))
-    if found := found or document.told(camera_faults(document.data)):
+    if found := found or document.located(Problem(*one) for one in camera_faults(document.data)):
         raise InputError(found)
     return f"{document.data['name']!r}, a camera for missions"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from star_core.errors import suggestion
-from star_core.mission_file.yaml_source import Location
+from star_core.mission_file.located import Location
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError

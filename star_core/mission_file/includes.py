@@ -1,44 +1,43 @@
-"""Steps that stand in a file of their own: read, furnished with values, put where they belong."""
+"""Steps and cameras in files of their own, put into the mission that names them.
+
+Values keep the locations at which they are written. A value of a parameter is located where it is
+written and then, after a colon, where it is used.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from star_core.errors import InputError, suggestion
+from star_core.errors import InputError, coded, suggestion
 from star_core.mission_file import schema
-from star_core.mission_file.include_parameters import SIGN, Value, filled, named
-from star_core.mission_file.located_document import Document
-from star_core.mission_file.yaml_source import DEEPEST, MOST_VALUES, Location, Mark, Place
+from star_core.mission_file.located import Document, Mark, Value
+from star_core.mission_file.parameter_schema import SIGN, is_parameter
 from star_core.scene import inside
 
-LONGEST: Final = 8
-"""Files that include each other in a row, at most."""
+_COORDINATES: Final = 3
+"""Values in a list whose locations are listed in the list's own: a point has no more."""
 
 
-def expanded(document: Document) -> Document:
-    """Return a mission with every ``include`` replaced by the steps of the file that it names.
+def with_files(document: Document) -> tuple[Document, list[str]]:
+    """Return a mission with its cameras' files and included steps put in, and the problems.
 
-    The steps stand there as a ``repeat`` of one time; their places are those in their own file. A
-    string that is ``$`` and the name of one of the file's parameters is replaced by its value,
-    whose place is told first. What is no ``include`` as the schema has it stays, for the schema to
-    complain of.
-
-    Raises:
-        InputError: A file cannot be read, is none of steps, includes itself, or is given values
-            that it does not take or lacks one; every reason found is listed.
+    Included steps become a ``repeat`` of one time. What cannot be read remains as it is; and so
+    does what is not an ``include`` or a ``file`` by the schema, which then reports it.
     """
-    way = _Way(document.path.parent, (document.path.resolve(),))
-    data, places, problems = _node(document.data, (), document, way)
-    if problems:
-        raise InputError(list(dict.fromkeys(problems)))
-    return replace(document, data=data, places=places)
+    files = _Files(document)
+    data = dict(document.root.map())
+    if "cameras" in data:
+        data["cameras"] = files.cameras(data["cameras"])
+    if "mission" in data:
+        data["mission"] = files.steps(data["mission"], (document.path.resolve(),))
+    return replace(document, root=replace(document.root, data=data)), files.problems
 
 
 def lacking(document: Document) -> str:
-    """Say what a file of steps without parameters lacks if it is meant to be a mission."""
+    """Return what a file of steps without parameters lacks if it is meant to be a mission."""
     if "parameters" in document.data:
         return ""
     needed = [key for key in schema.load("mission")["required"] if key not in document.data]
@@ -46,115 +45,143 @@ def lacking(document: Document) -> str:
 
 
 def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
-    """Hold a file of steps to its schema, as far as that goes without a mission that includes it.
+    """Check a file of steps without a mission that includes it.
 
-    A parameter has the value that it has if a mission does not give one. What it includes itself is
-    not looked for: that is in the mission's folder.
+    A parameter has its default; nothing is known of one without. Files that it includes are not
+    read, since they are in the mission's folder.
 
     Args:
         document: The file.
-        composed: The schema of such files, with the verbs that there are.
+        composed: The schema of such files, with the installed verbs.
 
     Raises:
-        InputError: Something is wrong with it; every reason found is listed.
+        InputError: Lists every problem.
     """
-    if found := schema.problems(document, schema.load("steps")) or _default_faults(document):
+    if found := schema.problems(document, schema.load("steps")) or _default_problems(document):
         raise InputError(found)
-    given = {
-        name: f"{SIGN}{name}" if value is None else value
-        for name, value in document.data.get("parameters", {}).items()
-    }
-    values = _values(document, ("parameters",), given)
-    furnished = filled(document, values, found)
-    _node(furnished.data, (), furnished, _Way(document.path.parent, (), opens=False))
-    if found := [*found, *schema.problems(furnished, composed, parameters=True)]:
+    filled, found = _filled(document.root.need("mission"), _defaults(document))
+    root = replace(document.root, data={**document.root.map(), "mission": filled})
+    if found := [*found, *schema.problems(replace(document, root=root), composed, parameters=True)]:
         raise InputError(found)
 
 
-Answer = tuple[Any, dict[Location, Place], list[str]]
+class _Files:
+    """Reads the files of a mission, each once, and puts their content into it."""
 
+    def __init__(self, mission: Document) -> None:
+        self.problems: list[str] = []
+        self._folder = mission.path.parent
+        self._read: dict[tuple[str, Path], Document] = {}
 
-@dataclass(slots=True)
-class _Tally:
-    """How many values there are so far, in all files, and those files as read."""
+    def cameras(self, cameras: Value) -> Value:
+        """Return cameras with their files' content; keys of the mission itself take precedence."""
+        if not isinstance(cameras.data, dict):
+            return cameras
+        return replace(cameras, data={n: self._camera(one) for n, one in cameras.data.items()})
 
-    values: int = 0
-    files: dict[Path, Document] = field(default_factory=dict)
+    def _camera(self, camera: Value) -> Value:
+        given = camera.data
+        if not isinstance(given, dict) or "file" not in given:
+            return camera
+        source = self._file(given["file"], "camera")
+        if source is None:
+            return camera
+        read = {key: one for key, one in source.root.map().items() if key not in {"star", "name"}}
+        return replace(camera, data=read | {k: one for k, one in given.items() if k != "file"})
 
-    def file(self, path: Path, name: Path) -> Document:
-        """Return the file of steps at `path`, which the user calls `name`.
+    def steps(self, value: Value, chain: tuple[Path, ...]) -> Value:
+        """Return steps with every ``include`` in them replaced.
 
-        Raises:
-            InputError: It cannot be read or is none.
+        Args:
+            value: Steps, one step, or a value in one.
+            chain: The files that include each other, the one with `value` last.
         """
-        if path not in self.files:
-            document = schema.read_as(name, "steps")
-            if found := _default_faults(document):
-                raise InputError(found)
-            self.files[path] = document
-        return self.files[path]
+        if _is_include(value):
+            return self._included(value, chain)
+        if isinstance(value.data, dict):
+            return replace(value, data={k: self.steps(one, chain) for k, one in value.data.items()})
+        if isinstance(value.data, list):
+            return replace(value, data=[self.steps(one, chain) for one in value.data])
+        return value
+
+    def _included(self, step: Value, chain: tuple[Path, ...]) -> Value:
+        include = step.need("include")
+        source = self._file(include.need("file"), "steps", chain)
+        if source is None:
+            return step
+        before = len(self.problems)
+        given = include.map()["with"].map() if "with" in include.map() else {}
+        values = self._values(include, given, source)
+        if len(chain) == 1:
+            for mark in (mark for value in given.values() for mark in _parameters(value)):
+                self._report(
+                    mark, "parameters are for files that missions include", "misplaced-key"
+                )
+        steps, found = _filled(source.root.need("mission"), values)
+        self.problems += found
+        steps = self.steps(steps, (*chain, source.path.resolve()))
+        if len(self.problems) > before:
+            return step
+        times = Value(1, step.mark, step.key)
+        repeat = replace(step, data={"times": times, "steps": steps})
+        return replace(step, data={"repeat": repeat})
+
+    def _values(
+        self, include: Value, given: Mapping[str, Value], source: Document
+    ) -> dict[str, Value]:
+        """Return the values of a file's parameters."""
+        values = _defaults(source)
+        for name, value in given.items():
+            if name not in values:
+                hint = suggestion(name, values)
+                why = f"the file has no parameter {name!r}{hint}"
+                self._report(value.key, why, "unknown-parameter")
+        values |= given
+        for name, value in values.items():
+            if value.data is None or (name not in given and value.data == f"{SIGN}{name}"):
+                at = given.get(name, include)
+                why = f"needs a value for {name!r}: with: {{{name}: ...}}"
+                self._report(at.location, why, "missing-option")
+                values[name] = replace(value, data=f"{SIGN}{name}")  # it is reported once
+        return values
+
+    def _file(self, name: Value, kind: str, chain: tuple[Path, ...] = ()) -> Document | None:
+        """Return a file that the mission names; None, with a problem, if it cannot be used."""
+        if not isinstance(name.data, str):
+            return None
+        try:
+            path = inside(self._folder, name.data).resolve()
+        except InputError as error:
+            self._report(name.location, str(error), error.code)
+            return None
+        if path in chain:
+            between = ", ".join(f"{f.name!r}" for f in chain[chain.index(path) + 1 :])
+            by_way = f", by way of {between}" * bool(between)
+            self._report(
+                name.location, f"{name.data!r} includes itself{by_way}", "circular-include"
+            )
+            return None
+        if (kind, path) not in self._read:
+            try:
+                document = schema.read_as(self._folder / name.data, kind)
+            except InputError as error:
+                self.problems += error.problems
+                return None
+            if found := _default_problems(document):
+                self.problems += found
+                return None
+            self._read[kind, path] = document
+        return self._read[kind, path]
+
+    def _report(self, mark: Mark, message: str, code: str) -> None:
+        self.problems.append(coded(f"{mark}: {message}", code))
 
 
-@dataclass(frozen=True, slots=True)
-class _Way:
-    """How one came to a file.
-
-    Attributes:
-        folder: The mission's.
-        files: Those that include each other, this one last.
-        level: How deep in the mission the file's steps stand.
-        opens: Whether what is included is put in.
-        tally: Of the whole mission.
-    """
-
-    folder: Path
-    files: tuple[Path, ...]
-    level: int = 0
-    opens: bool = True
-    tally: _Tally = field(default_factory=_Tally)
-
-    def through(self, path: Path, level: int) -> _Way:
-        """Return the way on to a file that stands so much deeper."""
-        return replace(self, files=(*self.files, path), level=self.level + level)
-
-    def count(self, at: Location) -> str:
-        """Count one more value, and say if that is more, or deeper, than what one file may have."""
-        self.tally.values += 1
-        if self.tally.values > MOST_VALUES:
-            return f"more than {MOST_VALUES} values, together with the files that are included"
-        if self.level + len(at) > DEEPEST:
-            return f"nested deeper than {DEEPEST} levels, together with the files that include it"
-        return ""
-
-
-def _node(value: Any, at: Location, document: Document, way: _Way) -> Answer:
-    """Return what stands at a place of a document, with the places in it, by their paths.
-
-    Raises:
-        InputError: The mission grows larger than one file may be.
-    """
-    if why := way.count(at):
-        raise InputError([document.problem(at, why)])
-    place = document.places.get(at)
-    places = {} if place is None else {at: place}
-    problems: list[str] = []
-    if way.opens and _is_include(value):
-        return _included(value["include"], at, document, way)
-    data: Any = value
-    if isinstance(value, dict | list):
-        pairs = value.items() if isinstance(value, dict) else enumerate(value)
-        made = {key: _node(inner, (*at, key), document, way) for key, inner in pairs}
-        for _, own, faults in made.values():
-            places |= own
-            problems += faults
-        inner = {key: one for key, (one, _, _) in made.items()}
-        data = inner if isinstance(value, dict) else list(inner.values())
-    return data, places, problems
-
-
-def _is_include(value: Any) -> bool:
+def _is_include(value: Value) -> bool:
     """Whether this is a step that includes a file."""
-    given = value.get("include") if isinstance(value, dict) and len(value) == 1 else None
+    if [*value.children()] != ["include"]:
+        return False
+    given = value.need("include").plain()
     return (
         isinstance(given, dict)
         and isinstance(given.get("file"), str)
@@ -163,81 +190,80 @@ def _is_include(value: Any) -> bool:
     )
 
 
-def _included(given: Mapping[str, Any], at: Location, document: Document, way: _Way) -> Answer:
-    here = (*at, "include", "file")
-    try:
-        path = inside(way.folder, given["file"])
-    except InputError as error:
-        return None, {}, [document.problem(here, str(error))]
-    if circle := _circle(path, way):
-        return None, {}, [document.problem(here, f"{given['file']!r} {circle}")]
-    try:
-        source = way.tally.file(path, way.folder / given["file"])
-    except InputError as error:
-        return None, {}, list(error.problems)
-    parameters = source.data.get("parameters", {})
-    defaults = _values(source, ("parameters",), parameters)
-    values = defaults | _values(document, (*at, "include", "with"), given.get("with", {}))
-    problems = [
-        document.problem((*at, "include", "with", name), message, key=True)
-        for name, message in _misfits(given.get("with", {}), parameters)
-    ]
-    for name, value in values.items():
-        if value.data is None:
-            place = (*at, "include", *(("with", name) if name in given.get("with", {}) else ()))
-            why = f"needs a value for {name!r}: with: {{{name}: ...}}"
-            problems.append(document.problem(place, why))
-            values[name] = replace(value, data=f"{SIGN}{name}")  # it is told once
-    if len(way.files) == 1:  # the mission
-        problems += [
-            document.problem(place, "parameters are for files that missions include")
-            for place in named(given.get("with"), (*at, "include", "with"))
-        ]
-    steps = filled(source, values, problems)
-    on = way.through(path.resolve(), len(at) + 1)  # (..., "repeat", "steps") for ("mission",)
-    data, places, faults = _node(steps.data["mission"], ("mission",), steps, on)
-    where = (*at, "repeat", "steps")
-    step = document.places[at] if at in document.places else Place(Mark(1, 1), Mark(1, 1))
-    moved = {at: step, (*at, "repeat"): step, (*at, "repeat", "times"): step}
-    moved |= {(*where, *path[1:]): _of_file(place, steps.path) for path, place in places.items()}
-    return {"repeat": {"times": 1, "steps": data}}, moved, problems + faults
+def _parameters(value: Value) -> Iterator[Mark]:
+    """Yield the locations of parameters in a value, itself included."""
+    if is_parameter(value.data):
+        yield value.location
+    for inner in value.children().values():
+        yield from _parameters(inner)
 
 
-def _values(document: Document, at: Location, given: Mapping[str, Any]) -> dict[str, Value]:
-    return {name: Value(value, document, (*at, name)) for name, value in given.items()}
+def _defaults(document: Document) -> dict[str, Value]:
+    """Return the parameters of a file of steps; those without a default stand for themselves."""
+    given = document.root.map().get("parameters")
+    return {
+        name: replace(value, data=f"{SIGN}{name}") if value.data is None else value
+        for name, value in (given.map().items() if given else ())
+    }
 
 
-def _default_faults(document: Document) -> list[str]:
-    """Say where the defaults in a file of steps refer to parameters themselves."""
+def _default_problems(document: Document) -> list[str]:
+    given = document.root.map().get("parameters")
     return [
-        document.problem(place, "a default cannot refer to a parameter")
-        for place in named(document.data.get("parameters"), ("parameters",))
+        coded(f"{mark}: a default cannot refer to a parameter", "misplaced-key")
+        for mark in (_parameters(given) if given else ())
     ]
 
 
-def _circle(path: Path, way: _Way) -> str:
-    """Say that files include each other without end, if they do."""
-    if (file := path.resolve()) in way.files:
-        between = ", ".join(f"{f.name!r}" for f in way.files[way.files.index(file) + 1 :])
-        return "includes itself" + f", by way of {between}" * bool(between)
-    if len(way.files) > LONGEST:
-        return f"is included by more than {LONGEST} files in a row"
-    return ""
+def _filled(steps: Value, values: Mapping[str, Value]) -> tuple[Value, list[str]]:
+    """Return steps with values for their parameters, and the problems.
 
+    A parameter whose value is itself a parameter remains.
+    """
+    problems: list[str] = []
 
-def _misfits(given: Mapping[str, Any], known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    for name in given:
-        if name not in known:
-            yield name, f"the file has no parameter {name!r}{suggestion(name, known)}"
+    def known(value: Value) -> Value | None:
+        """Return the value that a parameter stands for, if this is one and it has one."""
+        if not is_parameter(value.data):
+            return None
+        found = values.get(str(value.data).removeprefix(SIGN))
+        return None if found is None or is_parameter(found.data) else found
 
-
-def _of_file(place: Place, path: Path) -> Place:
-    """A place that says which file it is in."""
-    return Place(
-        *(
-            mark
-            if mark.origin
-            else Mark(mark.line, mark.column, f"{path}:{mark.line}:{mark.column}")
-            for mark in (place.key, place.value)
+    def fill(value: Value) -> Value:
+        if isinstance(value.data, dict):
+            return replace(value, data={key: fill(one) for key, one in value.data.items()})
+        if isinstance(value.data, list):
+            among = {one.data: found for one in value.data if (found := known(one))}
+            written = [str(one.location) for one in among.values() if not one.children()]
+            mark = value.location
+            if written:
+                text = ": ".join(dict.fromkeys(written[:_COORDINATES]))
+                mark = mark._replace(source=f"{text}: {mark.source}")
+            return Value(
+                [fill(one) for one in value.data], mark if written else value.mark, value.key
+            )
+        if not is_parameter(value.data):
+            return value
+        if (found := known(value)) is None:
+            name = str(value.data).removeprefix(SIGN)
+            if name not in values:
+                message = f"no parameter named {name!r}{suggestion(name, values)}"
+                problems.append(coded(f"{value.location}: {message}", "unknown-parameter"))
+            return value
+        used = _used(found, value.location)
+        in_list = value.key == value.mark
+        return replace(
+            used, key=used.mark if in_list or isinstance(found.data, dict) else value.key
         )
-    )
+
+    return fill(steps), problems
+
+
+def _used(value: Value, at: Mark) -> Value:
+    """Return a value that is used elsewhere, with both locations."""
+    data = value.data
+    if isinstance(data, dict):
+        data = {key: _used(one, at) for key, one in data.items()}
+    elif isinstance(data, list):
+        data = [_used(one, at) for one in data]
+    return Value(data, value.location.used_at(at), value.key.used_at(at))

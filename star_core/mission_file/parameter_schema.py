@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core.mission_file.include_parameters import PATTERN, is_parameter
-
 if TYPE_CHECKING:
     from jsonschema import ValidationError
+
+SIGN: Final = "$"
+"""Begins a string that names a parameter."""
+
+PATTERN: Final = r"^\$."
+"""The pattern of strings that name a parameter."""
 
 _NAMED: Final = {
     "pattern": PATTERN,
@@ -29,6 +34,15 @@ _OF_STRINGS: Final = (
 
 _OF_PARTS: Final = ("anyOf", "oneOf", "contains")
 """Rules that a list or a map may break for what it holds."""
+
+
+def is_parameter(value: Any) -> bool:
+    """Whether a value of a step is a parameter's.
+
+    >>> is_parameter("$height"), is_parameter("height"), is_parameter("$"), is_parameter(1)
+    (True, False, False, False)
+    """
+    return isinstance(value, str) and re.match(PATTERN, value) is not None
 
 
 def depends(error: ValidationError) -> bool:

@@ -12,9 +12,9 @@ from urllib.parse import quote, unquote
 
 from star_core.contracts import MissionSpec
 from star_core.errors import InputError
-from star_core.mission_file.located_document import PARTS, Document, read
+from star_core.mission_file.located import Document, read
 from star_core.mission_file.parameter_schema import admitting, depends
-from star_core.plugin_schema import SHARED, references
+from star_core.plugin_schema import PARTS, SHARED, references
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
@@ -120,13 +120,9 @@ def faults(
 
 def located(document: Document, faults: Iterable[Fault]) -> list[str]:
     """Return mistakes as one line each with its place, in the order of the file."""
-    lines = {
-        (document.mark(fault.path, key=fault.key), fault.message): document.problem(
-            fault.path, fault.message, key=fault.key
-        )
-        for fault in faults
-    }
-    return [lines[key] for key in sorted(lines, key=lambda key: (key[0].origin != "", key))]
+    return document.in_order(
+        (document.mark(one.path, key=one.key), one.message, one.code) for one in faults
+    )
 
 
 def _as_written(name: str) -> dict[str, Any]:

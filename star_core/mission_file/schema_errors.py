@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from star_core.errors import suggestion
 from star_core.mission_file import error_messages as wording
 from star_core.mission_file.error_messages import Breach, show
-from star_core.mission_file.located_document import PARTS
-from star_core.mission_file.yaml_source import Location
+from star_core.mission_file.located import Location
+from star_core.plugin_schema import PARTS
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
@@ -32,12 +32,14 @@ class Fault(NamedTuple):
         message: What is wrong and what was expected.
         key: Whether it is the key that is wrong, or the whole that the key names.
         lacks: Whether the value at `path` only lacks a key.
+        code: Identifies the kind of mistake.
     """
 
     path: Location
     message: str
     key: bool = False
     lacks: bool = False
+    code: str = "invalid-option"
 
 
 def explain(errors: Iterable[ValidationError], data: Any) -> Iterator[Fault]:

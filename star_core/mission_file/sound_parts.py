@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core.mission_file.located_document import PARTS
-from star_core.mission_file.yaml_source import Location
+from star_core.mission_file.located import Location
+from star_core.plugin_schema import PARTS
 
 if TYPE_CHECKING:
     from star_core.mission_file.schema_errors import Fault

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any, Final
 
+from star_core.contracts import Problem
 from star_core.errors import InputError
-from star_core.mission_file.located_document import Document
+from star_core.mission_file.located import Document
 from star_core.mission_file.obstacles import Fault, obstacle, obstacle_faults
 from star_core.world.quaternions import Point, moved, turned
 from star_core.world.world import Fence, Obstacle, Tag, World
@@ -37,7 +38,7 @@ def world(document: Document) -> World:
     data = document.data
     faults = [*_fence(data), *_obstacles(data), *_offsets(data), *_tags(data)]
     if faults:
-        raise InputError(document.told(faults))
+        raise InputError(document.located(Problem(*one) for one in faults))
     made = World(
         name=data["name"],
         fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
@@ -46,7 +47,7 @@ def world(document: Document) -> World:
         targets=tuple(tag for _, tag in _sheets(data, "targets")),
     )
     if faults := list(_hidden(data, made)):
-        raise InputError(document.told(faults))
+        raise InputError(document.located(Problem(*one) for one in faults))
     return made
 
 

@@ -21,6 +21,9 @@ CODE_ARGUMENT = {  # the position of the code in calls of these functions
     "coded": 1,
     "Problem": 2,
     "problem": 2,
+    "wrong": 1,
+    "_report": 2,
+    "_error": 2,
 }
 
 

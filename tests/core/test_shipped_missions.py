@@ -18,8 +18,8 @@ import pytest
 from star_core import InputError, load
 from star_core.cli.main import main
 from star_core.mission_file import schema
+from star_core.mission_file.located import parse
 from star_core.mission_file.schema import compose, compose_steps
-from star_core.mission_file.yaml_source import parse
 from star_core.registry import Registry
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -74,7 +74,9 @@ def test_where_targets_are_is_told_to_every_plugin_as_the_schema_says() -> None:
 
 
 def test_every_verb_occurs_in_a_mission_that_ships() -> None:
-    used = {verb for path in FILES for verb in verbs(parse(path.read_text()).data["mission"])}
+    used = {
+        verb for path in FILES for verb in verbs(parse(path.read_text(), "").plain()["mission"])
+    }
     offered = compose(Registry().offers())["$defs"]["step"]["properties"]
     assert used == set(offered)
 

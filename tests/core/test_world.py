@@ -13,9 +13,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
-from star_core.mission_file.located_document import Document
+from star_core.mission_file.located import Document, parse
 from star_core.mission_file.world_loader import world
-from star_core.mission_file.yaml_source import parse
 from star_core.world.outlines import wall
 from star_core.world.world import CONTACT_RADIUS, Fence, Obstacle, World
 
@@ -234,17 +233,17 @@ def test_of_what_is_overhead_the_lowest_is_hit_first() -> None:
 
 def problems(text: str) -> list[str]:
     """What is wrong with a world that fits its schema."""
-    parsed = parse(text)
+    parsed = parse(text, "room.yaml")
     try:
-        world(Document(parsed.data, Path("room.yaml"), parsed.places))
+        world(Document(parsed, Path("room.yaml")))
     except InputError as error:
         return list(error.problems)
     return []
 
 
 def test_a_good_world_is_made_of_its_fence_and_its_obstacles() -> None:
-    parsed = parse(WORLD)
-    made = world(Document(parsed.data, Path("room.yaml"), parsed.places))
+    parsed = parse(WORLD, "room.yaml")
+    made = world(Document(parsed, Path("room.yaml")))
     assert made.fence == Fence((-2, -2, 0), (2, 2, 2))
     assert [obstacle.name for obstacle in made.obstacles] == ["pillar"]
 
@@ -259,7 +258,7 @@ def test_a_fence_that_is_empty_in_any_direction_is_refused(high: str) -> None:
 
 @pytest.mark.parametrize("height", ["[2, 2]", "[2, 1]"])
 def test_an_obstacle_whose_foot_is_not_below_its_top_is_refused(height: str) -> None:
-    foot, top = parse(height).data
+    foot, top = parse(height, "").plain()
     assert problems(WORLD.replace("[0, 2]", height)) == [
         f"room.yaml:5:65: obstacle 'pillar' has its foot at {foot} m, not below its top at {top} m"
         " [invalid-option]"
@@ -319,8 +318,8 @@ def test_everything_wrong_with_a_world_is_listed_in_the_order_of_the_file() -> N
 
 def obstacle(given: str) -> Obstacle:
     """The obstacle that a world file describes so."""
-    parsed = parse(WORLD.replace("polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]]", given))
-    (made,) = world(Document(parsed.data, Path("room.yaml"), parsed.places)).obstacles
+    parsed = parse(WORLD.replace("polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]]", given), "room.yaml")
+    (made,) = world(Document(parsed, Path("room.yaml"))).obstacles
     return made
 
 

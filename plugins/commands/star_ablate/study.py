@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 from star_core import Mission, actions
@@ -57,9 +57,7 @@ class Run:
 
     def mission(self) -> Mission:
         """The mission to fly."""
-        mission = self.condition.mission
-        document = replace(mission.document, data=mission.document.data | {"seed": self.seed})
-        return replace(mission, scene=replace(mission.scene, seed=self.seed), document=document)
+        return self.condition.mission.with_seed(self.seed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,52 +6,59 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from star_core.contracts import Problem
 from star_core.errors import suggestion
 from star_core.mission_file import conditions
 from star_core.mission_file.checks import feasibility as room
 from star_core.mission_file.checks.feasibility import Fault, Path
 from star_core.mission_file.checks.plugin_checks import PluginChecks
-from star_core.mission_file.located_document import PARTS, Document
+from star_core.mission_file.located import Document
 from star_core.mission_file.sound_parts import UNKNOWN, Incomplete
 from star_core.mission_file.step_tree import begun, within
-from star_core.plugin_schema import JOIN, SHARED
+from star_core.plugin_schema import JOIN, PARTS, SHARED
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.world.camera import camera_faults
 
 
 def of_mission(
-    document: Document, scene: Scene, registry: Registry, *, world_known: bool = True
+    document: Document,
+    data: Mapping[str, Any],
+    scene: Scene,
+    registry: Registry,
+    *,
+    world_known: bool = True,
 ) -> list[str]:
     """Every reason why a mission cannot be flown that its schema cannot see, located.
 
     Args:
-        document: The mission, without what its schema refuses.
+        document: The mission.
+        data: Its content, without what its schema refuses.
         scene: What it describes.
         registry: Where plugins are found.
         world_known: Whether the scene's world is that of the mission; where it is not, the plugins'
             own checks are left out.
     """
     groups = agents_by_name(scene)
-    wrong = [*room.faults(document.data, scene, registry)]
+    wrong = [*room.faults(data, scene, registry)]
     if wrong:
         scene = room.boundless(scene)
-    planner, options = _chosen(document.data["planner"])
-    if isinstance(document.data["planner"], Incomplete):
+    planner, options = _chosen(data["planner"])
+    if isinstance(data["planner"], Incomplete):
         planner = UNKNOWN
     plugins = PluginChecks(registry, scene, planner, options, enabled=world_known)
     faults = [
         *wrong,
-        *_groups(document.data, scene),
-        *room.reserve_faults(document.data, scene),
-        *_idle(document.data, groups, scene),
-        *room.safety_faults(document.data, scene, registry),
-        *_cameras(document.data),
-        *room.start_faults(document.data, scene, registry),
-        *_parts(document.data, plugins),
-        *_steps(document.data["mission"], ("mission",), groups, scene, plugins),
+        *_groups(data, scene),
+        *room.reserve_faults(data, scene),
+        *_idle(data, groups, scene),
+        *room.safety_faults(data, scene, registry),
+        *_cameras(data),
+        *room.start_faults(data, scene, registry),
+        *_parts(data, plugins),
+        *_steps(data["mission"], ("mission",), groups, scene, plugins),
     ]
-    return document.told(faults)
+    return document.located(Problem(*one) for one in faults)
 
 
 def agents_by_name(scene: Scene) -> dict[str, tuple[int, ...]]:

@@ -8,7 +8,7 @@ import pytest
 
 from star_core.errors import InputError
 from star_core.mission_file import schema
-from star_core.mission_file.located_document import Document, kind_of
+from star_core.mission_file.located import kind_of
 from tests.core.conftest import Lab
 
 PATROL = """\
@@ -151,13 +151,13 @@ def test_a_file_with_a_mistake_that_is_included_twice_is_told_once(
 ) -> None:
     (tmp_path / "patrol.yaml").write_text(PATROL.replace("to: null", "to: [0, 0, $who]"))
     assert faults(lab, TOUR + "  - include: {file: patrol.yaml}\n") == [
-        "patrol.yaml:3:47: a default cannot refer to a parameter [invalid-option]"
+        "patrol.yaml:3:47: a default cannot refer to a parameter [misplaced-key]"
     ]
 
 
 def test_a_mission_has_no_parameters_to_give(lab: Lab) -> None:
     assert faults(lab, TOUR.replace("[2, 0, 1]", "[2, 0, $z]")) == [
-        "mission.yaml:12:62: parameters are for files that missions include [invalid-option]"
+        "mission.yaml:12:62: parameters are for files that missions include [misplaced-key]"
     ]
 
 
@@ -168,7 +168,7 @@ def test_a_value_that_has_to_be_given_is_missed_once(lab: Lab, tmp_path: Path) -
     )
     wrong = "\n  - climb: {}\n  - include: {file: outer.yaml, with: {there: null}}\n"
     (told,) = faults(lab, wrong)
-    assert told.endswith(": needs a value for 'there': with: {there: ...} [invalid-option]")
+    assert told.endswith(": needs a value for 'there': with: {there: ...} [missing-option]")
 
 
 def test_files_may_include_files(lab: Lab, tmp_path: Path) -> None:
@@ -233,14 +233,14 @@ def test_a_file_that_is_none_of_steps_is_refused(
 def test_a_file_that_includes_itself_is_refused(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text("star: 1\nmission: [include: {file: patrol.yaml}]\n")
     (fault,) = faults(lab, "\n  - include: {file: patrol.yaml}")
-    assert fault == ("patrol.yaml:2:27: 'patrol.yaml' includes itself [invalid-option]")
+    assert fault == ("patrol.yaml:2:27: 'patrol.yaml' includes itself [circular-include]")
 
 
 @pytest.mark.parametrize("key", sorted(schema.load("mission")["properties"]))
 def test_a_key_of_missions_makes_no_file_of_steps(key: str) -> None:
     data = {"star": 1, "name": "m", "mission": [], key: None}
     is_plain = key in {"star", "name", "mission"}
-    assert kind_of(Document(data, Path("m.yaml"), {})) == ("steps" if is_plain else "mission")
+    assert kind_of(data) == ("steps" if is_plain else "mission")
 
 
 @pytest.mark.parametrize(
@@ -264,4 +264,4 @@ def test_a_key_of_missions_makes_no_file_of_steps(key: str) -> None:
     ],
 )
 def test_what_a_file_is_meant_to_be_is_said_by_its_keys(keys: str, kind: str) -> None:
-    assert kind_of(Document(dict.fromkeys(keys.split()), Path("m.yaml"), {})) == kind
+    assert kind_of(dict.fromkeys(keys.split())) == kind

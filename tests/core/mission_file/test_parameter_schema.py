@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from star_core.mission_file.located import Location, parse
 from star_core.mission_file.parameter_schema import admitting, depends
 from star_core.mission_file.schema import compose_steps
-from star_core.mission_file.yaml_source import Location, parse
 from star_core.registry import Registry
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -25,7 +25,7 @@ ADMITTING = compose_steps(OFFERS, admit=True)
 STEPS = [
     step
     for path in sorted(MISSIONS.glob("*.yaml"))
-    for step in parse(path.read_text(encoding="utf-8")).data["mission"]
+    for step in parse(path.read_text(encoding="utf-8"), "").plain()["mission"]
 ]
 OTHERS = ("$x", "$", "word", "land", "all", -1e9, 0.5, 3, True, None, (), ("$x",), {"x": "$x"})
 

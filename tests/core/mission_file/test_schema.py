@@ -12,9 +12,8 @@ from jsonschema import Draft202012Validator
 
 from star_core.contracts import TaskSpec
 from star_core.mission_file import schema
-from star_core.mission_file.located_document import Document
+from star_core.mission_file.located import Document, parse
 from star_core.mission_file.schema import compose, compose_steps, load, problems
-from star_core.mission_file.yaml_source import parse
 from star_core.plugin_schema import sound
 
 NEVER_MADE: Any = object
@@ -48,8 +47,8 @@ fence: {low: [-2, -2, 0], high: [2, 2, 2]}
 
 
 def document(text: str) -> Document:
-    parsed = parse(text)
-    return Document(parsed.data, Path("m.yaml"), parsed.places)
+    parsed = parse(text, "m.yaml")
+    return Document(parsed, Path("m.yaml"))
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from star_core.contracts import TaskSpec
-from star_core.mission_file.located_document import Document, override
+from star_core.mission_file.located import Document, parse
+from star_core.mission_file.overrides import override
 from star_core.mission_file.schema import compose, problems
-from star_core.mission_file.yaml_source import parse
 
 
 def number(description: str, **rules: Any) -> dict[str, Any]:
@@ -87,9 +87,8 @@ mission:
 
 
 def document(text: str) -> Document:
-    parsed = parse(text)
-    assert not parsed.problems
-    return Document(parsed.data, Path("m.yaml"), parsed.places)
+    parsed = parse(text, "m.yaml")
+    return Document(parsed, Path("m.yaml"))
 
 
 def faults(text: str) -> list[str]:

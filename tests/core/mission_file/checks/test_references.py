@@ -22,7 +22,7 @@ from star_core.errors import InputError
 from star_core.hookspecs import hookimpl
 from star_core.mission import load
 from star_core.mission_file.checks.references import agents_by_name, rows_of
-from star_core.mission_file.yaml_source import parse
+from star_core.mission_file.located import parse
 from star_core.registry import Registry, Source
 from star_core.testing import scene
 
@@ -280,7 +280,7 @@ def test_without_a_radius_starts_are_apart_by_the_span_of_a_drone() -> None:
 
 @pytest.mark.parametrize("height", ["[1, 1]", "[2, 1]"])
 def test_the_lowest_height_is_below_the_highest(height: str) -> None:
-    low, high = parse(height).data
+    low, high = parse(height, "").plain()
     assert problems(MISSION.replace("[0.2, 1.8]", height)) == [
         f"m.yaml:4:18: lowest {low} is not below highest {high} [invalid-option]"
     ]

@@ -13,8 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
-from star_core.mission_file.located_document import LARGEST, Document, read
-from star_core.mission_file.yaml_source import MOST_PROBLEMS, MOST_VALUES
+from star_core.mission_file.located import Document, read
 
 MISSION = """\
 # a comment
@@ -81,10 +80,6 @@ def test_what_is_not_there_has_the_place_of_its_nearest_parent(mission: Document
     assert mission.place(("swarm", "cf9"), key=True) == mission.place(("swarm",))
 
 
-def test_in_a_document_that_was_never_written_everything_is_at_the_start() -> None:
-    assert Document({"a": 1}, Path("made.yaml"), {}).place(("a",)) == "made.yaml:1:1"
-
-
 def test_a_problem_is_a_message_after_its_place(mission: Document) -> None:
     assert (
         mission.problem(("name",), "too short [invalid-option]")
@@ -146,8 +141,8 @@ def test_a_scalar_means_what_yaml_1_2_and_json_say(
         ("- 1\n", "m.yaml:1:1: the file holds a list, expected a map such as `star: 1`"),
         ("swap", "m.yaml:1:1: the file holds 'swap', expected a map such as `star: 1`"),
         ("a: &x 1", "m.yaml:1:4: anchor '&x' is refused; write the value out"),
-        ("a: *x", "m.yaml:1:4: alias '*x' is refused; write the value out"),
-        ("*x : 1", "m.yaml:1:1: alias '*x' is refused; write the value out"),
+        ("a: *x", "m.yaml:1:4: not YAML: found undefined alias 'x'"),
+        ("*x : 1", "m.yaml:1:1: not YAML: found undefined alias 'x'"),
         ("a: !y 1", "m.yaml:1:4: tag '!y' is refused; a mission is data and never code"),
         ("a: !!set {}", "m.yaml:1:4: tag 'tag:yaml.org,2002:set' is refused;"),
         ("a: 1\nb: 2\na: 3", "m.yaml:3:1: key 'a' is already there at line 1, column 1; keep"),
@@ -156,33 +151,30 @@ def test_a_scalar_means_what_yaml_1_2_and_json_say(
         ("[a]: 1", "m.yaml:1:1: a map or a list cannot be a key"),
         ("? {a: {b: [c]}}\n: 1", "m.yaml:1:3: a map or a list cannot be a key"),
         ("<<: {a: 1}", "m.yaml:1:1: merge key '<<' is refused; write the keys out"),
-        ("a: .nan", "m.yaml:1:4: .nan is not a finite number"),
-        ("a: -.inf", "m.yaml:1:4: -.inf is not a finite number"),
-        ("a: 1e999", "m.yaml:1:4: 1e999 is not a finite number"),
-        ("a: 1_000", "m.yaml:1:4: 1_000 is not a plain decimal number; write it as one, or in"),
-        ("a: 0x10", "m.yaml:1:4: 0x10 is not a plain decimal number; write it as one, or in"),
-        ("a: 012", "m.yaml:1:4: 012 is not a plain decimal number; write it as one, or in"),
-        ("a: 18446744073709551616", "m.yaml:1:4: 18446744073709551616 does not fit in 64 bits"),
-        ("a: " + "9" * 5000, "m.yaml:1:4: 999999999999999999999999... does not fit in 64 bits"),
+        ("a: .nan", "m.yaml:1:4: .nan is not a plain, finite decimal number"),
+        ("a: -.inf", "m.yaml:1:4: -.inf is not a plain, finite decimal number"),
+        ("a: 1e999", "m.yaml:1:4: 1e999 is not a plain, finite decimal number"),
+        ("a: 1_000", "m.yaml:1:4: 1_000 is not a plain, finite decimal number; write it as one"),
+        ("a: 0x10", "m.yaml:1:4: 0x10 is not a plain, finite decimal number; write it as one"),
+        ("a: 012", "m.yaml:1:4: 012 is not a plain, finite decimal number; write it as one"),
+        (
+            "a: " + "9" * 5000,
+            "m.yaml:1:4: 999999999999999999999999... is not a plain, finite decimal number",
+        ),
         ("a: 2026-01-01", "m.yaml:1:4: 2026-01-01 is a date; put it in quotes"),
         ("a: 1\n---\nb: 2", "m.yaml:2:1: a second document begins here, expected one; remove"),
-        ("%YAML 1.1\n---\na: 1", "m.yaml:2:1: a %YAML line for another version than 1.2 is"),
-        ("a: " + "[" * 500, "m.yaml:1:35: nested deeper than 32 levels"),
-        ("- " * 500 + "1", "m.yaml:1:65: nested deeper than 32 levels"),
+        ("%YAML 1.1\n---\na: 1", "m.yaml:1:1: a line that begins with '%' is refused; remove it"),
+        ("a: " + "[" * 50 + "]" * 50, "m.yaml:1:35: nested deeper than 32 levels"),
+        ("- " * 1500 + "1", "m.yaml:1:1: the maps and lists are nested too deeply"),
         ("a: 1\nb: x\0y", "m.yaml:2:5: character '\\x00' is refused; it cannot be printed"),
-        ("a: x\u2028y", "m.yaml:1:5: character '\\u2028' is refused; it cannot be printed"),
-        ('a: "\\0"', "m.yaml:1:4: character '\\x00' is refused; it cannot be printed"),
-        ('a: "\\ud800"', "m.yaml:1:4: half of a pair of surrogates is refused"),
         (b"a: 1\r\nb: \xff", "m.yaml:2:4: byte 0xff is not UTF-8; save the file as UTF-8"),
         (b"\xef\xbb\xbf\xff", "m.yaml:1:1: byte 0xff is not UTF-8; save the file as UTF-8"),
-        ("%YAML 1.0\n---\na: 1", "m.yaml:1:1: not YAML hereafter: version minor part can only"),
+        ("%YAML 1.0\n---\na: 1", "m.yaml:1:1: a line that begins with '%'"),
         ("a: 1\n\tb: 2", "m.yaml:2:1: a tab stands here; YAML is indented with spaces"),
         ("a: b: c", "m.yaml:1:5: a ':' cannot stand here; check the indentation, or put the"),
         ("a: [1,\nb: 2", "m.yaml:2:5: not YAML: expected ',' or ']', but got '<stream end>' "),
         ("a: 'b", "m.yaml:1:6: not YAML: found unexpected end of stream (while scanning a qu"),
-        ('a: "\\U00110000"', "m.yaml:1:1: not YAML hereafter: chr() arg not in range(0x110000)"),
-        ("a: [" + "1," * MOST_VALUES + "]", "m.yaml:1:100003: more than 50000 values"),
-        ("#" * LARGEST + "\n", "m.yaml: is larger than 1048576 bytes, the most that is read"),
+        ('a: "\\U00110000"', "m.yaml:1:1: not YAML: chr() arg not in range(0x110000)"),
     ],
     ids=lambda value: repr(value[:20]) if isinstance(value, (str, bytes)) else "",
 )
@@ -194,27 +186,21 @@ def test_what_a_mission_may_not_hold_is_refused_with_its_place(
 
 
 def test_everything_refused_is_listed_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
-    found = refusals(tmp_path, "a: .nan\nb: &x [1_0, !t 2]\na: *x\nc: [1")
+    found = refusals(tmp_path, "a: .nan\nb: &x [1_0]\na: *x\nc: [1_0, !t 2]")
     assert [problem.split(":")[1:3] for problem in found] == [
         ["1", "4"],
         ["2", "4"],
-        ["2", "8"],
-        ["2", "13"],
         ["3", "1"],
-        ["3", "4"],
-        ["4", "6"],
+        ["4", "5"],
+        ["4", "10"],
     ]
-
-
-def test_a_file_of_nothing_but_mistakes_lists_so_many_and_no_more(tmp_path: Path) -> None:
-    assert len(refusals(tmp_path, "a:\n" + "- .nan\n" * (MOST_PROBLEMS + 5))) == MOST_PROBLEMS
 
 
 def test_an_alias_bomb_is_refused_without_unfolding_it(tmp_path: Path) -> None:
     bomb = "a0: &a0 [x]\n" + "".join(
         f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)
     )
-    assert len(refusals(tmp_path, bomb)) == 10 + 81
+    assert len(refusals(tmp_path, bomb)) == 10
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
@@ -301,7 +287,7 @@ def test_whatever_a_file_holds_is_read_or_refused_by_name(tmp_path: Path, conten
 
 def test_importing_the_reader_imports_no_yaml_and_no_numpy() -> None:
     code = (
-        "import sys, star_core.mission_file.located_document, star_core.mission_file.schema;"
+        "import sys, star_core.mission_file.located, star_core.mission_file.schema;"
         "print({'ruamel', 'numpy', 'jsonschema'}.intersection(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
