@@ -51,6 +51,11 @@ class StarError(Exception):
         super().__init__(coded(message, code or self.code))
         self.code = code_of(str(self))
 
+    @property
+    def message(self) -> str:
+        """The text without its code, to be embedded in another message."""
+        return str(self).removesuffix(f" [{self.code}]")
+
 
 class InputError(StarError):
     """A file or an option that a user wrote cannot be used as it is.

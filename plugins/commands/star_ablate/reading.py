@@ -160,10 +160,10 @@ def _conditions(
                 label = ", ".join(f"{name}: {level}" for name, level in levels.items())
                 for problem in dict.fromkeys(error.problems):
                     found.setdefault(problem, []).append(label)
-        problems += [
-            problem if len(labels) == len(combos) else f"{problem}; with {labels[0]}"
-            for problem, labels in found.items()
-        ]
+        for problem, labels in found.items():
+            text, _, code = problem.rpartition(" [")
+            only = len(labels) < len(combos)
+            problems.append(f"{text}; with {labels[0]} [{code}" if only else problem)
     return conditions, problems
 
 

@@ -174,7 +174,7 @@ def _port_errors(flag: str, port: int, instead: str = "") -> Iterator[None]:
         cause = error.__cause__
         if isinstance(cause, OSError) and (isinstance(cause, gaierror) or cause.errno == NOWHERE):
             other = "--host is to be an address of this computer"
-        raise InputError([f"{flag} {port}: {error}; {other}"]) from error
+        raise InputError([f"{flag} {port}: {error.message}; {other}"]) from error
 
 
 def _over_tcp(

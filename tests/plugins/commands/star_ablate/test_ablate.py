@@ -210,7 +210,7 @@ def test_a_folder_that_cannot_be_made_is_told(study: Study, tmp_path: Path) -> N
     out = tmp_path / "file" / "out"
     with pytest.raises(InputError) as caught:
         main([str(study(HOP)), "--out", str(out)])
-    assert caught.value.problems == (f"{out}: cannot be written: Not a directory",)
+    assert caught.value.problems == (f"{out}: cannot be written: Not a directory [invalid-input]",)
 
 
 @pytest.mark.parametrize("arguments", [["--workers", "0"], ["--seeds", "-1"], ["--seeds", "x"]])

@@ -121,7 +121,10 @@ def test_seeds_in_another_word_than_own_are_refused(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     (found,) = problems(study(f"{HOP}seeds: mine\n"), registry)
-    assert found == "4:8: seeds: 'mine' is not possible here: expected a number of seeds, or 'own'"
+    assert found == (
+        "4:8: seeds: 'mine' is not possible here: expected a number of seeds, or 'own'"
+        " [invalid-option]"
+    )
 
 
 def test_a_run_flies_with_its_seed(study: Callable[[str], Path], registry: Registry) -> None:
@@ -185,33 +188,35 @@ def test_another_version_of_a_plugin_changes_the_key(
         (
             "missions: [../hip.yaml]\n",
             "3:12: there is no file '../hip.yaml' from the study's folder; did you mean"
-            " '../hop.yaml'?",
+            " '../hop.yaml'? [invalid-option]",
         ),
         (
             "missions: [../../x.yaml]\n",
-            "3:12: '../../x.yaml' is outside the folder above the study's; name a file inside it",
+            "3:12: '../../x.yaml' is outside the folder above the study's; name a file inside it"
+            " [invalid-option]",
         ),
         (
             "missions: [/etc/hosts]\n",
-            "3:12: '/etc/hosts' is outside the folder above the study's; name a file inside it",
+            "3:12: '/etc/hosts' is outside the folder above the study's; name a file inside it"
+            " [invalid-option]",
         ),
         (
             HOP + "factors: {seed: {a: {}}}\n",
-            "4:17: a factor cannot be called 'seed': the results have that column",
+            "4:17: a factor cannot be called 'seed': the results have that column [invalid-option]",
         ),
         (
             HOP + "factors: {noise: {a: {seed: 3}}}\n",
-            "4:29: the seed cannot be a level; set `seeds`",
+            "4:29: the seed cannot be a level; set `seeds` [invalid-option]",
         ),
         (
             HOP + "factors: {a: {b: {avoider.radius: 1}}, c: {d: {avoider: none}}}\n",
             "4:57: 'avoider' would undo what factor 'a' sets; write 'c' first or make one factor"
-            " of both",
+            " of both [invalid-option]",
         ),
         (
             HOP + "factors: {a: {b: {rate: 1}}, c: {d: {rate: 2}}}\n",
             "4:44: 'rate' would undo what factor 'a' sets; write 'c' first or make one factor"
-            " of both",
+            " of both [invalid-option]",
         ),
     ],
 )
@@ -239,6 +244,7 @@ def test_two_missions_of_one_name_cannot_be_told_apart(
     first = path.parent / "../hop.yaml"
     assert problems(path, registry) == [
         f"3:25: 'hop.yaml' is indistinguishable from {str(first)!r} in the results; rename one"
+        " [invalid-option]"
     ]
 
 
@@ -248,7 +254,7 @@ def test_what_a_level_sets_wrongly_is_located_in_the_study(
     path = study(HOP + "factors: {radius: {odd: {avoider: {use: orca, radius: -1}}, even: {}}}\n")
     (found,) = problems(path, registry)
     assert found.startswith("4:35: ")
-    assert found.endswith("; with radius: odd")
+    assert found.endswith("; with radius: odd [invalid-option]")
     assert "-1" in found
 
 

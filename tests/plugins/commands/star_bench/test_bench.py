@@ -107,37 +107,42 @@ def test_all_installed_avoiders_fly_if_nobody_says(tmp_path: Path) -> None:
     [
         (
             ["--scenarios", "cirkle"],
-            "--scenarios: no scenario named 'cirkle'; did you mean 'circle'?",
+            "--scenarios: no scenario named 'cirkle'; did you mean 'circle'? [invalid-input]",
         ),
         (
             ["--scenarios", "x"],
             "--scenarios: no scenario named 'x'; there are circle, disc, crossing, stack, "
-            "corridor, doorway, blocks, polygons",
+            "corridor, doorway, blocks, polygons [invalid-input]",
         ),
         (
             ["--scenarios", "corridor=widht:2"],
-            "--scenarios: 'corridor' has no option 'widht'; there is width",
+            "--scenarios: 'corridor' has no option 'widht'; there is width [invalid-input]",
         ),
-        (["--scenarios", "disc=width:2"], "--scenarios: 'disc' has no option 'width'; it has none"),
+        (
+            ["--scenarios", "disc=width:2"],
+            "--scenarios: 'disc' has no option 'width'; it has none [invalid-input]",
+        ),
         (
             ["--scenarios", "corridor=width:0"],
-            "--scenarios: corridor width: 0, expected m, more than 0, 10 at most",
+            "--scenarios: corridor width: 0, expected m, more than 0, 10 at most [invalid-input]",
         ),
         (
             ["--scenarios", "corridor=width:wide"],
-            "--scenarios: corridor width: 'wide', expected m, more than 0, 10 at most",
+            "--scenarios: corridor width: 'wide', expected m, more than 0, 10 at most"
+            " [invalid-input]",
         ),
-        (["--scenarios", "disc", "disc"], "--scenarios: 'disc' is given twice"),
-        (["--agents", "1"], "--agents 1: expected a number from 2 to 256"),
-        (["--agents", "257"], "--agents 257: expected a number from 2 to 256"),
+        (["--scenarios", "disc", "disc"], "--scenarios: 'disc' is given twice [invalid-input]"),
+        (["--agents", "1"], "--agents 1: expected a number from 2 to 256 [invalid-input]"),
+        (["--agents", "257"], "--agents 257: expected a number from 2 to 256 [invalid-input]"),
         (
             ["--avoiders", "orcca"],
-            "--avoiders: no avoider named 'orcca'; did you mean 'orca'?",
+            "--avoiders: no avoider named 'orcca'; did you mean 'orca'? [plugin-failed]",
         ),
-        (["--avoiders", "orca", "orca"], "--avoiders: 'orca' is given twice"),
+        (["--avoiders", "orca", "orca"], "--avoiders: 'orca' is given twice [invalid-input]"),
         (
             ["--avoiders", "orca=radius"],
-            "--avoiders 'orca=radius': expected NAME or NAME=OPTION:VALUE,OPTION:VALUE",
+            "--avoiders 'orca=radius': expected NAME or NAME=OPTION:VALUE,OPTION:VALUE"
+            " [invalid-input]",
         ),
     ],
 )
@@ -175,7 +180,10 @@ def test_files_do_not_go_where_something_else_is(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     out = tmp_path / "file" / "out"
-    assert refused(*QUICK, "--out", str(out)) == f"{out}: cannot be written: Not a directory"
+    assert (
+        refused(*QUICK, "--out", str(out))
+        == f"{out}: cannot be written: Not a directory [invalid-input]"
+    )
 
 
 def test_without_the_command_that_flies_studies_it_says_so(
@@ -185,6 +193,7 @@ def test_without_the_command_that_flies_studies_it_says_so(
     monkeypatch.setattr("star_bench.command.Registry", lambda: lonely)
     assert refused(*QUICK, "--avoiders", "idle", "--out", str(tmp_path / "out")) == (
         "`star ablate` flies the scenarios: no command named 'ablate'; there are: bench"
+        " [plugin-failed]"
     )
 
 

@@ -248,9 +248,9 @@ def test_pictures_without_the_board_are_named_and_too_few_are_refused(
 ) -> None:
     empty = blank(tmp_path / "empty.png")
     assert refused([*shots[:4], empty]) == (
-        f"{empty}: no board of 9x6 inner corners found\n"
+        f"{empty}: no board of 9x6 inner corners found [invalid-input]\n"
         "4 pictures with a board of 9x6 inner corners are too few, expected at least 6; take more,"
-        " with the whole board in each, or give --board as it was printed"
+        " with the whole board in each, or give --board as it was printed [invalid-input]"
     )
 
 
@@ -276,12 +276,15 @@ def test_corners_that_no_lens_explains_are_refused(views: Views) -> None:
 
 def test_pictures_of_different_sizes_are_refused(shots: list[str], tmp_path: Path) -> None:
     other = blank(tmp_path / "other.png", 640, 480)
-    assert refused([shots[0], other]) == f"{other}: is 640x480 px, but {shots[0]} is 324x244"
+    assert (
+        refused([shots[0], other])
+        == f"{other}: is 640x480 px, but {shots[0]} is 324x244 [invalid-input]"
+    )
 
 
 def test_pictures_that_are_no_camera_s_are_refused(tmp_path: Path) -> None:
     tiny = blank(tmp_path / "tiny.png", 12, 40)
-    expected = "is 12x40 px, expected 16 to 4096 px each way, as missions have it"
+    expected = "is 12x40 px, expected 16 to 4096 px each way, as missions have it [invalid-input]"
     assert refused([tiny]) == f"{tiny}: {expected}"
 
 
@@ -289,25 +292,25 @@ def test_pictures_that_are_no_camera_s_are_refused(tmp_path: Path) -> None:
 def test_files_that_are_no_pictures_are_refused(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(content)
-    wanted = "is no picture that can be read; expected PNG, JPEG, PGM, ..."
+    wanted = "is no picture that can be read; expected PNG, JPEG, PGM, ... [invalid-input]"
     assert refused([str(path)]) == f"{path}: {wanted}"
 
 
 def test_every_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     names = [str(tmp_path / "a.png"), str(tmp_path / "b.png")]
     assert refused(names) == "\n".join(
-        f"{name}: cannot be read: No such file or directory" for name in names
+        f"{name}: cannot be read: No such file or directory [invalid-input]" for name in names
     )
 
 
 def test_a_picture_that_is_named_twice_is_refused(shots: list[str]) -> None:
-    assert refused([shots[0], shots[1], shots[0]]) == f"{shots[0]}: is there twice"
+    assert refused([shots[0], shots[1], shots[0]]) == f"{shots[0]}: is there twice [invalid-input]"
 
 
 @pytest.mark.parametrize("board", ["9", "9x", "2x6", "9x6x3", "x", "9*6", "-9x6"])
 def test_what_is_no_board_is_refused(board: str) -> None:
     assert refused(["a.png", f"--board={board}"]) == (
-        f"--board {board!r}: expected inner corners as 9x6, at least 3 each way"
+        f"--board {board!r}: expected inner corners as 9x6, at least 3 each way [invalid-input]"
     )
 
 
@@ -323,7 +326,7 @@ def test_what_is_no_name_is_refused(name: str) -> None:
 
 def test_a_file_that_cannot_be_written_is_named(shots: list[str], tmp_path: Path) -> None:
     said = refused([*shots, "-o", str(tmp_path)])
-    assert said == f"--out {tmp_path}: cannot be written: Is a directory"
+    assert said == f"--out {tmp_path}: cannot be written: Is a directory [invalid-input]"
 
 
 def test_a_file_that_holds_no_camera_is_not_written_over(shots: list[str], tmp_path: Path) -> None:

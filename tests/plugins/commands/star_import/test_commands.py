@@ -140,29 +140,31 @@ def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told
     [
         ('"fly", "wait", "all", "", ""',
          "m.yaml:2:1: no task 'fly', expected one of takeoff, hold, goto, goto_velocity, external, "
-         "land"),
+         "land [invalid-input]"),
         ('"hold", "wait", "all", "", ""',
-         "m.yaml:2:24: '', expected a number: how long to hold, s"),
-        ('"hold", "wait", "all", "-2", ""', "m.yaml:2:24: -2 s is less than 0"),
+         "m.yaml:2:24: '', expected a number: how long to hold, s [invalid-input]"),
+        ('"hold", "wait", "all", "-2", ""', "m.yaml:2:24: -2 s is less than 0 [invalid-input]"),
         ('"goto", "wait", "cf1", "", "0 1 1"',
          "m.yaml:2:28: '0 1 1', expected 4 numbers: x, y, z in m and yaw in rad, separated "
-         "by spaces"),
+         "by spaces [invalid-input]"),
         ('"goto", "wait", "cf1", "", "0 1 nan 1"',
          "m.yaml:2:28: '0 1 nan 1', expected 4 numbers: x, y, z in m and yaw in rad, separated "
-         "by spaces"),
+         "by spaces [invalid-input]"),
         ('"goto", "wait", "cf1", "fast", "0 1 1 0"',
-         "m.yaml:2:24: argument 'fast' of goto, expected '' or 'land'"),
+         "m.yaml:2:24: argument 'fast' of goto, expected '' or 'land' [invalid-input]"),
         ('"land", "wait", "", "", ""',
-         "m.yaml:2:17: names no agents, expected 'all' or names separated by spaces"),
+         "m.yaml:2:17: names no agents, expected 'all' or names separated by spaces"
+         " [invalid-input]"),
         ('"land", "wait", "cf3", "", ""',
-         "m.yaml:2:17: no agent named 'cf3' among cf1, cf2; add its position: --agent cf3=X,Y"),
+         "m.yaml:2:17: no agent named 'cf3' among cf1, cf2; add its position: --agent cf3=X,Y"
+         " [invalid-input]"),
         ('"land", "wait", "all", ""',
          "m.yaml:1:19: has 4 strings, expected five for each record: task, wait or conc, agents, "
-         "argument, pose"),
-        ('"land", "wait", [], "", ""', "m.yaml:2:17: is a list, expected text"),
+         "argument, pose [invalid-input]"),
+        ('"land", "wait", [], "", ""', "m.yaml:2:17: is a list, expected text [invalid-input]"),
         ('"goto", "wait", "cf1", "", "0 1 3 0"',
          "m.yaml:2:1: as STAR reads it: [0, 1, 3] is outside the heights to fly at, from 0.5 to 2 "
-         "m"),
+         "m [invalid-option]"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_said_is_refused_with_its_place(

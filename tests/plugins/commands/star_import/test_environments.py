@@ -166,36 +166,36 @@ def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import)
     ("text", "expected"),
     [
         (OBSTACLE.format(offsets="true", points="[1, 1]"),
-         "lab.yaml:7:15: obs0 has 2 numbers, expected x and y of two points"),
+         "lab.yaml:7:15: obs0 has 2 numbers, expected x and y of two points [invalid-input]"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 0, 0]"),
-         "lab.yaml:7:15: obs0 has one point only, expected two that differ"),
+         "lab.yaml:7:15: obs0 has one point only, expected two that differ [invalid-input]"),
         (OBSTACLE.format(offsets="maybe", points="[1, 1, 1, 0]"),
-         "lab.yaml:4:22: is 'maybe', expected true or false"),
+         "lab.yaml:4:22: is 'maybe', expected true or false [invalid-input]"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, x]"),
-         "lab.yaml:7:25: is 'x', expected a number"),
+         "lab.yaml:7:25: is 'x', expected a number [invalid-input]"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("thickness: 0.2", "a: 1"),
-         "lab.yaml:4:7: has no 'thickness'"),
+         "lab.yaml:4:7: has no 'thickness' [invalid-input]"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("[0.0, 1.5]", "[0]"),
-         "lab.yaml:5:15: obs0: expected z of the bottom and of the top, m"),
+         "lab.yaml:5:15: obs0: expected z of the bottom and of the top, m [invalid-input]"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("[0.0, 1.5]", "[2, 1]"),
          "lab.yaml:4:7: as STAR reads it: obstacle 'obs0' has its foot at 2 m, not below its top "
-         "at 1 m"),
+         "at 1 m [invalid-option]"),
         (TAGS.format(tags="id1: {location: [1.0, 0.0], purpose: eliminate}"),
-         "lab.yaml:5:10: 'id1', expected a tag 'id000' or a pair 'id000 id001'"),
+         "lab.yaml:5:10: 'id1', expected a tag 'id000' or a pair 'id000 id001' [invalid-input]"),
         (TAGS.format(tags=PAIR.replace("top-left", "middle")),
          "lab.yaml:5:30: id000 id001: no corner 'middle', expected one of top-left, top-right, "
-         "bottom-right, bottom-left"),
+         "bottom-right, bottom-left [invalid-input]"),
         (TAGS.format(tags="id001: {location: [1.0], purpose: relocalization}"),
-         "lab.yaml:5:23: id001 has 1 numbers, expected x and y, m"),
+         "lab.yaml:5:23: id001 has 1 numbers, expected x and y, m [invalid-input]"),
         (TAGS.format(tags=PAIR).replace("-0.3105", "-0.2315"),
          "lab.yaml:2:18: id000 id001: tags 0.122 m apart overlap at an edge of 0.157 m; give "
-         "their size: --tag-size 0.097 or less"),
+         "their size: --tag-size 0.097 or less [invalid-input]"),
         (TAGS.format(tags="id600: {location: [1.0, 0.0], purpose: eliminate}"),
          "lab.yaml:5:12: as STAR reads it: targets.target_600.tags.0: 600 is greater than the "
-         "maximum of 586"),
+         "maximum of 586 [invalid-option]"),
         ("a: 1\n",
          "lab.yaml:1:1: contains none of 'command_sequence', 'environment', 'april_tags' (the "
-         "original STAR) and 'robots' (Crazyswarm2)"),
+         "original STAR) and 'robots' (Crazyswarm2) [invalid-input]"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_said_is_refused_with_its_place(
@@ -212,9 +212,9 @@ def test_smaller_tags_may_lie_nearer(world: World_) -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (("--target", "1=2"), "--target 1=2: expected TAG=X,Y in m"),
-        (("--agent", "cf1"), "--agent cf1: expected NAME=X,Y or NAME=X,Y,Z in m"),
-        (("--name", "_."), "'_.' has no letter to form a name; give --name"),
+        (("--target", "1=2"), "--target 1=2: expected TAG=X,Y in m [invalid-input]"),
+        (("--agent", "cf1"), "--agent cf1: expected NAME=X,Y or NAME=X,Y,Z in m [invalid-input]"),
+        (("--name", "_."), "'_.' has no letter to form a name; give --name [invalid-input]"),
     ],
 )
 def test_what_is_wrong_with_an_option_is_told(

@@ -178,25 +178,27 @@ def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
         (
             "landmarks:\n  big: {tags: [4], at: [0, 0, 0], size: 0.2}\n",
             "a4",
-            "5:16: tag 4 is 250 mm wide with its white rim, too wide for a4; use --paper a3",
+            "5:16: tag 4 is 250 mm wide with its white rim, too wide for a4; use --paper a3"
+            " [invalid-input]",
         ),
         (
             "landmarks:\n  big: {tags: [4], at: [0, 0, 0], size: 0.17}\n",
             "a4",
-            "5:16: tag 4 is 212.5 mm wide with its white rim, too wide for a4; use --paper letter",
+            "5:16: tag 4 is 212.5 mm wide with its white rim, too wide for a4; use --paper letter"
+            " [invalid-input]",
         ),
         (
             "targets:\n  huge: {tags: [3, 4], at: [0, 0, 0], size: 0.3}\n",
             "a3",
             "5:17: tag 3 is 375 mm wide with its white rim, too wide for a3;"
-            " no larger paper is supported\n"
+            " no larger paper is supported [invalid-input]\n"
             "5:20: tag 4 is 375 mm wide with its white rim, too wide for a3;"
-            " no larger paper is supported",
+            " no larger paper is supported [invalid-input]",
         ),
         (
             "landmarks:\n  a: {tags: [4], at: [0, 0, 0]}\n  b: {tags: [4], at: [1, 0, 0]}\n",
             "a4",
-            "6:14: tag 4 belongs to 'a' already; give each its own number",
+            "6:14: tag 4 belongs to 'a' already; give each its own number [invalid-option]",
         ),
     ],
 )
@@ -214,15 +216,15 @@ def test_a_world_without_tags_is_told_so(world: Callable[[str], Path]) -> None:
     with pytest.raises(InputError) as caught:
         main([str(path)])
     assert caught.value.problems == (
-        f"{path}: has neither landmarks nor targets: there is no tag to print",
+        f"{path}: has neither landmarks nor targets: there is no tag to print [invalid-input]",
     )
 
 
 @pytest.mark.parametrize(
     ("out", "why"),
     [
-        ("tags.png", "expected a name that ends in .pdf or .svg"),
-        ("nowhere/tags.pdf", "cannot be written: No such file or directory"),
+        ("tags.png", "expected a name that ends in .pdf or .svg [invalid-input]"),
+        ("nowhere/tags.pdf", "cannot be written: No such file or directory [invalid-input]"),
     ],
 )
 def test_where_sheets_cannot_go_is_told(
