@@ -202,7 +202,7 @@ def test_results_do_not_go_where_something_else_is(
     make(out := tmp_path / "out")
     with pytest.raises(InputError) as caught:
         main([str(study(HOP)), "--out", str(out)])
-    assert caught.value.problems == (f"--out {out}: {why}",)
+    assert caught.value.problems == (f"--out {out}: {why} [invalid-input]",)
 
 
 def test_a_folder_that_cannot_be_made_is_told(study: Study, tmp_path: Path) -> None:

@@ -113,7 +113,8 @@ def test_a_number_of_seeds_does_not_go_with_own_seeds(
     with pytest.raises(InputError) as caught:
         read(path, registry, 3)
     assert caught.value.problems == (
-        f"{path}:4:8: each mission flies with its 'own' seed, so --seeds 3 has no effect",
+        f"{path}:4:8: each mission flies with its 'own' seed, so --seeds 3 has no effect"
+        " [invalid-option]",
     )
 
 
