@@ -41,29 +41,23 @@ def test_columns_may_stand_in_any_order_with_a_heading(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("x,y,z\n0,0,1\n1,a,1\n", ["path.csv:3: y is 'a', expected a number [invalid-input]"]),
-        ("x,y,z\n0,0,1\n1,nan,1\n", ["path.csv:3: y is 'nan', expected a finite number"
-         " [invalid-input]"]),
+        ("x,y,z\n0,0,1\n1,a,1\n", ["path.csv:3: y is 'a', expected a number"]),
+        ("x,y,z\n0,0,1\n1,nan,1\n", ["path.csv:3: y is 'nan', expected a finite number"]),
         ("x,y,z\n0,0,1\n1,,inf\n", [
-            "path.csv:3: y is '', expected a number [invalid-input]",
-            "path.csv:3: z is 'inf', expected a finite number [invalid-input]",
+            "path.csv:3: y is '', expected a number",
+            "path.csv:3: z is 'inf', expected a finite number",
         ]),
-        ("x,y,z\n0,0\n1,1,1\n", ["path.csv:2: has 2 values, expected 3 [invalid-input]"]),
-        ("x,y\n0,0\n", ["path.csv:1: no column 'z', expected x, y, z and, optionally, yaw_deg"
-         " [invalid-input]"]),
+        ("x,y,z\n0,0\n1,1,1\n", ["path.csv:2: has 2 values, expected 3"]),
+        ("x,y\n0,0\n", ["path.csv:1: no column 'z', expected x, y, z and, optionally, yaw_deg"]),
         ("x,y,z,yaw\n", [
             "path.csv:1: unknown column 'yaw', expected x, y, z and, optionally, yaw_deg"
-            " [invalid-input]"
         ]),
-        ("x,y,z,x\n", ["path.csv:1: column 'x' is given 2 times [invalid-input]"]),
+        ("x,y,z,x\n", ["path.csv:1: column 'x' is given 2 times"]),
         ("", [
             "path.csv: is empty, expected a header with columns x, y, z and, optionally, yaw_deg"
-            " [invalid-input]"
         ]),
-        ("x,y,z\n0,0,1\n", ["path.csv: has 1 points, expected at least 2 that differ"
-         " [invalid-input]"]),
-        ("x,y,z\n0,0,1\n0,0,1\n", ["path.csv: has 2 points, expected at least 2 that differ"
-         " [invalid-input]"]),
+        ("x,y,z\n0,0,1\n", ["path.csv: has 1 points, expected at least 2 that differ"]),
+        ("x,y,z\n0,0,1\n0,0,1\n", ["path.csv: has 2 points, expected at least 2 that differ"]),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_line(

@@ -27,7 +27,7 @@ values = st.recursive(
     max_leaves=20,
 )
 goals = st.dictionaries(
-    st.sampled_from(["position [invalid-input]", "velocity", "yaw", "speed", "extra"]),
+    st.sampled_from(["position", "velocity", "yaw", "speed", "extra"]),
     st.one_of(values, st.lists(numbers, min_size=3, max_size=3)),
 )
 messages = st.one_of(
@@ -99,19 +99,19 @@ def test_goals_are_by_agent() -> None:
 
 
 def test_names_are_checked() -> None:
-    message = refused({"goals": {"cf3": {"position [invalid-input]": HERE}}})
-    assert message == "no agent named 'cf3' in this step; there are: cf1, cf2 [invalid-input]"
+    message = refused({"goals": {"cf3": {"position": HERE}}})
+    assert message == "no agent named 'cf3' in this step; there are: cf1, cf2"
 
 
 def test_a_goal_without_a_position_is_refused() -> None:
     assert refused({"goals": {"cf1": {"yaw": 1}}}) == (
-        "cf1: the goal is {'yaw': 1}, expected an object with a position [invalid-input]"
+        "cf1: the goal is {'yaw': 1}, expected an object with a position"
     )
 
 
 def test_what_is_not_known_is_refused() -> None:
     assert wrong_goal(sped=1) == (
-        "cf1: unknown 'sped', expected 'position', 'velocity', 'yaw' and 'speed' [invalid-input]"
+        "cf1: unknown 'sped', expected 'position', 'velocity', 'yaw' and 'speed'"
     )
 
 
@@ -133,28 +133,26 @@ def test_a_goal_outside_the_fence_is_refused() -> None:
 
 def test_a_goal_outside_the_heights_is_refused() -> None:
     assert wrong_goal(position=[0, 0, 2.5]) == (
-        "cf1: [0, 0, 2.5] is outside the heights to fly at, from 0.2 to 1.8 m [invalid-input]"
+        "cf1: [0, 0, 2.5] is outside the heights to fly at, from 0.2 to 1.8 m"
     )
 
 
 def test_a_goal_in_an_obstacle_is_refused() -> None:
     message = wrong_goal(position=[4.5, 4.5, 1])
-    assert message == "cf1: [4.5, 4.5, 1] is inside obstacle 'pillar' [invalid-input]"
+    assert message == "cf1: [4.5, 4.5, 1] is inside obstacle 'pillar'"
 
 
 def test_a_speed_above_the_limit_is_refused() -> None:
-    assert (
-        wrong_goal(speed=2) == "cf1: speed of 2 m/s is above limits.speed, 0.5 m/s [invalid-input]"
-    )
+    assert wrong_goal(speed=2) == "cf1: speed of 2 m/s is above limits.speed, 0.5 m/s"
 
 
 def test_a_speed_of_nothing_is_refused() -> None:
-    assert wrong_goal(speed=0) == "cf1: speed is 0 m/s, expected more than 0 [invalid-input]"
+    assert wrong_goal(speed=0) == "cf1: speed is 0 m/s, expected more than 0"
 
 
 def test_a_velocity_above_the_limit_is_refused() -> None:
     message = wrong_goal(velocity=[0.4, 0.4, 0])
-    assert message == "cf1: velocity of 0.565685 m/s is above limits.speed, 0.5 m/s [invalid-input]"
+    assert message == "cf1: velocity of 0.565685 m/s is above limits.speed, 0.5 m/s"
 
 
 @pytest.mark.parametrize(
