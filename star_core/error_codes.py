@@ -23,6 +23,10 @@ CATALOGUE: Final = {
         "A network address or port cannot be opened.",
         "Choose another one, or end the program that uses it.",
     ),
+    "calibration-failed": Entry(
+        "The images do not determine a camera.",
+        "Take more of them, sharp, with the whole board in each, tilted to all sides.",
+    ),
     "circular-include": Entry(
         "A file of steps includes itself, directly or through others.",
         "Remove one of the includes.",
@@ -34,6 +38,10 @@ CATALOGUE: Final = {
     "duplicate-plugin": Entry(
         "Two installed plugins have the same name.",
         "Uninstall one of them.",
+    ),
+    "duplicate-tag": Entry(
+        "Two tags of a world have the same number.",
+        "Give each tag its own number.",
     ),
     "file-not-found": Entry(
         "There is no file of that name.",
@@ -79,6 +87,10 @@ CATALOGUE: Final = {
         "A key or an option that is required is missing.",
         "Add it.",
     ),
+    "no-tags": Entry(
+        "A world has no tags where some are needed.",
+        "Add landmarks or targets to the world, or use another one.",
+    ),
     "option-conflict": Entry(
         "Two options exclude each other, or one needs another.",
         "Remove or add the option that the message names.",
@@ -86,6 +98,10 @@ CATALOGUE: Final = {
     "out-of-range": Entry(
         "A number is too small or too large in this mission.",
         "The message states the range.",
+    ),
+    "paper-too-small": Entry(
+        "A tag does not fit on the paper.",
+        "Use the paper that the message names, or a smaller tag.",
     ),
     "plugin-failed": Entry(
         "A plugin raised an error.",
@@ -106,6 +122,14 @@ CATALOGUE: Final = {
     "unreadable-file": Entry(
         "A file exists but cannot be read.",
         "Check that it is a file of the expected format, not a folder, and readable by you.",
+    ),
+    "unwritable-file": Entry(
+        "A file cannot be written, or must not be overwritten.",
+        "Name another file, in a folder that exists and is writable by you.",
+    ),
+    "wrong-image-size": Entry(
+        "An image has a size that differs from the others, or that no camera has.",
+        "Take all images with the camera that is calibrated, without scaling them.",
     ),
     "wrong-shape": Entry(
         "A table of a plugin has a wrong number of rows or columns.",

@@ -1,4 +1,4 @@
-"""Command ``star calibrate``: finds out what a camera's lens does from pictures of a board."""
+"""Command ``star calibrate``: calibrates a camera by images of a chessboard."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from star_core import CommandSpec, hookimpl
 def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="calibrate",
-        summary="Calibrate a camera by pictures of a printed chessboard.",
+        summary="Calibrate a camera by images of a printed chessboard.",
         make=_calibrate,
         group="Hardware",
     )

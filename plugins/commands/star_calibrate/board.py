@@ -1,21 +1,24 @@
-"""The chessboard that a camera is calibrated by, and where it is in a picture."""
+"""The chessboard of a calibration, and images of it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core import Array, Image
+from star_core import Array, Image, InputError
 
 Corners = NDArray[np.float32]
 """(K, 2) px."""
 
-WINDOW: Final = 0.45  # of the least way from one corner to the next, to either side
-NARROWEST, WIDEST = 2, 11  # px to either side
-ENOUGH: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 1e-3)  # px
+WINDOW: Final = 0.45  # half width of the refinement, of the least distance between corners
+MIN_WINDOW, MAX_WINDOW = 2, 11  # px
+CRITERIA: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 1e-3)  # px
+SIDES: Final = range(16, 4097)  # px, of a mission's cameras
 
 
 class Board(NamedTuple):
@@ -41,12 +44,15 @@ class Board(NamedTuple):
         row, column = np.indices((self.rows, self.columns)).reshape(2, -1)
         return self.square * np.stack([column, row, 0.0 * row], axis=1)
 
-    def find(self, image: Image) -> Corners | None:
-        """Return its inner corners in a picture, row by row; None unless all are to be seen.
+    def __str__(self) -> str:
+        return f"{self.columns}x{self.rows}"
 
-        What OpenCV's older detector misses is asked of its newer one. Both are then refined by
-        the gradients around each corner, in as wide a window as holds no other: the newer one's
-        own places made focal lengths 0.8 % too long in rendered pictures of 324 x 244 px.
+    def find(self, image: Image) -> Corners | None:
+        """Return its inner corners in an image, row by row; None unless all are visible.
+
+        OpenCV's newer detector is used if its older one fails. The corners of both are refined by
+        the gradients around them, in the widest window without another corner: those of the newer
+        detector made focal lengths 0.8 % too long in rendered images of 324 x 244 px.
         """
         size = self.columns, self.rows
         found, corners = cv2.findChessboardCorners(
@@ -58,8 +64,94 @@ class Board(NamedTuple):
             return None
         grid = np.asarray(corners, np.float32).reshape(self.rows, self.columns, 2)
         apart = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
-        half = int(np.clip(round(WINDOW * float(apart)), NARROWEST, WIDEST))
+        half = int(np.clip(round(WINDOW * float(apart)), MIN_WINDOW, MAX_WINDOW))
         refined = cv2.cornerSubPix(
-            image, np.ascontiguousarray(grid.reshape(-1, 1, 2)), (half, half), (-1, -1), ENOUGH
+            image, np.ascontiguousarray(grid.reshape(-1, 1, 2)), (half, half), (-1, -1), CRITERIA
         )
         return np.asarray(refined, np.float32).reshape(-1, 2)
+
+
+class View(NamedTuple):
+    """An image in which the board was found.
+
+    Attributes:
+        name: Of its file.
+        corners: (K, 2) the board's inner corners, row by row, px.
+    """
+
+    name: str
+    corners: Corners
+
+
+class Views(NamedTuple):
+    """The board in all images.
+
+    Attributes:
+        width: Of every image, px.
+        height: px.
+        found: Those with the board.
+        without: Names of the files without it.
+    """
+
+    width: int
+    height: int
+    found: tuple[View, ...]
+    without: tuple[str, ...]
+
+
+def find_views(names: Sequence[str], board: Board) -> Views:
+    """Find the board in image files.
+
+    Raises:
+        InputError: Files cannot be read, or their sizes differ or are no camera's.
+    """
+    unreadable: list[str] = []
+    images: dict[str, Image] = {}
+    for name in names:
+        try:
+            images[name] = _read(name)
+        except InputError as error:
+            unreadable += error.problems
+    if unreadable:
+        raise InputError(unreadable)
+    if twice := [f"{name}: given twice" for name in images if names.count(name) > 1]:
+        raise InputError(twice, "invalid-argument")
+    if sizes := list(_sizes(images)):
+        raise InputError(sizes, "wrong-image-size")
+    height, width = next(iter(images.values())).shape
+    seen = {name: board.find(image) for name, image in images.items()}
+    return Views(
+        width,
+        height,
+        tuple(View(name, corners) for name, corners in seen.items() if corners is not None),
+        tuple(name for name, corners in seen.items() if corners is None),
+    )
+
+
+def _read(name: str) -> Image:
+    try:
+        content = Path(name).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{name}: cannot be read: {reason}", "unreadable-file") from error
+    try:
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
+    except cv2.error:  # an empty file
+        image = None
+    if image is None:
+        raise InputError(f"{name}: no image; expected PNG, JPEG, PGM, ...", "unreadable-file")
+    return np.asarray(image, np.uint8)
+
+
+def _sizes(images: dict[str, Image]) -> Iterator[str]:
+    """Yield what is wrong with the sizes of images."""
+    first, example = next(iter(images.items()))
+    if not all(side in SIDES for side in example.shape):
+        yield f"{first}: is {_size(example)} px, expected {SIDES[0]} to {SIDES[-1]} px each way"
+    for name, image in images.items():
+        if image.shape != example.shape:
+            yield f"{name}: is {_size(image)} px, but {first} is {_size(example)}"
+
+
+def _size(image: Image) -> str:
+    return f"{image.shape[1]}x{image.shape[0]}"

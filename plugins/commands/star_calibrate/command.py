@@ -1,4 +1,4 @@
-"""``star calibrate`` as its user sees it: reads pictures, writes a camera."""
+"""Command line of ``star calibrate``: reads images, writes a camera."""
 
 from __future__ import annotations
 
@@ -9,30 +9,29 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from star_calibrate.board import Board
-from star_calibrate.lens import solve
-from star_calibrate.report import as_lines, as_text, as_yaml
-from star_calibrate.views import look
+from star_calibrate.board import Board, Views, find_views
+from star_calibrate.lens import Lens, solve
 from star_core import InputError, read_as
 
-NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as missions have it
-USUAL: Final = "calibrated"  # where neither the user nor the file has a name for it
-LARGEST: Final = 1.0  # m, of a square: more is meant in mm
-SMALLEST: Final = 3  # inner corners each way: fewer make no pattern that OpenCV finds
+NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as in missions
+DEFAULT_NAME: Final = "calibrated"
+MAX_SQUARE: Final = 1.0  # m: a larger one is probably in mm
+MIN_CORNERS: Final = 3  # inner corners each way, for OpenCV to find the pattern
+MIN_COVERAGE: Final = 0.75  # of the image's cells: with less its edges are uncertain
 
 
 def main(arguments: Sequence[str]) -> int:
     """Calibrate a camera and return the exit status, 0.
 
     Raises:
-        InputError: The pictures or the flags will not do, or the file cannot be written.
+        InputError: The images or the arguments cannot be used, or the file cannot be written.
     """
     options = parser().parse_args(arguments)
     board = _board(options.board, options.square)
     name = _name(options.name, options.out)
     if options.out is not None:
-        _replaceable(Path(options.out))
-    views = look(options.images, board)
+        _check_replaceable(Path(options.out))
+    views = find_views(options.images, board)
     lens = solve(views, board)
     text, file = as_text(lens, views), as_yaml(lens, name)
     if options.out is None:
@@ -45,29 +44,27 @@ def main(arguments: Sequence[str]) -> int:
         out.write_text(file, encoding="utf-8")
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = getattr(error, "strerror", None) or error
-        raise InputError([f"--out {options.out}: cannot be written: {reason}"]) from error
+        raise InputError(f"--out {out}: cannot be written: {reason}", "unwritable-file") from error
     sys.stdout.write(f"{text}camera {name!r}: {out}\n{as_lines(name, out)}")
     return 0
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line, apart so that the docs and the tests can read it."""
+    """Return the command-line parser; separate so that docs and tests can read it."""
     star = argparse.ArgumentParser(
-        prog="star calibrate",
-        description="Find out what a camera's lens does.",
-        allow_abbrev=False,
+        prog="star calibrate", description="Calibrate a camera.", allow_abbrev=False
     )
     commands = star.add_subparsers(dest="what", required=True, metavar="WHAT")
     camera = commands.add_parser(
         "camera",
-        help="focal lengths, principal point and distortion, by pictures of a chessboard",
-        description="Calibrate a camera by pictures of a printed chessboard, and write it into a"
-        " file that missions name.",
-        epilog="Take 15 pictures or more, sharp, with the whole board in each: near and far, in"
-        " every corner of the picture, tilted to all sides by up to 45 degrees.",
+        help="focal lengths, principal point and distortion, by images of a chessboard",
+        description="Calibrate a camera by images of a printed chessboard, and write it to a file"
+        " for missions.",
+        epilog="Take 15 images or more, sharp, with the whole board in each: near and far, in"
+        " every corner of the image, tilted to all sides by up to 45 degrees.",
         allow_abbrev=False,
     )
-    camera.add_argument("images", nargs="+", metavar="IMAGE", help="picture (PNG, JPEG, PGM, ...)")
+    camera.add_argument("images", nargs="+", metavar="IMAGE", help="image (PNG, JPEG, PGM, ...)")
     camera.add_argument(
         "--board",
         default="9x6",
@@ -78,66 +75,102 @@ def parser() -> argparse.ArgumentParser:
         "--square", type=float, default=0.025, metavar="M", help="edge of a square, m (%(default)s)"
     )
     camera.add_argument(
-        "--name", help=f"what missions shall call it (FILE without its ending, or {USUAL})"
+        "--name",
+        help=f"name of the camera in missions (FILE without its ending, or {DEFAULT_NAME})",
     )
     camera.add_argument(
         "-o",
         "--out",
         metavar="FILE",
-        help="write the camera to FILE, as cameras/mine.yaml, instead of printing it",
+        help="write the camera to FILE, such as cameras/mine.yaml, instead of printing it",
     )
     return star
 
 
-def _name(given: str | None, out: str | None) -> str:
-    """Return what missions shall call the camera: as given, or as its file is called.
+def as_text(lens: Lens, views: Views) -> str:
+    """Return a report on the quality of a lens, several lines."""
+    used = {seen.name: f"{seen.error:.3f} px at {seen.distance:.2f} m" for seen in lens.used}
+    rejected = {seen.name: f"rejected: {seen.error:.3f} px" for seen in lens.rejected}
+    values = zip(("fx", "fy", "cx", "cy"), lens.matrix, lens.deviation, strict=True)
+    lines = [
+        *(f"{view.name}: {(used | rejected)[view.name]}" for view in views.found),
+        *(f"{name}: no board" for name in views.without),
+        f"RMS {lens.error:.3f} px over {len(lens.used)} images",
+        *(f"{name} {value:.2f} +- {deviation:.2f} px" for name, value, deviation in values),
+        f"corners in {lens.covered:.0%} of the image",
+    ]
+    if lens.covered < MIN_COVERAGE:
+        lines.append("the lens is not known where no corner was: add images with the board there")
+    return "\n".join(lines) + "\n"
 
-    Raises:
-        InputError: Missions have no such names.
+
+def as_yaml(lens: Lens, name: str) -> str:
+    """Return the file of a camera, for missions."""
+    matrix = ", ".join(f"{value:.2f}" for value in lens.matrix)
+    distortion = ", ".join(f"{value:.5f}" for value in lens.distortion)
+    return (
+        f"# A camera, calibrated by {len(lens.used)} images of a chessboard: {lens.error:.3f} px"
+        " RMS.\n"
+        "# Its position, pitch_deg and rate are an AI-deck's unless they are given, here or in a"
+        " mission.\n"
+        "star: 1\n"
+        f'name: "{name}"\n'
+        f"width: {lens.width}\n"
+        f"height: {lens.height}\n"
+        f"matrix: [{matrix}]\n"
+        f"distortion: [{distortion}]\n"
+    )
+
+
+def as_lines(name: str, out: Path) -> str:
+    """Return the two lines by which a mission uses the camera in a file.
+
+    The mission is beside it, or beside the folder ``cameras`` that it is in.
+
+    >>> print(as_lines("mine", Path("missions/cameras/mine.yaml")), end="")
+    to use it, add these two lines to a mission in 'missions':
+      cameras: {mine: {file: cameras/mine.yaml}}
+      swarm: {cf1: {camera: mine, ...}}
     """
+    folder = out.parent.parent if out.parent.name == "cameras" else out.parent
+    return (
+        f"to use it, add these two lines to a mission in {str(folder)!r}:\n"
+        f"  cameras: {{{name}: {{file: {out.relative_to(folder).as_posix()}}}}}\n"
+        f"  swarm: {{cf1: {{camera: {name}, ...}}}}\n"
+    )
+
+
+def _name(given: str | None, out: str | None) -> str:
+    """Return the camera's name in missions: as given, or that of its file."""
     if given is None:
         stem = "" if out is None else Path(out).stem
-        return stem if NAME.fullmatch(stem) else USUAL
+        return stem if NAME.fullmatch(stem) else DEFAULT_NAME
     if not NAME.fullmatch(given):
-        raise InputError(
-            [
-                f"--name {given!r}: expected a letter, then letters, digits, '_' and '-',"
-                " and not 'all'"
-            ]
-        )
+        expected = "a letter, then letters, digits, '_' and '-', and not 'all'"
+        raise InputError(f"--name {given!r}: expected {expected}", "invalid-argument")
     return given
 
 
-def _replaceable(out: Path) -> None:
-    """Refuse to write over a file that holds no camera.
-
-    Raises:
-        InputError: There is such a file.
-    """
+def _check_replaceable(out: Path) -> None:
+    """Refuse to overwrite a file that is not a camera."""
     if out.is_dir():
-        raise InputError([f"--out {out}: cannot be written: Is a directory"])
+        raise InputError(f"--out {out}: cannot be written: Is a directory", "unwritable-file")
     if not out.exists():
         return
     try:
         read_as(out, "camera")
     except InputError as error:
-        raise InputError(
-            [f"--out {out}: it is there already, and holds no camera: name another file"]
-        ) from error
+        reason = f"--out {out}: it exists and is not a camera; name another file"
+        raise InputError(reason, "unwritable-file") from error
 
 
 def _board(size: str, square: float) -> Board:
-    """Return the board that the flags describe.
-
-    Raises:
-        InputError: They describe none.
-    """
+    """Return the board that the arguments describe."""
     found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", size)
-    if found is None or min(map(int, found.groups())) < SMALLEST:
-        raise InputError(
-            [f"--board {size!r}: expected inner corners as 9x6, at least {SMALLEST} each way"]
-        )
-    if not 0 < square <= LARGEST:
-        wanted = f"the edge of a square in m, as 0.025, at most {LARGEST:g}"
-        raise InputError([f"--square {square:g}: expected {wanted}"])
+    if found is None or min(map(int, found.groups())) < MIN_CORNERS:
+        expected = f"inner corners as 9x6, at least {MIN_CORNERS} each way"
+        raise InputError(f"--board {size!r}: expected {expected}", "invalid-argument")
+    if not 0 < square <= MAX_SQUARE:
+        expected = f"the edge of a square in m, as 0.025, at most {MAX_SQUARE:g}"
+        raise InputError(f"--square {square:g}: expected {expected}", "invalid-argument")
     return Board(int(found[1]), int(found[2]), square)

@@ -25,12 +25,15 @@ def main(arguments: Sequence[str]) -> int:
     world = Path(options.world)
     out = Path(options.out or f"{world.stem}-tags.pdf")
     if out.suffix not in {".pdf", ".svg"}:
-        raise InputError([f"--out {out}: expected a name that ends in .pdf or .svg"])
+        raise InputError(
+            f"--out {out}: expected a name that ends in .pdf or .svg", "invalid-argument"
+        )
     found = pages(world, options.paper)
     try:
         files = _write(found, out)
     except OSError as error:
-        raise InputError([f"--out {out}: cannot be written: {error.strerror}"]) from error
+        reason = f"--out {out}: cannot be written: {error.strerror}"
+        raise InputError(reason, "unwritable-file") from error
     sys.stdout.write(f"{len(found)} tags on {options.paper}: {', '.join(map(str, files))}\n")
     return 0
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 Point: TypeAlias = tuple[float, float]
 """x to the right and y up from the lower left corner of the page, mm."""
@@ -11,23 +10,21 @@ Point: TypeAlias = tuple[float, float]
 Outline: TypeAlias = tuple[Point, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Fill:
+class Fill(NamedTuple):
     """An area of one gray level.
 
     Its outlines are filled together, so that no hairline is visible between adjacent ones.
 
     Attributes:
         outlines: Corners of polygons, all anticlockwise.
-        grey: Gray level: 0 is black, 1 is white.
+        gray: Gray level: 0 is black, 1 is white.
     """
 
     outlines: tuple[Outline, ...]
-    grey: float = 0.0
+    gray: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(NamedTuple):
     """A line of text.
 
     Attributes:
@@ -41,15 +38,8 @@ class Text:
     content: str
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
-    """One side of paper.
-
-    Attributes:
-        width: mm.
-        height: mm.
-        marks: Content of the page.
-    """
+class Page(NamedTuple):
+    """One side of paper: width and height, mm, and content."""
 
     width: float
     height: float

@@ -7,8 +7,7 @@ from typing import Final
 
 from star_tags.page import Fill, Page, Text, number
 
-POINTS: Final = 72 / 25.4
-"""Points per millimeter; the point, PDF's unit, is 1/72 inch."""
+POINTS: Final = 72 / 25.4  # per millimeter; the point, PDF's unit, is 1/72 inch
 
 CATALOG: Final = "<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>"
 FONT: Final = "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>"
@@ -44,7 +43,7 @@ def _content(page: Page) -> str:
 
 
 def _fill(mark: Fill) -> list[str]:
-    lines = [f"{number(mark.grey)} g"]
+    lines = [f"{number(mark.gray)} g"]
     for outline in mark.outlines:
         first, *others = (f"{number(x)} {number(y)}" for x, y in outline)
         lines.append(" ".join([f"{first} m", *(f"{other} l" for other in others), "h"]))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 from star_core import InputError
 from star_tags.page import Fill, Outline, Page, Point, Text, rectangle
@@ -13,15 +12,14 @@ PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 4
 """Width and height, mm, in ascending order of width."""
 
 MODULES: Final = 8  # per row of a tag of family 36h11: six for its number, two for its border
-RIM: Final = 1.25  # width of a tag with its white rim of one module divided by its black square's
+RIM: Final = 1.25  # width of a tag with its white border of one module over its black square's
 STRIP: Final = 44.0  # mm at the bottom of the page for the text, the bar and the arrow
 MARGIN: Final = 14.0  # mm beside the text: more than the unprintable margin of printers
 BAR: Final = 100.0  # mm
 CLOSE: Final = 1e-6  # mm, tolerance: 1.25 times 0.168 m exactly fills an A4 sheet
 
 
-@dataclass(frozen=True, slots=True)
-class Sheet:
+class Sheet(NamedTuple):
     """Properties of a tag.
 
     Attributes:
@@ -36,7 +34,7 @@ class Sheet:
 
     @property
     def width(self) -> float:
-        """Width of the tag with its white rim, mm."""
+        """Width of the tag with its white border, mm."""
         return 1000 * self.size * RIM
 
 
@@ -48,16 +46,16 @@ def lay_out(sheet: Sheet, paper: str) -> Page:
     """
     width, height = PAPERS[paper]
     if not _fits(sheet, paper):
-        raise InputError([_too_large(sheet, paper)])
-    centre = (width / 2, (STRIP + height) / 2)
+        raise InputError(_too_large(sheet, paper), "paper-too-small")
+    center = (width / 2, (STRIP + height) / 2)
     about = (Text((MARGIN, 28 - 5.5 * i), 3.5, line) for i, line in enumerate(sheet.about))
     edge = f"{1000 * sheet.size:g}"
     return Page(
         width,
         height,
         (
-            Fill(_modules(sheet, centre)),
-            Fill(_frame(sheet, centre), grey=0.7),
+            Fill(_modules(sheet, center)),
+            Fill(_frame(sheet, center), gray=0.7),
             Text((MARGIN, 35), 7, f"tag {sheet.number}"),
             *about,
             Fill(_bar((MARGIN, 11))),
@@ -75,16 +73,16 @@ def _fits(sheet: Sheet, paper: str) -> bool:
 
 
 def _too_large(sheet: Sheet, paper: str) -> str:
-    wide = f"tag {sheet.number} is {sheet.width:g} mm wide with its white rim, too wide for {paper}"
+    wide = f"tag {sheet.number} is {sheet.width:g} mm wide with its border, too wide for {paper}"
     larger = next((name for name in PAPERS if _fits(sheet, name)), None)
     return f"{wide}; " + (f"use --paper {larger}" if larger else "no larger paper is supported")
 
 
-def _modules(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
+def _modules(sheet: Sheet, center: Point) -> tuple[Outline, ...]:
     """Return the black modules of a tag, adjacent ones merged."""
     edge = 1000 * sheet.size
     side = edge / MODULES
-    left, top = centre[0] - edge / 2, centre[1] + edge / 2
+    left, top = center[0] - edge / 2, center[1] + edge / 2
     return tuple(
         rectangle((left + first * side, top - (row + 1) * side), (last - first) * side, side)
         for row, first, last in _black(sheet.number)
@@ -108,11 +106,10 @@ def _black(number: int) -> list[tuple[int, int, int]]:
     return runs
 
 
-def _frame(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
-    """Return a thin frame around the white rim: the cutting line."""
-    thin = 0.2
-    edge = sheet.width
-    x, y = centre[0] - edge / 2, centre[1] - edge / 2
+def _frame(sheet: Sheet, center: Point) -> tuple[Outline, ...]:
+    """Return a thin frame around the white border: the cutting line."""
+    thin, edge = 0.2, sheet.width
+    x, y = center[0] - edge / 2, center[1] - edge / 2
     return (
         rectangle((x - thin, y - thin), edge + 2 * thin, thin),
         rectangle((x - thin, y + edge), edge + 2 * thin, thin),
@@ -123,8 +120,7 @@ def _frame(sheet: Sheet, centre: Point) -> tuple[Outline, ...]:
 
 def _bar(low: Point) -> tuple[Outline, ...]:
     """Return a bar with a serif at each end, its outer edges `BAR` apart."""
-    x, y = low
-    thin = 0.5
+    (x, y), thin = low, 0.5
     return (
         rectangle((x, y), thin, 4),
         rectangle((x + thin, y + 1.75), BAR - 2 * thin, thin),
@@ -135,7 +131,4 @@ def _bar(low: Point) -> tuple[Outline, ...]:
 def _arrow(low: Point) -> tuple[Outline, ...]:
     """Return an arrow that points up: a shaft and a head."""
     x, y = low
-    return (
-        rectangle((x - 1, y), 2, 12),
-        ((x - 4, y + 12), (x + 4, y + 12), (x, y + 20)),
-    )
+    return rectangle((x - 1, y), 2, 12), ((x - 4, y + 12), (x + 4, y + 12), (x, y + 20))

@@ -28,7 +28,7 @@ def _fill(mark: Fill, height: float) -> str:
         "M" + " L".join(f"{number(x)} {number(height - y)}" for x, y in outline) + " Z"
         for outline in mark.outlines
     )
-    return f'<path fill="rgb({",".join([f"{mark.grey:.0%}"] * 3)})" d="{" ".join(outlines)}"/>'
+    return f'<path fill="rgb({",".join([f"{mark.gray:.0%}"] * 3)})" d="{" ".join(outlines)}"/>'
 
 
 def _text(mark: Text, height: float) -> str:

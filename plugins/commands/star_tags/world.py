@@ -10,8 +10,7 @@ from star_core import InputError, read_as
 from star_tags.page import Page
 from star_tags.sheet import RIM, Sheet, lay_out
 
-SIZE: Final = 0.168
-"""Default edge of the black square of a tag, m: as in the world schema."""
+SIZE: Final = 0.168  # m, default edge of a tag's black square, as in the world schema
 
 KINDS: Final = {"landmarks": "landmark", "targets": "target"}
 
@@ -35,10 +34,10 @@ def pages(path: Path, paper: str) -> list[tuple[int, Page]]:
         if sheet.number in found:
             other = found[sheet.number][1]
             wrong = f"tag {sheet.number} belongs to {other!r} already; give each its own number"
-            problems.append(document.problem(place, wrong))
+            problems.append(document.problem(place, wrong, "duplicate-tag"))
         found[sheet.number] = (page, name)
     if not problems and not found:
-        problems = [f"{path}: has neither landmarks nor targets: there is no tag to print"]
+        raise InputError(f"{path}: has neither landmarks nor targets to print", "no-tags")
     if problems:
         raise InputError(problems)
     return [(number, page) for number, (page, _) in found.items()]

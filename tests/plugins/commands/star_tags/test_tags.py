@@ -48,10 +48,10 @@ def world(tmp_path: Path) -> Callable[[str], Path]:
 def printed(size: tuple[float, float], areas: Areas) -> np.ndarray:
     """The page as a picture of `FINE` pixels a millimetre."""
     picture = np.full([round(FINE * length) for length in reversed(size)], 255, np.uint8)
-    for grey, outlines in areas:
+    for gray, outlines in areas:
         for outline in outlines:  # shifted by half a pixel: that is where OpenCV has its edges
             corners = np.round((FINE * np.array(outline) - 0.5) * 16).astype(np.int32)
-            cv2.fillPoly(picture, [corners], int(255 * grey), shift=4)
+            cv2.fillPoly(picture, [corners], int(255 * gray), shift=4)
     return picture
 
 
@@ -178,58 +178,52 @@ def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
         (
             "landmarks:\n  big: {tags: [4], at: [0, 0, 0], size: 0.2}\n",
             "a4",
-            "5:16: tag 4 is 250 mm wide with its white rim, too wide for a4; use --paper a3"
-            " [invalid-input]",
+            ["5:16: tag 4 is 250 mm wide", "use --paper a3 [paper-too-small]"],
         ),
         (
             "landmarks:\n  big: {tags: [4], at: [0, 0, 0], size: 0.17}\n",
             "a4",
-            "5:16: tag 4 is 212.5 mm wide with its white rim, too wide for a4; use --paper letter"
-            " [invalid-input]",
+            ["5:16: tag 4 is 212.5 mm wide", "use --paper letter [paper-too-small]"],
         ),
         (
             "targets:\n  huge: {tags: [3, 4], at: [0, 0, 0], size: 0.3}\n",
             "a3",
-            "5:17: tag 3 is 375 mm wide with its white rim, too wide for a3;"
-            " no larger paper is supported [invalid-input]\n"
-            "5:20: tag 4 is 375 mm wide with its white rim, too wide for a3;"
-            " no larger paper is supported [invalid-input]",
+            ["5:17: tag 3 is 375 mm wide", "5:20: tag 4 is 375 mm wide", "[paper-too-small]"],
         ),
         (
             "landmarks:\n  a: {tags: [4], at: [0, 0, 0]}\n  b: {tags: [4], at: [1, 0, 0]}\n",
             "a4",
-            "6:14: tag 4 belongs to 'a' already; give each its own number [invalid-option]",
+            ["6:14: tag 4 belongs to 'a' already", "[duplicate-tag]"],
         ),
     ],
 )
-def test_what_cannot_be_printed_is_told_with_its_place(
-    tags: str, paper: str, found: str, world: Callable[[str], Path]
+def test_tags_that_cannot_be_printed_are_reported_with_their_locations(
+    tags: str, paper: str, found: list[str], world: Callable[[str], Path]
 ) -> None:
     path = world(tags)
     with pytest.raises(InputError) as caught:
         pages(path, paper)
-    assert str(caught.value).replace(f"{path}:", "") == found
+    message = str(caught.value).replace(f"{path}:", "")
+    assert [words for words in found if words not in message] == []
 
 
-def test_a_world_without_tags_is_told_so(world: Callable[[str], Path]) -> None:
+def test_a_world_without_tags_is_refused(world: Callable[[str], Path]) -> None:
     path = world("")
     with pytest.raises(InputError) as caught:
         main([str(path)])
-    assert caught.value.problems == (
-        f"{path}: has neither landmarks nor targets: there is no tag to print [invalid-input]",
-    )
+    assert caught.value.code == "no-tags"
 
 
 @pytest.mark.parametrize(
-    ("out", "why"),
+    ("out", "code"),
     [
-        ("tags.png", "expected a name that ends in .pdf or .svg [invalid-input]"),
-        ("nowhere/tags.pdf", "cannot be written: No such file or directory [invalid-input]"),
+        ("tags.png", "invalid-argument"),
+        ("nowhere/tags.pdf", "unwritable-file"),
     ],
 )
-def test_where_sheets_cannot_go_is_told(
+def test_a_file_that_cannot_be_written_is_refused(
     out: str,
-    why: str,
+    code: str,
     world: Callable[[str], Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -237,7 +231,8 @@ def test_where_sheets_cannot_go_is_told(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as caught:
         main([str(world(TAGS)), "--out", out])
-    assert caught.value.problems == (f"--out {out}: {why}",)
+    assert str(caught.value).startswith(f"--out {out}: ")
+    assert caught.value.code == code
 
 
 def test_without_a_name_the_file_is_called_after_the_world(
