@@ -1,4 +1,4 @@
-"""What a plugin can be, and the records that announce one.
+"""The protocols that plugins implement, and the records that announce plugins.
 
 A contract is a `Protocol`: a plugin satisfies it by its shape and inherits nothing. Every method
 takes and returns whole tables of `star_core.messages`, so one call serves the whole swarm. Any
@@ -32,10 +32,9 @@ if TYPE_CHECKING:
 class Transport(Protocol):
     """Carries telemetry from the agents, and setpoints and commands to them; owns the clock.
 
-    One whose agents can fly trajectories on board has ``upload(trajectories)``: give them to every
-    agent. It is called once, after `connect` and before anything moves, with a tuple of every
-    `Trajectory` that a task may order; without such tasks it is not called. With a transport that
-    has no such method a mission of theirs is not flown.
+    If its agents can fly trajectories on board it also has ``upload(trajectories)``: it is called
+    once, after `connect` and before anything moves, with a tuple of every `Trajectory` that a task
+    may order, if there is one. With a transport without it, such missions are not flown.
     """
 
     def connect(self) -> None:
@@ -47,9 +46,9 @@ class Transport(Protocol):
         ...
 
     def wait(self, until: float) -> float:
-        """Let time pass until mission time `until`, s, and return the mission time it is then.
+        """Wait until mission time `until`, s, and return the mission time then.
 
-        The only clock there is: a simulation steps, a radio sleeps. Mission time begins at 0.
+        It is the only clock: a simulation steps, a radio sleeps. Mission time begins at 0.
         """
         ...
 
@@ -58,7 +57,7 @@ class Transport(Protocol):
         ...
 
     def command(self, command: Command) -> None:
-        """Give an order to on-board commanders; positions are in each agent's odometry frame."""
+        """Send a command to on-board commanders; positions are in each agent's odometry frame."""
         ...
 
     def correct(self, corrections: Corrections) -> None:
@@ -66,28 +65,27 @@ class Transport(Protocol):
         ...
 
     def send(self, setpoint: Setpoint) -> Setpoint:
-        """Send the active rows, and return what was really sent after this transport's limits.
+        """Send the active rows; return the setpoint that was sent, after this transport's limits.
 
         Velocity and yaw are in each agent's odometry frame.
         """
         ...
 
     def truth(self) -> Truth | None:
-        """Where the agents really are, if this transport can know. For recorders only."""
+        """Return the ground truth, if this transport has it. For recorders only."""
         ...
 
     def close(self) -> None:
-        """Release the links. Safe to call twice.
+        """Release the links. It may be called twice.
 
-        The core has landed everybody it could; who is still in the air is to be told to land, or is
-        left to its own time-outs.
+        The core has landed all agents that it could; command others to land, if possible.
         """
         ...
 
 
 @runtime_checkable
 class Localizer(Protocol):
-    """Turns what the agents report into where they are."""
+    """Estimates the state of the swarm from its telemetry."""
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate the swarm's state in the map at `telemetry.time`; N rows in, N rows out."""
@@ -96,28 +94,28 @@ class Localizer(Protocol):
 
 @runtime_checkable
 class Planner(Protocol):
-    """Turns where the agents should be into what they should fly, each as if alone."""
+    """Plans setpoints towards goals, for each agent as if it were alone."""
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
-        """Plan the next setpoint; rows without a goal are answered inactive."""
+        """Return the next setpoint and the paths; rows without a goal are inactive."""
         ...
 
 
 @runtime_checkable
 class Avoider(Protocol):
-    """Turns what the planner wants into what is safe to fly."""
+    """Changes planned setpoints so that agents keep apart."""
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         """Return the setpoint nearest to `wanted` that keeps the agents apart.
 
-        Inactive rows stay inactive; they are in the way all the same. An active row that comes back
+        Inactive rows stay inactive, but are obstacles to the others. An active row that is returned
         inactive brakes.
         """
         ...
 
 
 class Status(Enum):
-    """How far a task is."""
+    """Status of a task, a step or a mission."""
 
     RUNNING = "running"
     SUCCESS = "success"
@@ -126,12 +124,12 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TaskOutput:
-    """A task's answer for one tick, for its own rows only; the core merges what runs at once.
+    """A task's output of one tick, for its own agents only; the core merges those of all tasks.
 
     Attributes:
-        goals: Where its agents should be; None leaves the goals they have.
-        commands: Orders to on-board commanders, given once.
-        status: Whether it goes on.
+        goals: Of its agents; None keeps the previous ones.
+        commands: To on-board commanders, sent once.
+        status: Of the task.
         reason: Why it failed.
     """
 
@@ -148,23 +146,23 @@ class Task(Protocol):
     Agents can leave a mission, and reserves can replace them. A task may have
     ``on_agents_removed(rows)``: continue with these agents; ``on_agent_replaced(old, new)``:
     another agent replaces one; and ``on_agents_added(rows)``: continue with these, some of which
-    are new. Without the first two the core recreates the task; without the last, new agents wait
+    are new. Without the first two the core makes the task again; without the last, new agents wait
     for the next step.
 
-    A task that orders its agents to fly trajectories on board has ``trajectories``: a tuple of
-    those, known when it is made. The core sends no setpoints to an agent that flies one, until it
-    is over or the agent is no longer in the step.
+    A task whose agents fly trajectories on board has ``trajectories``: a tuple of those, known when
+    it is made. The core sends no setpoints to an agent that flies one, until it is over or the
+    agent is no longer in the step.
     """
 
     def begin(self, estimate: Estimate, health: Health) -> float:
-        """Start, and return how long the step may take before it counts as failed, s.
+        """Begin, and return the timeout of the step, s; ``timeout`` in a mission overrides it.
 
-        Called once, before the first `step`. A mission's own ``timeout`` goes before the answer.
+        Called once, before the first `step`.
         """
         ...
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
-        """Say what its agents should do now, and whether the step is over."""
+        """Return the goals and commands of its agents in this tick, and the status of the task."""
         ...
 
 
@@ -201,12 +199,12 @@ NO_OPTIONS: Mapping[str, Any] = {"type": "object", "properties": {}}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spec:
-    """What every plugin is announced with.
+    """A record that announces a plugin.
 
     Attributes:
-        name: What a mission writes, or the command line. Lower case, unique within its kind.
+        name: In missions, or on the command line. Lower case, unique within its kind.
         summary: One line, for ``star plugins``, ``star --help`` and editors.
-        make: Makes the plugin. Import what is heavy in here.
+        make: Makes the plugin. Import heavy packages in it.
     """
 
     name: str
@@ -216,14 +214,14 @@ class Spec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionSpec(Spec):
-    """What a plugin is announced with that a mission names, and gives options.
+    """Announces a plugin that a mission names, with options.
 
     Attributes:
         make: ``make(scene, **options)`` returns the plugin.
-        options: JSON Schema of those options: an object with ``properties``. Options that are not
-            listed are refused.
-        check: ``check(scene, **options)`` yields what is wrong that a schema cannot see. It runs in
-            ``star check``: import nothing heavy.
+        options: JSON Schema of those options: an object with ``properties``. Other options are
+            refused. Those that are not given have the ``default`` of the schema.
+        check: ``check(scene, **options)`` yields a `Problem` for each mistake that a schema cannot
+            detect. It runs in ``star check``: import nothing heavy.
     """
 
     options: Mapping[str, Any] = field(default_factory=lambda: NO_OPTIONS)
@@ -235,7 +233,7 @@ class TransportSpec(MissionSpec):
     """Announces a transport.
 
     Attributes:
-        realtime: Whether mission time goes on by itself, as on hardware. Every plugin reads it in
+        realtime: Whether mission time advances by itself, as on hardware. Plugins read it in
             `Scene.realtime`.
     """
 
@@ -256,10 +254,10 @@ class PlannerSpec(MissionSpec):
 
     Attributes:
         check_goals: ``check_goals(scene, goals, **options)`` yields a `Problem` for every goal that
-            the planner would not fly to, out of a list of (x, y, z) in the map, m. The problem's
-            path is the goal's index, ``(i,)``; its message is why, and is read after
-            "goal [x, y, z]". It runs in ``star check``: import nothing heavy. In flight the planner
-            should decide by the same function.
+            the planner would refuse, out of a list of (x, y, z) in the map, m. The problem's path
+            is the goal's index, ``(i,)``; its message follows "goal [x, y, z]". It runs in
+            ``star check``: import nothing heavy. In flight the planner should decide by the same
+            function.
     """
 
     make: Callable[..., Planner]
@@ -277,11 +275,11 @@ class AvoiderSpec(MissionSpec):
 class Exclusive:
     """A resource outside of STAR that a task holds while it exists, such as a port.
 
-    Two steps at once cannot hold the same. ``star explain`` rehearses no step that holds one.
+    Parallel steps cannot hold the same. ``star explain`` rehearses no step that holds one.
 
     Attributes:
         options: Names of the options that identify the resource.
-        unless: Name of the option with which a step holds nothing; None if every step does.
+        unless: Name of the option with which a step holds no resource, if there is one.
         timeout: Duration after which a step that waits for the resource fails, s.
     """
 
@@ -295,14 +293,14 @@ class TaskSpec(MissionSpec):
     """Announces a task: a verb of the mission language.
 
     Attributes:
-        make: ``make(scene, rows, **options)`` with the rows (a tuple) of the agents it is for.
+        make: ``make(scene, rows, **options)`` with the rows (a tuple) of its agents.
         check: ``check(scene, rows, **options)``.
-        goals: ``goals(scene, rows, **options)`` yields a `StepGoal` for each position that it sends
-            agents to by way of the planner; of a line, positions no more than 0.05 m apart. It is
-            called if `check` found no problem. Import nothing heavy.
-        before: Where its agents have to be when it begins; None if that does not matter.
-        after: Where they are when it has succeeded; None if that is not known.
-        exclusive: What it holds outside of STAR, if anything.
+        goals: ``goals(scene, rows, **options)`` yields a `StepGoal` for each goal that agents fly
+            to by the planner; of a line, positions no more than 0.05 m apart. It is called if
+            `check` found no problem. Import nothing heavy.
+        before: Where its agents must be when it begins; None if that does not matter.
+        after: Where they are when it has succeeded; None if that is unknown.
+        exclusive: The resource that it holds, if any.
     """
 
     make: Callable[..., Task]
@@ -319,7 +317,7 @@ class CommandSpec(Spec):
     Attributes:
         make: ``make(arguments)`` runs it with the rest of the command line and returns its exit
             status.
-        group: The heading that ``star --help`` lists it under.
+        group: Heading in ``star --help``: Fly, Author, Study, Hardware, Plugins or another.
     """
 
     make: Callable[[list[str]], int]

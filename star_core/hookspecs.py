@@ -1,14 +1,14 @@
-"""Every hook there is: the first six offer parts, the last five watch a mission fly.
+"""The hooks: six offer plugins, five observe a flight.
 
-Offering hooks are called once, before the mission is read, so they must be cheap: import what is
-heavy inside ``make``. Watching hooks are called in the tick: return in well under a
-period. An observer that raises is named in the log and dropped for the rest of the flight.
+Offering hooks are called once, before the mission is read: import what is heavy inside ``make``.
+Observing hooks are called in the tick: return in well under a period. An observer that raises is
+named in the log and dropped for the rest of the flight.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pluggy
 
@@ -43,17 +43,17 @@ def star_transports() -> Iterable[TransportSpec]:  # type: ignore[empty-body]
 
 @hookspec
 def star_localizers() -> Iterable[LocalizerSpec]:  # type: ignore[empty-body]
-    """Offer localizers: where the agents are, from what they report."""
+    """Offer localizers: from telemetry to estimates."""
 
 
 @hookspec
 def star_planners() -> Iterable[PlannerSpec]:  # type: ignore[empty-body]
-    """Offer planners: what to fly towards the goals, each agent as if alone."""
+    """Offer planners: from goals to setpoints and paths, for each agent as if alone."""
 
 
 @hookspec
 def star_avoiders() -> Iterable[AvoiderSpec]:  # type: ignore[empty-body]
-    """Offer avoiders: what is safe to fly instead."""
+    """Offer avoiders: from wanted setpoints to ones that keep the agents apart."""
 
 
 @hookspec
@@ -63,32 +63,64 @@ def star_tasks() -> Iterable[TaskSpec]:  # type: ignore[empty-body]
 
 @hookspec
 def star_commands() -> Iterable[CommandSpec]:  # type: ignore[empty-body]
-    """Offer further ``star`` commands.
-
-    ``make(arguments)`` runs one with the rest of the command line and returns its exit status.
-    """
+    """Offer ``star`` commands; those of STAR itself are offered by this hook too."""
 
 
 @hookspec
 def star_mission_started(flight: Flight) -> None:
-    """The links are open and nothing has moved yet."""
+    """Observe the start: the links are open and nothing has moved yet."""
 
 
 @hookspec
 def star_ticked(tick: Tick) -> None:
-    """One tick is over."""
+    """Observe the end of each tick."""
 
 
 @hookspec
 def star_phase_changed(time: float, agent: str | None, phase: str) -> None:
-    """An agent, or with None the mission, went into another phase."""
+    """Observe a change of phase of an agent or, if `agent` is None, of the mission."""
 
 
 @hookspec
 def star_event(event: Event) -> None:
-    """Something happened that belongs in the record."""
+    """Observe an event of the record."""
 
 
 @hookspec
 def star_mission_ended(summary: Mapping[str, Any]) -> None:
-    """The flight is over, the links are closed; ``reason`` names agents that did not land."""
+    """Observe the end, however it came: the links are closed; ``reason`` names agents in the air.
+
+    The summary is that of ``summary.json``.
+    """
+
+
+class PluginCall(NamedTuple):
+    """One plugin's implementations of one hook, called by pluggy.
+
+    Each plugin is called separately, so that an error can be attributed to it.
+
+    Attributes:
+        plugin: The name that it is registered under.
+        caller: Calls its implementations, and no other plugin's.
+        wraps: Whether one of them is a wrapper: the other plugins are then called within this
+            call, by `pluggy.HookCaller.call_extra`.
+    """
+
+    plugin: str
+    caller: pluggy.HookCaller
+    wraps: bool
+
+
+def plugin_calls(manager: pluggy.PluginManager, hook: str) -> list[PluginCall]:
+    """Return the calls of a hook, one per plugin, in the order in which pluggy makes them."""
+    implementations: dict[str, list[pluggy.HookImpl]] = {}
+    for implementation in reversed(getattr(manager.hook, hook).get_hookimpls()):
+        implementations.setdefault(implementation.plugin_name, []).append(implementation)
+    return [
+        PluginCall(
+            name,
+            manager.subset_hook_caller(hook, manager.get_plugins() - {own[0].plugin}),
+            any(one.wrapper or one.hookwrapper for one in own),
+        )
+        for name, own in implementations.items()
+    ]

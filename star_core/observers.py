@@ -1,4 +1,4 @@
-"""Calls the observers of a flight, and drops one that raises."""
+"""Calls the observers of a flight; one that raises is dropped."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 import pluggy
 
-from star_core.hook_calls import PluginCall, plugin_calls
+from star_core.hookspecs import PluginCall, plugin_calls
 from star_core.messages.events import Event
 from star_core.metrics.timing import ComputeTime, Stopwatch
 
 log = logging.getLogger(__name__)
 
-WATCHING = (
+HOOKS = (
     "star_mission_started",
     "star_ticked",
     "star_phase_changed",
@@ -25,44 +25,54 @@ WATCHING = (
 
 
 class Observers:
-    """Calls the watching hooks one plugin at a time, so that none can ground a flight.
+    """Calls the observing hooks one plugin at a time, so that none can ground a flight.
 
     Args:
         manager: Holds the plugins.
-        compute_time: Measures how long each takes.
+        compute_time: Measures each plugin.
 
     Attributes:
-        events: Everything reported by `event`.
-        time: Mission time of the tick, s.
+        events: All events so far.
     """
 
     def __init__(self, manager: pluggy.PluginManager, compute_time: ComputeTime) -> None:
-        self._calls = {hook: plugin_calls(manager, hook) for hook in WATCHING}
+        self._calls = {hook: plugin_calls(manager, hook) for hook in HOOKS}
         self._dropped: set[str] = set()
         self._compute_time = compute_time
         self.events: list[Event] = []
-        self.time = 0.0
+        self._time = 0.0
 
     def begin_tick(self, time: float) -> None:
-        """Date the events that follow with a mission time, s."""
-        self.time = time
+        """Set the mission time of the events that follow, s."""
+        self._time = time
 
-    def notify(self, hook: str, /, **news: Any) -> None:
+    def notify(self, hook: str, /, **arguments: Any) -> None:
         """Call every implementation of a hook; drop the plugin of one that raises."""
-        self._notify(hook, news, self._calls[hook])
+        self._notify(hook, arguments, self._calls[hook])
 
-    def _notify(self, hook: str, news: Mapping[str, Any], calls: Sequence[PluginCall]) -> None:
+    def event(
+        self,
+        kind: str,
+        text: str,
+        agent: str | None = None,
+        details: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Record an `Event` at the current mission time and report it to the observers."""
+        self.events.append(Event(self._time, kind, text, agent, details))
+        self.notify("star_event", event=self.events[-1])
+
+    def _notify(self, hook: str, arguments: Mapping[str, Any], calls: Sequence[PluginCall]) -> None:
         for i, call in enumerate(calls):
             if call.plugin in self._dropped:
-                continue  # perhaps while this hook is being called
+                continue  # also if it was dropped during this call
             if call.wraps:
-                self._wrap(hook, news, call, calls[i + 1 :])
+                self._wrap(hook, arguments, call, calls[i + 1 :])
                 return
             with self._guard(hook, call):
-                call.caller(**news)
+                call.caller(**arguments)
 
     def _wrap(
-        self, hook: str, news: Mapping[str, Any], call: PluginCall, inner: Sequence[PluginCall]
+        self, hook: str, arguments: Mapping[str, Any], call: PluginCall, inner: Sequence[PluginCall]
     ) -> None:
         """Call a plugin's wrapper around the calls of the plugins after it.
 
@@ -76,14 +86,14 @@ class Observers:
             called = True
             watch.__exit__()
             try:
-                self._notify(hook, news, inner)
+                self._notify(hook, arguments, inner)
             finally:
                 watch.__enter__()
 
         with self._guard(hook, call):
-            call.caller.call_extra([call_inner], news)
+            call.caller.call_extra([call_inner], arguments)
         if not called:
-            self._notify(hook, news, inner)
+            self._notify(hook, arguments, inner)
 
     @contextmanager
     def _guard(self, hook: str, call: PluginCall) -> Iterator[None]:
@@ -96,17 +106,6 @@ class Observers:
 
     def _watch(self, call: PluginCall) -> Stopwatch:
         return self._compute_time.of(f"observer {call.plugin}")
-
-    def event(
-        self,
-        kind: str,
-        text: str,
-        agent: str | None = None,
-        details: Mapping[str, Any] | None = None,
-    ) -> None:
-        """Record an `Event` at the current mission time and report it to the observers."""
-        self.events.append(Event(self.time, kind, text, agent, details))
-        self.notify("star_event", event=self.events[-1])
 
     def _drop(self, plugin: str, why: str) -> None:
         log.warning("observer %s is dropped for this flight: %s", plugin, why)

@@ -1,4 +1,4 @@
-"""The phases a mission and its agents go through, as two tables."""
+"""State machines of the phases of agents and mission, as two tables of transitions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AGENT_TABLE: Final = (
 
 
 class MissionPhase(StrEnum):
-    """Where a mission stands; the last three are how it can end."""
+    """Phase of a mission; the last three are its outcomes."""
 
     IDLE = "idle"
     FLYING = "flying"
@@ -49,19 +49,19 @@ FALLEN: Final = int(Supervisor.TUMBLED | Supervisor.LOCKED | Supervisor.CRASHED)
 
 
 class _Agent:
-    """What the machine of the agents keeps the states of."""
+    """Model of the state machine of agents."""
 
     state: AgentPhase
 
 
 class _Mission:
-    """What the machine of the mission keeps the state of."""
+    """Model of the state machine of missions."""
 
     state: MissionPhase
 
 
 class Phases:
-    """Keeps every agent to `AGENT_TABLE` and the mission to `MISSION_TABLE`.
+    """The phases of every agent, by `AGENT_TABLE`, and of the mission, by `MISSION_TABLE`.
 
     >>> phases = Phases(("cf1", "cf2"))
     >>> phases.fire("take_off", [1])
@@ -79,7 +79,7 @@ class Phases:
         self._agents = [_Agent() for _ in names]
         self._mission = _Mission()
         self._changes: list[tuple[str | None, str]] = []
-        for models, states, table, first in (  # the machines are held by what they move
+        for models, states, table, first in (  # the models refer to the machines
             (self._agents, AgentPhase, AGENT_TABLE, AgentPhase.GROUNDED),
             ([self._mission], MissionPhase, MISSION_TABLE, MissionPhase.IDLE),
         ):
@@ -96,45 +96,45 @@ class Phases:
 
     @property
     def mission(self) -> MissionPhase:
-        """Where the mission stands."""
+        """The phase of the mission."""
         return self._mission.state
 
     def of_agents(self) -> Rows:
-        """(N,) `AgentPhase` of each agent."""
+        """Return the `AgentPhase` of each agent: (N,)."""
         return self._now
 
     def among(self, *phases: AgentPhase) -> Mask:
-        """(N,) which agents are in one of some phases."""
+        """Return which agents are in one of some phases: (N,)."""
         return among(self._now, *phases)
 
     def fire(self, trigger: str, rows: Iterable[int] | Rows) -> None:
-        """Follow `trigger` for some agents; one for which it means nothing now stays as it is."""
+        """Apply a trigger to some agents; those whose phase has no transition for it keep it."""
         for row in rows:
             model = self._agents[row]
             model.trigger(trigger)  # type: ignore[attr-defined]  # made by the machine
             if model.state != self._now[row]:
-                self._now = self._now.copy()  # earlier answers of `of_agents` stay as they were
+                self._now = self._now.copy()  # earlier results of `of_agents` must not change
                 self._now[row] = model.state
                 self._changes.append((self._names[row], model.state.name.lower()))
 
     def fire_mission(self, trigger: str) -> None:
-        """Follow `trigger` for the mission."""
+        """Apply a trigger to the mission."""
         before = self._mission.state
         self._mission.trigger(trigger)  # type: ignore[attr-defined]  # made by the machine
         if self._mission.state is not before:
             self._changes.append((None, str(self._mission.state)))
 
     def observe(self, state: Rows, heard: Mask, located: Mask) -> None:
-        """Follow what the agents report.
+        """Update the phases by telemetry.
 
         Args:
-            state: (N,) bits of `Supervisor`; of use where `heard`.
-            heard: (N,) whether the agent was heard lately.
-            located: (N,) whether its estimate can be flown on.
+            state: (N,) bits of `Supervisor`; used where `heard`.
+            heard: (N,) whether the agent has been heard recently.
+            located: (N,) whether its estimate is valid.
         """
         seen = (state.tobytes(), heard.tobytes(), located.tobytes(), self._now.tobytes())
         if seen == self._seen:
-            return  # nothing is new, so no trigger would mean anything
+            return  # no transition is possible
         self._seen = seen
         finished = heard & (state & int(Supervisor.COMMANDER_FINISHED) != 0)
         flying = state & int(Supervisor.FLYING) != 0
@@ -147,6 +147,6 @@ class Phases:
         self.fire("find", np.flatnonzero(fit & flying & self.among(_P.LOST)))
 
     def changes(self) -> Iterator[tuple[str | None, str]]:
-        """Every agent (None: the mission) and the phase it went into since the last call."""
+        """Yield each change of phase since the last call: agent (None: the mission) and phase."""
         changes, self._changes = self._changes, []
         yield from changes

@@ -1,4 +1,4 @@
-"""Whether what a plugin offers can be part of the mission language."""
+"""Checks of the records that plugins offer: their names, and the JSON Schemas of their options."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from typing import Any, Final, TypeVar
 from urllib.parse import unquote
 
 from star_core.contracts import MissionSpec, Spec, TaskSpec
-from star_core.errors import PluginError
+from star_core.errors import ContractError, PluginError
 
 AnySpec = TypeVar("AnySpec", bound=Spec)
-AnyMissionSpec = TypeVar("AnyMissionSpec", bound=MissionSpec)
 
 PARTS: Final = ("transport", "localizer", "planner", "avoider")
 """Kinds of plugins that a mission chooses, each by name or as ``{use: name, ...options}``."""
 
 SHARED: Final = ("agents", "until", "timeout", "on_failure")
-"""What every verb of a plugin takes beside its own options; the core itself handles it."""
+"""Options of every verb beside its own; the core handles them."""
 
 JOIN, LEAVE = "join", "leave"
 """Verbs before which, and after which, the core changes the agents of the mission."""
@@ -29,57 +28,65 @@ RESERVE: Final = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
 """What a mission need not say of its ``reserve``: V, V, m. The mission schema says the same."""
 
 RESERVED: Final = {"task": SHARED}
-"""Names no option of a kind may have; those of the parts are chosen by ``use``."""
+"""Names that options of a kind must not have; of the other kinds it is ``use``."""
 
 OWN: Final = {
     "task": ("parallel", "repeat", "each", "include"),
     "command": ("run", "check", "errors", "plugins", "schema"),
 }
-"""Names that STAR has taken itself."""
+"""Names that STAR uses itself."""
 
 
 def sound(kind: str, offer: AnySpec, *, trusted: bool = False) -> AnySpec:
-    """Return `offer` with its options as plain JSON.
+    """Return a record with its options as plain JSON.
 
     Args:
-        kind: Of plugin.
-        offer: To be held to the rules.
-        trusted: Do not look whether its options are a JSON Schema, which takes a while.
+        kind: Of the plugin.
+        offer: The record.
+        trusted: Whether to skip the check that its options are a JSON Schema, which takes a while.
 
     Raises:
-        PluginError: Its name is none, or is one that STAR has itself; or its options are no JSON
-            Schema of an object, refer to what is not there, or have a name that STAR uses itself.
+        PluginError: Its name is invalid or used by STAR itself; or its options are not a JSON
+            Schema of an object, have a reference without a target, or a name that STAR uses.
     """
-    plugin = f"{kind} {offer.name!r}"
     if not re.fullmatch(r"[a-z][a-z0-9_-]*", str(offer.name)):
-        raise PluginError(f"{plugin}: a name is lower-case letters, digits, '_' and '-'")
+        raise PluginError(
+            f"{kind} {offer.name!r}: a name is lower-case letters, digits, '_' and '-'",
+            "contract-broken",
+        )
     if offer.name in OWN.get(kind, ()) and not (trusted and kind == "command"):
-        raise PluginError(f"{plugin}: STAR has a {kind} of that name itself")
-    return _with_options(kind, offer, trusted=trusted) if isinstance(offer, MissionSpec) else offer
+        text = f"{kind} {offer.name!r}: STAR has a {kind} of that name itself"
+        raise PluginError(text, "duplicate-plugin")
+    if not isinstance(offer, MissionSpec):
+        return offer
+    try:
+        return replace(offer, options=_checked_options(kind, offer, trusted=trusted))
+    except ContractError as error:
+        raise PluginError(f"{kind} {offer.name!r}: {error}") from error
 
 
-def _with_options(kind: str, offer: AnyMissionSpec, *, trusted: bool) -> AnyMissionSpec:
-    """Return `offer` with its options as plain JSON, which are checked."""
-    plugin = f"{kind} {offer.name!r}"
-    options = _plain(plugin, offer.options, trusted=trusted)
+def _checked_options(kind: str, offer: MissionSpec, *, trusted: bool) -> dict[str, Any]:
+    """Return the options of a record as plain JSON, checked; raise `ContractError`."""
+    options = _plain(offer.options, trusted=trusted)
     properties = options.setdefault("properties", {})
-    for name in RESERVED.get(kind, ("use",)):
+    reserved = RESERVED.get(kind, ("use",))
+    for name in reserved:
         if name in properties:
-            raise PluginError(f"{plugin}: option {name!r} has a name that STAR uses itself")
+            raise ContractError(f"option {name!r} has a name that STAR uses itself")
     for name in options.get("required", ()):
-        if name not in properties and name not in RESERVED.get(kind, ()):
-            raise PluginError(f"{plugin}: option {name!r} is required but not among its properties")
+        if name not in properties and name not in reserved:
+            raise ContractError(f"option {name!r} is required but not among its properties")
     for holder in references(options):
-        if not _is_there(holder["$ref"], options):
-            raise PluginError(f"{plugin}: options refer to {holder['$ref']!r}, which is not there")
+        if not _has_target(holder["$ref"], options):
+            raise ContractError(f"options refer to {holder['$ref']!r}, which does not exist")
     for name in _exclusive(offer):
         if name not in properties:
-            raise PluginError(f"{plugin}: exclusive names option {name!r}, which is not there")
-    return replace(offer, options=options)
+            raise ContractError(f"exclusive names option {name!r}, which does not exist")
+    return options
 
 
 def _exclusive(offer: MissionSpec) -> Iterator[str]:
-    """Yield the options that a task names in its `Exclusive`."""
+    """Yield the options named in a task's `Exclusive`."""
     if isinstance(offer, TaskSpec) and offer.exclusive is not None:
         yield from offer.exclusive.options
         if offer.exclusive.unless is not None:
@@ -87,7 +94,7 @@ def _exclusive(offer: MissionSpec) -> Iterator[str]:
 
 
 def held(offer: TaskSpec, given: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-    """Return the options that identify what a step holds outside of STAR, with their values."""
+    """Return the options that identify the resource that a step holds, with their values."""
     exclusive = offer.exclusive
     if exclusive is None or exclusive.unless in given:
         return ()
@@ -96,9 +103,7 @@ def held(offer: TaskSpec, given: Mapping[str, Any]) -> tuple[tuple[str, Any], ..
 
 
 def fill_defaults(options: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options with the defaults of their schema for those that are not given.
-
-    The defaults inside of maps that are given are filled in too.
+    """Return options with the defaults of their schema, also inside of maps that are given.
 
     Example:
         >>> fill_defaults({"radius": 0.3}, {"properties": {"radius": {}, "gain": {"default": 2}}})
@@ -114,7 +119,7 @@ def fill_defaults(options: Mapping[str, Any], schema: Mapping[str, Any]) -> dict
 
 
 def references(schema: Any) -> Iterator[dict[str, Any]]:
-    """Find every map with a ``$ref`` in it."""
+    """Yield every map with a ``$ref`` in a schema."""
     waiting = [schema]
     while waiting:
         value = waiting.pop()
@@ -126,33 +131,31 @@ def references(schema: Any) -> Iterator[dict[str, Any]]:
             waiting += value
 
 
-def _plain(plugin: str, options: Mapping[str, Any], *, trusted: bool) -> dict[str, Any]:
-    """Return a copy of a plugin's options as plain JSON."""
+def _plain(options: Mapping[str, Any], *, trusted: bool) -> dict[str, Any]:
+    """Return a copy of options as plain JSON; raise `ContractError`."""
     try:
         copy = json.loads(json.dumps(options, default=dict, allow_nan=False))
+        if not trusted:
+            _require_schema(copy)
     except (TypeError, ValueError, RecursionError) as error:
-        raise PluginError(f"{plugin}: options are no JSON: {error}") from error
-    if not trusted:
-        _must_be_schema(plugin, copy)
+        raise ContractError(f"options are not JSON: {error}") from error
     if not isinstance(copy, dict) or copy.get("type", "object") != "object":
-        raise PluginError(f"{plugin}: options are no schema of an object, expected type: object")
+        raise ContractError("options are not the schema of an object, expected type: object")
     return {key: value for key, value in copy.items() if key not in {"$schema", "$id"}}
 
 
-def _must_be_schema(plugin: str, options: Any) -> None:
+def _require_schema(options: Any) -> None:
     from jsonschema import Draft202012Validator, SchemaError
 
     try:
         Draft202012Validator.check_schema(options)
     except SchemaError as error:
-        where = ".".join(str(part) for part in ("options", *error.absolute_path))
-        raise PluginError(f"{plugin}: {where} is no JSON Schema: {error.message}") from error
-    except RecursionError as error:
-        raise PluginError(f"{plugin}: options are no JSON: {error}") from error
+        path = ".".join(str(key) for key in ("options", *error.absolute_path))
+        raise ContractError(f"{path} is not a JSON Schema: {error.message}") from error
 
 
-def _is_there(reference: str, schema: Any) -> bool:
-    """Whether a JSON pointer (``#/$defs/point``) leads somewhere in a schema."""
+def _has_target(reference: str, schema: Any) -> bool:
+    """Return whether a JSON pointer (``#/$defs/point``) has a target in a schema."""
     start, *names = unquote(reference).split("/")
     for name in names:
         found = name.replace("~1", "/").replace("~0", "~")

@@ -1,4 +1,4 @@
-"""Finds plugins and hands out what they offer."""
+"""Finds plugins and the records that they offer."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ import pluggy
 from star_core import hookspecs
 from star_core.contracts import SPECS, MissionSpec
 from star_core.errors import PluginError, suggestion
-from star_core.hook_calls import plugin_calls
+from star_core.hookspecs import plugin_calls
 from star_core.plugin_schema import sound
 
 ENTRY_POINT_GROUP: Final = "star.plugins"
 OWN: Final = "star-swarm:"
-"""How the names of STAR's own plugins begin; a test holds what they offer, so that it need not be
-looked at again each time that one is loaded."""
+"""Prefix of the names of STAR's own plugins; their records are checked by a test, not when they
+are loaded."""
 
 KINDS: Final = tuple(SPECS)
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a plugin comes from.
+    """Origin of a plugin.
 
     Attributes:
         plugin: ``distribution:entry point``.
@@ -49,30 +49,29 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A record of a plugin, of the class that `SPECS` has for its kind, and where it comes from."""
+    """A record of a plugin, of the class that `SPECS` has for its kind, and its origin."""
 
     offer: Any
     source: Source
 
 
 class Registry:
-    """Everything that installed plugins offer.
+    """All records that installed plugins offer.
 
-    A plugin that cannot be loaded is left out and listed in `broken`: it must not ground a mission
-    that does not use it. (pluggy's own loader would raise at the first one, and would drop the
-    second of two plugins of one name without a word.)
+    A plugin that cannot be loaded is skipped and listed in `broken`: it must not ground a mission
+    that does not use it. (pluggy's own loader would raise at the first one, and would silently drop
+    the second of two plugins of one name.)
+
+    A wrapper of a hook that offers plugins receives the records of all the others, as pluggy
+    documents; records that it adds or replaces are attributed to its own plugin.
 
     Args:
         plugins: Further plugins to register, beside the installed ones.
         installed: Whether to load the installed ones.
 
-    Each plugin's hooks are called separately, so that an error can be attributed. A wrapper of a
-    hook that offers plugins receives the records of all the others, as pluggy documents; records
-    that it adds or replaces are attributed to its own plugin.
-
     Attributes:
-        manager: Holds the plugins, for the hooks that watch.
-        broken: Why each plugin that was left out could not be used.
+        manager: Holds the plugins, for the observing hooks.
+        broken: Why each skipped plugin could not be used.
     """
 
     def __init__(self, *plugins: object, installed: bool = True) -> None:
@@ -83,34 +82,33 @@ class Registry:
         self._results: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
         self._found: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
         for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)) if installed else ():
-            source = Source(*_home(entry))
+            source = _source(entry)
             try:
                 self.add(entry.load(), source)
             except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever an import may raise
                 self.broken[source] = f"{type(error).__name__}: {error}"
         for plugin in plugins:
-            self.add(plugin, Source(_called(plugin)))
+            self.add(plugin, Source(_default_name(plugin)))
 
     def add(self, plugin: object, source: Source) -> None:
-        """Register a plugin and collect its offers.
+        """Register a plugin and collect its records.
 
         Raises:
-            PluginError: It is there already, implements a hook that does not exist or asks it for
-                what is not told, or yields a record of another class or one that is not
-                `sound`.
+            PluginError: It is registered already; it implements a hook that does not exist, or with
+                unknown arguments; or it yields a record of another class or that is not `sound`.
         """
-        if self.manager.has_plugin(source.plugin) or self.manager.is_registered(plugin):
-            raise PluginError(f"plugin {source} is registered already")
         name = source.plugin
+        if self.manager.has_plugin(name) or self.manager.is_registered(plugin):
+            raise PluginError(f"plugin {source} is registered already", "duplicate-plugin")
         self._sources[name] = source
         try:
             self.manager.register(_hashable(plugin), name=name)
-            _hooks_exist(self.manager, name)
+            _require_known_hooks(self.manager, name)
             self._found |= self._collected([kind for kind in KINDS if self._call(kind, name)], name)
         except (Exception, SystemExit) as error:
             self._remove(name)
             if isinstance(error, pluggy.PluginValidationError):
-                raise PluginError(" ".join(str(error).split())) from error
+                raise PluginError(" ".join(str(error).split()), "contract-broken") from error
             raise
 
     def _remove(self, name: str) -> None:
@@ -120,9 +118,9 @@ class Registry:
             self.manager.unregister(name=name)
 
     def _call(self, kind: str, name: str) -> bool:
-        """Keep the records that a plugin yields, and return whether it implements the hook.
+        """Store the records that a plugin yields; return whether it implements the hook.
 
-        One that wraps the hook is called by `_collect`, with the records of the others.
+        A wrapper is called by `_collect`, with the records of the other plugins.
         """
         for call in plugin_calls(self.manager, f"star_{kind}s"):
             if call.plugin == name:
@@ -134,7 +132,7 @@ class Registry:
     def _collected(self, kinds: Sequence[str], added: str) -> dict[str, dict[str, list[Found]]]:
         """Return the records by kind and name, after the wrappers of their hooks.
 
-        A plugin whose wrapper raises is left out, unless it is the plugin being `added`: then its
+        A plugin whose wrapper raises is skipped, unless it is the plugin being `added`: then its
         error is raised.
         """
         while True:
@@ -146,7 +144,7 @@ class Registry:
                     raise error from None
                 self.broken[self._sources[plugin]] = f"{type(error).__name__}: {error}"
                 self._remove(plugin)
-                kinds = KINDS  # it may have wrapped others too
+                kinds = KINDS  # it may have wrapped other hooks too
 
     def _collect(self, kind: str) -> dict[str, list[Found]]:
         calls = plugin_calls(self.manager, f"star_{kind}s")
@@ -168,7 +166,7 @@ class Registry:
     def _checked(
         self, kind: str, plugin: str, results: Any, known: Mapping[int, Found]
     ) -> Iterator[Found]:
-        """Check what a hook call returned; what is not `known` comes from this plugin."""
+        """Yield checked results of a hook call; those that are not `known` are this plugin's."""
         for result in results:
             for offer in result:
                 if id(offer) in known:
@@ -179,43 +177,47 @@ class Registry:
                 else:
                     raise PluginError(
                         f"star_{kind}s() yields {type(offer).__name__}, "
-                        f"expected {SPECS[kind].__name__}"
+                        f"expected {SPECS[kind].__name__}",
+                        "contract-broken",
                     )
 
     def names(self, kind: str) -> tuple[str, ...]:
-        """Every name of a kind, in alphabetical order."""
+        """Return every name of a kind, in alphabetical order."""
         return tuple(sorted(self._found[kind]))
 
     def offers(self) -> dict[str, dict[str, Any]]:
-        """The offers by kind and name; two of one name are one that takes the options of both.
+        """Return the records by kind and name.
 
-        What each asks of its options is left out of it: `find` refuses the name, and says why.
+        Two of one name become one with the options of both, without their schemas: `find` refuses
+        the name and explains why.
         """
         return {
-            kind: {name: _one(self._found[kind][name]) for name in self.names(kind)}
+            kind: {name: _merged(self._found[kind][name]) for name in self.names(kind)}
             for kind in KINDS
         }
 
     def find(self, kind: str, name: str) -> Found:
-        """Return the offer of that kind and name.
+        """Return the record of that kind and name.
 
         Raises:
-            PluginError: There is none, and the message names the nearest one; or there are two.
+            PluginError: There is none, and the message suggests the nearest one; or there are two.
         """
         found = self._found[kind].get(name, [])
         if not found:
-            left_out = "".join(
+            skipped = "".join(
                 f"; plugin {source} was left out: {why}" for source, why in self.broken.items()
             )
             hint = suggestion(name, self.names(kind), "there are")
-            raise PluginError(f"no {kind} named {name!r}{hint}{left_out}")
+            raise PluginError(f"no {kind} named {name!r}{hint}{skipped}", "unknown-plugin")
         if len(found) > 1:
             sources = " and ".join(str(one.source) for one in found)
-            raise PluginError(f"two plugins offer {kind} {name!r}: {sources}; uninstall one")
+            raise PluginError(
+                f"two plugins offer {kind} {name!r}: {sources}; uninstall one", "duplicate-plugin"
+            )
         return found[0]
 
     def __iter__(self) -> Iterator[tuple[str, Found]]:
-        """Every kind and offer there is, those of equal names included."""
+        """Yield every kind and record, those of equal names included."""
         for kind in KINDS:
             for name in self.names(kind):
                 for found in self._found[kind][name]:
@@ -230,7 +232,7 @@ class _WrapperError(Exception):
         self.plugin, self.error = plugin, error
 
 
-def _one(found: list[Found]) -> Any:
+def _merged(found: list[Found]) -> Any:
     first = found[0].offer
     if len(found) == 1 or not isinstance(first, MissionSpec):
         return first
@@ -239,41 +241,42 @@ def _one(found: list[Found]) -> Any:
     return replace(first, options=options)
 
 
-def _called(plugin: object) -> str:
-    """What a plugin is called that was given and not installed."""
+def _default_name(plugin: object) -> str:
+    """Return the name of a plugin that is not installed."""
     if isinstance(plugin, ModuleType):
         return plugin.__name__
     return f"{type(plugin).__module__}:{type(plugin).__name__}"
 
 
 def _hashable(plugin: object) -> object:
-    """Return what pluggy can keep in a set: the plugin or, if it has no hash, its functions."""
+    """Return the plugin or, if it has no hash and pluggy cannot keep it, its functions."""
     try:
         hash(plugin)
     except TypeError:
-        functions = ModuleType(_called(plugin))
+        functions = ModuleType(_default_name(plugin))
         vars(functions).update((name, getattr(plugin, name)) for name in dir(plugin))
         return functions
     return plugin
 
 
-def _hooks_exist(manager: pluggy.PluginManager, plugin: str) -> None:
+def _require_known_hooks(manager: pluggy.PluginManager, plugin: str) -> None:
     for caller in manager.get_hookcallers(manager.get_plugin(plugin)) or ():
         own = (one for one in caller.get_hookimpls() if one.plugin_name == plugin)
         if not caller.has_spec() and not all(one.optionalhook for one in own):
             known = [name for name in vars(hookspecs) if name.startswith("star_")]
-            raise PluginError(f"no hook named {caller.name!r}{suggestion(caller.name, known)}")
+            hint = suggestion(caller.name, known)
+            raise PluginError(f"no hook named {caller.name!r}{hint}", "contract-broken")
 
 
-def _home(entry: EntryPoint) -> tuple[str, str]:
+def _source(entry: EntryPoint) -> Source:
     if entry.dist is None:
-        return entry.name, ""
+        return Source(entry.name)
     name, version = _distribution(entry.dist)
-    return f"{name}:{entry.name}", version
+    return Source(f"{name}:{entry.name}", version)
 
 
 @cache
 def _distribution(distribution: Distribution) -> tuple[str, str]:
-    """Name and version; each question to a distribution reads its metadata anew."""
+    """Return name and version; each access to `metadata` reads the file again."""
     metadata = distribution.metadata
     return metadata["Name"], metadata["Version"]

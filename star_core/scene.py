@@ -1,4 +1,4 @@
-"""What does not change in flight, as every plugin is told it. Nothing here imports numpy."""
+"""The static description of a flight that every plugin receives. Nothing here imports numpy."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Agent:
     """One drone of the swarm.
 
     Attributes:
-        name: As the mission calls it.
-        start: Where it stands before take-off, map frame, m.
-        yaw: Its heading there, rad, anticlockwise from the map's x axis.
+        name: In the mission.
+        start: Position before take-off, map frame, m.
+        yaw: Heading there, rad, anticlockwise from the map's x axis.
         uri: Address of its link; the simulator does not need one.
-        camera: What it carries; None for an agent that sees nothing.
+        camera: Its camera, if it has one.
     """
 
     name: str
@@ -33,14 +33,14 @@ class Agent:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What no agent should exceed. The core holds the speed, and brakes for the separation.
+    """Limits of every agent. The core enforces the speed, and brakes for the separation.
 
     Attributes:
         speed: Greatest speed, m/s.
         acceleration: Greatest acceleration, m/s².
         height: Lowest and highest z to fly at, map frame, m.
-        separation: Distance between the centres of two agents inside which none may be steered
-            towards the other, m; 0 lets them.
+        separation: Distance between the centers of two agents below which neither is steered
+            towards the other, m; 0 switches this off.
     """
 
     speed: float = 0.5
@@ -51,7 +51,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What every plugin is made with.
+    """The static description of a flight.
 
     Attributes:
         agents: The drone of each row; row *i* is the same agent in every table of the mission.
@@ -60,9 +60,9 @@ class Scene:
         limits: Speed, acceleration and heights.
         seed: Root of every random number: a plugin draws from
             ``numpy.random.default_rng([scene.seed, its own constant])`` and from nothing else.
-        realtime: Whether mission time goes on by itself, so that no part may wait for anything.
+        realtime: Whether mission time advances by itself, so that no plugin may wait.
         folder: The mission's folder; files that a mission names are read from inside it.
-        files: The files that were asked for through `file`, by the mission's name for them.
+        files: The files requested through `file`, by their names in the mission.
         groups: Rows of the agents of each of the mission's groups, by its name, in its order.
     """
 
@@ -110,7 +110,7 @@ class Scene:
         return self.files[name]
 
     def named(self, rows: Iterable[int]) -> str:
-        """Names of some rows, for messages: ``cf1, cf3``."""
+        """Return the names of some rows, for messages: ``cf1, cf3``."""
         return ", ".join(self.agents[row].name for row in rows)
 
 

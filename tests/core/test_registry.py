@@ -128,7 +128,7 @@ def test_a_plugin_that_is_refused_leaves_nothing_behind(registry: Registry) -> N
 
     with pytest.raises(PluginError) as caught:
         registry.add(Half("mine"), Source("my-dist:half"))
-    assert str(caught.value) == "star_tasks() yields str, expected TaskSpec [plugin-failed]"
+    assert str(caught.value) == "star_tasks() yields str, expected TaskSpec [contract-broken]"
     assert registry.names("planner") == ()
     assert registry.manager.get_plugins() == set()
 
@@ -142,7 +142,7 @@ def test_a_hook_that_does_not_exist_is_refused_with_a_hint(registry: Registry) -
         registry.add(Misspelt(), Source("my-dist:misspelt"))
     assert (
         str(caught.value)
-        == "no hook named 'star_tick'; did you mean 'star_ticked'? [plugin-failed]"
+        == "no hook named 'star_tick'; did you mean 'star_ticked'? [contract-broken]"
     )
 
 
@@ -198,7 +198,7 @@ def test_an_unknown_name_is_answered_with_the_nearest_one(registry: Registry) ->
         registry.find("planner", "repulsoin")
     assert (
         str(caught.value)
-        == "no planner named 'repulsoin'; did you mean 'repulsion'? [plugin-failed]"
+        == "no planner named 'repulsoin'; did you mean 'repulsion'? [unknown-plugin]"
     )
 
 
@@ -206,13 +206,15 @@ def test_an_unknown_name_that_is_like_none_is_answered_with_all(registry: Regist
     registry.add(Planners("stay", "repulsion"), Source("my-dist:mine"))
     with pytest.raises(PluginError) as caught:
         registry.find("planner", "xyz")
-    assert str(caught.value) == "no planner named 'xyz'; there are: repulsion, stay [plugin-failed]"
+    assert (
+        str(caught.value) == "no planner named 'xyz'; there are: repulsion, stay [unknown-plugin]"
+    )
 
 
 def test_a_name_of_a_kind_that_nobody_offers_is_refused_plainly(registry: Registry) -> None:
     with pytest.raises(PluginError) as caught:
         registry.find("planner", "stay")
-    assert str(caught.value) == "no planner named 'stay' [plugin-failed]"
+    assert str(caught.value) == "no planner named 'stay' [unknown-plugin]"
 
 
 def test_every_offer_is_listed_those_of_one_name_too(registry: Registry) -> None:

@@ -3,7 +3,7 @@
 from star_core import AvoiderSpec, CommandSpec, TaskSpec, TransportSpec, hookimpl
 
 
-def make(scene, share=0.9):
+def make(scene, share):
     from star_gentle.avoider import Gentle
 
     return Gentle(share)
@@ -30,7 +30,7 @@ def star_avoiders():
     )
 
 
-def make_nod(scene, rows, height=0.2):
+def make_nod(scene, rows, height):
     from star_gentle.nod import Nod
 
     return Nod(scene, rows, height)

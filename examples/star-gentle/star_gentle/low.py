@@ -3,7 +3,7 @@
 from star_core import PlannerSpec, Problem, hookimpl
 
 
-def check_goals(scene, goals, top=1.5):  # goals: a list of (x, y, z) in the map, m
+def check_goals(scene, goals, top):  # goals: a list of (x, y, z) in the map, m
     for i, goal in enumerate(goals):
         if goal[2] > top:
             yield Problem((i,), f"is above the shelf, at {top:g} m")
@@ -23,7 +23,7 @@ def star_planners():
     )
 
 
-def make(scene, top=1.5):
+def make(scene, top):
     from star_gentle.low_planner import Low
 
     return Low(scene, top)

@@ -6,7 +6,7 @@ from star_core import Goals, Status, TaskOutput
 
 
 class Nod:
-    def __init__(self, scene, rows, height=0.2):  # rows: a tuple of the rows of its agents
+    def __init__(self, scene, rows, height):  # rows: a tuple of the rows of its agents
         self._rows = list(rows)
         self._height = height
         self._speed = scene.limits.speed

@@ -8,7 +8,7 @@ RADIUS, HEIGHT, SPEED = 0.6, 1.0, 0.3  # m, m, m/s
 
 
 class Orbit:
-    # before take-off; again in flight if the step comes round again, or begins with others
+    # before take-off; again in flight if the step repeats, or begins with other agents
     def __init__(self, scene, rows):
         self._names = scene.names
         self._begun = None
