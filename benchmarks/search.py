@@ -21,8 +21,8 @@ import numpy as np
 from shapely import Point, Polygon, union_all
 
 from star_core import Registry, fly, load
-from star_search.field import OVERLAP
-from star_search.view import swaths
+from star_search.field_of_view import swaths
+from star_search.search_space import SWATH_FACTOR
 
 PATTERNS = ("sweep", "frontier")
 WORLDS = 40
@@ -116,7 +116,7 @@ def searched(seed: int, pattern: str, room: tuple[float, float], registry: Regis
         summary = fly(loaded, registry)
     step = next(step for step in summary["steps"] if step["verb"] == "search")
     times = [event["time"] for event in summary["events"] if event["kind"] == "found"]
-    width = OVERLAP * min(wide for _, wide in swaths(loaded.scene, (0, 1, 2), HEIGHT, SPEED))
+    width = SWATH_FACTOR * min(wide for _, wide in swaths(loaded.scene, (0, 1, 2), HEIGHT, SPEED))
     free = (2 * HALF) ** 2 - sum(Polygon(o["polygon"]).area for o in drawn["obstacles"].values())
     return Flight(
         seed,

@@ -19,6 +19,10 @@ class Entry(NamedTuple):
 
 
 CATALOGUE: Final = {
+    "above-limit": Entry(
+        "A speed or an acceleration is above one of the mission's limits.",
+        "Reduce it, or raise the limit if the drones can fly it.",
+    ),
     "address-in-use": Entry(
         "A network address or port cannot be opened.",
         "Choose another one, or end the program that uses it.",
@@ -71,6 +75,10 @@ CATALOGUE: Final = {
         "An option has a value that cannot be used in this mission.",
         "`star plugins` lists the options of all plugins with their meaning.",
     ),
+    "invalid-polygon": Entry(
+        "The corners of an outline do not enclose an area.",
+        "Give the corners in order around it, each once, so that no two sides meet.",
+    ),
     "invalid-trajectory": Entry(
         "A file of waypoints or of a polynomial trajectory has invalid contents.",
         "Correct the line that the message names; `docs/missions.md` describes both formats.",
@@ -82,6 +90,10 @@ CATALOGUE: Final = {
     "misplaced-key": Entry(
         "A key is in a place where it has no meaning.",
         "Move it as the message describes.",
+    ),
+    "missing-camera": Entry(
+        "An agent needs a camera for this step.",
+        "Give it one, such as `camera: aideck`, or name agents that have one.",
     ),
     "missing-option": Entry(
         "A key or an option that is required is missing.",
@@ -99,6 +111,10 @@ CATALOGUE: Final = {
         "A number is too small or too large in this mission.",
         "The message states the range.",
     ),
+    "outside-geofence": Entry(
+        "A position or a height is outside the geofence or the heights to fly at.",
+        "Move it inside the fence of the world and `limits.height`.",
+    ),
     "paper-too-small": Entry(
         "A tag does not fit on the paper.",
         "Use the paper that the message names, or a smaller tag.",
@@ -106,6 +122,10 @@ CATALOGUE: Final = {
     "plugin-failed": Entry(
         "A plugin raised an error.",
         "`star run --verbose` shows its traceback; report it to the plugin's author.",
+    ),
+    "too-few-agents": Entry(
+        "A step needs more agents than it has.",
+        "Add agents to the step, or ask for less.",
     ),
     "unknown-code": Entry(
         "No error has this code.",
@@ -118,6 +138,10 @@ CATALOGUE: Final = {
     "unknown-plugin": Entry(
         "No plugin of that name is installed.",
         "Correct the name, or install the plugin; the message lists those that are installed.",
+    ),
+    "unknown-target": Entry(
+        "The world has no target of that name.",
+        "Correct the name; the message lists the targets or the most similar one.",
     ),
     "unreadable-file": Entry(
         "A file exists but cannot be read.",

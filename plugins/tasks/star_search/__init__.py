@@ -9,6 +9,6 @@ from star_core import TaskSpec, hookimpl
 
 @hookimpl
 def star_tasks() -> Iterable[TaskSpec]:
-    from star_search.offer import offer
+    from star_search.spec import spec
 
-    yield offer()
+    yield spec()

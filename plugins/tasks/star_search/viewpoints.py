@@ -1,4 +1,4 @@
-"""Where scouts can look from, what they see from there, and how far it is."""
+"""Viewpoints of scouts: what they see from there, and how far it is."""
 
 from __future__ import annotations
 
@@ -12,62 +12,60 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from star_core import Array, Rows
-from star_search.field import Field
-from star_search.view import View
+from star_search.field_of_view import FieldOfView
+from star_search.search_space import SearchSpace
 
-SPACING: Final = 2  # cells from one place to the next
+SPACING: Final = 2  # cells between neighbouring positions
 HEADINGS: Final = 8
 
 
 class Viewpoints:
-    """Every place on a lattice from where the area can be seen, with some headings each.
+    """All positions of a lattice from which the area can be seen, with some headings each.
 
-    Ways lead from each place to its eight neighbours.
+    Paths lead from each position to its eight neighbours.
 
     Args:
-        field: Where to search.
-        outlook: What the scouts are sure to see.
+        space: Where to search.
+        view: What the scouts see reliably.
 
     Attributes:
         pose: (V, 3) x, y and yaw, map frame, m and rad.
-        cells: (V, M) cells of the field's chart that are seen from each, or its `nowhere`.
-        place: (V,) row in the lattice.
+        cells: (V, M) cells of the coverage map that are seen from each, or its `outside`.
+        node: (V,) row in the lattice.
     """
 
-    def __init__(self, field: Field, outlook: View) -> None:
-        self._spot, links = _lattice(field)
+    def __init__(self, space: SearchSpace, view: FieldOfView) -> None:
+        self._position, self._links = _lattice(space)
         yaw = np.arange(HEADINGS) * math.tau / HEADINGS
-        near = shapely.dwithin(field.area, shapely.points(self._spot), outlook.reach)
+        near = shapely.dwithin(space.area, shapely.points(self._position), view.reach)
         at = np.flatnonzero(near)
-        self.place: Rows = np.repeat(at, HEADINGS)
-        self.pose: Array = np.column_stack([self._spot[self.place], np.tile(yaw, len(at))])
-        self.cells: Rows = field.chart.visible(outlook, self.pose)
-        self._links = links
-        fruitful = field.chart.wanted[self.cells].any(axis=1)
-        self.pose, self.cells = self.pose[fruitful], self.cells[fruitful]
-        self.place = self.place[fruitful]
+        node: Rows = np.repeat(at, HEADINGS)
+        pose: Array = np.column_stack([self._position[node], np.tile(yaw, len(at))])
+        cells = space.coverage.visible(view, pose)
+        useful = space.coverage.required[cells].any(axis=1)
+        self.pose, self.cells, self.node = pose[useful], cells[useful], node[useful]
 
     def distance(self, position: Array) -> Array:
-        """(V,) length of the way from a position to each viewpoint, m; inf if there is none."""
-        if not len(self._spot):
+        """(V,) length of the path from a position to each viewpoint, m; inf if there is none."""
+        if not len(self._position):
             return np.zeros(0)
-        start = int(np.argmin(((self._spot - position[:2]) ** 2).sum(axis=1)))
-        ways: Array = dijkstra(self._links, directed=False, indices=np.array([start]))
-        way: Array = ways[0, self.place]
-        return way
+        start = int(np.argmin(((self._position - position[:2]) ** 2).sum(axis=1)))
+        lengths: Array = dijkstra(self._links, directed=False, indices=np.array([start]))
+        length: Array = lengths[0, self.node]
+        return length
 
 
-def _lattice(field: Field) -> tuple[Array, csr_array]:
-    """Places where an agent may be, (P, 2), m, and the lengths of the ways between neighbours."""
-    step = SPACING * field.chart.cell
-    if not field.parts:
+def _lattice(space: SearchSpace) -> tuple[Array, csr_array]:
+    """Positions where an agent may be, (P, 2), m, and the distances between neighbours."""
+    step = SPACING * space.coverage.cell
+    if not space.regions:
         return np.zeros((0, 2)), csr_array((0, 0))
-    west, south, east, north = shapely.total_bounds(field.parts)
+    west, south, east, north = shapely.total_bounds(space.regions)
     x, y = np.arange(west, east, step) + 1e-6, np.arange(south, north, step) + 1e-6
     free = np.zeros((len(x) + 2, len(y) + 2), np.bool_)  # with a border that is not free
-    for part in field.parts:
-        shapely.prepare(part)
-        free[1:-1, 1:-1] |= shapely.contains_xy(part, *np.meshgrid(x, y, indexing="ij"))
+    for region in space.regions:
+        shapely.prepare(region)
+        free[1:-1, 1:-1] |= shapely.contains_xy(region, *np.meshgrid(x, y, indexing="ij"))
     number = np.cumsum(free).reshape(free.shape) - 1
     i, j = np.nonzero(free)
     begins, ends, lengths = [], [], []

@@ -34,9 +34,9 @@ from star_core import (
     fill_defaults,
 )
 from star_core.testing import estimate, health
-from star_search.field import Field
-from star_search.offer import make, offer
-from star_search.view import View, view
+from star_search.field_of_view import FieldOfView, field_of_view
+from star_search.search_space import SearchSpace
+from star_search.spec import make, spec
 from star_visibility import OPTIONS
 from star_visibility import make as make_planner
 
@@ -73,7 +73,7 @@ class Searched:
     """What became of a search."""
 
     limit: float
-    field: Field
+    space: SearchSpace
     status: Status = Status.RUNNING
     reason: str = ""
     time: float = 0.0
@@ -107,7 +107,9 @@ class Scouts:
         pieces = [shapely.Polygon(p) for o in scene.world.obstacles for p in o.polygons]
         self.walls = shapely.union_all(pieces)
         camera = scene.agents[0].camera
-        self.view: View | None = view(camera, HEIGHT, 0.168, 0.05) if camera else None
+        self.view: FieldOfView | None = (
+            field_of_view(camera, HEIGHT, 0.168, 0.05) if camera else None
+        )
 
     def now(self, time: float) -> tuple[Estimate, Health]:
         seen = list(self.sighted())
@@ -168,12 +170,12 @@ def search_it(
 ) -> Searched:
     """Search until it is over, or for `longest` seconds; `meddle` comes before all of it."""
     scouts = Scouts(scene, phase)
-    filled = fill_defaults(options, offer().options)
+    filled = fill_defaults(options, spec().options)
     task: Any = make(scene, rows or tuple(range(len(scene.agents))), **filled)
     meddle(0.0, task, scouts)
     estimated, healthy = scouts.now(0.0)
     limit = task.begin(estimated, healthy)
-    found = Searched(limit, field=task._field)
+    found = Searched(limit, space=task._space)
     for tick in range(math.ceil(longest / scene.period)):
         found.time = tick * scene.period
         meddle(found.time, task, scouts)

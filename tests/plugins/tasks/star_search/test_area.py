@@ -1,61 +1,56 @@
-"""The area to search, as a mission gives it."""
+"""The area of a search."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from star_search.area import corners, faults
+import pytest
+
+from star_search.area import area_corners, area_problems
 
 
-def test_the_whole_fence_is_searched_if_nothing_is_said(hall: Any) -> None:
-    assert corners(hall(), None) == ((-2, -2), (2, -2), (2, 2), (-2, 2))
+def test_the_default_is_the_whole_fence(hall: Any) -> None:
+    assert area_corners(hall(), None) == ((-2, -2), (2, -2), (2, 2), (-2, 2))
 
 
 def test_a_box_has_four_corners(hall: Any) -> None:
     box = {"low": [-1.0, 0.0], "high": [1.0, 1.5]}
-    assert corners(hall(), box) == ((-1, 0), (1, 0), (1, 1.5), (-1, 1.5))
-    assert list(faults(hall(), box)) == []
+    assert area_corners(hall(), box) == ((-1, 0), (1, 0), (1, 1.5), (-1, 1.5))
+    assert list(area_problems(hall(), box)) == []
 
 
-def test_a_polygon_is_taken_as_it_is(hall: Any) -> None:
+def test_a_polygon_keeps_its_corners(hall: Any) -> None:
     triangle = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
-    assert corners(hall(), triangle) == ((0, 0), (1, 0), (0, 1))
-    assert list(faults(hall(), triangle)) == []
+    assert area_corners(hall(), triangle) == ((0, 0), (1, 0), (0, 1))
+    assert list(area_problems(hall(), triangle)) == []
 
 
-def test_a_box_that_is_the_wrong_way_round_is_told(hall: Any) -> None:
-    ((path, message),) = faults(hall(), {"low": [1.0, 0.0], "high": [-1.0, 1.0]})
-    assert (path, message) == ((), "low [1.0, 0.0] is not below high [-1.0, 1.0] in x and y")
+def test_a_box_with_low_above_high_is_refused(hall: Any) -> None:
+    (problem,) = area_problems(hall(), {"low": [1.0, 0.0], "high": [-1.0, 1.0]})
+    assert (problem.path, problem.code) == (("area",), "out-of-range")
 
 
-def test_a_corner_outside_the_fence_is_told_with_its_place(hall: Any) -> None:
-    ((path, message),) = faults(hall(), [[0.0, 0.0], [2.5, 0.0], [0.0, 1.0]])
-    assert path == (1,)
-    assert message == "[2.5, 0] is outside the fence, from [-2, -2] to [2, 2]"
-    ((path, _),) = faults(hall(), {"low": [-1, -1], "high": [3, 1]})
-    assert path == ("high",)
+def test_a_corner_outside_the_fence_is_refused(hall: Any) -> None:
+    (problem,) = area_problems(hall(), [[0.0, 0.0], [2.5, 0.0], [0.0, 1.0]])
+    assert (problem.path, problem.code) == (("area", 1), "outside-geofence")
+    assert problem.message == "[2.5, 0] is outside the fence, from [-2, -2] to [2, 2]"
+    (problem,) = area_problems(hall(), {"low": [-1, -1], "high": [3, 1]})
+    assert problem.path == ("area", "high")
 
 
-def test_sides_that_cross_are_told(hall: Any) -> None:
-    ((path, message),) = faults(hall(), [[0, 0], [1, 1], [1, 0], [0, 1]])
-    assert path == (2,)
-    assert message == (
-        "the side from corner 3 meets the side from corner 1; "
-        "give the corners in order around the area"
-    )
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [[0, 0], [1, 1], [1, 0], [0, 1]],  # sides that cross
+        [[0, 0], [1, 0], [0.5, 0]],  # a side that folds back
+        [[0, 0], [1, 0], [1, 0], [0, 1]],  # a corner twice
+    ],
+)
+def test_an_outline_that_is_no_polygon_is_refused(hall: Any, corners: Any) -> None:
+    (problem,) = area_problems(hall(), corners)
+    assert (problem.path, problem.code) == (("area",), "invalid-polygon")
+    assert problem.message.endswith("give the corners in order around the area")
 
 
-def test_a_side_that_folds_back_is_told(hall: Any) -> None:
-    ((path, message),) = faults(hall(), [[0, 0], [1, 0], [0.5, 0]])
-    assert message.endswith("give the corners in order around the area")
-    assert path == (1,)
-
-
-def test_a_corner_twice_is_told(hall: Any) -> None:
-    ((path, message),) = faults(hall(), [[0, 0], [1, 0], [1, 0], [0, 1]])
-    assert (path, message) == ((1,), "corner 2 is the same as the next one")
-
-
-def test_a_corner_that_touches_another_side_is_told(hall: Any) -> None:
-    assert list(faults(hall(), [[0, 0], [1, 0], [0.5, 0.0001], [0.5, 1]])) == []
-    assert len(list(faults(hall(), [[0, 0], [1, 0], [1, 1], [0.5, 0], [0, 1]]))) == 1
+def test_a_corner_close_to_another_side_is_allowed(hall: Any) -> None:
+    assert list(area_problems(hall(), [[0, 0], [1, 0], [0.5, 0.0001], [0.5, 1]])) == []

@@ -12,8 +12,15 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_search.lanes import Lane, angles, length, strips, tour
-from star_search.sharing import cut, hand_out
+from star_search.lanes import (
+    Lane,
+    angles,
+    assign_sections,
+    divide,
+    length,
+    parallel_lanes,
+    tour,
+)
 
 ROOM = shapely.box(0, 0, 6, 4)
 FREE = shapely.box(0.3, 0.3, 5.7, 3.7)
@@ -24,7 +31,7 @@ swaths = st.floats(0.4, 2.0)
 
 
 def lanes_of(area: Any, free: Any, swath: float, angle: float = 0.0) -> list[Lane]:
-    return list(chain.from_iterable(strips(area, free, swath, angle)))
+    return list(chain.from_iterable(parallel_lanes(area, free, swath, angle)))
 
 
 def line(lane: Lane) -> Any:
@@ -54,22 +61,22 @@ def test_lanes_are_as_many_as_it_takes_and_evenly_spread() -> None:
 
 
 def test_a_room_without_obstacles_is_one_group() -> None:
-    assert [len(group) for group in strips(ROOM, FREE, 1.0, 0.0)] == [4]
+    assert [len(group) for group in parallel_lanes(ROOM, FREE, 1.0, 0.0)] == [4]
 
 
 def test_an_obstacle_makes_four_groups() -> None:
-    groups = strips(ROOM, ROOM.difference(HOLE), 0.5, 0.0)
+    groups = parallel_lanes(ROOM, ROOM.difference(HOLE), 0.5, 0.0)
     assert sorted(len(group) for group in groups) == [2, 2, 3, 3]
 
 
 def test_an_area_where_nobody_may_be_has_no_lanes() -> None:
-    assert strips(ROOM, shapely.box(10, 10, 12, 12), 1.0, 0.0) == []
+    assert parallel_lanes(ROOM, shapely.box(10, 10, 12, 12), 1.0, 0.0) == []
     assert tour([], ORIGIN) == []
 
 
 @given(somewhere, swaths)
 def test_a_tour_flies_every_lane_once(start: tuple[float, float], swath: float) -> None:
-    groups = strips(ROOM, ROOM.difference(HOLE), swath, 0.0)
+    groups = parallel_lanes(ROOM, ROOM.difference(HOLE), swath, 0.0)
     flown = tour(groups, np.array(start))
     ends = [sorted([tuple(lane.start), tuple(lane.end)]) for lane in flown]
     assert sorted(ends) == sorted(
@@ -78,7 +85,7 @@ def test_a_tour_flies_every_lane_once(start: tuple[float, float], swath: float) 
 
 
 def test_a_tour_goes_to_and_fro() -> None:
-    flown = tour(strips(ROOM, ROOM, 1.0, 0.0), ORIGIN)
+    flown = tour(parallel_lanes(ROOM, ROOM, 1.0, 0.0), ORIGIN)
     assert [bool(lane.end[0] > lane.start[0]) for lane in flown] == [True, False, True, False]
     assert flown[0].start[1] < flown[1].start[1]
     assert length(flown) == pytest.approx(4 * 6 + 3 * 1, abs=0.05)
@@ -92,8 +99,8 @@ def test_directions_are_those_of_the_sides_the_longest_first() -> None:
 def test_shares_add_up_to_the_lanes_and_none_is_longer_than_its_part(
     shares: int, swath: float
 ) -> None:
-    lanes = tour(strips(ROOM, ROOM.difference(HOLE), swath, 0.0), ORIGIN)
-    pieces = cut(lanes, shares)
+    lanes = tour(parallel_lanes(ROOM, ROOM.difference(HOLE), swath, 0.0), ORIGIN)
+    pieces = divide(lanes, shares)
     assert len(pieces) == shares
     total = sum(lane.length for piece in pieces for lane in piece)
     assert total == pytest.approx(sum(lane.length for lane in lanes), abs=1e-6)
@@ -101,12 +108,12 @@ def test_shares_add_up_to_the_lanes_and_none_is_longer_than_its_part(
 
 
 def test_nothing_is_cut_into_empty_shares() -> None:
-    assert cut([], 3) == [[], [], []]
+    assert divide([], 3) == [[], [], []]
 
 
 def test_each_agent_gets_the_piece_that_is_near_and_begins_at_its_near_end() -> None:
     west = [Lane(np.array([0.0, 0.0]), np.array([1.0, 0.0]))]
     east = [Lane(np.array([5.0, 0.0]), np.array([6.0, 0.0]))]
-    given = hand_out([west, east], np.array([[6.0, 1.0], [0.0, 1.0]]))
+    given = assign_sections([west, east], np.array([[6.0, 1.0], [0.0, 1.0]]))
     assert given[0][0].start.tolist() == [6.0, 0.0]
     assert given[1][0].start.tolist() == [0.0, 0.0]

@@ -9,10 +9,10 @@ import pytest
 import shapely
 
 from star_core import Obstacle, Status, fill_defaults
-from star_search.field import Field
 from star_search.frontier import Frontier
-from star_search.offer import make, offer
 from star_search.pattern import Pattern
+from star_search.search_space import SearchSpace
+from star_search.spec import make, spec
 from star_search.sweep import Sweep
 from star_search.viewpoints import Viewpoints
 from tests.plugins.tasks.star_search.conftest import PERIOD
@@ -21,8 +21,10 @@ both = pytest.mark.parametrize("pattern", ["sweep", "frontier"])
 WALL = Obstacle("wall", (((-0.05, -2.0), (0.05, -2.0), (0.05, 2.0), (-0.05, 2.0)),), (0.0, 2.5))
 
 
-def field_of(scene: Any, rows: tuple[int, ...] = (0, 1)) -> Field:
-    return Field(scene, rows, area=None, height=0.8, speed=0.3, swath=None, clearance=0.3)
+def field_of(scene: Any, rows: tuple[int, ...] = (0, 1)) -> SearchSpace:
+    return SearchSpace(
+        scene, rows, area=None, height=0.8, speed=0.3, lane_spacing=None, clearance=0.3
+    )
 
 
 def test_both_keep_the_contract(hall: Any) -> None:
@@ -34,7 +36,7 @@ def test_both_keep_the_contract(hall: Any) -> None:
 def test_an_area_with_an_obstacle_is_covered_in_time(pattern: str, hall: Any, search: Any) -> None:
     flown = search(hall(2), pattern=pattern)
     assert flown.status is Status.SUCCESS
-    assert flown.field.chart.covered >= 0.99
+    assert flown.space.coverage.fraction >= 0.99
     assert flown.time < flown.limit / 2
 
 
@@ -65,7 +67,7 @@ def test_the_share_of_a_scout_that_leaves_goes_to_the_others(
 
     flown = search(hall(2), pattern=pattern, meddle=meddle)
     assert flown.status is Status.SUCCESS
-    assert flown.field.chart.covered >= 0.99
+    assert flown.space.coverage.fraction >= 0.99
     assert np.isnan(flown.goal[-1][1]).all()
 
 
@@ -76,7 +78,7 @@ def test_who_takes_over_from_a_scout_goes_on_with_what_is_left(
     seen = []
 
     def meddle(time: float, task: Any, _scouts: Any) -> None:
-        seen.append(task._field.chart.covered)
+        seen.append(task._space.coverage.fraction)
         if time == 8.0:
             task.on_agent_replaced(1, 2)
 
@@ -131,7 +133,7 @@ def test_what_nobody_can_see_is_not_waited_for(pattern: str, hall: Any, search: 
     flown = search(room, pattern=pattern)
     assert flown.status is Status.SUCCESS
     assert flown.track[:, :, 0].max() < 0.0
-    assert flown.field.chart.middle[np.flatnonzero(flown.field.chart.wanted), 0].max() < 0.0
+    assert flown.space.coverage.center[np.flatnonzero(flown.space.coverage.required), 0].max() < 0.0
 
 
 @both
@@ -145,7 +147,7 @@ def test_each_side_of_a_wall_is_searched_by_who_is_there(
     room = hall(4, half=2.0, obstacles=(WALL,))
     flown = search(room, pattern=pattern, meddle=meddle)
     assert flown.status is Status.SUCCESS
-    assert flown.field.chart.covered >= 0.99
+    assert flown.space.coverage.fraction >= 0.99
 
 
 def test_two_scouts_do_not_go_to_see_the_same(hall: Any) -> None:
@@ -155,7 +157,7 @@ def test_two_scouts_do_not_go_to_see_the_same(hall: Any) -> None:
     frontier = Frontier(field_of(room))
     here = estimate(np.array([[*agent.start[:2], 0.8] for agent in room.agents]))
     frontier.begin(here, (0, 1))
-    frontier.lead(here, (0, 1))
+    frontier.waypoints(here, (0, 1))
     one, other = (set(trip.cells.tolist()) for trip in frontier._trips.values())
     assert one
     assert other
@@ -164,8 +166,8 @@ def test_two_scouts_do_not_go_to_see_the_same(hall: Any) -> None:
 
 def test_a_viewpoint_is_as_far_as_the_way_around_an_obstacle(hall: Any) -> None:
     wall = Obstacle("wall", (((-0.05, -2.0), (0.05, -2.0), (0.05, 1.0), (-0.05, 1.0)),), (0.0, 2.5))
-    field = field_of(hall(2, obstacles=(wall,)))
-    points = Viewpoints(field, field.outlooks[0])
+    space = field_of(hall(2, obstacles=(wall,)))
+    points = Viewpoints(space, space.safe_views[0])
     way = points.distance(np.array([-1.0, -1.0, 0.8]))
     behind = np.argmin(np.hypot(points.pose[:, 0] - 1.0, points.pose[:, 1] + 1.0))
     assert 2 * np.hypot(1.0, 2.3) <= way[behind] <= 1.25 * 2 * np.hypot(1.0, 2.3)
@@ -173,13 +175,13 @@ def test_a_viewpoint_is_as_far_as_the_way_around_an_obstacle(hall: Any) -> None:
 
 def test_a_cell_that_cannot_be_seen_though_it_should_is_given_up(hall: Any, search: Any) -> None:
     def meddle(_time: float, task: Any, _scouts: Any) -> None:
-        chart = task._field.chart
-        for looks in chart._looks.values():
-            looks[:-1][np.hypot(*(chart.middle - [1.0, 1.0]).T) < 0.15] = 0
+        coverage = task._space.coverage
+        for looks in coverage._images.values():
+            looks[:-1][np.hypot(*(coverage.center - [1.0, 1.0]).T) < 0.15] = 0
 
     flown = search(hall(2), pattern="frontier", coverage=1.0, meddle=meddle)
     assert flown.status is Status.SUCCESS
-    assert flown.field.chart.left.any()
+    assert flown.space.coverage.unseen.any()
     assert np.hypot(*(flown.track[-1, :, :2] - [1.0, 1.0]).T).min() < 1.2  # it was looked for
 
 
@@ -194,5 +196,5 @@ def test_an_area_without_room_for_lanes_is_over_at_once(hall: Any, search: Any) 
 
 
 def test_making_a_search_plans_nothing_that_flies(hall: Any) -> None:
-    task: Any = make(hall(2), (0, 1), **fill_defaults({}, offer().options))
-    assert task._field.chart.covered == 0.0
+    task: Any = make(hall(2), (0, 1), **fill_defaults({}, spec().options))
+    assert task._space.coverage.fraction == 0.0

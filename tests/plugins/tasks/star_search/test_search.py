@@ -15,9 +15,9 @@ RED, BLUE = (1.2, 1.2), (-1.3, 1.0)
 TWO = {"red": RED, "blue": BLUE}
 
 
-def test_nobody_who_flies_is_a_failure(hall: Any, search: Any) -> None:
+def test_a_search_without_flying_agents_fails(hall: Any, search: Any) -> None:
     flown = search(hall(2), phase=AgentPhase.GROUNDED)
-    assert (flown.status, flown.reason) == (Status.FAILURE, "nobody flies; take off first")
+    assert (flown.status, flown.reason) == (Status.FAILURE, "no agent flies; take off first")
 
 
 def test_it_waits_until_all_who_fly_are_located(hall: Any, search: Any) -> None:
@@ -41,24 +41,24 @@ def test_enough_targets_end_it(hall: Any, search: Any) -> None:
     flown = search(hall(2, targets=TWO), targets=1)
     assert flown.status is Status.SUCCESS
     assert (flown.finder >= 0).sum() == 1
-    assert flown.field.chart.covered < 0.99
+    assert flown.space.coverage.fraction < 0.99
 
 
 def test_all_targets_of_the_world_end_it_if_nothing_is_said(hall: Any, search: Any) -> None:
     flown = search(hall(2, targets=TWO))
     assert flown.status is Status.SUCCESS
     assert (flown.finder >= 0).all()
-    assert flown.field.chart.covered < 0.99
+    assert flown.space.coverage.fraction < 0.99
 
 
 def test_with_none_wanted_the_area_is_covered_whatever_is_found(hall: Any, search: Any) -> None:
     flown = search(hall(2, targets=TWO), targets=0)
     assert flown.status is Status.SUCCESS
-    assert flown.field.chart.covered >= 0.99
+    assert flown.space.coverage.fraction >= 0.99
 
 
 def test_a_search_is_over_when_every_scout_has_landed_at_a_target(hall: Any, search: Any) -> None:
-    flown = search(hall(1, targets={"red": RED}), then="land")
+    flown = search(hall(1, targets={"red": RED}), on_found="land")
     assert flown.status is Status.SUCCESS
     assert flown.phase.tolist() == [AgentPhase.LANDED]
 
@@ -79,11 +79,11 @@ def test_a_covered_area_ends_it_though_targets_are_left(hall: Any, search: Any) 
 def test_a_smaller_coverage_is_reached_sooner(hall: Any, search: Any) -> None:
     half, whole = search(hall(2), coverage=0.5), search(hall(2), coverage=0.99)
     assert half.time < 0.6 * whole.time
-    assert half.field.chart.covered >= 0.5
+    assert half.space.coverage.fraction >= 0.5
 
 
 def test_the_finder_lands_at_its_target(hall: Any, search: Any) -> None:
-    flown = search(hall(2, targets={"red": RED}), targets=1, then="land")
+    flown = search(hall(2, targets={"red": RED}), targets=1, on_found="land")
     ((_, command),) = flown.commands
     assert flown.status is Status.SUCCESS
     assert command.order is Order.LAND
@@ -93,21 +93,21 @@ def test_the_finder_lands_at_its_target(hall: Any, search: Any) -> None:
 
 
 def test_the_others_search_on_when_one_has_landed(hall: Any, search: Any) -> None:
-    flown = search(hall(2, targets={"red": RED}), then="land", targets=0)
+    flown = search(hall(2, targets={"red": RED}), on_found="land", targets=0)
     assert flown.status is Status.SUCCESS
-    assert flown.field.chart.covered >= 0.99
+    assert flown.space.coverage.fraction >= 0.99
     assert (flown.phase == AgentPhase.LANDED).sum() == 1
 
 
 def test_it_fails_when_all_have_landed_before_the_area_is_covered(hall: Any, search: Any) -> None:
-    flown = search(hall(1, targets=TWO), then="land")
+    flown = search(hall(1, targets=TWO), on_found="land")
     assert flown.status is Status.FAILURE
-    assert flown.reason.startswith("nobody is left to search; ")
+    assert flown.reason.startswith("no agent remains to search; ")
     assert flown.reason.endswith("% of the area was seen")
 
 
 def test_a_target_too_near_to_an_obstacle_is_landed_beside(hall: Any, search: Any) -> None:
-    flown = search(hall(1, targets={"red": (0.55, 0.0)}), targets=1, then="land")
+    flown = search(hall(1, targets={"red": (0.55, 0.0)}), targets=1, on_found="land")
     x, y = flown.position[-1][0, :2]
     assert flown.status is Status.SUCCESS
     assert np.hypot(x - 0.55, y) < 0.35
@@ -115,14 +115,14 @@ def test_a_target_too_near_to_an_obstacle_is_landed_beside(hall: Any, search: An
 
 
 def test_the_finder_hovers_at_its_target_to_the_end(hall: Any, search: Any) -> None:
-    flown = search(hall(2, targets={"red": RED}), then="hover", targets=0)
+    flown = search(hall(2, targets={"red": RED}), on_found="hover", targets=0)
     assert flown.status is Status.SUCCESS
     assert flown.commands == []
     assert flown.position[-1][flown.finder[0], :2] == pytest.approx(RED, abs=0.2)
 
 
 def test_who_marks_a_target_stays_over_it_and_then_searches_on(hall: Any, search: Any) -> None:
-    flown = search(hall(1, targets=TWO), then="mark", mark_for=4.0)
+    flown = search(hall(1, targets=TWO), on_found="mark", mark_duration=4.0)
     assert flown.status is Status.SUCCESS
     for place in TWO.values():
         near = np.linalg.norm(flown.track[:, 0, :2] - place, axis=1) <= 0.2
@@ -131,7 +131,7 @@ def test_who_marks_a_target_stays_over_it_and_then_searches_on(hall: Any, search
 
 def test_a_target_is_marked_before_enough_targets_end_it(hall: Any, search: Any) -> None:
     quick = search(hall(1, targets={"red": RED}), targets=1)
-    marked = search(hall(1, targets={"red": RED}), targets=1, then="mark", mark_for=4.0)
+    marked = search(hall(1, targets={"red": RED}), targets=1, on_found="mark", mark_duration=4.0)
     assert marked.time >= quick.time + 4.0
 
 
@@ -139,14 +139,14 @@ def test_a_target_that_was_found_before_is_nobodys_to_land_at(hall: Any, search:
     def meddle(_time: float, _task: Any, scouts: Any) -> None:
         scouts.finder = np.array([0])
 
-    flown = search(hall(2, targets={"red": RED}), then="land", targets=0, meddle=meddle)
+    flown = search(hall(2, targets={"red": RED}), on_found="land", targets=0, meddle=meddle)
     assert flown.commands == []
-    assert flown.field.chart.covered >= 0.99
+    assert flown.space.coverage.fraction >= 0.99
 
 
 def test_two_that_land_at_one_place_land_apart(hall: Any, search: Any) -> None:
     near = {"red": RED, "blue": (1.2, 1.0)}
-    flown = search(hall(3, targets=near), then="land", targets=0)
+    flown = search(hall(3, targets=near), on_found="land", targets=0)
     down = np.flatnonzero(flown.phase == AgentPhase.LANDED)
     places = flown.position[-1][down, :2]
     if len(down) == 2:
@@ -160,9 +160,9 @@ def test_a_finder_that_leaves_is_waited_for_by_nobody(hall: Any, search: Any) ->
             task.on_agents_removed(tuple(row for row in (0, 1) if row != scouts.finder[0]))
             scouts.phase = np.where(np.arange(2) == scouts.finder[0], 6, scouts.phase)
 
-    flown = search(hall(2, targets={"red": RED}), then="land", targets=0, meddle=meddle)
+    flown = search(hall(2, targets={"red": RED}), on_found="land", targets=0, meddle=meddle)
     assert flown.status is Status.SUCCESS
-    assert flown.field.chart.covered >= 0.99
+    assert flown.space.coverage.fraction >= 0.99
 
 
 @pytest.mark.parametrize("then", ["mark", "hover"])
@@ -175,7 +175,7 @@ def test_who_takes_over_from_a_finder_makes_its_visit(then: str, hall: Any, sear
             task.on_agent_replaced(int(scouts.finder[0]), 2)
 
     room = hall(3, targets={"red": RED})
-    flown = search(room, rows=(0, 1), then=then, targets=1, meddle=meddle)
+    flown = search(room, rows=(0, 1), on_found=then, targets=1, meddle=meddle)
     assert flown.status is Status.SUCCESS
     assert np.hypot(*(flown.track[-1, 2, :2] - RED)) < 0.3
 
@@ -192,13 +192,13 @@ def test_one_without_a_camera_only_keeps_the_place(hall: Any, search: Any) -> No
     assert np.isnan(np.array(flown.goal)[:, 2]).all()
 
 
-def test_a_search_by_agents_without_cameras_alone_says_so(hall: Any, search: Any) -> None:
-    with pytest.raises(PluginError, match="nobody with a camera is left to search: cf1, cf2"):
+def test_a_search_without_cameras_is_refused(hall: Any, search: Any) -> None:
+    with pytest.raises(PluginError, match="no agent with a camera remains to search: cf1, cf2"):
         search(hall(2, camera=None))
 
 
 def test_visits_to_targets_have_time(hall: Any, search: Any) -> None:
     room = hall(2, targets=TWO)
     plain = search(room, longest=0.1).limit
-    assert search(room, longest=0.1, then="mark", mark_for=10.0).limit >= plain + 3 * 20.0
-    assert search(room, longest=0.1, then="land").limit > plain
+    assert search(room, longest=0.1, on_found="mark", mark_duration=10.0).limit >= plain + 3 * 20.0
+    assert search(room, longest=0.1, on_found="land").limit > plain

@@ -1,4 +1,4 @@
-"""What the verb announces, and what its check finds."""
+"""What the verb announces, and what its check visits."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from star_core import PluginError, Task, fill_defaults
-from star_search import choice
-from star_search.offer import make, offer
+from star_search import pattern
+from star_search.spec import make, spec
 
 
 def filled(options: dict[str, Any]) -> dict[str, Any]:
-    return fill_defaults(options, offer().options)
+    return fill_defaults(options, spec().options)
 
 
 def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
-    check = offer().check
+    check = spec().check
     assert check is not None
     rows = tuple(range(len(scene.agents)))
     return [(problem.path, problem.message) for problem in check(scene, rows, **filled(options))]
@@ -30,11 +30,13 @@ def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], st
     [[[0, 0], [1, 0]], {"low": [0, 0]}, {"low": [0, 0], "high": [1, 1], "x": 1}, [[0], [1], [2]]],
 )
 def test_the_schema_refuses_what_is_no_area(area: Any) -> None:
-    assert not Draft202012Validator(offer().options).is_valid({"area": area})
+    assert not Draft202012Validator(spec().options).is_valid({"area": area})
 
 
 def test_a_good_search_has_no_problem(hall: Any) -> None:
-    assert problems(hall(targets={"red": (1, 1)}), targets=["red"], swath=1.0, height=0.7) == []
+    assert (
+        problems(hall(targets={"red": (1, 1)}), targets=["red"], lane_spacing=1.0, height=0.7) == []
+    )
 
 
 def test_agents_without_a_camera_are_told(hall: Any) -> None:
@@ -62,13 +64,13 @@ def test_a_height_that_nobody_flies_at_is_told(hall: Any) -> None:
 def test_a_height_from_which_no_tag_is_made_out_is_told(hall: Any) -> None:
     ((path, message),) = problems(hall(), height=1.8)
     assert path == ("height",)
-    assert message.startswith("from 1.8 m at 0.3 m/s, 'cf1' makes out no tag on the floor")
+    assert message.startswith("from 1.8 m at 0.3 m/s, 'cf1' resolves no tag on the floor")
 
 
 def test_lanes_farther_apart_than_the_camera_sees_are_told(hall: Any) -> None:
-    ((path, message),) = problems(hall(), swath=2.0)
-    assert path == ("swath",)
-    assert message.startswith("2 m is more than the 1.35 m in which 'cf1' makes out tags")
+    ((path, message),) = problems(hall(), lane_spacing=2.0)
+    assert path == ("lane_spacing",)
+    assert message.startswith("2 m is more than the 1.35 m in which 'cf1' resolves tags")
 
 
 def test_a_clearance_that_leaves_nothing_is_told(hall: Any) -> None:
@@ -96,14 +98,14 @@ def test_what_is_made_is_a_task(hall: Any) -> None:
 
 
 def test_somebody_elses_pattern_is_offered_and_made(hall: Any, monkeypatch: Any) -> None:
-    theirs = EntryPoint("theirs", "star_search.frontier:Frontier", choice.GROUP)
-    monkeypatch.setattr(choice, "entry_points", lambda **_group: [theirs])
-    choice._installed.cache_clear()
+    theirs = EntryPoint("theirs", "star_search.frontier:Frontier", pattern.GROUP)
+    monkeypatch.setattr(pattern, "entry_points", lambda **_group: [theirs])
+    pattern._installed.cache_clear()
     try:
-        assert offer().options["properties"]["pattern"]["enum"] == ["frontier", "sweep", "theirs"]
+        assert spec().options["properties"]["pattern"]["enum"] == ["frontier", "sweep", "theirs"]
         assert isinstance(make(hall(), (0,), **filled({"pattern": "theirs"})), Task)
     finally:
-        choice._installed.cache_clear()
+        pattern._installed.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -116,8 +118,8 @@ def test_somebody_elses_pattern_is_offered_and_made(hall: Any, monkeypatch: Any)
 def test_a_pattern_that_is_none_is_named(
     value: str, message: str, hall: Any, monkeypatch: Any
 ) -> None:
-    theirs = EntryPoint("theirs", value, choice.GROUP)
-    monkeypatch.setattr(choice, "_installed", lambda: {"theirs": theirs})
+    theirs = EntryPoint("theirs", value, pattern.GROUP)
+    monkeypatch.setattr(pattern, "_installed", lambda: {"theirs": theirs})
     with pytest.raises(PluginError) as raised:
         make(hall(), (0,), **filled({"pattern": "theirs"}))
     assert str(raised.value).startswith(message)

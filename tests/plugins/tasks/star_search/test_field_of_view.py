@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Camera, Fence, Tag, World
-from star_search.view import View, swath, view
+from star_search.field_of_view import FieldOfView, field_of_view, swath
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.geometric import OnboardDetector
 
@@ -27,7 +27,7 @@ def test_the_simulated_camera_finds_every_tag_in_view(pitch: float) -> None:
     level = (0.0, 0.0, 0.0, 1.0)
     body = Shot(np.array([0.0, 0.0, 0.8]), np.array(level), np.zeros(3), np.zeros(3))
     world = World("floor", Fence((-9, -9, 0), (9, 9, 3)))
-    points = view(camera, 0.8, SIZE, 0.1).points
+    points = field_of_view(camera, 0.8, SIZE, 0.1).points
     assert len(points) > 10
     for x, y in points:
         tag = Tag(1, SIZE, (x, y, 0.0), (0.0, 0.0, math.sin(0.3), math.cos(0.3)), "target")
@@ -35,26 +35,29 @@ def test_the_simulated_camera_finds_every_tag_in_view(pitch: float) -> None:
 
 
 def test_a_camera_that_looks_ahead_shows_what_is_ahead() -> None:
-    seen = view(Camera(), 0.8, SIZE, 0.1)
+    seen = field_of_view(Camera(), 0.8, SIZE, 0.1)
     assert 0.3 < seen.near < seen.far < 1.2
     assert seen.reach >= seen.far
 
 
 def test_a_camera_that_looks_down_shows_what_is_below() -> None:
-    assert (0.0, 0.0) in view(DOWN, 0.8, SIZE, 0.1).points
+    assert (0.0, 0.0) in field_of_view(DOWN, 0.8, SIZE, 0.1).points
 
 
 def test_a_camera_that_looks_up_shows_no_floor() -> None:
-    assert view(Camera(pitch=math.radians(-60.0)), 0.8, SIZE, 0.1).points == ()
+    assert field_of_view(Camera(pitch=math.radians(-60.0)), 0.8, SIZE, 0.1).points == ()
 
 
 def test_tags_are_too_small_from_too_high() -> None:
-    assert view(DOWN, 4.0, SIZE, 0.1).points == ()
+    assert field_of_view(DOWN, 4.0, SIZE, 0.1).points == ()
 
 
 @given(cameras, heights, st.floats(1.1, 2.0))
 def test_a_larger_tag_is_made_out_farther_away(camera: Camera, height: float, more: float) -> None:
-    small, large = view(camera, height, 0.1, 0.1), view(camera, height, 0.1 * more, 0.1)
+    small, large = (
+        field_of_view(camera, height, 0.1, 0.1),
+        field_of_view(camera, height, 0.1 * more, 0.1),
+    )
     assert large.reach >= small.reach - 0.15  # it may not lie wholly in the image any more
 
 
@@ -62,13 +65,13 @@ def test_a_larger_tag_is_made_out_farther_away(camera: Camera, height: float, mo
 def test_who_flies_faster_sees_no_wider_strip(
     camera: Camera, height: float, speed: float, times: float
 ) -> None:
-    seen = view(camera, height, SIZE, 0.05)
+    seen = field_of_view(camera, height, SIZE, 0.05)
     assert swath(seen, times * speed, 10.0) <= swath(seen, speed, 10.0)
 
 
 @given(cameras, heights)
 def test_a_strip_is_no_wider_than_the_view(camera: Camera, height: float) -> None:
-    seen = view(camera, height, SIZE, 0.05)
+    seen = field_of_view(camera, height, SIZE, 0.05)
     width = max((y for _, y in seen.points), default=0) - min(
         (y for _, y in seen.points), default=0
     )
@@ -76,13 +79,13 @@ def test_a_strip_is_no_wider_than_the_view(camera: Camera, height: float) -> Non
 
 
 def test_nothing_in_view_is_no_strip() -> None:
-    assert swath(View((0, 0, 1), (), 0.05), 0.3, 10.0) == 0.0
+    assert swath(FieldOfView((0, 0, 1), (), 0.05), 0.3, 10.0) == 0.0
 
 
 def test_a_shrunk_view_lies_a_cell_within() -> None:
-    whole = view(Camera(), 0.8, SIZE, 0.1)
+    whole = field_of_view(Camera(), 0.8, SIZE, 0.1)
     cells = {(round(x / 0.1), round(y / 0.1)) for x, y in whole.points}
-    inner = whole.shrunk().points
+    inner = whole.eroded().points
     assert 0 < len(inner) < len(whole.points)
     assert all(
         (round(x / 0.1) + i, round(y / 0.1) + j) in cells
@@ -93,5 +96,5 @@ def test_a_shrunk_view_lies_a_cell_within() -> None:
 
 
 def test_a_view_without_inner_cells_is_not_shrunk_to_nothing() -> None:
-    thin = View((0.0, 0.0, 1.0), ((0.0, 0.0), (0.1, 0.0)), 0.1)
-    assert thin.shrunk() == thin
+    thin = FieldOfView((0.0, 0.0, 1.0), ((0.0, 0.0), (0.1, 0.0)), 0.1)
+    assert thin.eroded() == thin
