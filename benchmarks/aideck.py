@@ -18,8 +18,8 @@ import time
 import numpy as np
 
 from star_core import Image
-from star_fleet.aideck.server import AideckServer
-from star_fleet.aideck.switchboard import Switchboard
+from star_fleet.aideck import AideckServer
+from star_fleet.tcp import Switchboard
 from star_radio.camera.client import CameraClient
 
 SHAPE = (244, 324)

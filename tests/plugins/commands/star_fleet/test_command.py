@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError, Supervisor
-from star_fleet.aideck.server import PORT
+from star_fleet.aideck import PORT
 from star_fleet.command import CAMERAS, run
 from star_fleet.packet import Port, join
 

@@ -14,7 +14,7 @@ import pytest
 from star_core import Frames, PluginError
 from star_core.testing import scene
 from star_core.world.camera import Camera
-from star_fleet.aideck.server import AideckServer
+from star_fleet.aideck import AideckServer
 from star_radio.camera.ai_decks import AiDecks
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 

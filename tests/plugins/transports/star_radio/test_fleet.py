@@ -28,7 +28,7 @@ from star_core import (
     load,
 )
 from star_core.testing import scene
-from star_fleet.aideck.crtp import CrtpOverTcp
+from star_fleet.aideck import CrtpOverTcp
 from star_fleet.server import Fleet
 from star_radio import orders
 from star_radio.transport import Radio

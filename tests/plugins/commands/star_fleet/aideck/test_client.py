@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from star_core import Image
-from star_fleet.aideck.image import framed
-from star_fleet.aideck.server import AideckServer
+from star_fleet.aideck import AideckServer, framed
 from star_radio.camera.client import CameraClient
 from star_radio.camera.stream import Counts
 

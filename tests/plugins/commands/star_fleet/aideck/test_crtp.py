@@ -11,9 +11,9 @@ from typing import TypeAlias
 import numpy as np
 import pytest
 
-from star_fleet.aideck.crtp import WAITING, CrtpOverTcp
-from star_fleet.aideck.switchboard import Switchboard
+from star_fleet.aideck import MAX_WAITING, CrtpOverTcp
 from star_fleet.cpx import Decoder, Function, Packet, Target, encode
+from star_fleet.tcp import Switchboard
 
 Until: TypeAlias = Callable[..., bool]
 
@@ -73,7 +73,7 @@ def test_what_is_no_crtp_is_not_answered(client: socket.socket) -> None:
 @pytest.mark.usefixtures("client")
 def test_a_client_that_leaves_too_much_unread_is_sent_away(link: CrtpOverTcp, until: Until) -> None:
     def gone() -> bool:
-        for _ in range(WAITING):
+        for _ in range(MAX_WAITING):
             link.push(bytes(31))
         return not link.connected
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from star_core import Agent, Camera, Fence, Image, Scene, World
-from star_fleet.aideck.crtp import CrtpOverTcp
+from star_fleet.aideck import CrtpOverTcp
 from star_fleet.server import Fleet
 from star_fleet.wifi import Wifi
 from star_radio.camera.client import CameraClient

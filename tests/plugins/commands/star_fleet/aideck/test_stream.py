@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Image
-from star_fleet.aideck.image import framed
+from star_fleet.aideck import framed
 from star_fleet.cpx import Function, Packet, Target, encode
 from star_radio.camera.stream import Counts, Stream
 

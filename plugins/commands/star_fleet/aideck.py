@@ -1,0 +1,144 @@
+"""What a simulated Crazyflie's AI-deck serves over TCP: its camera, and the drone's own link."""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections.abc import Callable, Iterable
+from typing import Final
+
+import cv2
+import numpy as np
+
+from star_core import ContractError, Image
+from star_fleet.cpx import ROOM, Function, Packet, Target, encode
+from star_fleet.tcp import Switchboard, TcpPort
+
+PORT: Final = 5000  # of an AI-deck's ESP32
+SHAPE: Final = (244, 324)  # height and width of an HM01B0's image, px
+MAGIC, DEPTH = 0xBC, 1
+RAW, JPEG = 0, 1
+QUALITY: Final = 90  # of 100, of a JPEG image
+MAX_PACKET: Final = 31  # bytes of a CRTP packet, its header included
+MAX_WAITING: Final = 2000  # packets: 2 s of a busy link
+
+_HEAD: Final = struct.Struct("<BHHBBI")  # magic, width, height, depth, form, size
+
+
+class AideckServer(TcpPort):
+    """Streams images to one client at a time, from the moment it connects.
+
+    Sending never blocks: while a client is still receiving an image, one more waits, and a newer
+    one replaces it. So a slow client misses whole images, and those it receives are complete.
+
+    Args:
+        host: Address of the interface.
+        port: Number; 0 for any that is free.
+        shape: Height and width of the images, px.
+        jpeg: Whether to compress them.
+        switchboard: Shared switchboard; the port has its own if not given.
+
+    Attributes:
+        dropped: Number of images that a client has missed.
+
+    Raises:
+        PluginError: The port is not available.
+    """
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        *,
+        shape: tuple[int, int] = SHAPE,
+        jpeg: bool = False,
+        switchboard: Switchboard | None = None,
+    ) -> None:
+        super().__init__(host, port, 1, switchboard)
+        self._shape, self._jpeg = shape, jpeg
+        self.dropped = 0
+        self._counting = threading.Lock()
+
+    def publish(self, image: Image, taken: float) -> None:
+        """Send an image to the client, if there is one, without waiting.
+
+        Args:
+            image: (height, width) grey values.
+            taken: Time of the exposure, s; the deck's format has no field for it.
+
+        Raises:
+            ContractError: The image has another shape or other values.
+        """
+        if image.shape != self._shape or image.dtype != np.uint8:
+            raise ContractError(
+                f"image of an AI-deck has shape {image.shape} and dtype {image.dtype}, expected"
+                f" {self._shape} and uint8"
+            )
+        if self.connected:
+            message = framed(image, jpeg=self._jpeg)
+            with self._counting:
+                self.dropped += self.put(message)
+
+
+class CrtpOverTcp(TcpPort):
+    """Serves one vehicle's CRTP to one client at a time, such as cflib's ``tcp://HOST:PORT``.
+
+    cflib sends nothing twice over TCP, so no packet may be lost: a client that leaves `MAX_WAITING`
+    packets unread is disconnected instead.
+
+    Args:
+        host: Address of the interface.
+        port: Number; 0 for any that is free.
+        handle: Answers a CRTP packet with CRTP packets, in the switchboard's thread. If it raises,
+            the client is disconnected.
+        switchboard: Shared switchboard; the port has its own if not given.
+
+    Raises:
+        PluginError: The port is not available.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        handle: Callable[[bytes], Iterable[bytes]],
+        *,
+        switchboard: Switchboard | None = None,
+    ) -> None:
+        self._handle = handle
+        super().__init__(host, port, MAX_WAITING, switchboard)
+
+    def push(self, packet: bytes) -> None:
+        """Send an unsolicited CRTP packet, such as a log report, from any thread."""
+        if self.put(encode(Packet(Target.STM32, Target.HOST, Function.CRTP, packet))):
+            self.hang_up()
+
+    def heard(self, packet: Packet) -> None:
+        if packet.function is Function.CRTP and 0 < len(packet.data) <= MAX_PACKET:
+            for answer in self._handle(packet.data):
+                self.push(answer)
+
+
+def framed(image: Image, *, jpeg: bool = False) -> bytes:
+    """Return an image's frames, ready to be sent.
+
+    One packet contains width, height, depth, format and size, and the following ones only the bytes
+    of the image (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer.c``). The header has no field
+    for the time of the exposure.
+
+    Args:
+        image: (height, width) grey values.
+        jpeg: Whether to compress it.
+    """
+    height, width = image.shape
+    if jpeg:
+        body = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
+    else:
+        body = np.ascontiguousarray(image).tobytes()
+    head = _HEAD.pack(MAGIC, width, height, DEPTH, JPEG if jpeg else RAW, len(body))
+    chunks = [body[start : start + ROOM] for start in range(0, len(body), ROOM)]
+    return _frame(head) + b"".join(_frame(chunk, chunk is chunks[-1]) for chunk in chunks)
+
+
+def _frame(data: bytes, last: bool = True) -> bytes:  # noqa: FBT001, FBT002
+    return encode(Packet(Target.GAP8, Target.HOST, Function.APP, data, last))

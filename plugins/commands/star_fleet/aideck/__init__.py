@@ -1,1 +1,0 @@
-"""The AI-decks of simulated Crazyflies: their camera streams, and their links over WiFi."""

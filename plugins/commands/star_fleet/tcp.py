@@ -1,0 +1,198 @@
+"""TCP ports for one client at a time, all served by one thread."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
+from typing import Final, Self
+
+from star_core import PluginError
+from star_fleet.cpx import Decoder, Packet, SyncError
+
+CHUNK: Final = 65_536  # bytes to read at a time
+SEND_BUFFER: Final = 80_000  # bytes, about an image, for the kernel to buffer (Linux doubles it)
+BACKLOG: Final = 8  # clients that may wait for the first one to disconnect
+MAX_PORT: Final = 65_535
+
+log = logging.getLogger(__name__)
+
+
+class Switchboard:
+    """An event loop in its own thread, which serves any number of ports."""
+
+    def __init__(self) -> None:
+        self.loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="aideck", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Disconnect all clients and end the thread. Safe to call twice."""
+        if self._thread.is_alive():
+            self.loop.call_soon_threadsafe(self.loop.stop)
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self.loop.run_forever()
+            self.loop.run_until_complete(self._end())
+        finally:
+            self.loop.close()
+
+    async def _end(self) -> None:
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class TcpPort:
+    """A listening port; a context manager that closes it.
+
+    As on an AI-deck, a second client waits, connected, until the first has disconnected.
+
+    Args:
+        host: Address of the interface.
+        port: Number; 0 for any that is free.
+        max_waiting: Messages that may wait behind the one that is being sent.
+        switchboard: Shared switchboard; the port has its own if not given.
+
+    Attributes:
+        address: Host and port on which it listens.
+
+    Raises:
+        PluginError: The port is not available.
+    """
+
+    def __init__(
+        self, host: str, port: int, max_waiting: int, switchboard: Switchboard | None
+    ) -> None:
+        if not 0 <= port <= MAX_PORT:
+            raise PluginError(
+                f"cannot listen on {host}:{port}: expected a port from 0 to {MAX_PORT}"
+            )
+        try:
+            listener = socket.create_server((host, port), backlog=BACKLOG)
+        except OSError as error:
+            reason = str(error.strerror or error).partition(" (while")[0]  # without the port
+            raise PluginError(f"cannot listen on {host}:{port}: {reason}") from error
+        self.address: tuple[str, int] = listener.getsockname()[:2]
+        board = switchboard or Switchboard()
+        self._own = None if board is switchboard else board
+        self._loop = board.loop
+        self._max_waiting = max_waiting
+        self._waiting: deque[bytes] = deque()
+        self._lock = threading.Lock()  # for the queue and the client
+        self._client: asyncio.StreamWriter | None = None
+        self._filled = asyncio.Event()
+        self._turn = asyncio.Lock()
+        self._server: asyncio.Server | None = asyncio.run_coroutine_threadsafe(
+            asyncio.start_server(self._serve, sock=listener), self._loop
+        ).result()
+
+    @property
+    def connected(self) -> bool:
+        """Whether a client is connected."""
+        return self._client is not None
+
+    def heard(self, packet: Packet) -> None:
+        """Handle a packet of the client, in the switchboard's thread; an error disconnects it."""
+
+    def put(self, message: bytes) -> bool:
+        """Queue a message of whole frames, without waiting; without a client it is dropped.
+
+        Returns whether an older message was dropped to make room.
+        """
+        with self._lock:
+            if self._client is None:
+                return False
+            full = len(self._waiting) >= self._max_waiting
+            if full:
+                self._waiting.popleft()
+            idle = not self._waiting
+            self._waiting.append(message)
+        if idle:
+            self._soon(self._filled.set)
+        return full
+
+    def hang_up(self) -> None:
+        """Disconnect the client."""
+        if (client := self._client) is not None:
+            self._soon(client.transport.abort)
+
+    def close(self) -> None:
+        """Disconnect the client and stop listening. Safe to call twice."""
+        server, self._server = self._server, None
+        if server is not None and not self._loop.is_closed():
+            self.hang_up()
+            closed = threading.Event()
+            self._soon(server.close)
+            self._soon(closed.set)
+            closed.wait()
+        if self._own is not None:
+            self._own.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _soon(self, act: Callable[[], object]) -> None:
+        with suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(act)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            async with self._turn:
+                await self._converse(reader, writer)
+        except SyncError as error:
+            log.warning("%s:%d: client disconnected: %s", *self.address, error)
+        except OSError:
+            pass
+        except Exception:
+            log.exception("%s:%d: client disconnected", *self.address)
+        finally:
+            writer.transport.abort()
+
+    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve a client until it disconnects."""
+        line: socket.socket = writer.get_extra_info("socket")
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        writer.transport.set_write_buffer_limits(0)
+        with self._lock:
+            self._client = writer
+        sending = self._loop.create_task(self._send(writer))
+        decoder = Decoder()
+        try:
+            while data := await reader.read(CHUNK):
+                for packet in decoder.feed(data):
+                    self.heard(packet)
+        finally:
+            with self._lock:
+                self._client = None
+                self._waiting.clear()
+            sending.cancel()
+
+    async def _send(self, writer: asyncio.StreamWriter) -> None:
+        with suppress(OSError):
+            while True:
+                await self._filled.wait()
+                self._filled.clear()
+                while message := self._next():
+                    writer.write(message)
+                    await writer.drain()
+
+    def _next(self) -> bytes | None:
+        with self._lock:
+            return self._waiting.popleft() if self._waiting else None
