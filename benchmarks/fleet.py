@@ -25,7 +25,7 @@ from typing import Any
 from star_core import Agent, Fence, Scene, World
 from star_fleet.packet import Port, join
 from star_fleet.server import Fleet
-from star_fleet.variables import ENTRIES
+from star_fleet.variables import VARIABLES
 
 FLIGHT = 12.0  # s
 ALOFT = 0.4  # m
@@ -39,7 +39,7 @@ BLOCKS = (
     ),
     ("stateEstimate.vz", "stateEstimate.yaw", "gyro.z", "pm.vbat", "supervisor.info"),
 )
-NUMBER = {entry.name: i for i, entry in enumerate(ENTRIES)}
+NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 
 
 def grid(n: int) -> Scene:
@@ -79,7 +79,7 @@ class Clients:
         for each in self._sockets:
             for number, names in enumerate(BLOCKS):
                 made = b"".join(
-                    struct.pack("<BH", ENTRIES[NUMBER[name]].code, NUMBER[name]) for name in names
+                    struct.pack("<BH", VARIABLES[NUMBER[name]].code, NUMBER[name]) for name in names
                 )
                 ask(each, join(Port.LOG, 1, bytes([6, number]) + made))
                 ask(each, join(Port.LOG, 1, bytes([3, number, self._log_period])))

@@ -33,34 +33,45 @@ def run(arguments: Sequence[str]) -> int:
     options = parser().parse_args(arguments)
     assignments = [] if options.seed is None else [f"seed={options.seed}"]
     mission = load(Path(options.mission), Registry(), assignments)
-    agents = mission.scene.agents
+    scene, host = mission.scene, options.host
+    agents = scene.agents
     carried = sum(agent.camera is not None for agent in agents)
     cameras = _first_camera(options, carried)
-    _check_ports("--port", options.port, len(agents))
-    _check_ports("--tcp", options.tcp, len(agents))
-    _check_ports("--cameras", cameras, carried)
-    _check_apart(options.tcp, len(agents), cameras, carried)
+    _check_ports(options, len(agents), cameras, carried)
     from star_fleet.server import Fleet
 
+    more: dict[int, list[str]] = {}
     with ExitStack() as opened:
         with _port_errors("--port", options.port):
             fleet = Fleet(
-                mission.scene,
-                host=options.host,
+                scene,
+                host=host,
                 port=options.port,
                 speed=options.speed,
                 arms_itself=not options.brushless,
                 **_of_simulator(mission, seen=cameras is not None),
             )
         opened.callback(fleet.close)
-        more = _over_tcp(fleet, mission, options, cameras, opened)
+        if options.tcp is not None or cameras is not None:
+            from star_fleet.wifi import Wifi  # image compression is slow to import
+        if options.tcp is not None:
+            with _port_errors("--tcp", options.tcp):
+                wifi = Wifi(fleet, scene, host, links=options.tcp, cameras=None)
+            opened.callback(wifi.close)
+            more = {row: [uri] for row, uri in wifi.links.items()}
+        if cameras is not None:
+            with _port_errors("--cameras", cameras, ", or --no-cameras"):
+                wifi = Wifi(fleet, scene, host, links=None, cameras=cameras, jpeg=options.jpeg)
+            opened.callback(wifi.close)
+            for row, address in wifi.cameras.items():
+                more.setdefault(row, []).append(f"camera {address}")
         with _until_interrupted(fleet):
             for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
                 sys.stdout.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
             sys.stdout.flush()
             fleet.serve(options.duration)
     if fleet.slipped:
-        sys.stderr.write(f"star: fleet: the clock stood still for {fleet.slipped:.1f} s in all\n")
+        sys.stderr.write(f"star: fleet: the clock was stopped for {fleet.slipped:.1f} s in all\n")
     return 0
 
 
@@ -120,93 +131,52 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _first_camera(options: argparse.Namespace, carried: int) -> int | None:
-    """Return the port of the first camera, 0 for a free one; None if no camera is streamed.
-
-    Raises:
-        InputError: Camera options were given, but there are no cameras.
-    """
-    none = "" if carried else f"no agent of {options.mission} carries a 'camera'"
-    if options.cameras is not None and none:
-        raise InputError([f"--cameras {options.cameras}: {none}"])
-    if options.jpeg and (none or options.no_cameras):
-        raise InputError([f"--jpeg: there are no images to compress: {none or '--no-cameras'}"])
-    if none or options.no_cameras:
+    """Return the port of the first camera, 0 for a free one; None if no camera is streamed."""
+    missing = "" if carried else f"no agent of {options.mission} carries a 'camera'"
+    if options.cameras is not None and missing:
+        raise InputError(f"--cameras {options.cameras}: {missing}", "missing-camera")
+    if options.jpeg and (missing or options.no_cameras):
+        why = missing or "--no-cameras"
+        raise InputError(f"--jpeg: there are no images to compress: {why}", "option-conflict")
+    if missing or options.no_cameras:
         return None
     return CAMERAS if options.cameras is None else int(options.cameras)
 
 
-def _check_ports(flag: str, first: int | None, count: int) -> None:
-    """Check that there are enough ports from the first one on.
-
-    Raises:
-        InputError: There are not.
-    """
-    if first and first + count - 1 > LAST_PORT:
-        raise InputError([f"{flag} {first}: no {count} ports from there, {LAST_PORT} is the last"])
-
-
-def _check_apart(links: int | None, agents: int, cameras: int | None, carried: int) -> None:
-    """Check that the TCP ports of links and cameras do not overlap.
-
-    Raises:
-        InputError: They overlap.
-    """
+def _check_ports(
+    options: argparse.Namespace, agents: int, cameras: int | None, carried: int
+) -> None:
+    """Check that there are enough ports from each first one on, and that they do not overlap."""
+    links = options.tcp
+    for flag, first, count in (
+        ("--port", options.port, agents),
+        ("--tcp", links, agents),
+        ("--cameras", cameras, carried),
+    ):
+        if first and first + count - 1 > LAST_PORT:
+            raise InputError(
+                f"{flag} {first}: no {count} ports from there, {LAST_PORT} is the last",
+                "out-of-range",
+            )
     if links and cameras and links < cameras + carried and cameras < links + agents:
         raise InputError(
-            [
-                f"--tcp {links}: the links of {agents} agents would take ports of the cameras, "
-                f"which begin at {cameras}; name others by --tcp N or --cameras N"
-            ]
+            f"--tcp {links}: the links of {agents} agents would take ports of the cameras, which "
+            f"begin at {cameras}; name others by --tcp N or --cameras N",
+            "option-conflict",
         )
 
 
 @contextmanager
 def _port_errors(flag: str, port: int, instead: str = "") -> Iterator[None]:
-    """Name the flag of a port that is not available.
-
-    Raises:
-        InputError: The port is not available.
-    """
+    """Name the flag of a port that is not available."""
     try:
         yield
     except PluginError as error:
-        other = f"name another port by {flag} N{instead}"
+        other, code = f"name another port by {flag} N{instead}", error.code
         cause = error.__cause__
         if isinstance(cause, OSError) and (isinstance(cause, gaierror) or cause.errno == NOWHERE):
-            other = "--host is to be an address of this computer"
-        raise InputError([f"{flag} {port}: {error.message}; {other}"]) from error
-
-
-def _over_tcp(
-    fleet: Fleet,
-    mission: Mission,
-    options: argparse.Namespace,
-    cameras: int | None,
-    opened: ExitStack,
-) -> dict[int, list[str]]:
-    """Serve links and cameras over TCP if requested, and return their addresses, by row.
-
-    Raises:
-        InputError: A port is not available.
-    """
-    if options.tcp is None and cameras is None:
-        return {}
-    from star_fleet.wifi import Wifi  # image compression is slow to import
-
-    found: dict[int, list[str]] = {}
-    scene, host = mission.scene, options.host
-    if options.tcp is not None:
-        with _port_errors("--tcp", options.tcp):
-            wifi = Wifi(fleet, scene, host, links=options.tcp, cameras=None)
-        opened.callback(wifi.close)
-        found = {row: [uri] for row, uri in wifi.links.items()}
-    if cameras is not None:
-        with _port_errors("--cameras", cameras, ", or --no-cameras"):
-            wifi = Wifi(fleet, scene, host, links=None, cameras=cameras, jpeg=options.jpeg)
-        opened.callback(wifi.close)
-        for row, address in wifi.cameras.items():
-            found.setdefault(row, []).append(f"camera {address}")
-    return found
+            other, code = "--host must be an address of this computer", "invalid-address"
+        raise InputError(f"{flag} {port}: {error.message}; {other}", code) from error
 
 
 def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:

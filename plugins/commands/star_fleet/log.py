@@ -10,16 +10,15 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from star_fleet.packet import Port, join, read
-from star_fleet.readings import FORMAT, Readings, held_one
 from star_fleet.toc import Contents
-from star_fleet.variables import ENTRIES, VARIABLES
+from star_fleet.variables import FORMAT, VARIABLES, Readings, held_one
 
 BLOCKS, VARIABLES_AT_ONCE, MOST_BYTES = 16, 128, 26
 DELETE, START, STOP, RESET, CREATE, APPEND, START_MS = 2, 3, 4, 5, 6, 7, 8  # commands
 CONTROL, DATA = 1, 2  # channels
 TICK: Final = 10  # ms, of START's period
 
-CONTENTS: Final = Contents(b"log", ENTRIES, bytes([BLOCKS, VARIABLES_AT_ONCE]))
+CONTENTS: Final = Contents(b"log", VARIABLES, bytes([BLOCKS, VARIABLES_AT_ONCE]))
 
 
 @dataclass(slots=True)

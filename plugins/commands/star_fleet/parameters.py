@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from star_fleet.packet import read
-from star_fleet.toc import Contents, Entry
+from star_fleet.toc import Contents
 
 U8, U16, U32, I8, I16, I32, FLOAT = 0x08, 0x09, 0x0A, 0x00, 0x01, 0x02, 0x06  # types
 READ_ONLY, EXTENDED, CORE = 0x40, 0x10, 0x20  # flags
@@ -91,7 +91,7 @@ PARAMETERS: Final = (
     Parameter("system.selftestPassed", I8 | READ_ONLY | CORE, 1),
 )
 
-CONTENTS: Final = Contents(b"param", [Entry(p.name, p.code) for p in PARAMETERS])
+CONTENTS: Final = Contents(b"param", PARAMETERS)
 
 
 class Parameters:

@@ -30,7 +30,7 @@ class Ports:
         sockets: Of each agent; they do not block.
 
     Raises:
-        PluginError: A port cannot be had; it is named.
+        PluginError: A port is not available; it is named.
     """
 
     def __init__(self, scene: Scene, host: str, numbers: Sequence[int]) -> None:
@@ -78,7 +78,7 @@ def _opened(name: str, host: str, number: int) -> socket.socket:
     """Return the socket of the agent of that name.
 
     Raises:
-        PluginError: The port cannot be had.
+        PluginError: The port is not available.
     """
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -87,6 +87,7 @@ def _opened(name: str, host: str, number: int) -> socket.socket:
     except (OSError, OverflowError) as error:
         made.close()
         raise PluginError(
-            f"agent {name!r}: port {number} of {host!r} cannot be had: {error}"
+            f"agent {name!r}: port {number} of {host!r} is not available: {error}",
+            "address-in-use",
         ) from error
     return made

@@ -17,9 +17,8 @@ from star_core import Agent, Frames, Image, PluginError, Scene
 from star_fleet.craft import Craft
 from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
 from star_fleet.ports import Client, Ports
-from star_fleet.readings import Readings, Source
 from star_fleet.supervisor import PERIOD
-from star_fleet.variables import VARIABLES
+from star_fleet.variables import Readings
 from star_fleet.vehicle import Vehicle
 from star_sim.airframe import CYCLE
 from star_sim.battery import HOVER_TIME
@@ -73,7 +72,7 @@ class Fleet:
         vehicles: The firmware of each row.
 
     Raises:
-        PluginError: A port cannot be had; it is named.
+        PluginError: A port is not available; it is named.
     """
 
     def __init__(  # noqa: PLR0913
@@ -184,16 +183,7 @@ class Fleet:
             now = self.simulator.time
             if self._cycle % _SUPERVISE == 0:
                 self._supervise(now)
-            readings = Readings(
-                Source(
-                    self.simulator.drones,
-                    self.simulator.sample,
-                    self._info,
-                    now,
-                    self.simulator.fusion,
-                ),
-                VARIABLES,
-            )
+            readings = Readings(self.simulator, self._info)
             streamed = [vehicle.advance(readings, now) for vehicle in self.vehicles]
             saw, self._saw = self._saw, any(map(self.watched, self._watchers))
             frames = Frames.none()
@@ -318,7 +308,7 @@ def _numbers(scene: Scene, port: int, ports: Sequence[int] | None) -> Sequence[i
     if ports is None:
         return [port + row if port else 0 for row in range(len(scene.agents))]
     if len(ports) != len(scene.agents):
-        raise PluginError(f"{len(ports)} ports for {len(scene.agents)} agents")
+        raise PluginError(f"{len(ports)} ports for {len(scene.agents)} agents", "wrong-shape")
     return ports
 
 

@@ -74,13 +74,16 @@ class TcpPort:
     ) -> None:
         if not 0 <= port <= MAX_PORT:
             raise PluginError(
-                f"cannot listen on {host}:{port}: expected a port from 0 to {MAX_PORT}"
+                f"cannot listen on {host}:{port}: expected a port from 0 to {MAX_PORT}",
+                "out-of-range",
             )
         try:
             listener = socket.create_server((host, port), backlog=BACKLOG)
         except OSError as error:
             reason = str(error.strerror or error).partition(" (while")[0]  # without the port
-            raise PluginError(f"cannot listen on {host}:{port}: {reason}") from error
+            raise PluginError(
+                f"cannot listen on {host}:{port}: {reason}", "address-in-use"
+            ) from error
         self.address: tuple[str, int] = listener.getsockname()[:2]
         board = switchboard or Switchboard()
         self._own = None if board is switchboard else board

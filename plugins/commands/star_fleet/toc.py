@@ -5,30 +5,20 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Protocol
 
 from star_fleet.packet import read
 
 ITEM, INFO = 2, 3  # commands; 0 and 1 are for protocol versions below 4, no longer in use
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One variable.
+class Entry(Protocol):
+    """A variable: ``group.name``, and its type and flags."""
 
-    Attributes:
-        name: ``group.name``.
-        code: Its type and flags, as a table of contents has them.
-    """
-
-    name: str
-    code: int
-
-    def described(self) -> bytes:
-        """The entry as sent to clients."""
-        group, _, name = self.name.partition(".")
-        return bytes([self.code]) + group.encode() + b"\0" + name.encode() + b"\0"
+    @property
+    def name(self) -> str: ...
+    @property
+    def code(self) -> int: ...
 
 
 class Contents:
@@ -41,12 +31,12 @@ class Contents:
     """
 
     def __init__(self, salt: bytes, entries: Sequence[Entry], tail: bytes = b"") -> None:
-        self.number: Final = {entry.name: i for i, entry in enumerate(entries)}
-        self.entries: Final = tuple(entries)
-        described = [entry.described() for entry in entries]
-        checksum = zlib.crc32(salt + b"".join(described))
+        self.number = {entry.name: i for i, entry in enumerate(entries)}
+        self.entries = tuple(entries)
+        texts = [described(entry) for entry in entries]
+        checksum = zlib.crc32(salt + b"".join(texts))
         self._info = struct.pack("<BHI", INFO, len(entries), checksum) + tail
-        self._items = [struct.pack("<BH", ITEM, i) + text for i, text in enumerate(described)]
+        self._items = [struct.pack("<BH", ITEM, i) + text for i, text in enumerate(texts)]
 
     def answer(self, payload: bytes) -> bytes | None:
         """Return the answer to a question; None if it is none."""
@@ -58,3 +48,8 @@ class Contents:
             number: int = asked[0]
             return self._items[number] if number < len(self._items) else bytes([ITEM])
         return None
+
+
+def described(entry: Entry) -> bytes:
+    group, _, name = entry.name.partition(".")
+    return bytes([entry.code]) + group.encode() + b"\0" + name.encode() + b"\0"

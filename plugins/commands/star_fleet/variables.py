@@ -7,73 +7,186 @@ Signs are the firmware's: ``pitch`` is nose up positive in `stateEstimate`, `sta
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
+from star_core import Array, Rows
 from star_fleet.packet import compress
-from star_fleet.readings import FLOAT, I8, I16, U8, U16, U32, Readings, Variable, into_body
-from star_fleet.toc import Entry
 from star_sim import fusion
-from star_sim.airframe import GRAVITY, THRUST_MAX
+from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
 from star_sim.attitude import ATTITUDE_GAIN
 from star_sim.drone import OFF
+from star_sim.report import report
+from star_sim.transport import Simulator
 
+U8, U16, U32, I8, I16, I32, FLOAT, HALF = 1, 2, 3, 4, 5, 6, 7, 8  # types
+FORMAT: Final = {U8: "B", U16: "H", U32: "I", I8: "b", I16: "h", I32: "i", FLOAT: "f", HALF: "e"}
+WHOLE: Final = {
+    U8: (0, 255),
+    U16: (0, 65535),
+    U32: (0, 0xFFFFFFFF),
+    I8: (-128, 127),
+    I16: (-32768, 32767),
+    I32: (-0x80000000, 0x7FFFFFFF),
+}
 ON_BATTERY, LOW_POWER = 0, 3  # ``pm.state``
 LOW_VOLTAGE: Final = 3.2  # V, ``pm.lowVoltage``
 CELL: Final = (3.0, 4.2)  # V, empty and full, for ``pm.batteryLevel``
 LOSS_AT_1_M: Final = 40.0  # dB, of 2.4 GHz in free space (Friis), from a sender of 0 dBm
-NEAREST: Final = 0.1  # m from the radio, which stands at the map's origin
+MIN_DISTANCE: Final = 0.1  # m from the radio, which stands at the map's origin
 FULL_PWM: Final = 65535
-LEAST_PUSH: Final = 1e-6  # N
-MOST_RANGE: Final = 4000  # mm, of the ranger
+MIN_PUSH: Final = 1e-6  # N
+MAX_RANGE: Final = 4000  # mm, of the ranger
 
 _DEGREES: Final = math.degrees(1.0)
 
 
+class Readings:
+    """The values of all vehicles at one time, computed when one is asked for.
+
+    Args:
+        simulator: Simulator of the fleet.
+        info: (N,) bits of the supervisors.
+    """
+
+    def __init__(self, simulator: Simulator, info: Rows) -> None:
+        self.drones, self.sample = simulator.drones, simulator.sample
+        self.info = info
+        self._now, self._fusion = simulator.time, simulator.fusion
+        self._columns: dict[int, list[Any]] = {}
+
+    def column(self, number: int) -> list[Any]:
+        """Return the values of a variable, one for each vehicle, as its type can hold them."""
+        found = self._columns.get(number)
+        if found is None:
+            variable = VARIABLES[number]
+            found = self._columns[number] = held(variable.read(self), variable.code)
+        return found
+
+    @cached_property
+    def attitude(self) -> Array:
+        """(N, 4) quaternions x, y, z, w from the body to the odometry frame, as estimated."""
+        n = len(self.drones)
+        attitude = np.empty((n, 4))
+        report(self.drones, self._now, attitude, np.empty(n, np.int64))
+        return attitude
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(N, 3, 3) of the estimates of x, y and heading, m and rad."""
+        return self._fusion.covariance(self.drones, self._now)
+
+    @cached_property
+    def body_velocity(self) -> Array:
+        """(N, 3) velocity along the body's axes, as estimated, m/s."""
+        return into_body(self.attitude, self.drones["believed_velocity"])
+
+    @cached_property
+    def force(self) -> Array:
+        """(N, 3) specific force along the body's axes, as an accelerometer measures it, g."""
+        drones = self.drones
+        felt = -np.array([DRAG_XY, DRAG_XY, DRAG_Z]) * into_body(
+            drones["attitude"], drones["velocity"]
+        )
+        felt[:, 2] += drones["thrust"].sum(axis=1)
+        resting = (drones["position"][:, 2] <= 0) & (drones["velocity"][:, 2] == 0)
+        floor = np.zeros((len(drones), 3))
+        floor[:, 2] = MASS * GRAVITY - drones["thrust"].sum(axis=1)
+        pressed = np.maximum(0.0, floor) * resting[:, None]
+        return (felt + into_body(drones["attitude"], pressed)) / (MASS * GRAVITY)
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """(N, 3) without gravity, along the axes of the odometry frame, g."""
+        inverse = self.attitude * np.array([-1.0, -1.0, -1.0, 1.0])
+        gravity = np.array([0.0, 0.0, 1.0])
+        return np.asarray(into_body(inverse, self.force) - gravity)
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One variable.
+
+    Attributes:
+        name: ``group.name``.
+        code: Its type.
+        read: Returns its (N,) values.
+    """
+
+    name: str
+    code: int
+    read: Callable[[Readings], Any]
+
+
+def held(values: Any, code: int) -> list[Any]:
+    """Return values as a type of variable can hold them: cut to whole numbers, and to its range.
+
+    >>> held(np.array([1.9, -3.0]), U8)
+    [1, 0]
+    """
+    if code in WHOLE:
+        low, high = WHOLE[code]
+        given = np.asarray(values, float)
+        whole = np.where(np.isnan(given), 0.0, given)  # much faster than numpy's own, which counts
+        return list(np.minimum(np.maximum(whole, low), high).astype(np.int64).tolist())
+    return list(np.asarray(values, float).tolist())
+
+
+def held_one(value: float, code: int) -> float:
+    """Return one value as a type of variable can hold it; see `held`.
+
+    >>> held_one(300.7, U8), held_one(math.nan, I16), held_one(0.5, HALF)
+    (255, 0, 0.5)
+    """
+    if code not in WHOLE:
+        return float(value)
+    low, high = WHOLE[code]
+    return 0 if math.isnan(value) else int(min(max(value, low), high))
+
+
+def into_body(attitude: Array, vectors: Array) -> Array:
+    """Turn (N, 3) vectors into the bodies' frames."""
+    x, y, z, w = -attitude[:, 0], -attitude[:, 1], -attitude[:, 2], attitude[:, 3]
+    axis = np.stack([x, y, z], axis=1)
+    twice = 2 * np.cross(axis, vectors)
+    return np.asarray(vectors + w[:, None] * twice + np.cross(axis, twice))
+
+
 def _of(field: str, axis: int | None = None, scale: float = 1.0) -> Callable[[Readings], Any]:
-    """Return what reads a field of the records, or one axis of it."""
-
-    def read(readings: Readings) -> Any:
-        values = readings.source.drones[field]
-        return scale * (values if axis is None else values[:, axis])
-
-    return read
+    """Return a function that reads a field of the records, or one axis of it."""
+    if axis is None:
+        return lambda readings: scale * readings.drones[field]
+    return lambda readings: scale * readings.drones[field][:, axis]
 
 
-def _sampled(place: int, scale: float = 1.0) -> Callable[[Readings], Any]:
-    return lambda readings: scale * readings.source.sample[:, place]
+def _on(field: str, axis: int | None = None, scale: float = 1.0) -> Callable[[Readings], Any]:
+    """Like `_of`, and 0 while the motors are off."""
+    read = _of(field, axis, scale)
+    return lambda readings: np.where(readings.drones["mode"] == OFF, 0.0, read(readings))
 
 
-def _quaternion(axis: int) -> Callable[[Readings], Any]:
-    return lambda readings: readings.attitude[:, axis]
+def _column(name: str, axis: int, scale: float = 1.0) -> Callable[[Readings], Any]:
+    """Return a function that reads one axis of an attribute of the readings."""
+    return lambda readings: scale * getattr(readings, name)[:, axis]
 
 
-def _body_velocity(axis: int) -> Callable[[Readings], Any]:
-    return lambda readings: readings.body_velocity[:, axis]
+def _each(
+    group: str, names: str, code: int, read: Callable[..., Any], *values: Any, scale: float = 1.0
+) -> Iterator[Variable]:
+    """Yield a variable for each axis: `read` makes its function of values, axis and scale."""
+    for axis, name in enumerate(names.split()):
+        yield Variable(f"{group}.{name}", code, read(*values, axis, scale))
 
 
-def _force(axis: int, scale: float = 1.0) -> Callable[[Readings], Any]:
-    return lambda readings: scale * readings.force[:, axis]
-
-
-def _acceleration(axis: int, scale: float) -> Callable[[Readings], Any]:
-    """Without gravity, along the axes of the odometry frame, g."""
-
-    def read(readings: Readings) -> Any:
-        turned = readings.attitude * np.array([-1.0, -1.0, -1.0, 1.0])
-        return scale * (into_body(turned, readings.force)[:, axis] - (axis == 2))  # noqa: PLR2004
-
-    return read
-
-
-def _packed(readings: Readings) -> Any:
-    return compress(readings.attitude)
-
-
-def _bit(bit: int) -> Callable[[Readings], Any]:
-    return lambda readings: readings.source.info >> bit & 1
+def _angles(group: str) -> Iterator[Variable]:
+    """Yield roll, pitch and yaw, degrees."""
+    yield Variable(f"{group}.roll", FLOAT, _of("believed_roll", scale=_DEGREES))
+    yield Variable(f"{group}.pitch", FLOAT, _of("believed_pitch", scale=-_DEGREES))
+    yield Variable(f"{group}.yaw", FLOAT, _of("believed_yaw", scale=_DEGREES))
 
 
 def _variance(axis: int) -> Callable[[Readings], Any]:
@@ -81,164 +194,114 @@ def _variance(axis: int) -> Callable[[Readings], Any]:
     return lambda readings: readings.covariance[:, axis, axis]
 
 
-def _velocity_variance(readings: Readings) -> Any:
-    return np.full(len(readings.source.drones), fusion.VELOCITY_VARIANCE)
+def _velocity_variance(_axis: int, _scale: float) -> Callable[[Readings], Any]:
+    return lambda readings: np.full(len(readings.drones), fusion.VELOCITY_VARIANCE)
 
 
 def _battery_level(readings: Readings) -> Any:
     low, high = CELL
-    return 100 * np.clip((readings.source.drones["voltage"] - low) / (high - low), 0, 1)
+    return 100 * np.clip((readings.drones["voltage"] - low) / (high - low), 0, 1)
 
 
 def _battery_state(readings: Readings) -> Any:
-    return np.where(readings.source.drones["voltage"] < LOW_VOLTAGE, LOW_POWER, ON_BATTERY)
+    return np.where(readings.drones["voltage"] < LOW_VOLTAGE, LOW_POWER, ON_BATTERY)
 
 
 def _rssi(readings: Readings) -> Any:
     """-dBm."""
-    distance = np.linalg.norm(readings.source.drones["position"], axis=1)
-    return LOSS_AT_1_M + 20 * np.log10(np.maximum(distance, NEAREST))
+    distance = np.linalg.norm(readings.drones["position"], axis=1)
+    return LOSS_AT_1_M + 20 * np.log10(np.maximum(distance, MIN_DISTANCE))
 
 
 def _range(readings: Readings) -> Any:
-    """Mm, along the body's z axis, to the floor."""
-    drones = readings.source.drones
+    """Along the body's z axis, to the floor, mm."""
+    drones = readings.drones
     x, y = drones["attitude"][:, 0], drones["attitude"][:, 1]
     upright = 1 - 2 * (x * x + y * y)
-    return np.where(
-        upright > 0,
-        np.minimum(1000 * drones["position"][:, 2] / np.maximum(upright, 1e-6), MOST_RANGE),
-        MOST_RANGE,
-    )
+    distance = 1000 * drones["position"][:, 2] / np.maximum(upright, 1e-6)
+    return np.where(upright > 0, np.minimum(distance, MAX_RANGE), MAX_RANGE)
 
 
-def _wanted_tilt(axis: int) -> Callable[[Readings], Any]:
-    """Degrees of roll, or of pitch (nose up positive), that the position loop asks for."""
+def _wanted_tilt(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
+    """Roll, or pitch (nose up positive), that the position loop asks for, degrees."""
 
     def read(readings: Readings) -> Any:
-        drones = readings.source.drones
+        drones = readings.drones
         x, y, up = drones["push"].T
         yaw = drones["seen_yaw"]
         ahead, aside = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x
-        tilt = -_DEGREES * np.arctan2(aside if axis == 0 else ahead, np.maximum(up, LEAST_PUSH))
+        tilt = -_DEGREES * np.arctan2(aside if axis == 0 else ahead, np.maximum(up, MIN_PUSH))
         return np.where(drones["mode"] == OFF, 0.0, tilt)
 
     return read
 
 
-def _wanted_rate(axis: int) -> Callable[[Readings], Any]:
+def _wanted_rate(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
     """Degrees per second, of the same."""
     tilt = _wanted_tilt(axis)
     actual = _of("believed_roll") if axis == 0 else _of("believed_pitch", scale=-1.0)
     return lambda readings: np.where(
-        readings.source.drones["mode"] == OFF,
+        readings.drones["mode"] == OFF,
         0.0,
         ATTITUDE_GAIN * (tilt(readings) - _DEGREES * actual(readings)),
     )
 
 
 def _thrust(readings: Readings) -> Any:
-    """Of all motors, of 65535 each, mean."""
-    return readings.source.drones["thrust"].mean(axis=1) / THRUST_MAX * FULL_PWM
+    """Mean of all motors, of 65535 each."""
+    return readings.drones["thrust"].mean(axis=1) / THRUST_MAX * FULL_PWM
 
 
-def _on(field: str, axis: int | None = None, scale: float = 1.0) -> Callable[[Readings], Any]:
-    """Like `_of`, and 0 while the motors are off."""
-    read = _of(field, axis, scale)
-    return lambda readings: np.where(readings.source.drones["mode"] == OFF, 0.0, read(readings))
+def _bit(bit: int) -> Callable[[Readings], Any]:
+    return lambda readings: readings.info >> bit & 1
 
 
 VARIABLES: Final = (
-    Variable("stateEstimate.x", FLOAT, _of("believed_position", 0)),
-    Variable("stateEstimate.y", FLOAT, _of("believed_position", 1)),
-    Variable("stateEstimate.z", FLOAT, _of("believed_position", 2)),
-    Variable("stateEstimate.vx", FLOAT, _of("believed_velocity", 0)),
-    Variable("stateEstimate.vy", FLOAT, _of("believed_velocity", 1)),
-    Variable("stateEstimate.vz", FLOAT, _of("believed_velocity", 2)),
-    Variable("stateEstimate.ax", FLOAT, _acceleration(0, 1.0)),
-    Variable("stateEstimate.ay", FLOAT, _acceleration(1, 1.0)),
-    Variable("stateEstimate.az", FLOAT, _acceleration(2, 1.0)),
-    Variable("stateEstimate.roll", FLOAT, _of("believed_roll", scale=_DEGREES)),
-    Variable("stateEstimate.pitch", FLOAT, _of("believed_pitch", scale=-_DEGREES)),
-    Variable("stateEstimate.yaw", FLOAT, _of("believed_yaw", scale=_DEGREES)),
-    Variable("stateEstimate.qx", FLOAT, _quaternion(0)),
-    Variable("stateEstimate.qy", FLOAT, _quaternion(1)),
-    Variable("stateEstimate.qz", FLOAT, _quaternion(2)),
-    Variable("stateEstimate.qw", FLOAT, _quaternion(3)),
-    Variable("stateEstimateZ.x", I16, _of("believed_position", 0, 1000)),
-    Variable("stateEstimateZ.y", I16, _of("believed_position", 1, 1000)),
-    Variable("stateEstimateZ.z", I16, _of("believed_position", 2, 1000)),
-    Variable("stateEstimateZ.vx", I16, _of("believed_velocity", 0, 1000)),
-    Variable("stateEstimateZ.vy", I16, _of("believed_velocity", 1, 1000)),
-    Variable("stateEstimateZ.vz", I16, _of("believed_velocity", 2, 1000)),
-    Variable("stateEstimateZ.ax", I16, _acceleration(0, 1000 * GRAVITY)),
-    Variable("stateEstimateZ.ay", I16, _acceleration(1, 1000 * GRAVITY)),
-    Variable("stateEstimateZ.az", I16, _acceleration(2, 1000 * GRAVITY)),
-    Variable("stateEstimateZ.quat", U32, _packed),
+    *_each("stateEstimate", "x y z", FLOAT, _of, "believed_position"),
+    *_each("stateEstimate", "vx vy vz", FLOAT, _of, "believed_velocity"),
+    *_each("stateEstimate", "ax ay az", FLOAT, _column, "acceleration"),
+    *_angles("stateEstimate"),
+    *_each("stateEstimate", "qx qy qz qw", FLOAT, _column, "attitude"),
+    *_each("stateEstimateZ", "x y z", I16, _of, "believed_position", scale=1000),
+    *_each("stateEstimateZ", "vx vy vz", I16, _of, "believed_velocity", scale=1000),
+    *_each("stateEstimateZ", "ax ay az", I16, _column, "acceleration", scale=1000 * GRAVITY),
+    Variable("stateEstimateZ.quat", U32, lambda readings: compress(readings.attitude)),
     Variable("stateEstimateZ.rateRoll", I16, _of("rates", 0, 1000)),
     Variable("stateEstimateZ.ratePitch", I16, _of("rates", 1, -1000)),
-    Variable("stateEstimateZ.rateYaw", I16, _sampled(4, 1000)),
-    Variable("stabilizer.roll", FLOAT, _of("believed_roll", scale=_DEGREES)),
-    Variable("stabilizer.pitch", FLOAT, _of("believed_pitch", scale=-_DEGREES)),
-    Variable("stabilizer.yaw", FLOAT, _of("believed_yaw", scale=_DEGREES)),
+    Variable("stateEstimateZ.rateYaw", I16, _column("sample", 4, 1000)),
+    *_angles("stabilizer"),
     Variable("stabilizer.thrust", FLOAT, _thrust),
-    Variable("gyro.x", FLOAT, _of("rates", 0, _DEGREES)),
-    Variable("gyro.y", FLOAT, _of("rates", 1, _DEGREES)),
-    Variable("gyro.z", FLOAT, _sampled(4, _DEGREES)),
-    Variable("acc.x", FLOAT, _force(0)),
-    Variable("acc.y", FLOAT, _force(1)),
-    Variable("acc.z", FLOAT, _force(2)),
-    Variable("kalman.stateX", FLOAT, _of("believed_position", 0)),
-    Variable("kalman.stateY", FLOAT, _of("believed_position", 1)),
-    Variable("kalman.stateZ", FLOAT, _of("believed_position", 2)),
-    Variable("kalman.statePX", FLOAT, _body_velocity(0)),
-    Variable("kalman.statePY", FLOAT, _body_velocity(1)),
-    Variable("kalman.statePZ", FLOAT, _body_velocity(2)),
-    Variable("kalman.q0", FLOAT, _quaternion(3)),
-    Variable("kalman.q1", FLOAT, _quaternion(0)),
-    Variable("kalman.q2", FLOAT, _quaternion(1)),
-    Variable("kalman.q3", FLOAT, _quaternion(2)),
+    *_each("gyro", "x y", FLOAT, _of, "rates", scale=_DEGREES),
+    Variable("gyro.z", FLOAT, _column("sample", 4, _DEGREES)),
+    *_each("acc", "x y z", FLOAT, _column, "force"),
+    *_each("kalman", "stateX stateY stateZ", FLOAT, _of, "believed_position"),
+    *_each("kalman", "statePX statePY statePZ", FLOAT, _column, "body_velocity"),
+    Variable("kalman.q0", FLOAT, _column("attitude", 3)),
+    *_each("kalman", "q1 q2 q3", FLOAT, _column, "attitude"),
     Variable("kalman.varX", FLOAT, _variance(0)),
     Variable("kalman.varY", FLOAT, _variance(1)),
-    Variable("kalman.varPX", FLOAT, _velocity_variance),
-    Variable("kalman.varPY", FLOAT, _velocity_variance),
-    Variable("kalman.varPZ", FLOAT, _velocity_variance),
+    *_each("kalman", "varPX varPY varPZ", FLOAT, _velocity_variance),
     Variable("kalman.varD2", FLOAT, _variance(fusion.YAW)),
     Variable("range.zrange", U16, _range),
-    Variable("motor.m1", U16, _of("thrust", 0, FULL_PWM / THRUST_MAX)),
-    Variable("motor.m2", U16, _of("thrust", 1, FULL_PWM / THRUST_MAX)),
-    Variable("motor.m3", U16, _of("thrust", 2, FULL_PWM / THRUST_MAX)),
-    Variable("motor.m4", U16, _of("thrust", 3, FULL_PWM / THRUST_MAX)),
+    *_each("motor", "m1 m2 m3 m4", U16, _of, "thrust", scale=FULL_PWM / THRUST_MAX),
     Variable("pm.vbat", FLOAT, _of("voltage")),
     Variable("pm.vbatMV", U16, _of("voltage", scale=1000)),
     Variable("pm.batteryLevel", U8, _battery_level),
     Variable("pm.state", I8, _battery_state),
     Variable("radio.rssi", U8, _rssi),
-    Variable("supervisor.info", U16, lambda readings: readings.source.info),
+    Variable("supervisor.info", U16, lambda readings: readings.info),
     Variable("sys.canfly", U8, _bit(3)),
     Variable("sys.isFlying", U8, _bit(4)),
     Variable("sys.isTumbled", U8, _bit(5)),
-    Variable("ctrltarget.x", FLOAT, _on("reference_position", 0)),
-    Variable("ctrltarget.y", FLOAT, _on("reference_position", 1)),
-    Variable("ctrltarget.z", FLOAT, _on("reference_position", 2)),
-    Variable("ctrltarget.vx", FLOAT, _on("reference_velocity", 0)),
-    Variable("ctrltarget.vy", FLOAT, _on("reference_velocity", 1)),
-    Variable("ctrltarget.vz", FLOAT, _on("reference_velocity", 2)),
+    *_each("ctrltarget", "x y z", FLOAT, _on, "reference_position"),
+    *_each("ctrltarget", "vx vy vz", FLOAT, _on, "reference_velocity"),
     Variable("ctrltarget.yaw", FLOAT, _on("reference_yaw", scale=_DEGREES)),
-    Variable("posCtl.targetX", FLOAT, _on("reference_position", 0)),
-    Variable("posCtl.targetY", FLOAT, _on("reference_position", 1)),
-    Variable("posCtl.targetZ", FLOAT, _on("reference_position", 2)),
-    Variable("posCtl.targetVX", FLOAT, _on("reference_velocity", 0)),
-    Variable("posCtl.targetVY", FLOAT, _on("reference_velocity", 1)),
-    Variable("posCtl.targetVZ", FLOAT, _on("reference_velocity", 2)),
+    *_each("posCtl", "targetX targetY targetZ", FLOAT, _on, "reference_position"),
+    *_each("posCtl", "targetVX targetVY targetVZ", FLOAT, _on, "reference_velocity"),
     Variable("controller.cmd_thrust", FLOAT, _thrust),
     Variable("controller.actuatorThrust", FLOAT, _thrust),
-    Variable("controller.roll", FLOAT, _wanted_tilt(0)),
-    Variable("controller.pitch", FLOAT, _wanted_tilt(1)),
-    Variable("controller.rollRate", FLOAT, _wanted_rate(0)),
-    Variable("controller.pitchRate", FLOAT, _wanted_rate(1)),
+    *_each("controller", "roll pitch", FLOAT, _wanted_tilt),
+    *_each("controller", "rollRate pitchRate", FLOAT, _wanted_rate),
     Variable("controller.yaw", FLOAT, _on("reference_yaw", scale=_DEGREES)),
     Variable("controller.yawRate", FLOAT, _on("yaw_rate", scale=_DEGREES)),
 )
-
-ENTRIES: Final = tuple(Entry(variable.name, variable.code) for variable in VARIABLES)

@@ -18,9 +18,9 @@ from star_fleet.highlevel import HighLevel, Stage
 from star_fleet.localisation import Fix, fixes
 from star_fleet.memory import Memories
 from star_fleet.packet import MOST_PAYLOAD, NULL, Port, is_null, join, sound, split
-from star_fleet.readings import Readings
 from star_fleet.setpoints import Sticks, decode
 from star_fleet.supervisor import Conditions, State, Supervisor
+from star_fleet.variables import Readings
 
 PROTOCOL: Final = 12
 FIRMWARE: Final = b"STAR simulation"

@@ -12,11 +12,10 @@ from star_core import Array, Supervisor
 from star_core.testing import scene
 from star_fleet.packet import Port, join
 from star_fleet.parameters import CONTENTS as PARAMETERS
-from star_fleet.readings import FORMAT
 from star_fleet.server import Fleet
-from star_fleet.variables import ENTRIES
+from star_fleet.variables import FORMAT, VARIABLES
 
-LOG_NUMBER = {entry.name: i for i, entry in enumerate(ENTRIES)}
+LOG_NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 
 
 class Bench:
@@ -69,7 +68,7 @@ class Bench:
     def log(self, *names: str, row: int = 0) -> tuple[Any, ...]:
         """Return the values of variables, in one block that is sent once."""
         payload = b"".join(
-            struct.pack("<BH", ENTRIES[LOG_NUMBER[name]].code, LOG_NUMBER[name]) for name in names
+            struct.pack("<BH", VARIABLES[LOG_NUMBER[name]].code, LOG_NUMBER[name]) for name in names
         )
         assert self.ask(Port.LOG, 1, b"\x06\xff" + payload, row) == [b"\x06\xff\0"]
         assert self.ask(Port.LOG, 1, b"\x03\xff\0", row) == [b"\x03\xff\0"]
@@ -77,7 +76,7 @@ class Bench:
         assert self.ask(Port.LOG, 1, b"\x02\xff", row) == [b"\x02\xff\0"]
         (packet,) = (p for p in self.streamed[row] if p[:2] == b"\x52\xff")
         self.streamed[row].clear()
-        form = "".join(FORMAT[ENTRIES[LOG_NUMBER[name]].code] for name in names)
+        form = "".join(FORMAT[VARIABLES[LOG_NUMBER[name]].code] for name in names)
         return struct.unpack("<" + form, packet[5:])
 
     def state(self) -> Supervisor:

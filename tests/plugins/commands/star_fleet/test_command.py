@@ -69,7 +69,7 @@ def test_a_port_that_is_taken_is_named() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        wanted = rf"^--port {port}: agent 'cf1': port {port} of '127.0.0.1' cannot be had: "
+        wanted = rf"^--port {port}: agent 'cf1': port {port} of '127.0.0.1' is not available: "
         with pytest.raises(InputError, match=wanted):
             run([FIRST, "--port", str(port), "--duration", "0.1"])
 
@@ -82,7 +82,7 @@ def test_a_port_of_tcp_that_is_taken_is_named_with_its_flag(flag: str, instead: 
             run([EYES, "--port", "0", "--cameras", "0", flag, str(port), "--duration", "0.1"])
     assert caught.value.problems == (
         f"{flag} {port}: cannot listen on 127.0.0.1:{port}: Address already in use"
-        f"; name another port by {flag} N{instead} [invalid-input]",
+        f"; name another port by {flag} N{instead} [address-in-use]",
     )
 
 
@@ -146,7 +146,7 @@ def test_cameras_of_a_mission_that_has_none_are_refused() -> None:
     with pytest.raises(InputError) as caught:
         run([FIRST, "--port", "0", "--cameras", "0"])
     assert caught.value.problems == (
-        f"--cameras 0: no agent of {FIRST} carries a 'camera' [invalid-input]",
+        f"--cameras 0: no agent of {FIRST} carries a 'camera' [missing-camera]",
     )
 
 
@@ -161,7 +161,7 @@ def test_compression_without_cameras_is_refused(arguments: list[str], why: str) 
     with pytest.raises(InputError) as caught:
         run([*arguments, "--port", "0", "--jpeg"])
     assert caught.value.problems == (
-        f"--jpeg: there are no images to compress: {why} [invalid-input]",
+        f"--jpeg: there are no images to compress: {why} [option-conflict]",
     )
 
 
@@ -215,13 +215,13 @@ def test_links_and_cameras_that_want_the_same_ports_are_refused() -> None:
         run([EYES, "--port", "0", "--tcp", "4998"])
     assert str(told.value) == (
         "--tcp 4998: the links of 3 agents would take ports of the cameras, which begin at 5000; "
-        "name others by --tcp N or --cameras N [invalid-input]"
+        "name others by --tcp N or --cameras N [option-conflict]"
     )
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "nobody.invalid"])
 def test_a_host_that_is_not_here_is_told_as_that(host: str) -> None:
-    with pytest.raises(InputError, match=r"; --host is to be an address of this computer"):
+    with pytest.raises(InputError, match=r"; --host must be .* \[invalid-address\]$"):
         run([FIRST, "--port", "0", "--host", host])
 
 

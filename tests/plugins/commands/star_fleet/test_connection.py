@@ -10,6 +10,7 @@ import pytest
 
 from star_fleet import log, parameters
 from star_fleet.packet import NULL, Port
+from star_fleet.toc import described
 
 Start = Callable[..., Any]
 
@@ -63,7 +64,7 @@ def test_the_checksums_of_the_tables_differ(start: Start) -> None:
 def test_every_name_is_unique_and_fits_into_a_packet() -> None:
     for contents in (log.CONTENTS, parameters.CONTENTS):
         assert len(contents.number) == len(contents.entries)
-        assert all(len(entry.described()) <= 27 for entry in contents.entries)
+        assert all(len(described(entry)) <= 27 for entry in contents.entries)
 
 
 def test_there_is_a_configuration_and_a_trajectory_memory(start: Start) -> None:

@@ -14,11 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_fleet.packet import Port, expand
-from star_fleet.readings import FLOAT, FORMAT, HALF, I8, I16, U16, held, held_one
-from star_fleet.variables import ENTRIES
+from star_fleet.variables import FLOAT, FORMAT, HALF, I8, I16, U16, VARIABLES, held, held_one
 
 Start = Callable[..., Any]
-NUMBER = {entry.name: i for i, entry in enumerate(ENTRIES)}
+NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 
 
 def variables(*wanted: tuple[int, str]) -> bytes:
@@ -138,7 +137,7 @@ def test_every_variable_can_be_logged_in_flight(start: Start) -> None:
     bench = start(noise=True)
     bench.takeoff()
     bench.fly(2.0)
-    for entry in ENTRIES:
+    for entry in VARIABLES:
         (value,) = bench.log(entry.name)
         assert math.isfinite(value), entry.name
 

@@ -49,7 +49,7 @@ def test_ports_follow_the_first_one() -> None:
 def test_a_port_that_somebody_else_has_is_named() -> None:
     with Fleet(scene(1), port=0) as fleet:
         taken = place(fleet.addresses[0])[1]
-        match = rf"agent 'cf2': port {taken} of '127.0.0.1' cannot be had: "
+        match = rf"agent 'cf2': port {taken} of '127.0.0.1' is not available: "
         with pytest.raises(PluginError, match=match):
             Fleet(scene(2), ports=[0, taken])
 
