@@ -49,6 +49,8 @@ class Switchboard:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.sleep(0)  # for transports to close their sockets
+        await asyncio.sleep(0)
 
 
 class TcpPort:
@@ -94,8 +96,9 @@ class TcpPort:
         self._client: asyncio.StreamWriter | None = None
         self._filled = asyncio.Event()
         self._turn = asyncio.Lock()
+        self._served: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
         self._server: asyncio.Server | None = asyncio.run_coroutine_threadsafe(
-            asyncio.start_server(self._serve, sock=listener), self._loop
+            asyncio.start_server(self._accept, sock=listener), self._loop
         ).result()
 
     @property
@@ -132,9 +135,10 @@ class TcpPort:
         """Disconnect the client and stop listening. Safe to call twice."""
         server, self._server = self._server, None
         if server is not None and not self._loop.is_closed():
-            self.hang_up()
             closed = threading.Event()
             self._soon(server.close)
+            for client in list(self._served.values()):
+                self._soon(client.transport.abort)
             self._soon(closed.set)
             closed.wait()
         if self._own is not None:
@@ -155,6 +159,11 @@ class TcpPort:
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(act)
 
+    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = self._loop.create_task(self._serve(reader, writer))
+        self._served[task] = writer
+        task.add_done_callback(lambda task: self._served.pop(task).transport.abort())
+
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             async with self._turn:
@@ -165,8 +174,6 @@ class TcpPort:
             pass
         except Exception:
             log.exception("%s:%d: client disconnected", *self.address)
-        finally:
-            writer.transport.abort()
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve a client until it disconnects."""
