@@ -99,6 +99,10 @@ CATALOGUE: Final = {
         "A key or an option that is required is missing.",
         "Add it.",
     ),
+    "no-camera": Entry(
+        "A plugin needs images, but no agent has a camera.",
+        "Give agents a camera, or use another plugin.",
+    ),
     "no-tags": Entry(
         "A world has no tags where some are needed.",
         "Add landmarks or targets to the world, or use another one.",
@@ -130,6 +134,10 @@ CATALOGUE: Final = {
     "unknown-code": Entry(
         "No error has this code.",
         "`star errors` lists all codes.",
+    ),
+    "unknown-landmark": Entry(
+        "The world has no landmark or target of that name.",
+        "Correct the name; the world's file lists its landmarks and targets.",
     ),
     "unknown-parameter": Entry(
         "A parameter is not one of the included file.",

@@ -22,17 +22,11 @@ SIDES: Final = range(16, 4097)  # px, of a mission's cameras
 
 
 class Board(NamedTuple):
-    """A printed chessboard.
+    """A printed chessboard."""
 
-    Attributes:
-        columns: Inner corners along a row: one less than its squares.
-        rows: Inner corners along a column.
-        square: Edge of a square, m.
-    """
-
-    columns: int
-    rows: int
-    square: float
+    columns: int  # inner corners along a row: one less than its squares
+    rows: int  # inner corners along a column
+    square: float  # edge of a square, m
 
     @property
     def points(self) -> Array:
@@ -72,31 +66,19 @@ class Board(NamedTuple):
 
 
 class View(NamedTuple):
-    """An image in which the board was found.
+    """An image in which the board was found."""
 
-    Attributes:
-        name: Of its file.
-        corners: (K, 2) the board's inner corners, row by row, px.
-    """
-
-    name: str
-    corners: Corners
+    name: str  # of its file
+    corners: Corners  # (K, 2) the board's inner corners, row by row, px
 
 
 class Views(NamedTuple):
-    """The board in all images.
+    """The board in all images."""
 
-    Attributes:
-        width: Of every image, px.
-        height: px.
-        found: Those with the board.
-        without: Names of the files without it.
-    """
-
-    width: int
-    height: int
-    found: tuple[View, ...]
-    without: tuple[str, ...]
+    width: int  # of every image, px
+    height: int  # px
+    found: tuple[View, ...]  # those with the board
+    without: tuple[str, ...]  # names of the files without it
 
 
 def find_views(names: Sequence[str], board: Board) -> Views:

@@ -24,43 +24,25 @@ SINGULAR: Final = 1e-12  # information of an unconstrained parameter, by roundin
 
 
 class Seen(NamedTuple):
-    """Fit of one image.
+    """Fit of one image."""
 
-    Attributes:
-        name: Of its file.
-        error: RMS distance of its corners from their projections, px.
-        distance: From the camera to the board's center, m.
-    """
-
-    name: str
-    error: float
-    distance: float
+    name: str  # of its file
+    error: float  # RMS distance of its corners from their projections, px
+    distance: float  # from the camera to the board's center, m
 
 
 class Lens(NamedTuple):
-    """A camera by OpenCV's pinhole model.
+    """A camera by OpenCV's pinhole model."""
 
-    Attributes:
-        width: px.
-        height: px.
-        matrix: fx, fy, cx, cy, px.
-        deviation: Standard deviation of each of these, px.
-        distortion: k1, k2, p1, p2, k3; k3 is fixed at 0.
-        error: RMS distance of all corners from their projections, px.
-        used: The images it is based on.
-        rejected: Images that fit much worse than the others, with their errors.
-        covered: Share of the image's cells with a corner.
-    """
-
-    width: int
-    height: int
-    matrix: tuple[float, ...]
-    deviation: tuple[float, ...]
-    distortion: tuple[float, ...]
-    error: float
-    used: tuple[Seen, ...]
-    rejected: tuple[Seen, ...]
-    covered: float
+    width: int  # px
+    height: int  # px
+    matrix: tuple[float, ...]  # fx, fy, cx, cy, px
+    deviation: tuple[float, ...]  # standard deviation of each of these, px
+    distortion: tuple[float, ...]  # k1, k2, p1, p2, k3; k3 is fixed at 0
+    error: float  # RMS distance of all corners from their projections, px
+    used: tuple[Seen, ...]  # the images it is based on
+    rejected: tuple[Seen, ...]  # images that fit much worse than the others, with their errors
+    covered: float  # share of the image's cells with a corner
 
 
 def solve(views: Views, board: Board) -> Lens:

@@ -14,28 +14,18 @@ class Fill(NamedTuple):
     """An area of one gray level.
 
     Its outlines are filled together, so that no hairline is visible between adjacent ones.
-
-    Attributes:
-        outlines: Corners of polygons, all anticlockwise.
-        gray: Gray level: 0 is black, 1 is white.
     """
 
-    outlines: tuple[Outline, ...]
-    gray: float = 0.0
+    outlines: tuple[Outline, ...]  # corners of polygons, all anticlockwise
+    gray: float = 0.0  # gray level: 0 is black, 1 is white
 
 
 class Text(NamedTuple):
-    """A line of text.
+    """A line of text."""
 
-    Attributes:
-        at: Beginning of its base line.
-        size: Height of the font, mm.
-        content: The text.
-    """
-
-    at: Point
-    size: float
-    content: str
+    at: Point  # beginning of its base line
+    size: float  # height of the font, mm
+    content: str  # the text
 
 
 class Page(NamedTuple):

@@ -20,17 +20,11 @@ CLOSE: Final = 1e-6  # mm, tolerance: 1.25 times 0.168 m exactly fills an A4 she
 
 
 class Sheet(NamedTuple):
-    """Properties of a tag.
+    """Properties of a tag."""
 
-    Attributes:
-        number: Number of the tag.
-        size: Edge of its black square, m.
-        about: Description, one line each.
-    """
-
-    number: int
-    size: float
-    about: tuple[str, ...]
+    number: int  # number of the tag
+    size: float  # edge of its black square, m
+    about: tuple[str, ...]  # description, one line each
 
     @property
     def width(self) -> float:

@@ -11,6 +11,11 @@ from star_core import LocalizerSpec, Problem, hookimpl
 if TYPE_CHECKING:
     from star_core import Localizer, Scene
 
+
+def _number(default: float, description: str, **limits: float) -> dict[str, Any]:
+    return {"type": "number", "default": default, "description": description, **limits}
+
+
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
@@ -34,35 +39,31 @@ OPTIONS: dict[str, Any] = {
             "extpos: positions only, by which the estimators correct their headings too, but "
             "slowly and in motion only.",
         },
-        "latency": {
-            "type": "number",
-            "minimum": 0,
-            "maximum": 2,
-            "default": 0.15,
-            "description": "Time from exposure to arrival, for images without a timestamp, s.",
-        },
-        "mounting_std_deg": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "maximum": 15,
-            "default": 1.0,
-            "description": "Standard deviation of a camera's mounting angles, degrees; they are "
-            "estimated in flight.",
-        },
-        "survey_std": {
-            "type": "number",
-            "minimum": 0,
-            "default": 0.005,
-            "description": "Standard deviation of the landmarks' surveyed positions, m; added to "
-            "the covariance that is reported.",
-        },
-        "lag": {
-            "type": "number",
-            "minimum": 1,
-            "maximum": 20,
-            "default": 2.5,
-            "description": "Time for which poses are optimized again, with method: smoother, s.",
-        },
+        "latency": _number(
+            0.15,
+            "Time from exposure to arrival, for images without a timestamp, s.",
+            minimum=0,
+            maximum=2,
+        ),
+        "mounting_std_deg": _number(
+            1.0,
+            "Standard deviation of a camera's mounting angles, degrees; they are estimated in "
+            "flight.",
+            exclusiveMinimum=0,
+            maximum=15,
+        ),
+        "survey_std": _number(
+            0.005,
+            "Standard deviation of the landmarks' surveyed positions, m; added to the covariance "
+            "that is reported.",
+            minimum=0,
+        ),
+        "lag": _number(
+            2.5,
+            "Time for which poses are optimized again, with method: smoother, s.",
+            minimum=1,
+            maximum=20,
+        ),
         "guided_matching": {
             "type": "boolean",
             "default": True,
@@ -83,18 +84,14 @@ OPTIONS: dict[str, Any] = {
             "description": "Number of processes that analyze images beside the tick; null: one for "
             "each camera, with a core left for the tick. Results do not depend on it.",
         },
-        "max_position_std": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 1.0,
-            "description": "Standard deviation of the position up to which an agent is located, m.",
-        },
-        "max_report_age": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 0.5,
-            "description": "Age up to which an agent's report is valid, s.",
-        },
+        "max_position_std": _number(
+            1.0,
+            "Standard deviation of the position up to which an agent is located, m.",
+            exclusiveMinimum=0,
+        ),
+        "max_report_age": _number(
+            0.5, "Age up to which an agent's report is valid, s.", exclusiveMinimum=0
+        ),
     },
 }
 
@@ -129,13 +126,17 @@ def check(
 ) -> Iterable[Problem]:
     """Yield options that contradict each other, and scenes in which no tag can be seen."""
     if method == "batch" and feedback != "none":
-        yield Problem(("feedback",), f"{feedback!r} goes with method: smoother only")
+        reason = f"{feedback!r} goes with method: smoother only"
+        yield Problem(("feedback",), reason, "option-conflict")
     if lag < latency + 1.0:
-        yield Problem(("lag",), f"{lag:g} s is not 1 s more than the latency of {latency:g} s")
+        reason = f"{lag:g} s is not 1 s more than the latency of {latency:g} s"
+        yield Problem(("lag",), reason, "option-conflict")
     if not scene.world.landmarks:
-        yield Problem((), f"world {scene.world.name!r} has no landmarks; use 'flow' without them")
+        reason = f"world {scene.world.name!r} has no landmarks; use 'flow' without them"
+        yield Problem((), reason, "no-tags")
     elif not any(agent.camera for agent in scene.agents):
-        yield Problem((), "no agent has a camera; give agents `camera: aideck`, or use 'flow'")
+        reason = "no agent has a camera; give agents `camera: aideck`, or use 'flow'"
+        yield Problem((), reason, "no-camera")
 
 
 @hookimpl

@@ -48,23 +48,14 @@ class Settings(NamedTuple):
 
 
 class CameraReport(NamedTuple):
-    """An image, or the tags that were detected in one on board.
+    """An image, or the tags that were detected in one on board."""
 
-    Attributes:
-        row: Of the agent.
-        taken: Time of the exposure, s.
-        image: None if tags were detected on board.
-        tags: (K,) numbers of those.
-        corners: (K, 4, 2) px.
-        arrived: Time of arrival, s; None if it does not matter.
-    """
-
-    row: int
-    taken: float
-    image: Image | None
-    tags: Rows
-    corners: Array
-    arrived: float | None = None
+    row: int  # of the agent
+    taken: float  # time of the exposure, s
+    image: Image | None  # none if tags were detected on board
+    tags: Rows  # (K,) numbers of those
+    corners: Array  # (K, 4, 2) px
+    arrived: float | None = None  # time of arrival, s; None if it does not matter
 
 
 class AgentEstimator(Protocol):
@@ -130,7 +121,6 @@ class SmoothingEstimator:
 
     @property
     def anchor(self) -> Anchor:
-        """Where dead reckoning continues."""
         return Anchor(self._smoother.node, self.calibration.scale, self.calibration.yaw_bias)
 
     def at(self, time: float) -> AgentState:
@@ -138,16 +128,13 @@ class SmoothingEstimator:
         return predict(self.anchor, time, self.track, self._ground)
 
     def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
-        """Add the samples in `rows`, which are the agent's."""
         self.track.add(odometry, rows, motors=motors)
 
     def advance(self, now: float) -> None:
-        """Add nodes without tags, up to some time before `now`, s."""
         while now - self._delay - self._smoother.node.time > NODE_PERIOD:
             self._add_node(self._smoother.node.time + NODE_PERIOD, (), AT_REST)
 
     def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
-        """Add an image; return its analysis and the predicted state at its exposure."""
         time = report.taken
         if self._analyzer is None or not time > self._smoother.node.time:
             return None

@@ -24,19 +24,12 @@ log = logging.getLogger(__name__)
 
 
 class TickInput(NamedTuple):
-    """Reports of some agents in one tick.
+    """Reports of some agents in one tick."""
 
-    Attributes:
-        time: Of the tick, s.
-        odometry: Since the last tick.
-        images: In the order of their exposures.
-        motors: (N,) which agents' motors may run.
-    """
-
-    time: float
-    odometry: Odometry
-    images: tuple[CameraReport, ...]
-    motors: Mask
+    time: float  # of the tick, s
+    odometry: Odometry  # since the last tick
+    images: tuple[CameraReport, ...]  # in the order of their exposures
+    motors: Mask  # (N,) which agents' motors may run
 
     def of(self, rows: Sequence[int]) -> TickInput:
         """Return the reports of the agents in `rows`."""
@@ -49,16 +42,12 @@ class TickInput(NamedTuple):
 
 
 class TickOutput(NamedTuple):
-    """Results of some ticks.
+    """Results of some ticks."""
 
-    Attributes:
-        anchors: Of the agents with a new one, by their rows.
-        fixed: Rows of the agents with an accepted landmark.
-        sightings: Targets seen, each as the columns of `star_core.Sightings`.
-    """
-
+    # of the agents with a new one, by their rows
     anchors: dict[int, Anchor] = {}  # noqa: RUF012 -- never changed
-    fixed: frozenset[int] = frozenset()
+    fixed: frozenset[int] = frozenset()  # rows of the agents with an accepted landmark
+    # targets seen, each as the columns of `star_core.Sightings`
     sightings: tuple[tuple[Any, ...], ...] = ()
 
 

@@ -61,14 +61,12 @@ class BatchEstimator:
         self.anchor = Anchor(Node(0.0, start, np.eye(6) * STD**2))  # odometry without calibration
 
     def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
-        """Add the samples in `rows`, which are the agent's."""
         self._track.add(odometry, rows, motors=motors)
 
     def advance(self, now: float) -> None:
         """Do nothing: there are no nodes without tags."""
 
     def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
-        """Add an image if a node is due; targets are not searched."""
         if self._lens is None or self._detector is None:
             return None
         time = report.taken if report.arrived is None else report.arrived

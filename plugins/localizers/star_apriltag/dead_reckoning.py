@@ -33,39 +33,23 @@ MIN_TILT_STD: Final = math.radians(0.06)  # rad
 
 
 class Anchor(NamedTuple):
-    """Where dead reckoning begins, and the calibration of the odometry.
+    """Where dead reckoning begins, and the calibration of the odometry."""
 
-    Attributes:
-        node: The newest pose.
-        scale: Factor of the odometry's velocities.
-        yaw_bias: Subtracted from its yaw rates, rad/s.
-    """
-
-    node: Node
-    scale: complex = 1.0
-    yaw_bias: float = 0.0
+    node: Node  # the newest pose
+    scale: complex = 1.0  # factor of the odometry's velocities
+    yaw_bias: float = 0.0  # subtracted from its yaw rates, rad/s
 
 
 class AgentState(NamedTuple):
-    """Estimated state of an agent at one time.
+    """Estimated state of an agent at one time."""
 
-    Attributes:
-        position: (3,) in the map, m.
-        yaw: rad.
-        roll: rad.
-        pitch: rad.
-        velocity: (3,) in the map, m/s.
-        yaw_rate: rad/s.
-        covariance: (4, 4) of x, y, z and yaw: m and rad.
-    """
-
-    position: Array
-    yaw: float
-    roll: float
-    pitch: float
-    velocity: Array
-    yaw_rate: float
-    covariance: Array
+    position: Array  # (3,) in the map, m
+    yaw: float  # rad
+    roll: float  # rad
+    pitch: float  # rad
+    velocity: Array  # (3,) in the map, m/s
+    yaw_rate: float  # rad/s
+    covariance: Array  # (4, 4) of x, y, z and yaw: m and rad
 
     @property
     def rotation(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -59,7 +59,7 @@ class Feedback:
             frames: Current odometry frames.
             telemetry: With the agents' own estimates.
         """
-        rows, positions, attitudes, deviations, yaw_deviations = [], [], [], [], []
+        found: list[tuple[Any, ...]] = []
         for row in sorted(set(fixed)):
             state = states[row]
             self._step_back(row)
@@ -72,23 +72,13 @@ class Feedback:
                 frame = Transform(self._yaw[[row]], self._translation[[row]])
                 self._translation[row] = (state.position - frame.turn(reported))[0]
                 continue
-            rows.append(row)
-            positions.append(position)
-            yaw = state.yaw - self._yaw[row]
-            attitudes.append(quaternion_from_euler(state.roll, state.pitch, yaw))
+            attitude = quaternion_from_euler(state.roll, state.pitch, state.yaw - self._yaw[row])
             spread = math.sqrt(float(np.linalg.eigvalsh(state.covariance[:2, :2])[-1]))
-            deviations.append(max(MIN_STD, STD_FACTOR * spread))
             turn = max(MIN_YAW_STD, STD_FACTOR * math.sqrt(state.covariance[3, 3]))
-            yaw_deviations.append(turn if self._turns else math.inf)
-        if not rows:
-            return Corrections.none()
-        return Corrections(
-            agent=np.array(rows),
-            position=np.array(positions),
-            attitude=np.array(attitudes),
-            position_deviation=np.array(deviations),
-            attitude_deviation=np.array(yaw_deviations),
-        )
+            deviations = max(MIN_STD, STD_FACTOR * spread), turn if self._turns else math.inf
+            found.append((row, position, attitude, *deviations))
+        columns: Any = map(np.array, zip(*found, strict=True))
+        return Corrections(*columns) if found else Corrections.none()
 
     def _step_back(self, row: int) -> None:
         """Move a frame one step towards its initial pose."""

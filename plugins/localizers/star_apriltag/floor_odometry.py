@@ -47,17 +47,11 @@ Points = NDArray[np.complex128]
 
 
 class MeasuredMotion(NamedTuple):
-    """Motion between two images.
+    """Motion between two images."""
 
-    Attributes:
-        begin: Exposure of the first, s.
-        end: Exposure of the second, s.
-        shift: x + iy in the level body frame at the beginning, m.
-    """
-
-    begin: float
-    end: float
-    shift: complex
+    begin: float  # exposure of the first, s
+    end: float  # exposure of the second, s
+    shift: complex  # x + iy in the level body frame at the beginning, m
 
 
 class _Frame(NamedTuple):

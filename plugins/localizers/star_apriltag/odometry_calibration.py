@@ -25,21 +25,13 @@ YAW_NOISE = math.radians(0.1) ** 2  # rad²/s, of the gyro
 
 @dataclass(frozen=True, slots=True)
 class KnownPose:
-    """Pose of the agent at one time, from tags.
+    """Pose of the agent at one time, from tags."""
 
-    Attributes:
-        time: s.
-        position: x + iy in the map, m.
-        yaw: rad.
-        deviation: Standard deviation of x and of y, m.
-        yaw_deviation: rad.
-    """
-
-    time: float
-    position: complex
-    yaw: float
-    deviation: float
-    yaw_deviation: float
+    time: float  # s
+    position: complex  # x + iy in the map, m
+    yaw: float  # rad
+    deviation: float  # standard deviation of x and of y, m
+    yaw_deviation: float  # rad
 
 
 class OdometryCalibration:

@@ -17,41 +17,24 @@ MAX_REST_RATE: Final = math.radians(3.0)  # rad/s, likewise
 
 
 class Motion(NamedTuple):
-    """A motion from one time to a later one, relative to its start.
+    """A motion from one time to a later one, relative to its start."""
 
-    Attributes:
-        shift: Displacement in x and y of the start's level body frame, m, as x + iy.
-        turn: Change of yaw, rad.
-        length: Of the path, m.
-        duration: Without the time at rest, s.
-        blind_length: Length that only the flow sensor measured, m.
-        blind_duration: Likewise, s.
-    """
-
-    shift: complex
-    turn: float
-    length: float
-    duration: float
-    blind_length: float
-    blind_duration: float
+    shift: complex  # displacement in x and y of the start's level body frame, m, as x + iy
+    turn: float  # change of yaw, rad
+    length: float  # of the path, m
+    duration: float  # without the time at rest, s
+    blind_length: float  # length that only the flow sensor measured, m
+    blind_duration: float  # likewise, s
 
 
 class OdometrySample(NamedTuple):
-    """Attitude, height and motion of the agent at one time.
+    """Attitude, height and motion of the agent at one time."""
 
-    Attributes:
-        roll: rad.
-        pitch: rad, nose down positive.
-        height: z in the odometry frame, m.
-        velocity: (3,) in the level body frame, m/s.
-        yaw_rate: rad/s.
-    """
-
-    roll: float
-    pitch: float
-    height: float
-    velocity: Array
-    yaw_rate: float
+    roll: float  # rad
+    pitch: float  # rad, nose down positive
+    height: float  # z in the odometry frame, m
+    velocity: Array  # (3,) in the level body frame, m/s
+    yaw_rate: float  # rad/s
 
 
 class OdometryTrack:

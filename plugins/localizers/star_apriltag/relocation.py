@@ -18,17 +18,11 @@ MAX_TIME: Final = 3.0  # s between the first and the last
 
 
 class Claim(NamedTuple):
-    """Pose of the agent according to one image alone.
+    """Pose of the agent according to one image alone."""
 
-    Attributes:
-        time: Of its exposure, s.
-        pose: Body in the map.
-        covariance: (6, 6) in gtsam's tangent.
-    """
-
-    time: float
-    pose: gtsam.Pose3
-    covariance: Array
+    time: float  # of its exposure, s
+    pose: gtsam.Pose3  # body in the map
+    covariance: Array  # (6, 6) in gtsam's tangent
 
 
 class Relocation:

@@ -22,29 +22,18 @@ HUBER: Final = 1.5  # residual of a whole view, in standard deviations, above wh
 
 
 class Node(NamedTuple):
-    """A pose in the graph.
+    """A pose in the graph."""
 
-    Attributes:
-        time: s.
-        pose: Body in the map.
-        covariance: (6, 6) in gtsam's tangent: turn and shift in the body's own frame.
-    """
-
-    time: float
-    pose: gtsam.Pose3
-    covariance: Array
+    time: float  # s
+    pose: gtsam.Pose3  # body in the map
+    covariance: Array  # (6, 6) in gtsam's tangent: turn and shift in the body's own frame
 
 
 class Leg(NamedTuple):
-    """Odometry from one node to the next.
+    """Odometry from one node to the next."""
 
-    Attributes:
-        delta: The next body frame in the last one.
-        deviations: (6,) standard deviations of turn and shift.
-    """
-
-    delta: gtsam.Pose3
-    deviations: Array
+    delta: gtsam.Pose3  # the next body frame in the last one
+    deviations: Array  # (6,) standard deviations of turn and shift
 
 
 class Smoother:

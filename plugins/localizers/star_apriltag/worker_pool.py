@@ -14,8 +14,10 @@ import subprocess
 import sys
 import traceback
 from contextlib import suppress
+from logging.handlers import QueueHandler
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from queue import SimpleQueue
 from typing import Final, NamedTuple
 
 from star_apriltag.agent_estimator import Settings
@@ -165,8 +167,10 @@ class RemoteWorker:
         self._busy = False
         if isinstance(answer, str):
             raise RuntimeError(f"estimating {self._names} failed:\n{answer}")  # noqa: TRY004
-        for name, level, text in answer.log:
-            logging.getLogger(name).log(level, "%s", text)
+        for record in answer.log:
+            logger = logging.getLogger(record.name)
+            if logger.isEnabledFor(record.levelno):
+                logger.handle(record)
         output: TickOutput = answer.output
         return output
 
@@ -208,32 +212,10 @@ class RemoteWorker:
 
 
 class Answer(NamedTuple):
-    """Answer of a process to some ticks.
-
-    Attributes:
-        output: Their results.
-        log: Logger's name, level and text of each message logged meanwhile.
-    """
+    """Answer of a process to some ticks."""
 
     output: TickOutput
-    log: tuple[tuple[str, int, str], ...]
-
-
-class LogBuffer(logging.Handler):
-    """Keeps log messages until they are taken."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._records: list[tuple[str, int, str]] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._records.append((record.name, record.levelno, record.getMessage()))
-
-    def take(self) -> tuple[tuple[str, int, str], ...]:
-        """Return the messages since the last call."""
-        records = tuple(self._records)
-        self._records.clear()
-        return records
+    log: tuple[logging.LogRecord, ...] = ()  # messages that were logged meanwhile
 
 
 def serve(descriptor: int) -> None:
@@ -247,16 +229,17 @@ def serve(descriptor: int) -> None:
     """
     faulthandler.enable()
     connection = Connection(descriptor)
-    logger, buffer = logging.getLogger("star_apriltag"), LogBuffer()
-    logger.addHandler(buffer)
+    logger, records = logging.getLogger("star_apriltag"), SimpleQueue[logging.LogRecord]()
+    logger.addHandler(QueueHandler(records))
     logger.setLevel(logging.INFO)
     try:
         group = AgentGroup(*connection.recv())
-        connection.send(Answer(TickOutput(), ()))
+        connection.send(Answer(TickOutput()))
         while True:
             ticks = connection.recv()
             output = merged([group.update(one) for one in ticks])
-            connection.send(Answer(output, buffer.take()))
+            messages = tuple(records.get() for _ in range(records.qsize()))
+            connection.send(Answer(output, messages))
     except (EOFError, OSError):  # the parent has ended
         return
     except Exception:  # noqa: BLE001 -- the parent reports it

@@ -15,21 +15,13 @@ EXTRAPOLATION: Final = 0.1  # s, by which a time may be newer than the newest re
 
 
 class Poses(NamedTuple):
-    """Poses of all agents at one tick.
+    """Poses of all agents at one tick."""
 
-    Attributes:
-        tick: Mission time, s.
-        time: (N,) of each agent's report, s.
-        position: (N, 3) in the map, m.
-        attitude: (N, 4) unit quaternion x, y, z, w from the body to the odometry frame.
-        covariance: (N, 3, 3) of the position, m².
-    """
-
-    tick: float
-    time: Array
-    position: Array
-    attitude: Array
-    covariance: Array
+    tick: float  # mission time, s
+    time: Array  # (N,) of each agent's report, s
+    position: Array  # (N, 3) in the map, m
+    attitude: Array  # (N, 4) unit quaternion x, y, z, w from the body to the odometry frame
+    covariance: Array  # (N, 3, 3) of the position, m²
 
 
 class PoseHistory:

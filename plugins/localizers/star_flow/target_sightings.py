@@ -110,17 +110,11 @@ class TargetSightings:
 
 
 class SquareFix(NamedTuple):
-    """The pose of a square in the camera's frame.
+    """The pose of a square in the camera's frame."""
 
-    Attributes:
-        pose: Of the square.
-        covariance: (3, 3) of its position, m².
-        surprise: Sum of the squared residuals of its corners, in standard deviations.
-    """
-
-    pose: Pose
-    covariance: Array
-    surprise: float
+    pose: Pose  # of the square
+    covariance: Array  # (3, 3) of its position, m²
+    surprise: float  # sum of the squared residuals of its corners, in standard deviations
 
 
 def square_fix(rays: Array, size: float, up: Array, deviation: float) -> SquareFix | None:

@@ -86,13 +86,9 @@ def check(
     known = {tag.of for tag in (*scene.world.landmarks, *scene.world.targets)}
     for i, name in enumerate((camera or {}).get("covered", ())):
         if name not in known:
-            suggestion = "".join(
-                f"; did you mean {near!r}?" for near in get_close_matches(name, known, 1)
-            )
-            yield Problem(
-                ("camera", "covered", i),
-                f"world {scene.world.name!r} has no landmark {name!r}{suggestion}",
-            )
+            near = "".join(f"; did you mean {one!r}?" for one in get_close_matches(name, known, 1))
+            reason = f"world {scene.world.name!r} has no landmark {name!r}{near}"
+            yield Problem(("camera", "covered", i), reason, "unknown-landmark")
 
 
 @hookimpl

@@ -21,31 +21,19 @@ MIN_DEPTH: Final = 0.02  # m, before the camera; no lens focuses nearer
 
 
 class View(NamedTuple):
-    """A measurement of the map in one image: a tag's four corners, or one point.
+    """A measurement of the map in one image: a tag's four corners, or one point."""
 
-    Attributes:
-        points: (K, 3) in the map, m.
-        rays: (K, 2) at which they were seen.
-        deviation: Standard deviation of each coordinate of the rays.
-        delay: (K,) when each point's row was read, after the image's middle row, s.
-    """
-
-    points: Array
-    rays: Array
-    deviation: float
-    delay: Array
+    points: Array  # (K, 3) in the map, m
+    rays: Array  # (K, 2) at which they were seen
+    deviation: float  # standard deviation of each coordinate of the rays
+    delay: Array  # (K,) when each point's row was read, after the image's middle row, s
 
 
 class Motion(NamedTuple):
-    """Motion of the body while the rows of an image are read, in its own frame.
+    """Motion of the body while the rows of an image are read, in its own frame."""
 
-    Attributes:
-        velocity: (3,) m/s.
-        rates: (3,) rad/s.
-    """
-
-    velocity: Array
-    rates: Array
+    velocity: Array  # (3,) m/s
+    rates: Array  # (3,) rad/s
 
 
 AT_REST: Final = Motion(np.zeros(3), np.zeros(3))
@@ -53,18 +41,12 @@ AT_REST: Final = Motion(np.zeros(3), np.zeros(3))
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """State of an agent when an image was taken, before the image is analyzed.
+    """State of an agent when an image was taken, before the image is analyzed."""
 
-    Attributes:
-        pose: Of the body in the map; tilt and height are those of the on-board estimator.
-        covariance: (3, 3) of x, y and yaw, m and rad.
-        motion: Of the body.
-        camera_turn: (3, 3) rotation of the camera against its mounting, in its own frame.
-    """
-
-    pose: Pose
-    covariance: Array
-    motion: Motion = AT_REST
+    pose: Pose  # of the body in the map; tilt and height are those of the on-board estimator
+    covariance: Array  # (3, 3) of x, y and yaw, m and rad
+    motion: Motion = AT_REST  # of the body
+    # (3, 3) rotation of the camera against its mounting, in its own frame
     camera_turn: Array = field(default_factory=lambda: np.eye(3))
 
     def camera(self, mounting: Pose) -> Pose:
@@ -74,18 +56,13 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """An estimated pose.
+    """An estimated pose."""
 
-    Attributes:
-        pose: Of the body in the map.
-        covariance: (6, 6) of a rotation and then a shift in the body's own frame, rad and m: the
-            tangent of gtsam's `Pose3`. It includes the errors of tilt and height.
-        misfit: Root mean square of the points' residuals, in standard deviations.
-    """
-
-    pose: Pose
+    pose: Pose  # of the body in the map
+    # (6, 6) of a rotation and then a shift in the body's own frame, rad and m: the tangent of
+    # gtsam's `Pose3`. It includes the errors of tilt and height
     covariance: Array
-    misfit: float
+    misfit: float  # root mean square of the points' residuals, in standard deviations
 
 
 def refine(

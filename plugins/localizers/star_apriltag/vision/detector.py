@@ -27,17 +27,11 @@ from the top left. Up is as OpenCV draws a tag; the images of the family's autho
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The tags of one image.
+    """The tags of one image."""
 
-    Attributes:
-        tag: (K,) numbers.
-        corners: (K, 4, 2) px: bottom left, bottom right, top right and top left of each tag.
-        misfit: (K,) root mean square deviation of the edges from straight lines, px.
-    """
-
-    tag: Rows
-    corners: Array
-    misfit: Array
+    tag: Rows  # (K,) numbers
+    corners: Array  # (K, 4, 2) px: bottom left, bottom right, top right and top left of each tag
+    misfit: Array  # (K,) root mean square deviation of the edges from straight lines, px
 
 
 class Detector:
@@ -71,9 +65,9 @@ class Detector:
         if not len(corners):
             return Found(np.zeros(0, np.int64), np.zeros((0, 4, 2)), np.zeros(0))
         rough = np.asarray(corners, np.float64).reshape(-1, 4, 2)[:, ORDER]
-        fine = refine(image, rough, self._lens)
-        clear = np.isfinite(fine.misfit)
-        return Found(np.ravel(ids).astype(np.int64)[clear], fine.pixels[clear], fine.misfit[clear])
+        fine, misfit = refine(image, rough, self._lens)
+        clear = np.isfinite(misfit)
+        return Found(np.ravel(ids).astype(np.int64)[clear], fine[clear], misfit[clear])
 
 
 def checked(image: Image, lens: CameraModel) -> Image:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import cv2
 import numpy as np
@@ -21,20 +21,7 @@ PREVIOUS: Final = [3, 0, 1, 2]
 NEXT: Final = [1, 2, 3, 0]
 
 
-class Corners(NamedTuple):
-    """The corners of tags.
-
-    Attributes:
-        pixels: (K, 4, 2) px.
-        misfit: (K,) root mean square distance of the edges' points from their lines, px; NaN for
-            a tag without clear sides.
-    """
-
-    pixels: Array
-    misfit: Array
-
-
-def refine(image: Image, corners: Array, lens: CameraModel) -> Corners:
+def refine(image: Image, corners: Array, lens: CameraModel) -> tuple[Array, Array]:
     """Return the corners of tags.
 
     Brightness is sampled across each side at many points; the edge is at the mean position of its
@@ -48,6 +35,10 @@ def refine(image: Image, corners: Array, lens: CameraModel) -> Corners:
         image: As the lens shows it.
         corners: (K, 4, 2) px, anticlockwise in the image, to about a pixel.
         lens: The camera.
+
+    Returns:
+        (K, 4, 2) px, and the (K,) root mean square distances of the edges' points from their lines,
+        px; NaN for a tag without clear sides.
     """
     found, clear = corners, np.ones(len(corners), np.bool_)
     spread = np.zeros(len(corners))
@@ -62,7 +53,7 @@ def refine(image: Image, corners: Array, lens: CameraModel) -> Corners:
         clear = clear & (np.abs(there - corners).max(axis=(1, 2)) < MAX_SHIFT)
         found = np.where(clear[:, None, None], there, corners)
         spread = square.mean(axis=1) * lens.matrix[0, 0] * lens.matrix[1, 1]
-    return Corners(found, np.where(clear, np.sqrt(np.maximum(spread, 0.0)), np.nan))
+    return found, np.where(clear, np.sqrt(np.maximum(spread, 0.0)), np.nan)
 
 
 def _edge(image: Image, corners: Array, reach: float) -> tuple[Array, Array]:

@@ -27,21 +27,13 @@ which is large because errors last; for one image they do not."""
 
 @dataclass(frozen=True, slots=True)
 class ExpectedTag:
-    """A tag as it should be seen.
+    """A tag as it should be seen."""
 
-    Attributes:
-        tag: Of the map.
-        pose: In the camera, when the row of its center is read.
-        pixel: (2,) its center, px.
-        covariance: (2, 2) of that, px².
-        distance: From the camera to its center, m.
-    """
-
-    tag: MapTag
-    pose: Pose
-    pixel: Array
-    covariance: Array
-    distance: float
+    tag: MapTag  # of the map
+    pose: Pose  # in the camera, when the row of its center is read
+    pixel: Array  # (2,) its center, px
+    covariance: Array  # (2, 2) of that, px²
+    distance: float  # from the camera to its center, m
 
 
 class ExpectedTags:

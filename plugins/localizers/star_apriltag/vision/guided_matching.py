@@ -42,19 +42,12 @@ STD_PER_METER: Final = 0.08
 
 
 class TagMatch(NamedTuple):
-    """A tag that was found where it was expected.
+    """A tag that was found where it was expected."""
 
-    Attributes:
-        tag: Its number.
-        pixel: (2,) its center, px.
-        view: The same as a measurement, of one point.
-        correlation: With its template, at most 1.
-    """
-
-    tag: int
-    pixel: Array
-    view: View
-    correlation: float
+    tag: int  # its number
+    pixel: Array  # (2,) its center, px
+    view: View  # the same as a measurement, of one point
+    correlation: float  # with its template, at most 1
 
 
 def match_tag(image: Image, expected: ExpectedTag, lens: CameraModel) -> TagMatch | None:

@@ -23,21 +23,15 @@ from star_core import Array, Camera, CameraModel, Image, Rows, Tag
 
 @dataclass(frozen=True, slots=True)
 class ImageAnalysis:
-    """Result of one image.
+    """Result of one image."""
 
-    Attributes:
-        landmarks: Tags of the map.
-        targets: Tags of targets.
-        fix: Of the body, from all accepted landmarks; None if there is none.
-        other: Of the body, from all landmarks that were rejected as far from the prediction, if
-            they are consistent: the agent's pose if the prediction is wrong.
-        matches: Tags of the map that were not detected, but found where they were expected.
-    """
-
-    landmarks: tuple[SeenLandmark, ...] = ()
-    targets: tuple[SeenTarget, ...] = ()
-    fix: Fix | None = None
+    landmarks: tuple[SeenLandmark, ...] = ()  # tags of the map
+    targets: tuple[SeenTarget, ...] = ()  # tags of targets
+    fix: Fix | None = None  # of the body, from all accepted landmarks; None if there is none
+    # of the body, from all landmarks that were rejected as far from the prediction, if they are
+    # consistent: the agent's pose if the prediction is wrong
     other: Fix | None = None
+    # tags of the map that were not detected, but found where they were expected
     matches: tuple[TagMatch, ...] = ()
 
     def with_verdict(self, verdict: Verdict) -> tuple[SeenLandmark, ...]:

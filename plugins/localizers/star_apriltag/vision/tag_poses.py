@@ -66,53 +66,34 @@ class MapTag:
 
 
 class Square(NamedTuple):
-    """Possible poses of a square in the camera.
+    """Possible poses of a square in the camera."""
 
-    Attributes:
-        solutions: One or two poses, best first, each with the sum of the squared residuals of its
-            corners, in standard deviations.
-        distance: From the camera, m.
-        deviation: Standard deviation of each coordinate of its rays.
-    """
-
+    # one or two poses, best first, each with the sum of the squared residuals of its corners,
+    # in standard deviations
     solutions: tuple[tuple[Pose, float], ...]
-    distance: float
-    deviation: float
+    distance: float  # from the camera, m
+    deviation: float  # standard deviation of each coordinate of its rays
 
 
 @dataclass(frozen=True, slots=True)
 class SeenLandmark:
-    """A tag of the map in one image.
+    """A tag of the map in one image."""
 
-    Attributes:
-        tag: Its number.
-        verdict: Whether it is used.
-        view: Its corners as a measurement; None if no pose fits.
-        distance: From the camera to its center, m; NaN if no pose fits.
-        surprise: Of its fix against the prediction; NaN without a fix.
-        fix: Of the body, from this tag alone with the on-board tilt and height.
-    """
-
-    tag: int
-    verdict: Verdict
-    view: View | None = None
-    distance: float = math.nan
-    surprise: float = math.nan
-    fix: Fix | None = None
+    tag: int  # its number
+    verdict: Verdict  # whether it is used
+    view: View | None = None  # its corners as a measurement; None if no pose fits
+    distance: float = math.nan  # from the camera to its center, m; NaN if no pose fits
+    surprise: float = math.nan  # of its fix against the prediction; NaN without a fix
+    fix: Fix | None = None  # of the body, from this tag alone with the on-board tilt and height
 
 
 @dataclass(frozen=True, slots=True)
 class SeenTarget:
-    """A tag of a target in one image.
+    """A tag of a target in one image."""
 
-    Attributes:
-        tag: Its number.
-        pose: In the body.
-        covariance: (3, 3) of its position in the body frame, m², without that of the body's pose.
-    """
-
-    tag: int
-    pose: Pose
+    tag: int  # its number
+    pose: Pose  # in the body
+    # (3, 3) of its position in the body frame, m², without that of the body's pose
     covariance: Array
 
 

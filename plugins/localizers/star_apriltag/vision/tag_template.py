@@ -35,17 +35,11 @@ class Region(NamedTuple):
 
 
 class Template(NamedTuple):
-    """Expected content of a region.
+    """Expected content of a region."""
 
-    Attributes:
-        gray: (h, w) from 0 for ink to 1 for paper.
-        paper: (h, w) share of each pixel that the tag with its border covers.
-        code: (h, w) share of each pixel that its code covers.
-    """
-
-    gray: Picture
-    paper: Picture
-    code: Picture
+    gray: Picture  # (h, w) from 0 for ink to 1 for paper
+    paper: Picture  # (h, w) share of each pixel that the tag with its border covers
+    code: Picture  # (h, w) share of each pixel that its code covers
 
 
 def template(number: int, size: float, tag: Pose, lens: CameraModel, region: Region) -> Template:

@@ -19,19 +19,12 @@ POSE = 12
 
 
 class Shot(NamedTuple):
-    """The body half-way through the exposure of the middle row, and its motion.
+    """The body half-way through the exposure of the middle row, and its motion."""
 
-    Attributes:
-        position: (3,) of the body's frame in the map, m.
-        attitude: (4,) unit quaternion x, y, z, w from the body to the map.
-        velocity: (3,) in the map, m/s; taken as constant during the image.
-        rates: (3,) angular velocity in the body, rad/s; likewise.
-    """
-
-    position: Array
-    attitude: Array
-    velocity: Array
-    rates: Array
+    position: Array  # (3,) of the body's frame in the map, m
+    attitude: Array  # (4,) unit quaternion x, y, z, w from the body to the map
+    velocity: Array  # (3,) in the map, m/s; taken as constant during the image
+    rates: Array  # (3,) angular velocity in the body, rad/s; likewise
 
     def packed(self) -> Array:
         """Return (13,) all of it in a row, for kernels."""
@@ -39,35 +32,21 @@ class Shot(NamedTuple):
 
 
 class Exposure(NamedTuple):
-    """One image, for the kernels that draw into it.
+    """One image, for the kernels that draw into it."""
 
-    Attributes:
-        rays: (2, H, W) directions of pixels.
-        poses: (H, S, 12) of the camera, in S slices of each row's exposure.
-        lens: The camera.
-        field: Least x and y, greatest x and y of the directions.
-    """
-
-    rays: Array
-    poses: Array
-    lens: Optics
-    field: tuple[float, float, float, float]
+    rays: Array  # (2, H, W) directions of pixels
+    poses: Array  # (H, S, 12) of the camera, in S slices of each row's exposure
+    lens: Optics  # the camera
+    field: tuple[float, float, float, float]  # least x and y, greatest x and y of the directions
 
 
 class Canvas(NamedTuple):
-    """Layers of an image, each (H, W); the kernels draw into them from front to back.
+    """Layers of an image, each (H, W); the kernels draw into them from front to back."""
 
-    Attributes:
-        light: Gray values.
-        gap: Share of each pixel that is not covered yet, so that adjacent shapes leave no seam.
-        depth: Of the nearest obstacle along each ray, m.
-        shade: Gray values of obstacles.
-    """
-
-    light: Array
-    gap: Array
-    depth: Array
-    shade: Array
+    light: Array  # gray values
+    gap: Array  # share of each pixel that is not covered yet, so that adjacent shapes leave no seam
+    depth: Array  # of the nearest obstacle along each ray, m
+    shade: Array  # gray values of obstacles
 
 
 def mounting(camera: Camera) -> Array:

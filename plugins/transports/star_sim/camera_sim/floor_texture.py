@@ -29,15 +29,10 @@ GROUND = np.array([0.0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1])  # the map's frame as 
 
 
 class Floor(NamedTuple):
-    """A mipmap: each level has half as many texels along a side as the one before.
+    """A mipmap: each level has half as many texels along a side as the one before."""
 
-    Attributes:
-        texels: Gray values of all levels, one after the other, row by row.
-        starts: (L,) index of each level's first texel.
-    """
-
-    texels: NDArray[np.uint8]
-    starts: Rows
+    texels: NDArray[np.uint8]  # gray values of all levels, one after the other, row by row
+    starts: Rows  # (L,) index of each level's first texel
 
 
 def floor(seed: int) -> Floor:

@@ -22,17 +22,11 @@ FRAME = 13
 
 
 class TagTables(NamedTuple):
-    """Tags for the renderer.
+    """Tags for the renderer."""
 
-    Attributes:
-        places: (M, 13) of `frames`.
-        rims: (M, 4, 3) corners of their white borders in the map, m.
-        prints: (M, CELLS, CELLS) patterns with white borders, gray values, top row first.
-    """
-
-    places: Array
-    rims: Array
-    prints: Array
+    places: Array  # (M, 13) of `frames`
+    rims: Array  # (M, 4, 3) corners of their white borders in the map, m
+    prints: Array  # (M, CELLS, CELLS) patterns with white borders, gray values, top row first
 
 
 def frames(tags: Sequence[Tag]) -> Array:

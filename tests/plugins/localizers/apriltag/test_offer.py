@@ -29,12 +29,12 @@ def problems(scene: Scene, **changes: Any) -> list[Problem]:
 
 def test_a_world_without_landmarks_leaves_it_blind() -> None:
     (problem,) = problems(room([Circle(1)], []))
-    assert problem.message == "world 'room' has no landmarks; use 'flow' without them"
+    assert problem.code == "no-tags"
 
 
 def test_agents_without_a_camera_leave_it_blind() -> None:
     (problem,) = problems(room([Circle(1)], sheets(), camera=None))
-    assert problem.message == "no agent has a camera; give agents `camera: aideck`, or use 'flow'"
+    assert problem.code == "no-camera"
 
 
 def test_one_agent_with_a_camera_is_enough() -> None:
