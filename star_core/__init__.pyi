@@ -34,6 +34,7 @@ from star_core.messages.events import Event as Event
 from star_core.messages.events import Flight as Flight
 from star_core.messages.events import Tick as Tick
 from star_core.messages.rotations import Pose as Pose
+from star_core.messages.rotations import Transform as Transform
 from star_core.messages.rotations import quaternion_from_euler as quaternion_from_euler
 from star_core.messages.rotations import rotation_from_quaternion as rotation_from_quaternion
 from star_core.messages.rotations import rotation_from_vector as rotation_from_vector
@@ -53,7 +54,6 @@ from star_core.messages.telemetry import Odometry as Odometry
 from star_core.messages.telemetry import Refusal as Refusal
 from star_core.messages.telemetry import Supervisor as Supervisor
 from star_core.messages.telemetry import Telemetry as Telemetry
-from star_core.messages.transforms import Transform as Transform
 from star_core.messages.vision import Corrections as Corrections
 from star_core.messages.vision import Detections as Detections
 from star_core.messages.vision import Frames as Frames

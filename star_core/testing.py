@@ -17,9 +17,9 @@ import numpy as np
 from star_core.contracts import Avoider, Localizer, Planner
 from star_core.errors import ContractError
 from star_core.messages.arrays import Array, Mask
+from star_core.messages.rotations import Transform
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health, Setpoint
 from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.messages.transforms import Transform
 from star_core.pipeline import checked_estimate, checked_plan, checked_setpoint
 from star_core.plugin_guard import require_methods
 from star_core.scene import Agent, Limits, Scene

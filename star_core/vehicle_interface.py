@@ -10,9 +10,9 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.commands import Command, Order
+from star_core.messages.rotations import Transform
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint, Truth
 from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.messages.transforms import Transform
 from star_core.messages.vision import Corrections, Sightings
 from star_core.metrics.targets import Targets
 from star_core.metrics.timing import TickTiming

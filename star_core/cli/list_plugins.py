@@ -1,4 +1,4 @@
-"""Lists what is installed, from which distribution, with its options."""
+"""Lists the installed plugins with their distributions and options."""
 
 from __future__ import annotations
 

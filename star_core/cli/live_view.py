@@ -1,4 +1,4 @@
-"""Shows a flight while it goes: a table that is kept fresh, or plain lines into a pipe."""
+"""Shows a flight in progress: a live table on a terminal, plain lines in a pipe."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from star_core.hookspecs import hookimpl
 from star_core.messages.events import Event, Flight, Tick
 from star_core.messages.state import AgentPhase
 
-REFRESH = 0.1  # s of wall time between two looks at the table
-MOST = 20  # agents in the table
+REFRESH_PERIOD = 0.1  # s of wall time
+MAX_ROWS = 20  # agents in the table
 
 
 class _Console(Console):
-    """Raises when its reader is gone, where rich would end the process."""
+    """Raises when the reader of the pipe has exited, instead of ending the process."""
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
@@ -29,7 +29,7 @@ class Progress:
     """An observer that writes to standard error.
 
     Args:
-        console: Where to write.
+        console: For the output.
     """
 
     def __init__(self, console: Console | None = None) -> None:
@@ -50,7 +50,7 @@ class Progress:
     @hookimpl
     def star_ticked(self, tick: Tick) -> None:
         now = time.monotonic()
-        if self._live is not None and now - self._shown > REFRESH:
+        if self._live is not None and now - self._shown > REFRESH_PERIOD:
             self._shown = now
             self._live.update(self._table(tick), refresh=True)
 
@@ -68,9 +68,9 @@ class Progress:
         table = Table(title=f"{self._title}  {tick.time:.1f} s  {tick.doing}", title_justify="left")
         for heading in ("agent", "phase", "x m", "y m", "z m", "battery V"):
             table.add_column(heading, justify="left" if heading == "agent" else "right")
-        if len(self._names) > MOST:
-            table.caption = f"and {len(self._names) - MOST} more"
-        for row, name in enumerate(self._names[:MOST]):
+        if len(self._names) > MAX_ROWS:
+            table.caption = f"and {len(self._names) - MAX_ROWS} more"
+        for row, name in enumerate(self._names[:MAX_ROWS]):
             x, y, z = tick.estimate.position[row]
             phase = AgentPhase(tick.health.phase[row]).name.lower().replace("_", " ")
             battery = f"{tick.health.battery[row]:.2f}"

@@ -1,6 +1,6 @@
-"""The command line: every command comes from a plugin, STAR's own from `star_core.cli.commands`.
+"""The command line: all commands are plugins, those of STAR in `star_core.cli.commands`.
 
-Every command imports what it needs when it runs; ``star --help`` reads the list of commands from a
+A command imports what it needs when it runs; ``star --help`` reads the list of commands from a
 cache and imports no plugin.
 """
 
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             return _main(arguments)
         finally:
-            sys.stdout.flush()  # while it can still be met that the reader has gone
+            sys.stdout.flush()  # raises BrokenPipeError here if the reader has exited
     except StarError as error:
         for line in str(error).splitlines():
             print(line, file=sys.stderr)
@@ -78,7 +78,7 @@ def _command(name: str, arguments: list[str]) -> int:
 
     Raises:
         StarError: There is none of that name.
-        PluginError: A third party's raised what is neither an `InputError` nor meant to exit.
+        PluginError: A third party's raised neither `InputError` nor `SystemExit`.
     """
     from star_core.errors import InputError, PluginError
     from star_core.plugin_guard import PluginGuard
@@ -88,7 +88,7 @@ def _command(name: str, arguments: list[str]) -> int:
     if name not in known:
         raise StarError(f"star has no command {name!r}{suggestion(name, known, 'there are')}")
     found = registry.find("command", name)
-    if found.source.own:  # an error of its own is a bug, and shown as one
+    if found.source.own:  # its other errors are bugs, and show their tracebacks
         status: int = found.offer.make(arguments)
         return status
     try:
@@ -105,7 +105,7 @@ def _loaded() -> Registry:
     """Return the installed plugins after reporting those that were left out."""
     from contextlib import redirect_stdout
 
-    with redirect_stdout(sys.stderr):  # what plugins print must not be in the answer
+    with redirect_stdout(sys.stderr):  # what plugins print must not be in the output
         registry = installed()
     for source, why in registry.broken.items():
         print(f"star: plugin {source} is left out: {why}", file=sys.stderr)
@@ -113,8 +113,7 @@ def _loaded() -> Registry:
 
 
 def _leave_quietly() -> None:
-    """Let Python write the rest to nowhere: the reader of the output has gone."""
+    """Discard the rest of the output: its reader has exited."""
     import os
 
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

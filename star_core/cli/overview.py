@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from star_core.registry import Registry
 
 GROUPS = ("Fly", "Author", "Study", "Hardware", "Plugins")
-FIRST_LINE = "star commands 1"  # the version of the file's format
+FIRST_LINE = "star commands 1"  # version of the file's format
 
 
 def overview(registry: Callable[[], Registry]) -> str:
@@ -30,16 +30,13 @@ def overview(registry: Callable[[], Registry]) -> str:
         plugins = registry()
         text = _listed(plugins)
         modules = all(isinstance(one, ModuleType) for one in plugins.manager.get_plugins())
-        if modules and not plugins.broken:  # broken plugins are to be reported each time
+        if modules and not plugins.broken:  # broken plugins are reported each time
             _keep(cache, _stamps(_sources(plugins)), text)
     return text
 
 
 def _listed(registry: Registry) -> str:
-    """Return the text of the list.
-
-    Commands of one name are listed each, as `star plugins` does.
-    """
+    """Return the text of the list; commands of one name are all listed."""
     groups: dict[str, list[str]] = {group: [] for group in GROUPS}
     for kind, found in registry:
         if kind == "command":

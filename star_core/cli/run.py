@@ -1,4 +1,4 @@
-"""``star run``: a flight as its user sees it."""
+"""``star run``: flies a mission, shows its progress and prints its summary."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from star_core.registry import Registry, Source
 from star_core.runner import fly, outcome_of
 from star_core.shutdown import OperatorStop
 
-HARD = 3
-"""Interrupts after which Python itself is interrupted: a plugin may hang."""
+MAX_INTERRUPTS = 3  # after these Python itself is interrupted: a plugin may hang
 
 
 def run_mission(
@@ -36,7 +35,7 @@ def run_mission(
     as_json: bool,
     verbose: bool,
 ) -> tuple[int, str]:
-    """Fly the mission at `path`, show how it goes; return the exit status, and what to print.
+    """Fly the mission at `path` and show its progress; return exit status and text to print.
 
     Raises:
         InputError: The mission cannot be flown, or there is a record at `out` already.
@@ -48,7 +47,7 @@ def run_mission(
         stream=sys.stderr,
     )
     logging.getLogger("numba").setLevel(logging.WARNING)
-    logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger that means nothing is none
+    logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger may have no transition
     mission = load(Path(path), registry, assignments)
     folder = _folder(out, mission.name) if keep else None
     if not as_json:
@@ -64,7 +63,7 @@ def run_mission(
 
 
 def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
-    """Return a summary for people."""
+    """Return a summary as text."""
     collisions = summary["collisions"]
     factor, apart = summary["realtime_factor"], summary["min_separation_m"]
     rmse, clear = summary["position_rmse_m"], summary["min_clearance_m"]
@@ -98,7 +97,7 @@ def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
 
 
 def _slowest(summary: Mapping[str, Any]) -> str:
-    """Name the plugin that took most of a flight slower than real time, if one did."""
+    """Return the plugin that took most of a flight slower than real time, if there is one."""
     factor, wall_time = summary["realtime_factor"], summary["wall_time_s"]
     if factor is None or factor >= 1 or not summary["compute_s"]:
         return ""
@@ -107,24 +106,24 @@ def _slowest(summary: Mapping[str, Any]) -> str:
 
 
 def _slow(slow_ticks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Name every plugin that took too long for ticks of a simulation."""
+    """Yield every plugin that took too long for ticks of a simulation."""
     for plugin, slow in slow_ticks.items():
         yield f"{slow['ticks']} of {plugin}, the slowest took {slow['longest_s']:.1f} s"
 
 
 def _corrected(corrected: Mapping[str, int]) -> str:
-    """Say why the core changed setpoints, if it did."""
-    said = [f"{count} for {why}" for why, count in corrected.items() if count]
-    return f"setpoints: {', '.join(said)}" if said else ""
+    """Return the numbers of corrected setpoints by reason, if there are any."""
+    counts = [f"{count} for {why}" for why, count in corrected.items() if count]
+    return f"setpoints: {', '.join(counts)}" if counts else ""
 
 
 def _late(ticks: int, worst: float) -> str:
-    """Say how many ticks were late, if any was, and the latest by how much, s."""
+    """Return the number of late ticks, and the greatest lateness, s, if there are any."""
     return f"{ticks}, by {worst:.2f} s at most" if ticks else ""
 
 
 def _targets(targets: Mapping[str, Any]) -> str:
-    """Say how many targets were found, if there are any."""
+    """Return the number of targets found, if there are any."""
     total = targets["total"]
     return f"{targets['found']} of {total} found" if total else ""
 
@@ -134,10 +133,10 @@ def _many(agents: Sequence[str]) -> str:
 
 
 def _folder(out: str | None, name: str) -> Path:
-    """Return where to record, which must hold no record yet.
+    """Return the folder of a new record.
 
     Raises:
-        InputError: It does, or it is no folder.
+        InputError: It has a record already, or is not a folder.
     """
     if out is None:
         return new_folder(name)
@@ -154,16 +153,16 @@ def _folder(out: str | None, name: str) -> Path:
 
 @contextmanager
 def _signals(interrupts: OperatorStop) -> Iterator[None]:
-    """Count Ctrl-C and its like instead of dying of them."""
+    """Count Ctrl-C, SIGTERM and SIGHUP instead of being ended by them."""
 
     def count(number: int, _frame: FrameType | None) -> None:
         interrupts.count += 1
-        if interrupts.count >= HARD:
+        if interrupts.count >= MAX_INTERRUPTS:
             raise KeyboardInterrupt
         what = (
             "landing; again stops the motors"
             if interrupts.count == 1
-            else "stopping the motors; again breaks off what hangs"
+            else "stopping the motors; again interrupts a plugin that hangs"
         )
         with suppress(OSError):  # the terminal may be gone
             print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def new_folder(name: str) -> Path:
-    """Return ``runs/TIME-NAME``, or the next like it that is not there yet; it is not made."""
+    """Return ``runs/TIME-NAME``, or with a number if that exists; it is not created."""
     first = Path("runs") / f"{time.strftime('%Y-%m-%dT%H%M%S')}-{name}"
     folder, again = first, 2
     while folder.exists():

@@ -133,6 +133,8 @@ class StepRun:
 
     def _disabled(self, tick: TickContext) -> str:
         """Return which agents cannot continue and why, if any."""
+        if not (tick.disabled.any() or tick.refusals or tick.unreachable):
+            return ""
         phase, names = tick.health.phase, self.shared.scene.names
         reasons = [
             f"{names[row]} is {AgentPhase(int(phase[row])).name.lower()}"

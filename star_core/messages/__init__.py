@@ -1,1 +1,1 @@
-"""The data that passes between the parts of a flight: frozen tables, commands, events."""
+"""The data that passes between the stages of a tick: frozen tables, commands, events."""

@@ -50,7 +50,7 @@ def freeze_arrays(
         integers: Fields with one integer per row.
         flags: Fields with one truth value per row.
         others: Number of rows of fields that are not arrays.
-        per: What there is one row per.
+        per: Item that has one row each, for messages.
 
     Raises:
         RowCountError: The fields differ in their number of rows.

@@ -1,4 +1,4 @@
-"""What on-board high-level commanders can be told."""
+"""Commands to on-board high-level commanders."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
 
 
 class Order(StrEnum):
-    """What the on-board high-level commander can be told."""
+    """Kind of a command to an on-board high-level commander."""
 
     ARM = "arm"
     TAKEOFF = "takeoff"  # climb straight up to position z
@@ -23,13 +23,12 @@ class Order(StrEnum):
     STOP = "stop"  # motors off, at once
 
 
-PIECE: Final = (4, 8)
-"""Axes of a trajectory, x, y, z and yaw, and coefficients of each."""
+PIECE: Final = (4, 8)  # axes of a trajectory: x, y, z and yaw; coefficients of each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """A trajectory of polynomial pieces, in a frame of its own; those with the same numbers equal.
+    """A trajectory of polynomial pieces, in a frame of its own; compared by value.
 
     Attributes:
         duration: (P,) of each piece, s.
@@ -65,23 +64,21 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """An order to the on-board commanders of some agents: one row per agent that is meant.
+    """A command to the on-board commanders of some agents: one row per agent.
 
     Attributes:
-        order: What to do.
-        agent: (K,) rows of the agents meant.
+        order: Kind of the command.
+        agent: (K,) rows of the agents.
         position: (K, 3) target, m: in the map when a task gives it, in each agent's odometry frame
-            when a transport receives it. Take-off and landing use z only, x and y may be no
-            numbers. For FOLLOW it is where the origin of the trajectory's frame lies.
+            when a transport receives it. Take-off and landing use z only, x and y may be NaN.
+            For FOLLOW it is the origin of the trajectory's frame.
         yaw: (K,) heading at the end, rad, in the same frame. Take-off and landing keep theirs. For
-            FOLLOW it is by how much the trajectory's frame is turned.
-        duration: (K,) time to take, s. A trajectory is flown as much slower as this is longer than
-            its own.
-        trajectory: What to FOLLOW: one of those that were uploaded. None with any other order.
+            FOLLOW it is the rotation of the trajectory's frame.
+        duration: (K,) s. A trajectory is flown as much slower as this is longer than its own.
+        trajectory: To FOLLOW: one of those that were uploaded. None with any other order.
 
     Raises:
-        ContractError: It makes no sense: a duration is not above 0, or a number that is used is
-            none.
+        ContractError: A duration is not above 0, or a number that is used is not finite.
     """
 
     order: Order
@@ -93,7 +90,7 @@ class Command:
 
     def __post_init__(self) -> None:
         numbers = {"position": (3,), "yaw": (), "duration": ()}
-        freeze_arrays(self, numbers, integers=("agent",), per="agent meant")
+        freeze_arrays(self, numbers, integers=("agent",), per="agent commanded")
         if not isinstance(self.order, Order):
             raise ContractError(f"Command.order is {self.order!r}, expected an Order")
         follows = self.order is Order.FOLLOW

@@ -1,4 +1,4 @@
-"""What observers are told about a flight."""
+"""The tables that observers receive."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """What is known before anything moves.
+    """The description of a flight, before anything moves.
 
     Attributes:
         mission: The mission's name.
-        scene: What every plugin was made with.
-        manifest: What to keep to fly it again: the mission and world as flown, plugins with their
+        scene: That every plugin was made with.
+        manifest: Needed to repeat the flight: mission and world as flown, plugins with their
             distributions and versions, seed, packages, platform.
-        folder: Where records go; None keeps none.
-        save_frames: Whether to keep the cameras' images too.
+        folder: For records; None if nothing is recorded.
+        save_frames: Whether to record the cameras' images too.
     """
 
     mission: str
@@ -37,12 +37,12 @@ class Flight:
 
 @dataclass(frozen=True, slots=True)
 class Corrected:
-    """Whose setpoint the core changed, by the reason: (N,) each.
+    """Agents whose setpoints the safety filter changed, by the reason: (N,) each.
 
     Attributes:
-        fence: Would have left the fence.
-        speed: Was faster than the limit.
-        separation: Closed in on another agent faster than the two can brake.
+        fence: The agent would have left the fence.
+        speed: It was faster than the limit.
+        separation: It approached another agent faster than the two can brake.
     """
 
     fence: Mask
@@ -52,19 +52,19 @@ class Corrected:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """Everything one tick was made of.
+    """Inputs and outputs of all stages of one tick.
 
     Attributes:
         time: Mission time, s.
-        telemetry: What was received.
-        estimate: Where the agents are believed to be.
+        telemetry: From the transport.
+        estimate: From the localizer.
         health: Phase, battery and link of each agent.
-        goals: What the tasks want.
-        plan: What the planner answered.
-        sent: What was sent after avoider and limits, in the map.
-        truth: Where the agents really are, if the transport can know. For records only.
-        doing: The steps under way, in words.
-        corrected: Whose setpoint the core changed.
+        goals: From the tasks.
+        plan: From the planner.
+        sent: The setpoint after avoider, safety filter and the transport's limits, in the map.
+        truth: Ground truth, if the transport has it. For records only.
+        doing: The running steps, in words.
+        corrected: Agents whose setpoints the safety filter changed.
     """
 
     time: float
@@ -81,14 +81,14 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that belongs in the record.
+    """An event of the record.
 
     Attributes:
         time: Mission time, s.
         kind: One word: ``step``, ``failure``, ``collision``, ``safety``, ``interrupt`` …
-        text: What happened.
-        agent: The agent that it happened to, if one.
-        details: What happened, for programs, as JSON; the keys depend on the kind.
+        text: Description.
+        agent: The agent that it happened to, if it is one.
+        details: Description for programs, as JSON; the keys depend on the kind.
     """
 
     time: float

@@ -1,40 +1,41 @@
-"""Rotations and poses in three dimensions, and angles."""
+"""Rotations, poses and transforms between frames, and angles."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array
+from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
 
 TINY: Final = 1e-9  # rad: a rotation that small is its first-order term
 
 
 class Pose(NamedTuple):
-    """Where a frame lies in another.
+    """Pose of a frame in another.
 
     Attributes:
         rotation: (3, 3) from the frame to the other.
-        position: (3,) its origin in the other, m.
+        position: (3,) of its origin in the other, m.
     """
 
     rotation: Array
     position: Array
 
     def apply(self, points: Array) -> Array:
-        """Return (..., 3) points of the frame as the other has them, m."""
-        there: Array = points @ self.rotation.T + self.position
-        return there
+        """Return (..., 3) points of the frame, m, in the other frame."""
+        moved: Array = points @ self.rotation.T + self.position
+        return moved
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """Return where a frame that lies in this one lies in the other."""
+        """Return the pose in the other frame of a frame with a pose in this one."""
         return Pose(self.rotation @ inner.rotation, self.rotation @ inner.position + self.position)
 
     def inverse(self) -> Pose:
-        """Return where the other frame lies in this one."""
+        """Return the pose of the other frame in this one."""
         return Pose(self.rotation.T, -self.position @ self.rotation)
 
     def moved(self, step: Array) -> Self:
@@ -52,6 +53,60 @@ class Pose(NamedTuple):
     def yaw(self) -> float:
         """Direction of the frame's x axis in the other's x-y plane, rad."""
         return float(np.arctan2(self.rotation[1, 0], self.rotation[0, 0]))
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """A transform for each agent: a rotation about z, then a translation.
+
+    Attributes:
+        yaw: (N,) rad.
+        translation: (N, 3) m.
+    """
+
+    yaw: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self, {"yaw": (), "translation": (3,)})
+
+    def turn(self, vectors: Array) -> Array:
+        """Rotate (N, 3) vectors, one per agent, without the translation.
+
+        >>> quarter = Transform(np.array([np.pi / 2]), np.ones((1, 3)))
+        >>> quarter.turn(np.array([[1.0, 0.0, 0.5]])).round(9)
+        array([[0. , 1. , 0.5]])
+        """
+        return _turned(self.yaw, vectors)
+
+    def turn_back(self, vectors: Array) -> Array:
+        """Rotate (N, 3) vectors by the inverse, without the translation."""
+        return _turned(-self.yaw, vectors)
+
+    def apply(self, points: Array) -> Array:
+        """Transform (N, 3) points, one per agent."""
+        return self.turn(points) + self.translation
+
+    def inverse(self) -> Transform:
+        """Return the inverse transform."""
+        return Transform(-self.yaw, -self.turn_back(self.translation))
+
+    def of(self, rows: Rows) -> Transform:
+        """Return the transforms of some agents, in the order of `rows`."""
+        return Transform(self.yaw[rows], self.translation[rows])
+
+    def where(self, mask: Mask, other: Transform) -> Transform:
+        """Return these transforms where an (N,) mask is True, and the `other` ones elsewhere."""
+        return Transform(
+            np.where(mask, self.yaw, other.yaw),
+            np.where(mask[:, None], self.translation, other.translation),
+        )
+
+    @property
+    def known(self) -> Mask:
+        """(N,) agents whose transform is finite."""
+        finite: Mask = np.isfinite(self.yaw) & np.isfinite(self.translation).all(axis=1)
+        return finite
 
 
 def wrap_angle(angle: Any) -> Any:
@@ -141,6 +196,16 @@ def quaternion_from_euler(roll: Any, pitch: Any, yaw: Any) -> Array:
         ],
         axis=-1,
     )
+
+
+def _turned(yaw: Array, vectors: Array) -> Array:
+    """Rotate (N, 3) vectors about z by (N,) angles, rad."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turned = vectors.copy()
+    x, y = vectors[:, 0], vectors[:, 1]
+    turned[:, 0] = cos * x - sin * y
+    turned[:, 1] = sin * x + cos * y
+    return turned
 
 
 _IDENTITY = np.eye(3)

@@ -1,4 +1,4 @@
-"""What passes through one tick: frozen tables with one row per agent.
+"""The tables that pass through one tick: frozen, with one row per agent.
 
 Row *i* is the same agent in every table of a mission. Frames are right-handed with z up, units SI,
 floats float64. Arrays are read-only: a stage that wants a changed table makes a new one with
@@ -16,12 +16,12 @@ from typing import Final, Self
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
-from star_core.messages.transforms import Transform
+from star_core.messages.rotations import Transform
 from star_core.messages.vision import Corrections, Sightings
 
 
 class AgentPhase(IntEnum):
-    """Where one agent stands in its flight."""
+    """Phase of an agent's flight."""
 
     GROUNDED = 0
     TAKING_OFF = 1
@@ -51,7 +51,7 @@ def _zeros(n: int) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Where the agents are believed to be, in the map: a localizer's answer.
+    """A localizer's estimate of the agents' states, in the map.
 
     Attributes:
         time: Mission time, s.
@@ -59,10 +59,10 @@ class Estimate:
         velocity: (N, 3) m/s.
         yaw: (N,) rad, anticlockwise from the map's x axis.
         covariance: (N, 3, 3) covariance of the position, m².
-        valid: (N,) False where the row must not be flown on.
-        map_from_odom: Where each agent's odometry frame lies in the map.
-        sightings: Tags seen since the last tick that are no landmarks.
-        corrections: What to tell the agents' own estimators.
+        valid: (N,) False if the row must not be used to fly.
+        map_from_odom: Pose of each agent's odometry frame in the map.
+        sightings: Tags seen since the last tick that are not landmarks.
+        corrections: For the on-board estimators.
         possible_travel: (N, 3) m. An agent that is no longer heard may have stopped at `position`
             or flown on, up to `position + possible_travel`. Set by the core, not by localizers;
             zero for agents that are heard, which is the default.
@@ -92,14 +92,14 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """How the agents are: what a task may know beside the estimate.
+    """The condition of the agents, for tasks, beside the estimate.
 
     Attributes:
         phase: (N,) `AgentPhase`.
         battery: (N,) V; NaN where not reported.
         age: (N,) time since each agent was last heard, s.
         finder: (T,) row of the agent that found each target of the world, in the world's order; -1
-            where none has.
+            if it has not been found.
     """
 
     phase: Rows
@@ -113,7 +113,7 @@ class Health:
 
 
 def among(phase: Rows, *phases: AgentPhase) -> Mask:
-    """Return (N,) which agents, whose phases are (N,), are in one of some phases."""
+    """Return which agents, with phases (N,), are in one of some phases: (N,)."""
     answer: Mask = phase == phases[0]
     for another in phases[1:]:
         answer |= phase == another
@@ -122,14 +122,14 @@ def among(phase: Rows, *phases: AgentPhase) -> Mask:
 
 @dataclass(frozen=True, slots=True)
 class Goals:
-    """Where the tasks want the agents, in the map.
+    """The tasks' goals for the agents, in the map.
 
     Attributes:
         position: (N, 3) m.
-        velocity: (N, 3) velocity of a goal that moves, m/s: feed-forward.
+        velocity: (N, 3) velocity of a moving goal, m/s: feed-forward.
         yaw: (N,) rad.
         speed: (N,) greatest speed on the way, m/s.
-        active: (N,) False where there is no goal.
+        active: (N,) False for agents without a goal.
     """
 
     position: Array
@@ -144,20 +144,20 @@ class Goals:
 
     @classmethod
     def none(cls, n: int) -> Self:
-        """No goal for any of `n` agents."""
+        """Return a table without a goal for `n` agents."""
         zero = np.zeros(n)
         return cls(np.zeros((n, 3)), np.zeros((n, 3)), zero, zero, np.zeros(n, np.bool_))
 
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """What the agents should fly until the next tick, in the map.
+    """The setpoints of the agents until the next tick, in the map.
 
     Attributes:
         velocity: (N, 3) m/s.
         yaw: (N,) rad, anticlockwise from the map's x axis.
-        active: (N,) False where nothing is sent (grounded, taking off, landing, not heard); an
-            avoider moves no such row.
+        active: (N,) False for agents without a setpoint (grounded, taking off, landing, not heard);
+            an avoider leaves them inactive.
     """
 
     velocity: Array
@@ -171,12 +171,12 @@ class Setpoint:
 def with_possible_positions(
     estimate: Estimate, wanted: Setpoint, spacing: float = 0.2
 ) -> tuple[Estimate, Setpoint]:
-    """Return both tables with further rows where agents that are not heard may be.
+    """Return both tables with further rows at the possible positions of agents that are not heard.
 
-    The further rows stand behind those of the agents: at rest, inactive, along the stretch from
+    These rows follow those of the agents: at rest, inactive, along the segment from
     each agent's position to the end of its `Estimate.possible_travel`. An avoider that handles them
-    like any inactive agent keeps the others clear of all the places at which an agent that is no
-    longer heard may be. If every agent is heard, the tables are returned as they are.
+    like any inactive agent keeps the others clear of all possible positions of an agent that is no
+    longer heard. If every agent is heard, the tables are returned unchanged.
 
     Args:
         estimate: Of N agents.
@@ -217,10 +217,10 @@ def with_possible_positions(
 
 @dataclass(frozen=True, slots=True)
 class Paths:
-    """Polylines that agents are going to fly, in the map: a long table.
+    """Planned polylines of agents, in the map: a long table.
 
     Attributes:
-        agent: (K,) row of the agent; the points of one agent stand together, in order.
+        agent: (K,) row of the agent; the points of one agent are consecutive, in order.
         point: (K, 3) m.
     """
 
@@ -233,13 +233,13 @@ class Paths:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A planner's answer.
+    """A planner's output.
 
     Attributes:
-        setpoint: What to fly now.
-        paths: What is left of each agent's path.
-        unreachable: (N,) True where the goal cannot be reached: the step that wants it there fails.
-        reasons: Why, by row, as far as the planner can say; of an agent or a place, in words.
+        setpoint: Of this tick.
+        paths: The rest of each agent's path.
+        unreachable: (N,) True for agents whose goals cannot be reached: their steps fail.
+        reasons: Why, by row, in words, if the planner can explain it.
     """
 
     setpoint: Setpoint
@@ -253,7 +253,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Where the agents really are, in the map: from a simulator or motion capture. Records only.
+    """Ground truth in the map, of a simulator or motion capture; for records only.
 
     Attributes:
         time: Mission time, s.

@@ -1,4 +1,4 @@
-"""What the agents report: a transport's answer of one tick."""
+"""Telemetry of the agents: a transport's output of one tick."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class Supervisor(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """What the on-board estimators streamed since the last tick: one row per sample, up to 100 Hz.
+    """Samples of the on-board estimators since the last tick: one row each, up to 100 Hz.
 
     Attributes:
         agent: (K,) row of the agent that sent the sample.
         time: (K,) mission time of the sample, s.
-        velocity: (K, 3) velocity in the body frame turned level (x forward, z up), m/s.
+        velocity: (K, 3) velocity in the leveled body frame (x forward, z up), m/s.
         yaw_rate: (K,) rad/s.
         roll: (K,) rad.
         pitch: (K,) rad, nose down positive (right-handed about y).
@@ -70,7 +70,7 @@ class Odometry:
     @classmethod
     @cache  # tables are read-only
     def none(cls) -> Self:
-        """No sample."""
+        """Return a table without a sample."""
         nothing = np.zeros(0)
         return cls(
             np.zeros(0, np.int64), nothing, np.zeros((0, 3)), nothing, nothing, nothing, nothing
@@ -78,11 +78,11 @@ class Odometry:
 
 
 class Refusal(NamedTuple):
-    """That an agent will not do what it was told.
+    """A command that an agent refused.
 
     Attributes:
-        agent: Its row.
-        reason: What it refuses and why, in words that follow its name: "refuses to ...".
+        agent: Row of the agent.
+        reason: The command and the reason, in words that follow its name: "refuses to ...".
     """
 
     agent: int
@@ -91,10 +91,10 @@ class Refusal(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What the agents report, each in its own odometry frame. NaN means "not reported".
+    """Telemetry of each agent in its own odometry frame. NaN means "not reported".
 
-    An agent's odometry frame lies where the agent stood, level, x along its heading, when its
-    estimator was started; it drifts away from there in flight.
+    An agent's odometry frame has its origin at the agent's position when its estimator was started,
+    level, with x along its heading; it drifts from there in flight.
 
     Attributes:
         time: Mission time of the newest row, s.
@@ -104,14 +104,13 @@ class Telemetry:
         battery: (N,) V.
         state: (N,) bits of `Supervisor`.
         age: (N,) time since each agent was last heard, s.
-        odometry: Every sample since the last tick.
-        frames: Every image since the last tick.
-        detections: Every tag since the last tick that was found on board.
-        refusals: Every order that was refused since the last tick; it fails the agent's step.
-        signal: (N,) how strongly each agent hears its radio, as it last told, dBm; None where there
-            is no radio.
-        rebooted: (N,) whether each agent's firmware restarted since it was connected; None where
-            that cannot happen. Such an agent takes no more orders.
+        odometry: Samples since the last tick.
+        frames: Images since the last tick.
+        detections: Tags detected on board since the last tick.
+        refusals: Commands refused since the last tick; each fails the agent's step.
+        signal: (N,) signal strength at each agent, as last reported, dBm; None without a radio.
+        rebooted: (N,) whether each agent's firmware restarted since it was connected; None if
+            that cannot happen. Such an agent receives no more commands.
     """
 
     time: float

@@ -1,4 +1,4 @@
-"""What cameras see: long tables, one row per image, tag or fix."""
+"""Tables of vision: one row per image, tag or correction."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ class Frames:
 
     Attributes:
         agent: (K,) row of the agent whose camera took it.
-        taken: (K,) mission time at which the exposure of its middle row was half over, s; NaN where
-            the source does not know it.
-        arrived: (K,) mission time at which it was here, s.
+        taken: (K,) mission time at the middle of the exposure of its middle row, s; NaN if unknown.
+        arrived: (K,) mission time of its arrival, s.
         image: K images; each has the size of its camera.
     """
 
@@ -40,19 +39,19 @@ class Frames:
     @classmethod
     @cache  # tables are read-only
     def none(cls) -> Self:
-        """No image."""
+        """Return a table without an image."""
         return cls(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), ())
 
 
 @dataclass(frozen=True, slots=True)
 class Detections:
-    """Tags found in images before they came here, by a camera's own processor.
+    """Tags detected in images by a camera's own processor.
 
     Attributes:
         agent: (K,) row of the agent whose camera saw the tag.
         tag: (K,) the tag's number.
-        corners: (K, 4, 2) its corners in the image as the lens shows them, px: bottom left, bottom
-            right, top right and top left of the tag as one reads it.
+        corners: (K, 4, 2) its corners in the distorted image, px: bottom left, bottom right, top
+            right and top left of the upright tag.
         taken: (K,) as in `Frames`.
         arrived: (K,) as in `Frames`.
     """
@@ -74,22 +73,22 @@ class Detections:
     @classmethod
     @cache  # tables are read-only
     def none(cls) -> Self:
-        """No tag."""
+        """Return a table without a tag."""
         none = np.zeros(0, np.int64)
         return cls(none, none, np.zeros((0, 4, 2)), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """Tags that are no landmarks, as agents saw them: targets.
+    """Tags seen by agents that are not landmarks: targets.
 
     Attributes:
         agent: (K,) row of the agent that saw the tag.
         tag: (K,) the tag's number.
-        time: (K,) mission time at which it was seen, s.
-        position: (K, 3) centre of the tag in the map, m.
+        time: (K,) mission time of the sighting, s.
+        position: (K, 3) center of the tag in the map, m.
         yaw: (K,) direction of the tag's x axis in the map's x-y plane, rad.
-        covariance: (K, 3, 3) covariance of the position, that of the agent's own included, m².
+        covariance: (K, 3, 3) of the position, including that of the agent's position, m².
     """
 
     agent: Rows
@@ -106,21 +105,21 @@ class Sightings:
     @classmethod
     @cache  # tables are read-only
     def none(cls) -> Self:
-        """No tag."""
+        """Return a table without a tag."""
         none, empty = np.zeros(0, np.int64), np.zeros(0)
         return cls(none, none, empty, np.zeros((0, 3)), empty, np.zeros((0, 3, 3)))
 
 
 @dataclass(frozen=True, slots=True)
 class Corrections:
-    """Where agents are, for their on-board estimators, in their own odometry frames.
+    """Poses of agents in their odometry frames, for their on-board estimators.
 
     Attributes:
-        agent: (K,) row of the agent that is meant.
+        agent: (K,) row of the agent.
         position: (K, 3) m.
         attitude: (K, 4) unit quaternion x, y, z, w from the body to the odometry frame.
         position_deviation: (K,) along each axis, m.
-        attitude_deviation: (K,) about each axis, rad; infinite where only the position is told.
+        attitude_deviation: (K,) about each axis, rad; infinite if only the position is corrected.
     """
 
     agent: Rows
@@ -139,12 +138,12 @@ class Corrections:
                 "attitude_deviation": (),
             },
             integers=("agent",),
-            per="fix",
+            per="correction",
         )
 
     @classmethod
     @cache  # tables are read-only
     def none(cls) -> Self:
-        """No corrections."""
+        """Return a table without a correction."""
         nothing = np.zeros(0)
         return cls(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), nothing, nothing)

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask
+from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate
-from star_core.messages.transforms import Transform
 
 JUMP_MARGIN: Final = 1.5
 """How far positions may move beyond what is explained, m: localizers are sometimes overconfident.

@@ -11,8 +11,8 @@ import numpy as np
 from star_core.geometry.neighbours import Pairs, warm_up
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.events import Corrected
+from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate, Setpoint, with_possible_positions
-from star_core.messages.transforms import Transform
 from star_core.safety.braking_kernels import LAG, PULL, keep_apart, keep_inside
 from star_core.scene import Scene
 

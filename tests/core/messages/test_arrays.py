@@ -104,10 +104,10 @@ INTEGERS = np.zeros(2, np.int64)
          "one row per tag [wrong-shape]"),
         (lambda: Corrections(INTEGERS, rows(2, 3), rows(2, 4), rows(1), rows(2)),
          "Corrections.position_deviation has 1 row, but position, attitude, attitude_deviation and "
-         "agent have 2; expected one row per fix [wrong-shape]"),
+         "agent have 2; expected one row per correction [wrong-shape]"),
         (lambda: Command(Order.LAND, INTEGERS, rows(1, 3), rows(2), rows(2) + 1),
          "Command.position has 1 row, but yaw, duration and agent have 2; expected one row per "
-         "agent meant [wrong-shape]"),
+         "agent commanded [wrong-shape]"),
         (lambda: Trajectory(rows(2) + 1, rows(1, 4, 8)),
          "Trajectory.duration has 2 rows, but coefficients has 1; expected one row per piece"
          " [wrong-shape]"),
