@@ -127,6 +127,10 @@ CATALOGUE: Final = {
         "A plugin raised an error.",
         "`star run --verbose` shows its traceback; report it to the plugin's author.",
     ),
+    "too-close": Entry(
+        "Two positions are closer to each other than the separation or the spacing allows.",
+        "Move one of them, or increase the spacing.",
+    ),
     "too-few-agents": Entry(
         "A step needs more agents than it has.",
         "Add agents to the step, or ask for less.",
@@ -150,6 +154,10 @@ CATALOGUE: Final = {
     "unknown-target": Entry(
         "The world has no target of that name.",
         "Correct the name; the message lists the targets or the most similar one.",
+    ),
+    "unreachable-goal": Entry(
+        "A goal of a step is outside the geofence, in an obstacle, or refused by the planner.",
+        "Move the goal as the message describes.",
     ),
     "unreadable-file": Entry(
         "A file exists but cannot be read.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -125,9 +125,7 @@ class Goto(Approach):
         to: Point to fly to, map frame, m.
         by: Offset from each agent's position when the step begins, along the map's axes, m.
         spacing: Least distance between agents sent to one point, m.
-        speed: Speed limit, m/s; at most the scene's limit, and that if None.
-        yaw_deg: Heading to turn to, degrees; None keeps each agent's own.
-        within: Distance to its position that each agent must reach, m.
+        approach: Other options of `Approach`.
     """
 
     def __init__(
@@ -138,11 +136,9 @@ class Goto(Approach):
         to: Sequence[float] | None = None,
         by: Sequence[float] = (0.0, 0.0, 0.0),
         spacing: float,
-        speed: float | None = None,
-        yaw_deg: float | None = None,
-        within: float = TOLERANCE,
+        **approach: Any,
     ) -> None:
-        super().__init__(scene, rows, speed=speed, yaw_deg=yaw_deg, within=within)
+        super().__init__(scene, rows, **approach)
         self._to = to
         self._by = by
         self._spacing = spacing
@@ -168,10 +164,7 @@ class Hold(Goto):
         scene: The mission's scene.
         rows: Rows of the agents.
         at: Point to hover at, map frame, m; None keeps each agent at its position.
-        seconds: Duration, s.
-        spacing: Least distance between agents sent to one point, m.
-        speed: Speed limit, m/s; at most the scene's limit, and that if None.
-        yaw_deg: Heading to turn to, degrees; None keeps each agent's own.
+        options: ``for``, the duration, s, and other options of `Goto`.
     """
 
     def __init__(
@@ -180,14 +173,11 @@ class Hold(Goto):
         rows: tuple[int, ...],
         *,
         at: Sequence[float] | None = None,
-        seconds: float,
-        spacing: float,
-        speed: float | None = None,
-        yaw_deg: float | None = None,
+        **options: Any,
     ) -> None:
-        super().__init__(scene, rows, to=at, spacing=spacing, speed=speed, yaw_deg=yaw_deg)
+        self._seconds: float = options.pop("for")  # a keyword of Python
+        super().__init__(scene, rows, to=at, **options)
         self._stays = at is None
-        self._seconds = seconds
         self._since: float | None = None
 
     def begin(self, estimate: Estimate, health: Health) -> float:
@@ -213,6 +203,9 @@ class Hold(Goto):
 
 class Wait:
     """Leaves the goals of its agents unchanged; the core evaluates the step's condition."""
+
+    def __init__(self, scene: Scene, rows: tuple[int, ...]) -> None:
+        pass
 
     def begin(self, estimate: Estimate, health: Health) -> float:
         return CONDITION_TIMEOUT

@@ -49,6 +49,7 @@ def changed(options: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, 
 def exactly_one(one: str, other: str, options: Mapping[str, Any]) -> Iterator[Problem]:
     """Check that exactly one of two options is given."""
     if one not in options and other not in options:
-        yield Problem((), f"expected {one!r} or {other!r}")
+        yield Problem((), f"expected {one!r} or {other!r}", "missing-option")
     elif one in options and other in options:
-        yield Problem((other,), f"{other!r} does not go with {one!r}, expected one of them")
+        message = f"{other!r} does not go with {one!r}, expected one of them"
+        yield Problem((other,), message, "option-conflict")

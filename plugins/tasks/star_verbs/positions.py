@@ -106,26 +106,24 @@ def spread_problems(
         return
     for goal in spread_goals(scene, rows, key=key, **options):
         if fault := scene.position_fault(goal.position):
-            yield Problem(goal.path, f"{goal.label}: {fault}".removeprefix(": "))
+            message = f"{goal.label}: {fault}".removeprefix(": ")
+            yield Problem(goal.path, message, "unreachable-goal")
 
 
 def spacing_problems(scene: Scene, agents: int, options: Mapping[str, Any]) -> Iterator[Problem]:
     """Check that the spacing is not less than the separation that the core enforces."""
     spacing, least = options["spacing"], scene.limits.separation
     if agents > 1 and spacing < least:
-        yield Problem(
-            ("spacing",),
-            f"a spacing of {spacing:g} m is less than limits.separation, {least:g} m",
-        )
+        message = f"a spacing of {spacing:g} m is less than limits.separation, {least:g} m"
+        yield Problem(("spacing",), message, "too-close")
 
 
 def speed_problems(scene: Scene, options: Mapping[str, Any], *path: str) -> Iterator[Problem]:
     """Check that a given ``speed``, at `path`, does not exceed the limit; a default is lowered."""
     limit = scene.limits.speed
     if options.get("speed", 0.0) > limit:
-        yield Problem(
-            (*path, "speed"), f"{options['speed']:g} m/s is above limits.speed, {limit:g} m/s"
-        )
+        message = f"{options['speed']:g} m/s is above limits.speed, {limit:g} m/s"
+        yield Problem((*path, "speed"), message, "above-limit")
 
 
 def _compact(n: int, center: tuple[float, float]) -> tuple[float, list[tuple[float, float]]]:

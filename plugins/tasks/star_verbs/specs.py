@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Problem, TaskSpec
@@ -16,53 +17,21 @@ if TYPE_CHECKING:
     from star_core import Scene, Task
 
 
-def _takeoff(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-    from star_verbs.takeoff import Takeoff
+def _factory(module: str, task: str) -> Callable[..., Task]:
+    """Return a factory of tasks that imports their class when it is called."""
 
-    return Takeoff(scene, rows, **options)
+    def make(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
+        made: Task = getattr(import_module(f"star_verbs.{module}"), task)(scene, rows, **options)
+        return made
 
-
-def _join(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-    from star_verbs.takeoff import Join
-
-    return Join(scene, rows, **options)
-
-
-def _land(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-    from star_verbs.land import Land
-
-    return Land(scene, rows, **options)
-
-
-def _leave(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-    from star_verbs.land import Leave
-
-    return Leave(scene, rows, **options)
-
-
-def _goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-    from star_verbs.goto import Goto
-
-    return Goto(scene, rows, **options)
-
-
-def _hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-    from star_verbs.goto import Hold
-
-    return Hold(scene, rows, seconds=options.pop("for"), **options)  # a keyword of Python
-
-
-def _wait(_scene: Scene, _rows: tuple[int, ...]) -> Task:
-    from star_verbs.goto import Wait
-
-    return Wait()
+    return make
 
 
 def _check_takeoff(
     scene: Scene, _rows: tuple[int, ...], *, height: float, **_options: Any
 ) -> Iterator[Problem]:
     if fault := scene.height_fault(height):
-        yield Problem(("height",), fault)
+        yield Problem(("height",), fault, "outside-geofence")
 
 
 def _check_leave(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
@@ -82,7 +51,8 @@ def _check_goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator
     for axis, by, extent in zip("xyz", offset, extents(scene), strict=True):
         if abs(by) > extent:  # wherever it begins
             where = "the heights to fly at are" if axis == "z" else "the fence is"
-            yield Problem(("by",), f"{abs(by):g} m along {axis}, where {where} only {extent:g} m")
+            message = f"{abs(by):g} m along {axis}, where {where} only {extent:g} m"
+            yield Problem(("by",), message, "unreachable-goal")
 
 
 _CLIMB_HEIGHT = positive("Height to climb to, z in the map, m.", default=0.8)
@@ -100,7 +70,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         before="ground",
         after="air",
         summary="Climb straight up and hover there.",
-        make=_takeoff,
+        make=_factory("takeoff", "Takeoff"),
         check=_check_takeoff,
         options={
             "type": "object",
@@ -112,7 +82,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         name="land",
         after="ground",
         summary="Descend straight down and stop the motors.",
-        make=_land,
+        make=_factory("land", "Land"),
         options={
             "type": "object",
             "properties": {"speed": _DESCENT_SPEED},
@@ -123,7 +93,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         name="hold",
         after="same",
         summary="Hover in place for a time.",
-        make=_hold,
+        make=_factory("goto", "Hold"),
         check=_check_hold,
         goals=partial(spread_goals, key="at"),
         options={
@@ -148,7 +118,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         after="air",
         summary="Take off from reserve and take part in the mission from then on; needs "
         "'agents', except in 'each'.",
-        make=_join,
+        make=_factory("takeoff", "Join"),
         check=_check_takeoff,
         options={
             "type": "object",
@@ -171,7 +141,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         before="air",
         after="ground",
         summary="Fly back to the start, land, and leave the mission.",
-        make=_leave,
+        make=_factory("land", "Leave"),
         check=_check_leave,
         options={
             "type": "object",
@@ -183,7 +153,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         name="wait",
         after="same",
         summary="Hover until a condition holds; the default timeout is 60 s.",
-        make=_wait,
+        make=_factory("goto", "Wait"),
         options={
             "type": "object",
             "required": ["until"],
@@ -196,7 +166,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         before="air",
         after="air",
         summary="Fly to a point, or by an offset, and stop there.",
-        make=_goto,
+        make=_factory("goto", "Goto"),
         check=_check_goto,
         goals=partial(spread_goals, key="to"),
         options={

@@ -213,7 +213,7 @@ def test_agents_without_room_on_the_path_are_a_problem(problems: Any) -> None:
     ((path, message),) = problems("follow", scene(3), (0, 1, 2), **CIRCLE | {"size": 0.6})
     assert path == ("size",)
     assert message == (
-        "3 agents on this circle come within 0.52 m of each other, nearer than the spacing of 0.6 m"
+        "3 agents on this circle come within 0.52 m of each other, less than the spacing of 0.6 m"
     )
 
 

@@ -115,7 +115,7 @@ def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Probl
             scene, agents, options
         ))  # fmt: skip
     except InputError as error:
-        found = [Problem(("file",), message) for message in error.problems]
+        found = [Problem(("file",), message, error.code) for message in error.problems]
     yield from found
 
 
@@ -154,26 +154,28 @@ def _conflicts(given: dict[str, Any]) -> Iterator[Problem]:
     """Check that the options go with waypoints, or with a named path."""
     for key in FOR_TRAJECTORIES:
         if key in given:
-            yield Problem((key,), f"{key!r} goes with 'format: poly7' only")
+            yield Problem((key,), f"{key!r} goes with 'format: poly7' only", "option-conflict")
     if ("file" in given) is ("path" in given):
         yield from exactly_one("file", "path", given)
     elif "path" in given:
         for key in ("size", "centre"):
             if key not in given:
-                yield Problem((), f"path {given['path']!r} needs {key!r}")
+                yield Problem((), f"path {given['path']!r} needs {key!r}", "missing-option")
     else:
         for key in FOR_PATHS:
             if key in given:
-                yield Problem((key,), f"{key!r} goes with 'path' only, not with 'file'")
+                message = f"{key!r} goes with 'path' only, not with 'file'"
+                yield Problem((key,), message, "option-conflict")
 
 
 def _trajectory_conflicts(given: dict[str, Any]) -> Iterator[Problem]:
     """Check that the options go with a trajectory."""
     for key in given:
         if key not in {"format", "file", "spacing", *FOR_TRAJECTORIES}:
-            yield Problem((key,), f"{key!r} does not go with 'format: poly7'")
+            message = f"{key!r} does not go with 'format: poly7'"
+            yield Problem((key,), message, "option-conflict")
     if "file" not in given:
-        yield Problem((), "'format: poly7' needs 'file'")
+        yield Problem((), "'format: poly7' needs 'file'", "missing-option")
 
 
 def _route_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Iterator[Problem]:
@@ -184,14 +186,14 @@ def _route_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Itera
     if name is not None and agents > 1:
         nearest = min_distance(name, options["size"], agents, options.get("width"))
         if nearest < spacing:
-            yield Problem(
-                ("size",),
+            message = (
                 f"{agents} agents on this {name} come within {nearest:.2f} m of each other, "
-                f"nearer than the spacing of {spacing:g} m",
+                f"less than the spacing of {spacing:g} m"
             )
+            yield Problem(("size",), message, "too-close")
     key = "path" if name else "file"
     for fault in route_faults(scene, route(scene, agents, options)):
-        yield Problem((key,), fault)
+        yield Problem((key,), fault, "unreachable-goal")
 
 
 def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Iterator[Problem]:
@@ -203,16 +205,17 @@ def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> 
     path = read_trajectory(scene.file(name), name)
     size = len(path.lines) * PIECE_SIZE
     if options["on_board"] and size > MEMORY:
-        yield Problem(
-            ("on_board",),
+        message = (
             f"{name} has {len(path.lines)} pieces of {PIECE_SIZE} bytes, {size} bytes in all; a "
-            f"Crazyflie has {MEMORY} bytes for trajectories: {MEMORY // PIECE_SIZE} pieces at most",
+            f"Crazyflie has {MEMORY} bytes for trajectories: {MEMORY // PIECE_SIZE} pieces at most"
         )
+        yield Problem(("on_board",), message, "out-of-range")
     samples = trajectory.Samples.of(path)
-    faults = [*trajectory.limit_faults(scene, samples, options["timescale"], name)]
+    for fault in trajectory.limit_faults(scene, samples, options["timescale"], name):
+        yield Problem(("file",), fault, "above-limit")
     if options["relative"]:
-        faults += trajectory.extent_faults(scene, samples, name)
+        faults = trajectory.extent_faults(scene, samples, name)
     else:
         shifts = offsets(agents, options["spacing"])
-        faults += trajectory.position_faults(scene, samples, shifts, name)
-    yield from (Problem(("file",), fault) for fault in faults)
+        faults = trajectory.position_faults(scene, samples, shifts, name)
+    yield from (Problem(("file",), fault, "unreachable-goal") for fault in faults)

@@ -125,9 +125,11 @@ def check(scene: Scene, rows: tuple[int, ...], /, **options: Any) -> Iterator[Pr
     for i, fault in enumerate(faults):
         if fault is not None:
             label = "" if options["shape"] == "points" else number_label(i, len(faults))
-            yield Problem(_path(i, options), f"{label}: {fault}".removeprefix(": "))
+            message = f"{label}: {fault}".removeprefix(": ")
+            yield Problem(_path(i, options), message, "unreachable-goal")
     if not any(faults):
-        yield from (Problem(("move", "to"), fault) for fault in move_faults(scene, figure))
+        for fault in move_faults(scene, figure):
+            yield Problem(("move", "to"), fault, "unreachable-goal")
 
 
 def goals(_scene: Scene, rows: tuple[int, ...], /, **options: Any) -> Iterator[StepGoal]:
@@ -163,27 +165,30 @@ def _conflicts(given: Mapping[str, Any]) -> Iterator[Problem]:
     for key, shapes in SHAPES_WITH.items():
         if key in given and name not in shapes:
             listed = " or ".join(repr(one) for one in shapes)
-            yield Problem((key,), f"{key!r} goes with shape {listed}, not with {name!r}")
+            message = f"{key!r} goes with shape {listed}, not with {name!r}"
+            yield Problem((key,), message, "option-conflict")
     if name == "circle" and "radius" in given and "spacing" in given:
-        yield Problem(("spacing",), "'spacing' does not go with 'radius', expected one of them")
+        message = "'spacing' does not go with 'radius', expected one of them"
+        yield Problem(("spacing",), message, "option-conflict")
     needed = "points" if name == "points" else "centre"
     if needed not in given:
-        yield Problem((), f"shape {name!r} needs {needed!r}")
+        yield Problem((), f"shape {name!r} needs {needed!r}", "missing-option")
 
 
 def _count_problems(agents: int, options: Mapping[str, Any]) -> Iterator[Problem]:
     """Check that there are enough positions for the agents."""
     if options["shape"] == "points" and len(options["points"]) < agents:
         count = len(options["points"])
-        yield Problem(("points",), f"there are {count} points, expected one for each of {agents}")
+        message = f"there are {count} points, expected one for each of {agents}"
+        yield Problem(("points",), message, "out-of-range")
     if options["shape"] == "grid":
         rows, columns = grid_size(agents, options)
         if rows * columns < agents:
-            yield Problem(
-                ("rows",),
+            message = (
                 f"{rows} x {columns} positions are {rows * columns}, expected {agents}: "
-                "one for each agent",
+                "one for each agent"
             )
+            yield Problem(("rows",), message, "out-of-range")
 
 
 def _distance_problems(
@@ -195,11 +200,14 @@ def _distance_problems(
         return
     if options["shape"] != "points":
         key = "radius" if "radius" in options else "spacing"
-        yield Problem((key,), _too_close(figure.min_distance, "each other", separation))
+        yield Problem(
+            (key,), _too_close(figure.min_distance, "each other", separation), "too-close"
+        )
         return
     for (i, one), (j, other) in combinations(enumerate(figure.position), 2):
         if (distance := math.dist(one, other)) < separation - ROUNDING:
-            yield Problem(("points", j), _too_close(distance, f"point {i + 1}", separation))
+            message = _too_close(distance, f"point {i + 1}", separation)
+            yield Problem(("points", j), message, "too-close")
 
 
 def _too_close(distance: float, other: str, separation: float) -> str:
