@@ -28,7 +28,7 @@ from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.optics import optics, rays
 from star_sim.camera_sim.renderer import MIN_SLICES, Renderer
 from star_sim.camera_sim.sensor import vignette
-from star_sim.camera_sim.tag_tables import CELLS, MODULES, corners, frames, prints
+from star_sim.camera_sim.tag_tables import CELLS, MODULES, corners, prints, tag_frames
 
 ROUNDS, TIMES = 15, 10
 FINE = 2  # times as fine along each side
@@ -68,7 +68,7 @@ class Naive:
         once = ground.texels[: SIDE**2].reshape(SIDE, SIDE)
         self._ground = np.tile(once, (2, 2))
         self._prints = [np.kron(cells, np.ones((8, 8))).astype(np.uint8) for cells in prints(tags)]
-        self._rims = corners(frames(tags), CELLS / MODULES)
+        self._rims = corners(tag_frames(tags), CELLS / MODULES)
         self._share = vignette(camera)
 
     def render(self, shot: Shot, rng: np.random.Generator) -> Image:

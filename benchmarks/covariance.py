@@ -1,4 +1,4 @@
-"""How often places are further off than their covariances say, where tags are few.
+"""How often errors of positions exceed their covariances, where tags are few.
 
 It flies the paper's three missions with tags that are found geometrically, and only where a
 detector would find them: between landmarks odometry is all there is. Of every tick in the air the

@@ -112,7 +112,7 @@ def shot(time: float) -> Shot:
 
 
 def odometry(times: Array, rng: np.random.Generator) -> Odometry:
-    """What the agent's odometry says at `times`, s, with a wrong scale, a yaw bias and noise."""
+    """Return odometry at `times`, s, with a wrong scale, a yaw bias and noise."""
     n = len(times)
     velocity = rng.normal([1.03 * SPEED, 0.0, 0.0], 0.02, (n, 3))
     return Odometry(

@@ -115,24 +115,24 @@ def heading(corrections: Corrections) -> float:
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def told(found: AgentState, reported: list[float]) -> Corrections:
+def sent(found: AgentState, reported: list[float]) -> Corrections:
     return Feedback(AT_HOME).corrections([0], [found], AT_HOME, telemetry(reported))
 
 
-def test_a_place_is_told_in_the_frame_in_which_the_drone_started() -> None:
-    answer = told(belief([1.0, 2.5, 0.8]), [0.4, 0.0, 0.8])
+def test_a_position_is_sent_in_the_frame_in_which_the_drone_started() -> None:
+    answer = sent(belief([1.0, 2.5, 0.8]), [0.4, 0.0, 0.8])
     assert answer.position == pytest.approx(np.array([[0.5, 0.0, 0.8]]))
 
 
 def test_an_attitude_has_the_drones_own_tilt_and_the_heading_that_was_found() -> None:
-    answer = told(belief([1.0, 2.0, 0.8], yaw=math.pi / 2 + 0.1), [0.0, 0.0, 0.8])
+    answer = sent(belief([1.0, 2.0, 0.8], yaw=math.pi / 2 + 0.1), [0.0, 0.0, 0.8])
     x, y, z, w = answer.attitude[0]
     assert heading(answer) == pytest.approx(0.1)
     assert math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) == pytest.approx(0.05)
     assert math.asin(2 * (w * y - z * x)) == pytest.approx(-0.02)
 
 
-def test_a_drone_may_be_told_its_place_and_not_its_heading() -> None:
+def test_a_position_can_be_sent_without_a_heading() -> None:
     found = belief([1.0, 2.5, 0.8], yaw=math.pi / 2 + 0.1)
     positions = Feedback(AT_HOME, turns=False)
     answer = positions.corrections([0], [found], AT_HOME, telemetry([0.4, 0.0, 0.8]))
@@ -143,9 +143,9 @@ def test_a_drone_may_be_told_its_place_and_not_its_heading() -> None:
     assert drones["believed_yaw"][0] == 0
 
 
-def test_a_fix_is_told_to_be_less_sure_than_it_is() -> None:
+def test_the_standard_deviation_sent_is_larger_than_that_of_the_fix() -> None:
     sure, unsure = (
-        told(belief([1.0, 2.0, 0.8], spread=spread), [0.0, 0.0, 0.8]) for spread in (0.001, 0.1)
+        sent(belief([1.0, 2.0, 0.8], spread=spread), [0.0, 0.0, 0.8]) for spread in (0.001, 0.1)
     )
     assert (sure.position_deviation[0], sure.attitude_deviation[0]) == (MIN_STD, MIN_YAW_STD)
     assert unsure.position_deviation[0] == pytest.approx(0.15)
@@ -180,13 +180,13 @@ def corrections(position: list[float], deviation: float) -> Corrections:
     return Corrections(np.array([0]), np.array([position]), np.array([turned]), one, one)
 
 
-def test_an_estimator_goes_part_of_the_way_to_where_it_is_told_to_be() -> None:
+def test_an_estimator_moves_partly_to_the_position_sent() -> None:
     drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
     Fusion(1).take(drones, corrections([0.2, 0.1, 0.5], math.sqrt(POSITION_GROWTH * 4)), 4.0)
     assert drones["believed_position"][0] == pytest.approx([0.1, 0.05, 0.0])
 
 
-def test_an_estimator_that_was_just_told_hardly_moves() -> None:
+def test_an_estimator_corrected_just_before_hardly_moves() -> None:
     drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
     fusion = Fusion(1)
     fusion.take(drones, corrections([0.0, 0.0, 0.0], 0.01), 10.0)

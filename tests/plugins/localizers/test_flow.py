@@ -159,12 +159,12 @@ def errors(seconds: float, period: float = 0.05, seed: int = 0, n: int = 40) -> 
     return np.array([localizer.locate(report(still, time=t)).position - starts for t in times])
 
 
-def test_an_error_is_added_only_on_purpose() -> None:
+def test_by_default_no_error_is_added() -> None:
     found = flow(scene(3)).locate(report(np.zeros((3, 3))))
     assert found.position.tolist() == [list(agent.start) for agent in scene(3).agents]
 
 
-def test_an_error_on_purpose_has_its_size_from_the_first_tick_on() -> None:
+def test_an_artificial_error_has_its_size_from_the_first_tick_on() -> None:
     error = errors(40.0)
     assert error[0].std() == pytest.approx(0.03, rel=0.25)
     assert error.std() == pytest.approx(0.03, rel=0.05)
@@ -172,24 +172,24 @@ def test_an_error_on_purpose_has_its_size_from_the_first_tick_on() -> None:
 
 
 @pytest.mark.parametrize(("lag", "kept"), [(0.5, np.exp(-0.5)), (1.0, np.exp(-1)), (3.0, 0.05)])
-def test_an_error_on_purpose_is_forgotten_with_its_time_constant(lag: float, kept: float) -> None:
+def test_an_artificial_error_is_forgotten_with_its_time_constant(lag: float, kept: float) -> None:
     error, ticks = errors(60.0), round(lag / 0.05)
     correlation = (error[ticks:] * error[:-ticks]).mean() / (error**2).mean()
     assert correlation == pytest.approx(kept, abs=0.06)
 
 
-def test_an_error_on_purpose_does_not_depend_on_the_rate() -> None:
+def test_an_artificial_error_does_not_depend_on_the_rate() -> None:
     assert errors(60.0, period=0.2).std() == pytest.approx(errors(60.0).std(), rel=0.1)
 
 
-def test_errors_on_purpose_come_from_the_seed_and_each_agent_has_its_own() -> None:
+def test_artificial_errors_come_from_the_seed_and_each_agent_has_its_own() -> None:
     assert np.array_equal(errors(1.0, seed=3), errors(1.0, seed=3))
     assert not np.array_equal(errors(1.0, seed=3), errors(1.0, seed=4))
     assert errors(1.0, n=2) == pytest.approx(errors(1.0, n=5)[:, :2], abs=1e-12)
     assert len(np.unique(errors(1.0)[0])) == 40 * 3
 
 
-def test_the_covariance_says_that_there_is_an_error_on_purpose() -> None:
+def test_the_covariance_includes_the_artificial_error() -> None:
     at = report([[1, 0, 0.8]])
     without = flow(facing(0.0)).locate(at).covariance
     assert flow(facing(0.0), error_std=0.03).locate(at).covariance == pytest.approx(
@@ -197,14 +197,14 @@ def test_the_covariance_says_that_there_is_an_error_on_purpose() -> None:
     )
 
 
-def test_an_error_on_purpose_is_no_drift() -> None:
+def test_an_artificial_error_is_no_drift() -> None:
     away = [report([[0, 0, 0.8]], time=0.05 * i) for i in range(600)]
     shaken, calm = flow(facing(0.0), error_std=0.03), flow(facing(0.0))
     last = [(shaken.locate(at).covariance, calm.locate(at).covariance) for at in away][-1]
     assert last[0] == pytest.approx(last[1] + 0.03**2 * np.eye(3))
 
 
-def test_who_reports_nothing_stays_where_it_was_with_an_error_on_purpose_too() -> None:
+def test_an_agent_without_a_report_keeps_its_position_with_an_artificial_error_too() -> None:
     localizer = flow(facing(0.0), error_std=0.03)
     before = localizer.locate(report([[1, 0, 1]]))
     gone = report([[np.nan] * 3], time=1.0)

@@ -116,7 +116,7 @@ def in_map(position: Array, body: Rotation) -> tuple[Array, Rotation]:
 
 
 def flown(
-    made: Localizer, *tags: Tag, taken: float = 0.325, late: float = 0.15, says: bool = True
+    made: Localizer, *tags: Tag, taken: float = 0.325, late: float = 0.15, stamped: bool = True
 ) -> Estimate:
     """The estimate of the tick in which what was seen at `taken`, on the way, arrives."""
     time = 0.0
@@ -124,7 +124,7 @@ def flown(
         made.locate(heard(time, *along(time)))
         time += 0.05
     seen = [(tag.id, corners(tag, *in_map(*along(taken)))) for tag in tags]
-    found = detections(*seen, taken=taken if says else math.nan, arrived=taken + late)
+    found = detections(*seen, taken=taken if stamped else math.nan, arrived=taken + late)
     return made.locate(heard(time, *along(time), detections=found))
 
 
@@ -155,7 +155,7 @@ def test_what_is_no_square_is_not_seen() -> None:
 
 
 @given(arrays(np.float64, (4, 2), elements=st.floats(-3, 3)))
-def test_any_corners_give_a_place_in_front_or_none(rays: Array) -> None:
+def test_any_corners_give_a_position_in_front_or_none(rays: Array) -> None:
     found = square_fix(rays, SIZE, np.array([0.0, -math.sqrt(0.5), -math.sqrt(0.5)]), 1e-3)
     if found is not None:
         assert found.pose.position[2] > 0
@@ -200,11 +200,11 @@ def test_a_target_is_seen_where_it_is_from_where_the_agent_was(tag: Tag) -> None
     assert found.yaw == pytest.approx([math.atan2(axis[1], axis[0])], abs=0.02)
 
 
-def test_tags_that_do_not_say_when_they_were_taken_are_taken_to_be_so_old() -> None:
-    found = flown(flow(room(), latency=0.3), FLAT, late=0.3, says=False).sightings
+def test_tags_without_a_timestamp_have_the_latency() -> None:
+    found = flown(flow(room(), latency=0.3), FLAT, late=0.3, stamped=False).sightings
     assert found.time == pytest.approx([0.325])
     assert found.position[0] == pytest.approx(FLAT.position, abs=2e-3)
-    wrong = flown(flow(room(), latency=0.0), FLAT, late=0.3, says=False).sightings
+    wrong = flown(flow(room(), latency=0.0), FLAT, late=0.3, stamped=False).sightings
     assert np.linalg.norm(wrong.position[0] - FLAT.position) > 0.05
 
 
@@ -232,7 +232,7 @@ def test_a_heading_is_less_sure_the_longer_ago_it_was_known() -> None:
     assert math.sqrt(heading_variance(600.0)) == pytest.approx(math.radians(102), rel=0.01)
 
 
-def test_landmarks_and_numbers_that_nobody_knows_are_no_targets() -> None:
+def test_landmarks_and_unknown_numbers_are_no_targets() -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0)))
     pixels = corners(FLAT, *in_map(*along(0.0)))
@@ -241,7 +241,7 @@ def test_landmarks_and_numbers_that_nobody_knows_are_no_targets() -> None:
 
 
 @pytest.mark.parametrize("taken", [-1.0, 5.0], ids=["before the flight", "in the future"])
-def test_what_was_seen_when_nobody_knows_where_is_exclude(taken: float) -> None:
+def test_targets_seen_from_an_unknown_pose_are_ignored(taken: float) -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0)))
     found = detections((100, corners(FLAT, *in_map(*along(0.0)))), taken=taken, arrived=0.1)
@@ -272,7 +272,9 @@ def test_corners_that_are_no_numbers_are_exclude() -> None:
     assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
 
 
-def test_that_images_are_not_looked_at_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_warning_that_images_are_not_processed_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     made = flow(room())
     image = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
     frames = Frames(np.array([0]), np.array([0.0]), np.array([0.1]), (image,))

@@ -12,7 +12,7 @@ from star_sim.camera_sim.obstacle_rasterizer import Prisms, blocked
 from star_sim.camera_sim.optics import optics
 from star_sim.camera_sim.projection import project
 from star_sim.camera_sim.tag_rasterizer import MAX_EMBEDDING
-from star_sim.camera_sim.tag_tables import MODULES, corners, frames
+from star_sim.camera_sim.tag_tables import MODULES, corners, tag_frames
 from star_sim.compiled import Record, kernel
 from star_sim.contact import prisms
 
@@ -46,9 +46,9 @@ class OnboardDetector:
     ) -> None:
         self._optics, self._mount, self._prisms = optics(camera), mounting(camera), prisms(world)
         self._ids = np.array([tag.id for tag in tags], np.int64)
-        places = frames(tags)
-        self._centers, self._normals = places[:, :3], places[:, 9:12]
-        self._corners = corners(places)
+        frames = tag_frames(tags)
+        self._centers, self._normals = frames[:, :3], frames[:, 9:12]
+        self._corners = corners(frames)
         self._samples = _SAMPLES @ self._corners
         self._noise, self._min_module = noise, min_module
 

@@ -14,7 +14,7 @@ from star_sim.camera_sim.obstacle_rasterizer import draw_prisms, faces
 from star_sim.camera_sim.optics import optics, rays
 from star_sim.camera_sim.sensor import develop, spread, vignette
 from star_sim.camera_sim.tag_rasterizer import draw_tags
-from star_sim.camera_sim.tag_tables import CELLS, MODULES, TagTables, corners, frames, prints
+from star_sim.camera_sim.tag_tables import CELLS, MODULES, TagTables, corners, prints, tag_frames
 from star_sim.contact import prisms
 
 MIN_SLICES, MAX_SLICES = 3, 15  # of an exposure
@@ -56,8 +56,8 @@ class Renderer:
         self._rays = rays(camera)
         x, y = self._rays
         self._field = (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
-        places = frames(tags)
-        self._tags = TagTables(places, corners(places, CELLS / MODULES), prints(tags))
+        frames = tag_frames(tags)
+        self._tags = TagTables(frames, corners(frames, CELLS / MODULES), prints(tags))
         self._prisms = prisms(world)
         self._faces = faces(self._prisms[0])
         self._floor = floor
@@ -85,7 +85,7 @@ class Renderer:
         )
         if len(self._faces):
             draw_prisms(canvas, exposure, self._faces, self._prisms)
-        if len(self._tags.places):
+        if len(self._tags.frames):
             tags = self._tags
             if printed is not None:
                 tags = tags._replace(prints=tags.prints[printed])

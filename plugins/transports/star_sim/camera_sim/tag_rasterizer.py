@@ -24,17 +24,17 @@ def draw_tags(canvas: Canvas, exposure: Exposure, tags: TagTables) -> None:
         exposure: The image.
         tags: The true ones.
     """
-    places, poses = tags.places, exposure.poses
+    frames, poses = tags.frames, exposure.poses
     height, width = canvas.light.shape
-    regions = np.empty((len(places), 4), np.int64)
-    distance = np.empty(len(places))
-    order = np.empty(len(places), np.int64)
+    regions = np.empty((len(frames), 4), np.int64)
+    distance = np.empty(len(frames))
+    order = np.empty(len(frames), np.int64)
     found = 0
     here = poses[height // 2, poses.shape[1] // 2]
-    for tag in range(len(places)):
-        place = places[tag]
-        x, y, z = here[9] - place[0], here[10] - place[1], here[11] - place[2]
-        if x * place[9] + y * place[10] + z * place[11] <= 0.0:
+    for tag in range(len(frames)):
+        frame = frames[tag]
+        x, y, z = here[9] - frame[0], here[10] - frame[1], here[11] - frame[2]
+        if x * frame[9] + y * frame[10] + z * frame[11] <= 0.0:
             continue  # its back
         region = regions[tag]
         region[0], region[1], region[2], region[3] = width, height, 0, 0
@@ -50,11 +50,11 @@ def draw_tags(canvas: Canvas, exposure: Exposure, tags: TagTables) -> None:
         found += 1
     for k in range(found):
         tag = order[k]
-        _draw(canvas, exposure, places[tag], tags.prints[tag], regions[tag])
+        _draw(canvas, exposure, frames[tag], tags.prints[tag], regions[tag])
 
 
 @compiled
-def _draw(canvas: Canvas, exposure: Exposure, place: Record, cells: Record, region: Record) -> None:
+def _draw(canvas: Canvas, exposure: Exposure, frame: Record, cells: Record, region: Record) -> None:
     """Draw one tag within a region.
 
     s and t count cells from the left and the top of the rim. A pixel that stays within one cell
@@ -65,11 +65,11 @@ def _draw(canvas: Canvas, exposure: Exposure, place: Record, cells: Record, regi
     height, width, slices = rays.shape[1], rays.shape[2], poses.shape[1]
     maps = np.empty((slices, 9))
     path = np.empty((2, slices))  # s and t of the center of one pixel
-    module, middle = place[12] / MODULES, slices // 2
+    module, middle = frame[12] / MODULES, slices // 2
     for v in range(region[1], region[3]):
         away = 0.0
         for k in range(slices):
-            distance = plane_homography(poses[v, k], place, module, CELLS / 2, maps[k])
+            distance = plane_homography(poses[v, k], frame, module, CELLS / 2, maps[k])
             away = distance if k == middle else away
         above, below = max(v - 1, 0), min(v + 1, height - 1)
         for u in range(region[0], region[2]):

@@ -24,12 +24,12 @@ FRAME = 13
 class TagTables(NamedTuple):
     """Tags for the renderer."""
 
-    places: Array  # (M, 13) of `frames`
+    frames: Array  # (M, 13) of `tag_frames`
     rims: Array  # (M, 4, 3) corners of their white borders in the map, m
     prints: Array  # (M, CELLS, CELLS) patterns with white borders, gray values, top row first
 
 
-def frames(tags: Sequence[Tag]) -> Array:
+def tag_frames(tags: Sequence[Tag]) -> Array:
     """Return (M, 13): center, x, y and z axes of tags in the map, and their edges, m."""
     table = np.empty((len(tags), FRAME))
     for row, tag in zip(table, tags, strict=True):
@@ -39,19 +39,19 @@ def frames(tags: Sequence[Tag]) -> Array:
     return table
 
 
-def corners(places: Array, scale: float = 1.0) -> Array:
+def corners(frames: Array, scale: float = 1.0) -> Array:
     """Return the corners of tags in the map, in the order of `star_core.square_corners`.
 
     Args:
-        places: (M, 13) of `frames`.
+        frames: (M, 13) of `tag_frames`.
         scale: Size of the square, as a multiple of the black square's.
 
     Returns:
         (M, 4, 3) m.
     """
     x, y = square_corners(scale)[:, :2, None].swapaxes(0, 1)  # (4, 1) each, of a unit tag
-    axes = places[:, 12, None, None] * (x * places[:, None, 3:6] + y * places[:, None, 6:9])
-    return np.asarray(places[:, None, :3] + axes)
+    axes = frames[:, 12, None, None] * (x * frames[:, None, 3:6] + y * frames[:, None, 6:9])
+    return np.asarray(frames[:, None, :3] + axes)
 
 
 def prints(tags: Sequence[Tag]) -> Array:

@@ -1,4 +1,4 @@
-"""``star calibrate camera`` finds the lens that pictures were taken through, or says why not."""
+"""``star calibrate camera`` calibrates a lens by images, or reports why it cannot."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_a_picture_whose_corners_are_wrong_is_rejected_and_named(views: Views, l
     assert "bent.png: rejected: " in report
 
 
-def test_corners_in_the_middle_only_are_said_not_to_be_enough(views: Views, lens: Lens) -> None:
+def test_corners_in_the_middle_only_are_reported_as_insufficient(views: Views, lens: Lens) -> None:
     poor = lens._replace(covered=0.5)
     assert "no corner was" in as_text(poor, views)
     assert "no corner was" not in as_text(lens._replace(covered=0.9), views)
@@ -159,9 +159,7 @@ def test_a_mission_that_names_the_file_is_flown_with_the_lens_that_was_found(
     assert fly(flown, Registry())["outcome"] == "completed"
 
 
-def test_the_file_says_what_it_is_and_how_good(
-    shots: list[str], lens: Lens, tmp_path: Path
-) -> None:
+def test_the_file_states_its_origin_and_error(shots: list[str], lens: Lens, tmp_path: Path) -> None:
     out = tmp_path / "deck.yaml"
     main(["camera", *shots, "-o", str(out)])
     text = out.read_text(encoding="utf-8")
@@ -206,9 +204,9 @@ def test_a_camera_is_called_as_its_file_unless_a_name_is_given(
 def test_the_lines_for_a_mission_name_the_file_from_its_folder(
     out: str, folder: str, file: str
 ) -> None:
-    said = as_lines("mine", Path(out)).splitlines()
-    assert said[0] == f"to use it, add these two lines to a mission in {folder!r}:"
-    assert said[1] == f"  cameras: {{mine: {{file: {file}}}}}"
+    message = as_lines("mine", Path(out)).splitlines()
+    assert message[0] == f"to use it, add these two lines to a mission in {folder!r}:"
+    assert message[1] == f"  cameras: {{mine: {{file: {file}}}}}"
 
 
 def test_the_report_names_every_picture_and_its_error(
@@ -234,8 +232,8 @@ def test_without_a_file_the_camera_alone_is_printed(
 
 def test_it_is_a_command_of_star(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["calibrate", "camera", "nowhere.png"]) == 2
-    said = "nowhere.png: cannot be read: No such file or directory [unreadable-file]\n"
-    assert capsys.readouterr().err == said
+    message = "nowhere.png: cannot be read: No such file or directory [unreadable-file]\n"
+    assert capsys.readouterr().err == message
 
 
 # What is refused
@@ -255,9 +253,9 @@ def test_another_board_than_the_printed_one_is_not_found(shots: list[str]) -> No
 
 
 def test_pictures_from_straight_ahead_do_not_settle_the_focal_length(take: Take) -> None:
-    said = refused(take(8, 0.0))
-    assert "the images do not determine the focal length" in said
-    assert said.endswith("tilted by 30 to 45 degrees, to all sides [calibration-failed]")
+    message = refused(take(8, 0.0))
+    assert "the images do not determine the focal length" in message
+    assert message.endswith("tilted by 30 to 45 degrees, to all sides [calibration-failed]")
 
 
 def test_corners_that_no_lens_explains_are_refused(views: Views) -> None:
@@ -321,8 +319,8 @@ def test_what_is_no_name_is_refused(name: str) -> None:
 
 
 def test_a_file_that_cannot_be_written_is_named(shots: list[str], tmp_path: Path) -> None:
-    said = refused([*shots, "-o", str(tmp_path)])
-    assert said == f"--out {tmp_path}: cannot be written: Is a directory [unwritable-file]"
+    message = refused([*shots, "-o", str(tmp_path)])
+    assert message == f"--out {tmp_path}: cannot be written: Is a directory [unwritable-file]"
 
 
 def test_a_file_that_holds_no_camera_is_not_written_over(shots: list[str], tmp_path: Path) -> None:

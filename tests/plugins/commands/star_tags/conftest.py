@@ -41,7 +41,7 @@ def of_pdf(file: bytes) -> Iterator[Sheet]:
 
 
 def drawn(stream: str, width: float, height: float) -> Sheet:
-    """Do what the operators of a page say; width and height are in points."""
+    """Execute the operators of a page; width and height are in points."""
     areas: Areas = []
     outlines: list[list[tuple[float, float]]] = []
     numbers: list[float] = []

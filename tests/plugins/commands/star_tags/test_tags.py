@@ -126,11 +126,11 @@ def test_a_page_has_a_bar_of_100_mm_and_an_arrow_that_points_up(
 
 
 @pytest.mark.parametrize("form", ["pdf", "svg"])
-def test_a_page_says_which_tag_it_is_and_where_it_belongs(
+def test_a_page_shows_the_number_and_the_position_of_its_tag(
     form: str, world: Callable[[str], Path], sheets: Sheets
 ) -> None:
     texts = [page[2] for page in sheets(world(TAGS), form)]
-    assert [said[0] for said in texts] == [f"tag {number}" for number in EDGES]
+    assert [lines[0] for lines in texts] == [f"tag {number}" for number in EDGES]
     assert texts[1][1] == "corner, a landmark of lab: 2 of 2 from the left, middles 210 mm apart"
     assert texts[1][2] == (
         "middle of the row at [1.4, 1.4, 0] m in the map, roll 0°, pitch 0°, yaw 90°"

@@ -1,4 +1,4 @@
-"""A flight around a circle: what its agent streams and sees is exact, or errs as told."""
+"""A flight around a circle: its odometry and images are exact, or have given errors."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class Circle:
         )
 
     def agent(self, camera: Camera | None = CAMERA) -> Agent:
-        """What a scene says of it."""
+        """The agent of a scene."""
         x, y = self.centre
         return Agent("cf1", (x + RADIUS, y, HEIGHT), math.pi / 2, camera=camera)
 
@@ -195,7 +195,7 @@ def _pixels(body: Pose, tag: Tag) -> Array | None:
 
 
 def views(body: Pose, tags: Sequence[Tag], real: Sequence[Tag] | None = None) -> list[View]:
-    """What the smoother is told of the tags in the image, which really lie elsewhere if told so."""
+    """Measurements of the tags in an image, whose true positions may differ from the map's."""
     lens, found = LENS, []
     for tag, there in zip(tags, real or tags, strict=True):
         pixels = _pixels(body, there)

@@ -102,7 +102,7 @@ def test_velocity_and_yaw_rate_are_those_of_now() -> None:
     assert last.yaw_rate == pytest.approx(RATE)
 
 
-def test_it_holds_the_place_that_tags_give_it_though_odometry_drifts() -> None:
+def test_tags_hold_the_position_though_odometry_drifts() -> None:
     scale = complex(1.08, 0.05)
     blind = Flight(Circle(20, scale=scale)).fly(20.0, tags=())
     flight = Flight(circle := Circle(20, scale=scale))
@@ -195,7 +195,7 @@ def test_its_covariance_is_honest_over_many_flights() -> None:
     assert 0.3 < np.mean(surprises) < 2.5
 
 
-def test_begun_anew_it_is_where_it_was_told() -> None:
+def test_after_a_restart_the_state_is_the_given_pose() -> None:
     flight = Flight(Circle(10))
     flight.fly(4.0)
     there = gtsam.Pose3(gtsam.Rot3.Yaw(1.0), np.array([5.0, 5.0, HEIGHT]))

@@ -11,7 +11,7 @@ from star_core import Agent, Array, Camera, Odometry, Tag
 from tests.plugins.localizers.apriltag.conftest import SETTINGS
 from tests.plugins.localizers.apriltag.test_floor_odometry import HEIGHT, picture
 
-SPEED, TOLD = 0.3, 0.36  # m/s: what it flies, and what its odometry says
+SPEED, REPORTED = 0.3, 0.36  # m/s: true, and by odometry
 SECONDS: Final = 3.0
 NO_CORNERS = np.zeros((0, 4, 2))
 NOWHERE = Tag(7, 0.168, (50.0, 50.0, 0.0), (0.0, 0.0, 0.0, 1.0), "far away")
@@ -33,20 +33,20 @@ def followed(*, floor: bool = True, stains: float = 1.0) -> SmoothingEstimator:
 
 def odometry(time: Array) -> Odometry:
     n, zero = len(time), np.zeros(len(time))
-    velocity = np.tile([TOLD, 0.0, 0.0], (n, 1))
+    velocity = np.tile([REPORTED, 0.0, 0.0], (n, 1))
     return Odometry(zero.astype(int), time, velocity, zero, zero, zero, zero)
 
 
-def test_the_floor_says_how_far_it_went_though_odometry_errs() -> None:
+def test_the_floor_measures_the_distance_though_odometry_errs() -> None:
     x, y, _ = followed().at(SECONDS).position
-    assert abs(x - SPEED * SECONDS) < 0.2 * (TOLD - SPEED) * SECONDS
+    assert abs(x - SPEED * SECONDS) < 0.2 * (REPORTED - SPEED) * SECONDS
     assert abs(y) < 0.01
 
 
 def test_without_texture_odometry_is_all_there_is() -> None:
     for follower in (followed(stains=0.0), followed(floor=False)):
         x, _, _ = follower.at(SECONDS).position
-        assert abs(x - TOLD * SECONDS) < 0.01
+        assert abs(x - REPORTED * SECONDS) < 0.01
 
 
 def test_each_measured_image_is_a_pose_for_others_to_go_on_from() -> None:

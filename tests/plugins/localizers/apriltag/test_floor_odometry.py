@@ -54,34 +54,36 @@ def track(
     """Two seconds of odometry."""
     time = np.arange(1, 201) / 100
     zero = np.zeros(len(time))
-    told = OdometryTrack()
+    odometry = OdometryTrack()
     there = np.column_stack([zero + velocity.real, zero + velocity.imag, zero])
-    told.add(
+    odometry.add(
         Odometry(zero.astype(int), time, there, zero + yaw_rate, zero, zero, zero + height),
         np.arange(len(time)),
     )
-    return told
+    return odometry
 
 
 def measure(
     floor: FloorOdometry,
     image: Image,
     time: float,
-    told: OdometryTrack,
+    odometry: OdometryTrack,
     *,
     ground: float = 0.0,
     yaw_bias: float = 0.0,
 ) -> MeasuredMotion | None:
     """The motion by a camera whose mounting is exact."""
-    return floor.measure(image, time, told, ground=ground, yaw_bias=yaw_bias, camera_turn=np.eye(3))
+    return floor.measure(
+        image, time, odometry, ground=ground, yaw_bias=yaw_bias, camera_turn=np.eye(3)
+    )
 
 
 def shift(
-    first: Image, second: Image, told: OdometryTrack, *, yaw_bias: float = 0.0
+    first: Image, second: Image, odometry: OdometryTrack, *, yaw_bias: float = 0.0
 ) -> complex | None:
     floor = FloorOdometry(LENS)
-    assert measure(floor, first, FROM, told, ground=0.0, yaw_bias=yaw_bias) is None
-    motion = measure(floor, second, TO, told, ground=0.0, yaw_bias=yaw_bias)
+    assert measure(floor, first, FROM, odometry, ground=0.0, yaw_bias=yaw_bias) is None
+    motion = measure(floor, second, TO, odometry, ground=0.0, yaw_bias=yaw_bias)
     if motion is None:
         return None
     assert (motion.begin, motion.end) == (FROM, TO)
@@ -90,15 +92,15 @@ def shift(
 
 @pytest.mark.parametrize("way", [0.03 + 0j, -0.02 + 0.02j, 0.04j])
 def test_the_way_is_found_to_a_millimetre_though_odometry_errs(way: complex) -> None:
-    told = track(10 * way + (0.05 - 0.04j))
-    found = shift(picture(key=1), picture(way, key=2), told)
+    odometry = track(10 * way + (0.05 - 0.04j))
+    found = shift(picture(key=1), picture(way, key=2), odometry)
     assert found == pytest.approx(way, abs=0.001)
 
 
 def test_a_turn_is_the_gyros_less_its_bias() -> None:
     turned, bias = 0.06, 0.02
-    told = track(0.3 + 0j, turned / (TO - FROM) + bias)
-    found = shift(picture(key=1), picture(0.03 + 0j, turned, key=2), told, yaw_bias=bias)
+    odometry = track(0.3 + 0j, turned / (TO - FROM) + bias)
+    found = shift(picture(key=1), picture(0.03 + 0j, turned, key=2), odometry, yaw_bias=bias)
     assert found == pytest.approx(0.03, abs=0.001)
 
 
@@ -108,7 +110,7 @@ def test_the_way_is_one_in_the_body_of_the_first_image() -> None:
     assert shift(first, second, track(0.3 + 0j)) == pytest.approx(0.03, abs=0.001)
 
 
-def test_a_floor_without_texture_says_nothing() -> None:
+def test_a_floor_without_texture_gives_no_motion() -> None:
     first, second = picture(stains=0.0, key=1), picture(stains=0.0, key=2)
     assert shift(first, second, track(0.3 + 0j)) is None
 
@@ -117,7 +119,7 @@ def test_what_moves_along_is_not_taken_for_the_floor() -> None:
     assert shift(picture(key=1), picture(key=2), track(1.0 + 0j)) is None
 
 
-def test_another_floor_than_before_says_nothing() -> None:
+def test_another_floor_than_before_gives_no_motion() -> None:
     assert shift(picture(key=1), picture(1.5 + 1j, key=2), track()) is None
 
 
@@ -127,42 +129,42 @@ def test_something_that_stands_on_a_part_of_the_floor_does_not_matter() -> None:
     assert shift(first, second, track(0.3 + 0j)) == pytest.approx(0.03, abs=0.002)
 
 
-def test_near_the_floor_nothing_is_said() -> None:
+def test_near_the_floor_there_is_no_motion() -> None:
     first, second = picture(height=0.1, key=1), picture(0.01 + 0j, height=0.1, key=2)
     assert shift(first, second, track(0.1 + 0j, height=0.1)) is None
 
 
-def test_images_long_after_each_other_say_nothing() -> None:
-    told = track()
+def test_images_long_after_each_other_give_no_motion() -> None:
+    odometry = track()
     floor = FloorOdometry(LENS)
-    measure(floor, picture(key=1), 0.5, told)
-    assert measure(floor, picture(key=2), 0.6 + MAX_INTERVAL, told) is None
+    measure(floor, picture(key=1), 0.5, odometry)
+    assert measure(floor, picture(key=2), 0.6 + MAX_INTERVAL, odometry) is None
 
 
-def test_an_image_that_is_newer_than_odometry_says_nothing() -> None:
-    told = track()
+def test_an_image_newer_than_odometry_gives_no_motion() -> None:
+    odometry = track()
     floor = FloorOdometry(LENS)
-    measure(floor, picture(key=1), 1.95, told)
-    assert measure(floor, picture(key=2), 2.05, told) is None
+    measure(floor, picture(key=1), 1.95, odometry)
+    assert measure(floor, picture(key=2), 2.05, odometry) is None
 
 
 def test_images_may_be_lost_in_between() -> None:
-    told = track(0.36 + 0.03j, 0.5)
+    odometry = track(0.36 + 0.03j, 0.5)
     floor = FloorOdometry(LENS)
-    measure(floor, picture(key=1), 1.0, told)
+    measure(floor, picture(key=1), 1.0, odometry)
     # On an arc of 0.3 m/s and 0.5 rad/s, after 0.4 s.
     way = 0.3 / 0.5 * complex(math.sin(0.2), 1 - math.cos(0.2))
-    motion = measure(floor, picture(way, 0.2, key=2), 1.4, told)
+    motion = measure(floor, picture(way, 0.2, key=2), 1.4, odometry)
     assert motion is not None
     assert motion.shift == pytest.approx(way, abs=0.002)
 
 
-def test_after_a_gap_the_next_two_images_say_where_it_went() -> None:
-    told = track(0.3 + 0j)
+def test_after_a_gap_the_next_two_images_give_the_motion() -> None:
+    odometry = track(0.3 + 0j)
     floor = FloorOdometry(LENS)
-    measure(floor, picture(key=1), 0.1, told)
-    measure(floor, picture(key=2), 1.5, told)
-    motion = measure(floor, picture(0.03 + 0j, key=3), 1.6, told)
+    measure(floor, picture(key=1), 0.1, odometry)
+    measure(floor, picture(key=2), 1.5, odometry)
+    motion = measure(floor, picture(0.03 + 0j, key=3), 1.6, odometry)
     assert motion is not None
     assert motion.shift == pytest.approx(0.03, abs=0.001)
 
@@ -170,10 +172,10 @@ def test_after_a_gap_the_next_two_images_say_where_it_went() -> None:
 def test_an_error_of_the_mounting_is_a_constant_factor() -> None:
     """Which is what calibration can learn."""
     ways: Array = np.array([0.01, 0.02, 0.04])
-    told = [track(10 * way + 0j, height=0.82) for way in ways.tolist()]
+    odometry = [track(10 * way + 0j, height=0.82) for way in ways.tolist()]
     found = [
         shift(picture(key=1), picture(way, key=2), one)
-        for way, one in zip(ways.tolist(), told, strict=True)
+        for way, one in zip(ways.tolist(), odometry, strict=True)
     ]
     factors = np.array(found, complex) / ways
     assert np.abs(factors - 0.82 / HEIGHT).max() < 0.05
@@ -184,12 +186,12 @@ def test_a_camera_that_is_known_to_be_turned_is_taken_as_it_is() -> None:
     # The belief is wrong by this ...
     error = rotation_from_vector(np.array([math.radians(3.0), 0.0, 0.0]))
     lens = turned_model(error, Camera(readout=0.0))
-    told, ways = track(0.3 + 0j), []
+    odometry, ways = track(0.3 + 0j), []
     for camera_turn in (np.eye(3), error):  # ... which the smoother does not know, or does
         floor = FloorOdometry(lens)
         for image, time in ((picture(key=1), FROM), (picture(0.03 + 0j, key=2), TO)):
             motion = floor.measure(
-                image, time, told, ground=0.0, yaw_bias=0.0, camera_turn=camera_turn
+                image, time, odometry, ground=0.0, yaw_bias=0.0, camera_turn=camera_turn
             )
         assert motion is not None
         ways.append(abs(motion.shift - 0.03))

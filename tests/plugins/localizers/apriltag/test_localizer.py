@@ -93,7 +93,7 @@ def test_with_one_tag_of_each_landmark_the_others_do_not_matter() -> None:
 
 
 @pytest.mark.parametrize(("state", "turned"), [(0, 0.0), (int(Supervisor.FLYING), 60.0)])
-def test_what_was_learnt_of_the_gyro_in_flight_is_not_held_against_who_stands(
+def test_the_gyro_bias_of_the_flight_does_not_turn_an_agent_at_rest(
     state: int, turned: float
 ) -> None:
     circle = Circle(20, yaw_bias=math.radians(0.4))
@@ -145,7 +145,7 @@ def test_an_image_that_shows_nothing_changes_nothing(image: Image) -> None:
     assert same(spoilt, flown(localizer(room([circle], TAGS)), [circle], 3.0))
 
 
-def test_an_image_of_a_wrong_size_is_told_of(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_image_of_a_wrong_size_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     circle = Circle(1)
     localizer(room([circle], TAGS)).locate(framed(telemetry([circle], 0.5), blank(0, 9, 9)))
     assert "image is (9, 9) of uint8, expected (244, 324) of uint8" in caplog.text
@@ -216,7 +216,7 @@ def test_corners_that_make_no_sense_change_nothing(value: float) -> None:
     assert off(nonsense, circle).max() < 1e-3
 
 
-def test_tags_that_nobody_knows_change_nothing() -> None:
+def test_unknown_tags_change_nothing() -> None:
     circle = Circle(4)
 
     def strange(heard: Telemetry) -> Telemetry:
@@ -280,7 +280,7 @@ def test_no_estimate_is_surer_than_the_map() -> None:
 
 
 def found_again(seconds: float, aside: float, turned_by: float) -> tuple[float, list[Estimate]]:
-    """A flight that begins elsewhere than the mission says: when it saw a tag, and estimates."""
+    """A flight with another start than the mission's: when it saw a tag, and estimates."""
     circle = Circle(seconds)
     scene = room([circle], TAGS)
     (agent,) = scene.agents

@@ -50,7 +50,7 @@ def test_it_finds_both_at_once() -> None:
     assert both.yaw_bias == pytest.approx(BIAS, abs=0.1 * BIAS)
 
 
-def test_odometry_that_is_right_is_left_alone() -> None:
+def test_correct_odometry_is_not_changed() -> None:
     right = learnt(Circle(60))
     assert abs(right.scale - 1) < 1e-4
     assert abs(right.yaw_bias) < 1e-6
@@ -59,11 +59,11 @@ def test_odometry_that_is_right_is_left_alone() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_it_does_better_than_none_though_odometry_is_noisy(seed: int) -> None:
     circle = Circle(60, seed=seed)
-    raw = complex(np.mean(circle.velocity)) / SPEED  # what it says over what is
+    raw = complex(np.mean(circle.velocity)) / SPEED  # reported over true
     assert abs(learnt(circle).scale * raw - 1) < max(0.5 * abs(raw - 1), 0.02)
 
 
-def test_a_place_beyond_the_gate_changes_nothing() -> None:
+def test_a_pose_beyond_the_gate_changes_nothing() -> None:
     circle = Circle(80, scale=SCALE)
     calibration = learnt(circle)
     before = calibration.scale
@@ -71,7 +71,7 @@ def test_a_place_beyond_the_gate_changes_nothing() -> None:
     assert calibration.scale == before
 
 
-def test_a_place_that_is_not_well_known_changes_nothing() -> None:
+def test_an_uncertain_pose_changes_nothing() -> None:
     ignorant = learnt(Circle(60, scale=SCALE, yaw_bias=BIAS), deviation=1.01 * MAX_POSITION_STD)
     assert (ignorant.scale, ignorant.yaw_bias) == (1.0, 0.0)
 

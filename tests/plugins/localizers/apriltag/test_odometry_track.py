@@ -1,4 +1,4 @@
-"""What one agent's odometry says of its motion."""
+"""Motion of one agent by its odometry."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_a_time_that_ends_before_it_begins_holds_no_motion() -> None:
 
 
 @pytest.mark.parametrize("times", [[0.2, 0.1, 0.3], [0.1, 0.1, 0.3], [0.1, math.nan, 0.3]])
-def test_samples_that_go_backwards_or_say_no_time_are_exclude(times: list[float]) -> None:
+def test_samples_that_go_backwards_or_have_no_time_are_ignored(times: list[float]) -> None:
     made = OdometryTrack()
     forward = np.array([[1.0, 0, 0], [100.0, 0, 0], [1.0, 0, 0]])
     made.add(stream(times, forward, np.zeros(3)), np.arange(3))

@@ -1,4 +1,4 @@
-"""How the localizer is offered: its options, and what it says of a mission that leaves it blind."""
+"""Spec of the localizer: its options, and checks of missions in which no tag is visible."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def track() -> OdometryTrack:
 
 
 def claim(time: float, *, aside: float = 0.0, turned: float = 0.0) -> Claim:
-    """What an image says that was taken where the agent really is."""
+    """The claim of an image that was taken at the true pose."""
     body = CIRCLE.body(time)
     rotation = gtsam.Rot3(body.rotation).compose(gtsam.Rot3.Yaw(turned))
     place = body.position + ELSEWHERE + [aside, 0.0, 0.0]

@@ -26,7 +26,7 @@ def silent(heard: Telemetry) -> Telemetry:
 def test_an_agent_that_streams_no_odometry_is_followed_by_what_it_reports() -> None:
     circle = Circle(10)
     estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0, change=silent)
-    assert off(estimates, circle).max() < 0.03  # the first report tells no yaw rate
+    assert off(estimates, circle).max() < 0.03  # the first report gives no yaw rate
     with_tags = flown(localizer(room([circle], TAGS)), [circle], 10.0, TAGS, change=silent)
     assert off(with_tags, circle)[100:].max() < 0.01
 
@@ -51,8 +51,8 @@ def test_an_agent_whose_motion_is_made_up_from_its_heading_is_not_corrected() ->
     streams = localizer(room([circle], TAGS), feedback="extpose")
     assert any(len(e.corrections.agent) for e in flown(streams, [circle], 5.0, TAGS))
     reports = localizer(room([circle], TAGS), feedback="extpose")
-    told = flown(reports, [circle], 5.0, TAGS, change=silent)[20:]  # silent for more than 0.5 s
-    assert not any(len(estimate.corrections.agent) for estimate in told)
+    late = flown(reports, [circle], 5.0, TAGS, change=silent)[20:]  # silent for more than 0.5 s
+    assert not any(len(estimate.corrections.agent) for estimate in late)
 
 
 def test_a_stream_that_ends_is_made_up_for() -> None:

@@ -1,4 +1,4 @@
-"""Where the localizer says that targets are."""
+"""Positions of targets by the localizer."""
 
 from __future__ import annotations
 

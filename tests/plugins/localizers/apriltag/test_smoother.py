@@ -26,7 +26,7 @@ def of(body: Pose) -> gtsam.Pose3:
 
 
 class Flight:
-    """A smoother that is told of an exact flight."""
+    """A smoother with the measurements of an exact flight."""
 
     def __init__(self, start: Pose, *, mounting_std: float = math.radians(1.0)) -> None:
         self.circle = Circle(1.0)
@@ -168,7 +168,7 @@ def test_it_learns_how_the_camera_is_turned() -> None:
     assert math.acos(min(1.0, (np.trace(left) - 1) / 2)) < math.radians(0.3)
 
 
-def test_a_camera_that_sits_right_is_left_alone() -> None:
+def test_a_correct_mounting_is_not_changed() -> None:
     flight = right()
     flight.fly(50)
     assert np.abs(flight.smoother.camera_turn - np.eye(3)).max() < 1e-4

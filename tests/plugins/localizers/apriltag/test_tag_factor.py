@@ -52,7 +52,7 @@ def seen(body: Pose, extra: Array, motion: Motion = AT_REST, view: View = VIEW) 
     return projected(body, extra, motion, view)[0]
 
 
-def test_what_is_seen_from_the_right_place_leaves_no_residual() -> None:
+def test_the_true_pose_has_no_residual() -> None:
     assert np.abs(seen(BODY, np.eye(3))).max() < 1e-8
 
 

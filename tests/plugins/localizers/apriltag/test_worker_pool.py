@@ -71,7 +71,7 @@ def test_a_flight_is_the_same_however_many_processes_there_are() -> None:
     assert [e.sightings.tag.tolist() for e in here] == [e.sightings.tag.tolist() for e in two]
 
 
-def test_a_tick_does_not_wait_for_a_process_where_time_goes_on_by_itself() -> None:
+def test_a_tick_does_not_wait_for_a_process_in_real_time() -> None:
     circle = Circle(10, scale=1.1)
     with localizer(replace(room([circle], TAGS), realtime=True), 1) as made:
         (process,) = processes(made)
@@ -86,7 +86,7 @@ def test_a_tick_does_not_wait_for_a_process_where_time_goes_on_by_itself() -> No
     assert off([estimate], circle)[0] < 0.05
 
 
-def test_who_is_followed_by_a_process_that_ends_is_not_fit_to_fly_and_the_others_are(
+def test_agents_of_a_process_that_ends_are_not_located_and_the_others_are(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with localizer(room(CIRCLES, TAGS), 2) as made:
@@ -97,11 +97,11 @@ def test_who_is_followed_by_a_process_that_ends_is_not_fit_to_fly_and_the_others
         estimates = [made.locate(one) for one in heard[10:]]
     assert estimates[-1].valid.tolist() == [True, False]
     assert np.isfinite(estimates[-1].position).all()
-    (told,) = [r.getMessage() for r in caplog.records if r.levelno == logging.ERROR]
-    assert told == "the process that estimates cf1 has ended with SIGKILL"
+    (message,) = [r.getMessage() for r in caplog.records if r.levelno == logging.ERROR]
+    assert message == "the process that estimates cf1 has ended with SIGKILL"
 
 
-def test_what_goes_wrong_in_a_process_is_raised_here() -> None:
+def test_an_error_in_a_process_is_raised() -> None:
     scene = room([Circle(1)], TAGS)
     made = WorkerPool(scene, SETTINGS._replace(lag=float("nan"), mounting_std=float("nan")), 1)
     try:
@@ -112,7 +112,7 @@ def test_what_goes_wrong_in_a_process_is_raised_here() -> None:
         made.close()
 
 
-def test_what_a_process_logs_is_logged_here(caplog: pytest.LogCaptureFixture) -> None:
+def test_log_messages_of_a_process_are_logged(caplog: pytest.LogCaptureFixture) -> None:
     one = np.zeros(1)
     image = Frames(np.zeros(1, np.int64), one + 0.9, one + 1.0, (blank(height=10),))
     with localizer(room([Circle(2)], TAGS), 1) as made:
@@ -137,7 +137,7 @@ def test_a_process_that_does_not_end_is_killed(monkeypatch: pytest.MonkeyPatch) 
     assert worker._process.returncode == -signal.SIGKILL
 
 
-def test_a_late_process_is_spared_old_images_and_told_all_odometry() -> None:
+def test_a_late_process_gets_no_old_images_but_all_odometry() -> None:
     circle = Circle(3)
     worker = RemoteWorker(replace(room([circle], TAGS), realtime=True), [0], SETTINGS)
     try:
@@ -145,17 +145,17 @@ def test_a_late_process_is_spared_old_images_and_told_all_odometry() -> None:
             worker.send(
                 TickInput(heard.time, heard.odometry, tuple(camera_reports(heard, 0.15)), ALL)
             )
-        told = worker._pending
+        pending = worker._pending
     finally:
         worker.close()
-    assert sum(len(one.odometry.time) for one in told) == 300
-    with_images = [one.time for one in told if one.images]
+    assert sum(len(one.odometry.time) for one in pending) == 300
+    with_images = [one.time for one in pending if one.images]
     assert with_images
-    assert min(with_images) >= told[-1].time - worker_pool.MAX_IMAGE_AGE
+    assert min(with_images) >= pending[-1].time - worker_pool.MAX_IMAGE_AGE
 
 
 @pytest.mark.parametrize(
-    ("cores", "told", "realtime", "expected"),
+    ("cores", "threads", "realtime", "expected"),
     [
         (4, None, False, 2),
         (1, None, False, 0),
@@ -169,14 +169,14 @@ def test_there_is_a_process_for_each_camera_and_a_core_for_the_tick(
     monkeypatch: pytest.MonkeyPatch,
     *,
     cores: int,
-    told: str | None,
+    threads: str | None,
     realtime: bool,
     expected: int,
 ) -> None:
     monkeypatch.setattr(worker_pool, "_cores", lambda: cores)
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
-    if told is not None:
-        monkeypatch.setenv("OMP_NUM_THREADS", told)
+    if threads is not None:
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
     scene = room(CIRCLES, TAGS)
     blind = Agent("cf2", (9.0, 0.0, 0.0))
     scene = replace(scene, agents=(*scene.agents, blind), realtime=realtime)

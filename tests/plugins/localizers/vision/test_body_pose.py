@@ -44,7 +44,7 @@ def test_the_pose_is_found_from_a_guess_that_is_off(shares: list[float]) -> None
 
 
 @pytest.mark.parametrize("tags", [TAGS, TAGS[:1]])
-def test_the_error_is_what_the_covariance_says(tags: list[Tag]) -> None:
+def test_errors_agree_with_the_covariance(tags: list[Tag]) -> None:
     rng = np.random.default_rng(0)
     body = hovering(yaw=0.1)
     clean = [view(body, tag, 0.0015) for tag in tags]
@@ -85,7 +85,7 @@ def test_a_tag_that_is_read_row_by_row_from_a_moving_body_is_understood() -> Non
     assert np.abs(off(unaware.pose, body)).max() > 3e-3
 
 
-def test_single_points_place_a_body_that_knows_its_tilt_and_height() -> None:
+def test_single_points_locate_a_body_of_known_tilt_and_height() -> None:
     body = hovering(yaw=0.1)
     wholes = [view(body, on_floor(1, 0.9, y), 0.002) for y in (-0.4, 0.1, 0.5)]
     points = [View(v.points[:1], v.rays[:1], v.deviation, v.delay[:1]) for v in wholes]
@@ -95,7 +95,7 @@ def test_single_points_place_a_body_that_knows_its_tilt_and_height() -> None:
     np.testing.assert_allclose(off(fix.pose, body), 0, atol=1e-6)
 
 
-def test_a_point_and_a_tag_say_more_than_the_tag_alone() -> None:
+def test_a_point_and_a_tag_are_more_accurate_than_the_tag_alone() -> None:
     body = hovering()
     tag, far = (view(body, on_floor(1, x, 0.0), 0.002) for x in (0.7, 1.9))
     point = View(far.points[:1], far.rays[:1], far.deviation, far.delay[:1])

@@ -28,9 +28,9 @@ SURE = {"deviation": 0.03, "yaw_deviation": 0.01}
 def guided(
     image: Image, tag: Tag, prediction: Prediction | None = None, body: Pose = BODY
 ) -> TagMatch | None:
-    """Returns where a tag is found by an agent that believes to be where it is, or as told."""
-    told = prediction or predicted(body, **SURE)
-    (expected,) = ExpectedTags(LENS, [MapTag(tag)]).expect(told)
+    """Return the match of a tag with the right prediction, or another one."""
+    guide = prediction or predicted(body, **SURE)
+    (expected,) = ExpectedTags(LENS, [MapTag(tag)]).expect(guide)
     return match_tag(image, expected, LENS)
 
 
@@ -94,7 +94,7 @@ def test_a_covered_tag_is_not_found(floor: Image) -> None:
 
 @pytest.mark.parametrize("number", range(2, 12))
 @pytest.mark.parametrize("x", [1.2, 1.9])
-def test_another_tag_in_its_place_is_not_taken_for_it(paint: Paint, x: float, number: int) -> None:
+def test_another_tag_at_its_position_is_not_matched(paint: Paint, x: float, number: int) -> None:
     image = paint(BODY, [on_floor(number, x, 0.2, yaw=0.5)])
     assert guided(image, on_floor(1, x, 0.2, yaw=0.5)) is None
 
@@ -167,7 +167,7 @@ def test_a_tag_of_which_too_little_is_in_the_image_is_not_found(paint: Paint) ->
     assert guided(paint(BODY, [cut]), cut) is None
 
 
-def test_a_tag_that_fills_the_image_is_left_to_the_detector(paint: Paint) -> None:
+def test_a_tag_that_fills_the_image_is_not_matched(paint: Paint) -> None:
     small, large = (on_floor(1, 0.8, 0.1, size=size) for size in (0.3, 0.7))
     assert guided(paint(BODY, [small]), small) is not None
     assert guided(paint(BODY, [large]), large) is None

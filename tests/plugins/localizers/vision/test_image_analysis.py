@@ -44,7 +44,7 @@ def verdicts(look: ImageAnalysis) -> list[Verdict]:
     return [landmark.verdict for landmark in look.landmarks]
 
 
-def test_an_image_of_landmarks_says_where_the_body_is(paint: Paint) -> None:
+def test_an_image_of_landmarks_gives_the_pose_of_the_body(paint: Paint) -> None:
     body = hovering(0.05, -0.1, yaw=0.2, pitch=0.05)
     expected = predicted(body)
     off = replace(
@@ -57,7 +57,7 @@ def test_an_image_of_landmarks_says_where_the_body_is(paint: Paint) -> None:
     assert look.fix.pose.yaw == pytest.approx(body.yaw, abs=math.radians(0.7))
 
 
-def test_an_empty_image_says_nothing(lens: CameraModel) -> None:
+def test_an_empty_image_gives_nothing(lens: CameraModel) -> None:
     look = eye(LANDMARKS).analyze(np.zeros(lens.shape, np.uint8), predicted(hovering()))
     assert look == ImageAnalysis()
 
@@ -106,7 +106,7 @@ def test_an_agent_that_is_elsewhere_is_still_found(lens: CameraModel) -> None:
     np.testing.assert_allclose(look.other.pose.position, body.position, atol=1e-4)
 
 
-def test_tags_that_are_elsewhere_and_do_not_agree_place_nobody(lens: CameraModel) -> None:
+def test_inconsistent_tags_far_from_the_prediction_give_no_pose(lens: CameraModel) -> None:
     moved = [on_floor(1, -1.0, 0.3), on_floor(2, 1.5, 1.0, yaw=2.0)]
     look = eye(moved).evaluate(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ELSEWHERE] * 2
@@ -188,9 +188,7 @@ def test_a_landmark_comes_with_what_a_smoother_needs(lens: CameraModel) -> None:
 
 
 @pytest.mark.parametrize("target", [TARGET, on_wall(9, 0.9, 0.2, 0.4, 2.7)])
-def test_a_target_is_found_before_the_body_as_surely_as_is_said(
-    lens: CameraModel, target: Tag
-) -> None:
+def test_the_error_of_a_target_agrees_with_its_covariance(lens: CameraModel, target: Tag) -> None:
     rng = np.random.default_rng(1)
     body = hovering(yaw=0.2)
     expected = body.inverse() @ in_map(target)
@@ -242,14 +240,14 @@ def test_guidance_can_be_done_without(paint: Paint) -> None:
     assert unguided.analyze(paint(body, FAR), sure(body)) == ImageAnalysis()
 
 
-def test_without_an_image_nobody_is_guided(lens: CameraModel) -> None:
+def test_without_an_image_there_is_no_guided_matching(lens: CameraModel) -> None:
     tags, corners = table(lens, hovering(), LANDMARKS)
     look = eye([*LANDMARKS, *FAR]).evaluate(tags, corners, sure(hovering()))
     assert look.matches == ()
     assert len(look.views) == 2
 
 
-def test_nobody_is_guided_by_a_belief_that_all_tags_contradict(paint: Paint) -> None:
+def test_a_prediction_that_all_tags_contradict_guides_no_matching(paint: Paint) -> None:
     body, moved = hovering(), on_floor(1, 1.4, -0.9)
     image = paint(body, [LANDMARKS[0], *FAR])
     assert len(eye(FAR).analyze(image, sure(body)).matches) == 2

@@ -29,7 +29,7 @@ def test_a_camera_at_rest_has_one_pose(take: Take) -> None:
     assert track[0, 0, 9:] == pytest.approx(shot.position + body.apply(CAMERA.position))
 
 
-def test_a_level_camera_looks_where_its_pitch_says(take: Take) -> None:
+def test_a_level_camera_has_its_pitch(take: Take) -> None:
     track = poses(take().packed(), mounting(CAMERA), optics(CAMERA), 1)
     ahead = track[0, 0, :9].reshape(3, 3) @ [0, 0, 1]
     assert ahead == pytest.approx([np.sqrt(0.5), 0, -np.sqrt(0.5)])

@@ -121,7 +121,7 @@ def test_nothing_arrives_before_its_time() -> None:
     assert len(cameras.arrived(0.601)[1].tag)
 
 
-def test_images_that_nobody_wants_are_not_made_and_those_of_others_come_as_before() -> None:
+def test_unwanted_images_are_not_rendered_and_others_do_not_change() -> None:
     both = room(Camera(), Camera())
     cameras = Cameras(both, camera_options(**EXACT), lambda row: row == 1)
     while (step := cameras.next_step) <= round(2.0 / STEP):
@@ -230,7 +230,7 @@ def test_with_all_of_them_covered_nothing_is_seen() -> None:
     assert not len(seen.tag)
 
 
-def test_unstamped_images_do_not_say_when_they_were_taken() -> None:
+def test_images_without_timestamps_have_no_exposure_time() -> None:
     seen = watched(room(Camera()), 1.0, timestamps=False)
     assert np.isnan(seen.taken).all()
     assert np.isfinite(seen.arrived).all()

@@ -26,7 +26,7 @@ def pixels(points: ArrayLike, shot: Shot) -> Array:
     return project(np.atleast_2d(np.asarray(points, float)), shot.packed(), MOUNT, LENS)
 
 
-def test_the_middle_ray_hits_the_floor_where_geometry_says(take: Take) -> None:
+def test_the_middle_ray_hits_the_floor_at_the_geometric_point(take: Take) -> None:
     # A point on the optical axis: 0.8 m + 15 mm over the floor, 45° down, 25 mm ahead.
     axis = [0.025 + 0.815, 0.0, 0.0]
     assert pixels(axis, take())[0] == pytest.approx(CAMERA.matrix[2:], abs=1e-6)

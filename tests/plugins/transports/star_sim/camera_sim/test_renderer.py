@@ -92,7 +92,7 @@ def test_another_renderer_of_the_same_scene_gives_the_same_bytes(
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, 2.5, -1.2])
-def test_a_tag_lies_as_its_rotation_says(yaw: float, ground: Floor, room: Room, take: Take) -> None:
+def test_a_tag_has_its_rotation(yaw: float, ground: Floor, room: Room, take: Take) -> None:
     tags = [lying(7, 0.75, yaw=yaw)]
     shot = take()
     ids, corners = OnboardDetector(CAMERA, tags, room()).detect(shot)
@@ -101,7 +101,7 @@ def test_a_tag_lies_as_its_rotation_says(yaw: float, ground: Floor, room: Room, 
     assert seen[7][[3, 2, 1, 0]] == pytest.approx(corners[0], abs=2.0)
 
 
-def test_an_unturned_tag_reads_upright_for_who_looks_north(
+def test_an_unrotated_tag_is_upright_for_a_camera_that_faces_north(
     ground: Floor, room: Room, take: Take
 ) -> None:
     tags = [lying(7, 0.0, 0.75)]  # the map's y axis, hence the tag's, points away from the camera
@@ -169,7 +169,7 @@ def test_a_picture_is_the_mean_of_one_that_is_eight_times_as_fine(
 
 def test_tags_are_found_near_and_lost_far(ground: Floor, room: Room, take: Take) -> None:
     tags = [lying(10 * i + j, 0.45 * i, 0.45 * j - 1.0) for i in range(8) for j in range(6)]
-    place = {tag.id: tag.position for tag in tags}
+    frame = {tag.id: tag.position for tag in tags}
     renderer, detector = (
         Renderer(CAMERA, tags, room(), ground),
         OnboardDetector(CAMERA, tags, room()),
@@ -180,10 +180,10 @@ def test_tags_are_found_near_and_lost_far(ground: Floor, room: Room, take: Take)
         shot = take((*rng.uniform(-0.3, 0.3, 2), 0.7), (0, 0, yaw), rng.normal(0, 0.15, 3))
         seen = detected(picture(renderer, shot, rng))
         within = [
-            n for n in detector.detect(shot)[0] if np.linalg.norm(place[n] - shot.position) < 1.1
+            n for n in detector.detect(shot)[0] if np.linalg.norm(frame[n] - shot.position) < 1.1
         ]
         near += [number in seen for number in within]
-        far += [np.linalg.norm(place[number] - shot.position) for number in seen]
+        far += [np.linalg.norm(frame[number] - shot.position) for number in seen]
     assert len(near) > 30
     assert np.mean(near) > 0.9
     assert max(far) < 2.2
@@ -281,7 +281,7 @@ def test_light_falls_off_towards_the_corners(ground: Floor, room: Room, take: Ta
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.0, 0.0, -0.1), (50.0, 80.0, 3.0)])
-def test_pictures_from_odd_places_are_pictures(
+def test_images_from_odd_poses_are_images(
     pair: Renderer, take: Take, at: tuple[float, ...]
 ) -> None:
     for turn in ((0, 0, 0), (np.pi, 0, 0), (0, -np.pi / 2, 0), (0, np.pi / 4, 1.0)):
