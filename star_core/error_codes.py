@@ -27,6 +27,10 @@ CATALOGUE: Final = {
         "A network address or port cannot be opened.",
         "Choose another one, or end the program that uses it.",
     ),
+    "agents-unreachable": Entry(
+        "Drones cannot be connected to.",
+        "Switch them on, and correct their `uri`; the message states a reason for each.",
+    ),
     "calibration-failed": Entry(
         "The images do not determine a camera.",
         "Take more of them, sharp, with the whole board in each, tilted to all sides.",
@@ -39,6 +43,10 @@ CATALOGUE: Final = {
         "A plugin returned something that its contract does not allow.",
         "Correct the plugin; `star_core.testing` checks it without a flight.",
     ),
+    "duplicate-address": Entry(
+        "Two agents, cameras or dongles have the same address.",
+        "Give each its own address.",
+    ),
     "duplicate-plugin": Entry(
         "Two installed plugins have the same name.",
         "Uninstall one of them.",
@@ -47,6 +55,10 @@ CATALOGUE: Final = {
         "Two tags of a world have the same number.",
         "Give each tag its own number.",
     ),
+    "estimator-unsettled": Entry(
+        "The state estimator of a drone has not converged.",
+        "Attach the Flow deck, and do not move the drone while it connects.",
+    ),
     "file-not-found": Entry(
         "There is no file of that name.",
         "Correct the name; files of a mission are looked up in the mission's folder.",
@@ -54,6 +66,10 @@ CATALOGUE: Final = {
     "invalid-address": Entry(
         "A network address has a wrong form.",
         "Write it like the example in the message.",
+    ),
+    "invalid-answer": Entry(
+        "A drone sent an answer that is not part of the protocol.",
+        "Update its firmware.",
     ),
     "invalid-argument": Entry(
         "The command line has an argument that the command does not accept.",
@@ -87,6 +103,14 @@ CATALOGUE: Final = {
         "A file is not YAML, or has anchors, tags, dates or non-finite numbers.",
         "Correct the reported line; put text that looks like a number in quotes.",
     ),
+    "link-failed": Entry(
+        "A radio, a USB device or a network cannot be opened.",
+        "Plug in the dongle, and check its permissions and the address.",
+    ),
+    "memory-full": Entry(
+        "Trajectories do not fit into the memory of a drone.",
+        "Use fewer pieces or fewer trajectories, or fly them without `on_board`.",
+    ),
     "misplaced-key": Entry(
         "A key is in a place where it has no meaning.",
         "Move it as the message describes.",
@@ -98,6 +122,14 @@ CATALOGUE: Final = {
     "missing-option": Entry(
         "A key or an option that is required is missing.",
         "Add it.",
+    ),
+    "missing-package": Entry(
+        "An optional package is not installed.",
+        "Install it as the message states.",
+    ),
+    "no-answer": Entry(
+        "A device does not answer in time.",
+        "Switch it on, move it closer, or raise the timeout.",
     ),
     "no-camera": Entry(
         "A plugin needs images, but no agent has a camera.",
@@ -115,6 +147,10 @@ CATALOGUE: Final = {
         "A number is too small or too large in this mission.",
         "The message states the range.",
     ),
+    "outdated-firmware": Entry(
+        "The firmware of a drone lacks something that the mission needs.",
+        "Update the firmware, or remove the option that needs it.",
+    ),
     "outside-geofence": Entry(
         "A position or a height is outside the geofence or the heights to fly at.",
         "Move it inside the fence of the world and `limits.height`.",
@@ -127,6 +163,14 @@ CATALOGUE: Final = {
         "A plugin raised an error.",
         "`star run --verbose` shows its traceback; report it to the plugin's author.",
     ),
+    "radio-overload": Entry(
+        "The agents of a dongle need more packets than it can carry.",
+        "Lower the mission's rate, report less often, or add a dongle; see the figures.",
+    ),
+    "refused-request": Entry(
+        "A drone refuses a request.",
+        "The message has the error that the drone reports.",
+    ),
     "too-close": Entry(
         "Two positions are closer to each other than the separation or the spacing allows.",
         "Move one of them, or increase the spacing.",
@@ -134,6 +178,10 @@ CATALOGUE: Final = {
     "too-few-agents": Entry(
         "A step needs more agents than it has.",
         "Add agents to the step, or ask for less.",
+    ),
+    "unknown-agent": Entry(
+        "No agent has this name.",
+        "Correct the name; agents are listed under `swarm`.",
     ),
     "unknown-code": Entry(
         "No error has this code.",

@@ -40,21 +40,23 @@ def check(scene: Scene, **options: Any) -> Iterable[Problem]:
         ("motioncapture", options["mocap"] is not None, ("mocap",), "motioncapture"),
     ):
         if needed and find_spec(package) is None:
-            yield Problem(path, f"it needs the package {package!r}: pip install {install}")
+            text = f"it needs the package {package!r}: pip install {install}"
+            yield Problem(path, text, "missing-package")
     if options["watchdog"] and scene.period > 0.5:  # noqa: PLR2004 -- s; its time is 1 s
-        yield Problem(("watchdog",), f"it needs a tick of 0.5 s or less, got {scene.period:g} s")
-    yield from (Problem((), text) for text in faults(scene.agents))
+        text = f"it needs a tick of 0.5 s or less, got {scene.period:g} s"
+        yield Problem(("watchdog",), text, "out-of-range")
+    yield from faults(scene.agents)
     uris = [agent.uri for agent in scene.agents if agent.uri]
     if mode == "inline" and budget.shared(uris) and (old := _old_cflib()):
-        yield Problem(("mode",), f"cflib {old} does not support this mode; remove the option")
+        text = f"cflib {old} does not support this mode; remove the option"
+        yield Problem(("mode",), text, "option-conflict")
     overloads = budget.overloads(uris, mode, scene.period, options["report_period"])
-    yield from (Problem((), overload) for overload in overloads)
+    yield from (Problem((), overload, "radio-overload") for overload in overloads)
     links = [agent for agent in scene.agents if _dongle(agent.uri) == str(broadcast)]
     if links:
         text = f"dongle {broadcast} carries the link of agent {links[0].name!r}: expected another"
-        yield Problem(("broadcast",), text)
-    for name, text in camera.faults(scene, options["cameras"]):
-        yield Problem(("cameras", name), text)
+        yield Problem(("broadcast",), text, "option-conflict")
+    yield from camera.faults(scene, options["cameras"])
 
 
 def _old_cflib() -> str:

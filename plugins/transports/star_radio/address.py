@@ -5,11 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-if TYPE_CHECKING:
-    from star_core import Agent
+from star_core import Agent, Problem
 
 FORMS = (
     "radio://0/80/2M/E7E7E7E701 (dongle, channel, data rate, address), udp://127.0.0.1:19850, "
@@ -60,22 +58,24 @@ class RadioAddress:
         return cls(dongle, int(found["channel"]), found["rate"], address, most)
 
 
-def faults(agents: Iterable[Agent]) -> Iterator[str]:
-    """Yield a message for each missing, invalid or duplicate address."""
+def faults(agents: Iterable[Agent]) -> Iterator[Problem]:
+    """Yield a problem for each missing, invalid or duplicate address."""
     seen: dict[tuple[str | int, ...], Agent] = {}
     for agent in agents:
         if agent.uri is None:
-            yield f"agent {agent.name!r} has no 'uri': the address of its link"
+            yield Problem(
+                (), f"agent {agent.name!r} has no 'uri': the address of its link", "missing-option"
+            )
         elif problem := fault(agent.uri):
-            yield f"agent {agent.name!r}: {problem}"
+            yield Problem((), f"agent {agent.name!r}: {problem}", "invalid-address")
         elif (other := seen.setdefault(drone(agent.uri), agent)) is agent:
             pass
-        elif other.uri == agent.uri:
-            yield f"agents {other.name!r} and {agent.name!r} have the same uri {agent.uri!r}"
         else:
-            yield (
-                f"agents {other.name!r} and {agent.name!r} are the same drone: {other.uri!r} and "
-                f"{agent.uri!r}"
+            what = f"have the same uri {agent.uri!r}"
+            if other.uri != agent.uri:
+                what = f"are the same drone: {other.uri!r} and {agent.uri!r}"
+            yield Problem(
+                (), f"agents {other.name!r} and {agent.name!r} {what}", "duplicate-address"
             )
 
 

@@ -55,7 +55,10 @@ class MotionCapture:
         timeout: float = CONNECT_TIMEOUT,
     ) -> None:
         if find_spec("motioncapture") is None:
-            raise PluginError("mocap needs the package 'motioncapture': pip install motioncapture")
+            raise PluginError(
+                "mocap needs the package 'motioncapture': pip install motioncapture",
+                "missing-package",
+            )
         self._frames: deque[Frame] = deque(maxlen=MAX_FRAMES)
         self._closing = False
         self._stale = False
@@ -74,7 +77,7 @@ class MotionCapture:
         self._connection.send((type, hostname, bodies, timeout))
         if (problem := self._connected(timeout)) is not None:
             self._end()
-            raise PluginError(f"mocap: no {type!r} at {hostname!r}: {problem}")
+            raise PluginError(f"mocap: no {type!r} at {hostname!r}: {problem}", "no-answer")
         self._thread.start()
 
     def truth(self, began: float) -> Truth | None:

@@ -82,7 +82,10 @@ class Layout:
             if not there and column not in OPTIONAL
         ]
         if lacking:
-            raise PluginError(f"its firmware has no log variable {', '.join(lacking)}; update it")
+            raise PluginError(
+                f"its firmware has no log variable {', '.join(lacking)}; update it",
+                "outdated-firmware",
+            )
         return cls(tuple(there[0] if there else None for there in found))
 
     @cached_property

@@ -38,11 +38,13 @@ class TrajectoryMemory:
             raise PluginError(
                 f"{len(counts)} trajectories have {pieces} pieces of {PIECE} bytes, "
                 f"{pieces * PIECE} bytes in all; a Crazyflie has {SIZE} bytes for them: "
-                f"{MAX_PIECES} pieces at most"
+                f"{MAX_PIECES} pieces at most",
+                "memory-full",
             )
         if len(counts) > MAX_TRAJECTORIES:
             raise PluginError(
-                f"a Crazyflie stores {MAX_TRAJECTORIES} trajectories at most, got {len(counts)}"
+                f"a Crazyflie stores {MAX_TRAJECTORIES} trajectories at most, got {len(counts)}",
+                "memory-full",
             )
         begins = accumulate(counts, initial=0)
         self._numbers = {trajectory: i for i, trajectory in enumerate(trajectories)}
@@ -125,12 +127,14 @@ def upload(number: int, trajectory: Trajectory, ask: Ask, *, at: int = 0) -> Non
     for done, answer in zip(places, answers, strict=True):
         if answer[5:6] != b"\0":
             raise PluginError(
-                f"byte {at + done} of the trajectory memory is refused: {answer[5:].hex()!r}"
+                f"byte {at + done} of the trajectory memory is refused: {answer[5:].hex()!r}",
+                "refused-request",
             )
     packet = orders.define_trajectory(number, len(trajectory.duration), at)
     (answer,) = ask([Question.of(packet, packet[1:4], f"trajectory {number}")])
     if answer[3:4] != b"\0":
-        raise PluginError(f"trajectory {number} is refused: error {answer[3:].hex()!r}")
+        text = f"trajectory {number} is refused: error {answer[3:].hex()!r}"
+        raise PluginError(text, "refused-request")
 
 
 def _memory(ask: Ask) -> int:
@@ -142,4 +146,4 @@ def _memory(ask: Ask) -> int:
     for number, info in enumerate(ask([Question.of(one, one[1:3], about) for one in infos])):
         if info[2:3] == bytes([TRAJECTORY_MEMORY]):
             return number
-    raise PluginError("its firmware has no memory for trajectories")
+    raise PluginError("its firmware has no memory for trajectories", "outdated-firmware")

@@ -125,11 +125,12 @@ class Radio:
         count = f"{len(absent)} of {len(self.vehicles)}"
         text = f"cannot reach {count} agents: {'; '.join(absent.values())}"
         if not self._connected.any():
-            raise PluginError(text)
+            raise PluginError(text, "agents-unreachable")
         if not fly_without:
             raise PluginError(
                 f"{text}; to fly without them, set 'absent: fly-without' in a mission with "
-                "'safety: {link_lost: {}}'"
+                "'safety: {link_lost: {}}'",
+                "agents-unreachable",
             )
         log.warning("radio: %s: flying without them", text)
 
@@ -148,7 +149,8 @@ class Radio:
         if refused:
             raise PluginError(
                 f"cannot upload trajectories to {len(refused)} of {len(present)} agents: "
-                f"{'; '.join(refused.values())}"
+                f"{'; '.join(refused.values())}",
+                "refused-request",
             )
 
     def wait(self, until: float) -> float:

@@ -119,7 +119,8 @@ class Vehicle:
         if self.version < MIN_PROTOCOL_VERSION:
             raise PluginError(
                 f"{self.link.uri} has protocol version {self.version}, expected "
-                f"{MIN_PROTOCOL_VERSION} or later: update its firmware"
+                f"{MIN_PROTOCOL_VERSION} or later: update its firmware",
+                "outdated-firmware",
             )
         variables = tables.of(packets.LOG, self._ask)
         layout = Layout.of(variables)
@@ -142,7 +143,8 @@ class Vehicle:
         (answer,) = self._ask([Question.of(packet, packet[1:], "its groups")])
         if error := _error(answer):
             why = _ERRORS.get(error, f"error {error}")
-            raise PluginError(f"{self.link.uri} refuses to be put into groups: {why}")
+            text = f"{self.link.uri} refuses to be put into groups: {why}"
+            raise PluginError(text, "refused-request")
         self._groups = groups
 
     def reports(self) -> list[tuple[float, bytes]]:
@@ -208,7 +210,7 @@ class Vehicle:
             for question in self._noise.changed(self.parameters, position_std, attitude_std):
                 self.link.assure(question)
         except PluginError as error:
-            raise PluginError(f"{self.name}: {error}") from error
+            raise PluginError(f"{self.name}: {error.message}", error.code) from error
 
     def correct(self, position: Sequence[float], attitude: Sequence[float] | None) -> None:
         """Send the estimator a measured position or pose in the odometry frame.

@@ -48,7 +48,8 @@ class BroadcastCommands:
         if len(set(self._last.values())) < len(self._last):
             raise PluginError(
                 f"{scene.named(on)} share the last byte of an address, which identifies drones in "
-                "broadcasts; make it unique"
+                "broadcasts; make it unique",
+                "duplicate-address",
             )
         self._groups = _groups(scene.groups.values(), frozenset(on))
         self.masks: Mapping[int, int] = {

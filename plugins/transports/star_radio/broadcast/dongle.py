@@ -66,7 +66,8 @@ class Broadcaster:
             self._tell(_RETRIES, 0)
             self._tell(_ACKNOWLEDGE, 0)
         except OSError as error:
-            raise PluginError(f"Crazyradio {dongle} cannot broadcast: {error}") from error
+            text = f"Crazyradio {dongle} cannot broadcast: {error}"
+            raise PluginError(text, "link-failed") from error
         self.broken = False
         self._orders: deque[_Call] = deque()  # the first one may be in transmission
         # newest entry of each drone, by the last byte of its address
@@ -191,6 +192,7 @@ def _dongle(number: int) -> Any:
     if number >= len(found):
         raise PluginError(
             f"no Crazyradio number {number} for broadcasts; found {len(found)}: it needs one in "
-            "addition to those of the links"
+            "addition to those of the links",
+            "link-failed",
         )
     return found[number]

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from star_core import Problem, Scene
 from star_radio.address import drone, fault
-
-if TYPE_CHECKING:
-    from star_core import Scene
 
 PORT: Final = 5000  # of an AI-deck's ESP32
 LAST_PORT: Final = 65535
@@ -24,8 +22,8 @@ def place(address: str) -> tuple[str, int]:
     return host.lower(), int(port or PORT)
 
 
-def faults(scene: Scene, cameras: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the name of each agent whose camera cannot be read, and the reason.
+def faults(scene: Scene, cameras: Mapping[str, str]) -> Iterator[Problem]:
+    """Yield a problem for each camera that cannot be read.
 
     A deck's WiFi serves one client (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer``), so the
     reader of its images cannot share it with a link over TCP or the reader of another agent.
@@ -39,12 +37,19 @@ def faults(scene: Scene, cameras: Mapping[str, str]) -> Iterator[tuple[str, str]
     for name, address in cameras.items():
         host, port = where = place(address)
         if name not in agents:
-            yield name, f"no agent is named {name!r}"
+            yield Problem(("cameras", name), f"no agent is named {name!r}", "unknown-agent")
         elif agents[name].camera is None:
-            yield name, f"agent {name!r} carries no camera: set its 'camera'"
+            yield Problem(
+                ("cameras", name),
+                f"agent {name!r} carries no camera: set its 'camera'",
+                "missing-camera",
+            )
         elif not 0 < port <= LAST_PORT:
-            yield name, f"{address!r} has no port from 1 to {LAST_PORT}"
+            yield Problem(
+                ("cameras", name), f"{address!r} has no port from 1 to {LAST_PORT}", "out-of-range"
+            )
         elif where in taken:
-            yield name, f"'{host}:{port}' {taken[where]} already, and a deck serves one client"
+            text = f"'{host}:{port}' {taken[where]} already, and a deck serves one client"
+            yield Problem(("cameras", name), text, "duplicate-address")
         else:
             taken[where] = f"is the camera of agent {name!r}"

@@ -97,11 +97,12 @@ class CflibLink:
             driver = found.get(timeout=timeout)
         except queue.Empty:
             self._closing = True
-            raise PluginError(f"{self._uri}: not opened in {timeout:g} s") from None
+            text = f"{self._uri}: not opened in {timeout:g} s"
+            raise PluginError(text, "no-answer") from None
         if isinstance(driver, Exception):
-            raise PluginError(f"{self._uri}: {driver}") from driver
+            raise PluginError(f"{self._uri}: {driver}", "link-failed") from driver
         if driver is None:
-            raise PluginError(f"cflib has no driver for {self._uri!r}")
+            raise PluginError(f"cflib has no driver for {self._uri!r}", "invalid-address")
         return driver
 
     def _start(self, found: queue.Queue[Any]) -> None:

@@ -77,7 +77,8 @@ class ConvergenceWait:
             if time.monotonic() > until:
                 raise PluginError(
                     f"its estimator has not converged in {CONVERGENCE_TIMEOUT:g} s: check that the "
-                    "Flow deck is attached and the drone does not move, or set 'reset: false'"
+                    "Flow deck is attached and the drone does not move, or set 'reset: false'",
+                    "estimator-unsettled",
                 )
             time.sleep(_POLL_PERIOD)
         packet = packets.delete_block(BLOCK)

@@ -65,7 +65,7 @@ class Link:
             try:
                 self._driver = self._udp_links.open(self.uri, self)
             except OSError as error:
-                raise PluginError(f"{self.uri}: {error}") from error
+                raise PluginError(f"{self.uri}: {error}", "link-failed") from error
         else:
             self._driver = CflibLink(self.uri, self._name, self, timeout)
 
@@ -197,12 +197,12 @@ class Link:
 
     def _unanswered(self, question: Question, wait: float, *, late: bool) -> PluginError:
         if late:
-            return PluginError(f"{self.uri} is too slow: it is not connected in time")
+            return PluginError(f"{self.uri} is too slow: it is not connected in time", "no-answer")
         why = f" ({self.broken})" if self.broken else ""
         if question.refused is not None:
             why = f", but {question.refused.hex()!r}"
         about = f"no answer about {question.about}"
-        return PluginError(f"{about} from {self.uri} in {wait:.3g} s{why}")
+        return PluginError(f"{about} from {self.uri} in {wait:.3g} s{why}", "no-answer")
 
 
 class Quality:

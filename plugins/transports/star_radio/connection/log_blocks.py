@@ -55,8 +55,8 @@ def begin(
         if tries == MAX_TRIES:
             if error:
                 why = _ERRORS.get(error, f"error {error}")
-                raise PluginError(f"it refuses the log block of {what}: {why}")
-            raise PluginError(f"it does not report {what}")
+                raise PluginError(f"it refuses the log block of {what}: {why}", "refused-request")
+            raise PluginError(f"it does not report {what}", "no-answer")
 
 
 def restart(number: int, period: float) -> Question:

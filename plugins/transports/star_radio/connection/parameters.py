@@ -26,17 +26,19 @@ def setting(table: Table, name: str, value: float) -> Question:
         PluginError: There is no such parameter, it is read-only, or the value does not fit.
     """
     if name not in table:
-        raise PluginError(f"its firmware has no parameter {name!r}")
+        raise PluginError(f"its firmware has no parameter {name!r}", "outdated-firmware")
     number, kind = table[name]
     if kind & READ_ONLY:
-        raise PluginError(f"parameter {name!r} is read-only")
+        raise PluginError(f"parameter {name!r} is read-only", "invalid-option")
     form = FORMATS[kind & _TYPE]
     if kind & _TYPE not in REAL and value != int(value):
-        raise PluginError(f"parameter {name!r} is a whole number, got {value!r}")
+        text = f"parameter {name!r} is a whole number, got {value!r}"
+        raise PluginError(text, "invalid-option")
     try:
         coded = struct.pack(form, value if kind & _TYPE in REAL else int(value))
     except (struct.error, OverflowError) as error:
-        raise PluginError(f"parameter {name!r} cannot be {value!r}: {error}") from error
+        text = f"parameter {name!r} cannot be {value!r}: {error}"
+        raise PluginError(text, "invalid-option") from error
     packet = packets.write_parameter(number, coded)
     question = Question.of(packet, packet[1:3], f"parameter {name!r}")
     question.accepts = lambda payload: payload[2:] == coded

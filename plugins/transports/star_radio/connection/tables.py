@@ -119,5 +119,6 @@ def _about(port: int, number: int) -> str:
 def _entry(port: int, number: int, answer: bytes) -> tuple[str, Entry]:
     group, name, *_ = *answer[4:].split(b"\0"), b""
     if len(answer) < 5 or not name:  # noqa: PLR2004 -- command, number, type, and a name
-        raise PluginError(f"{_about(port, number)} cannot be read: {answer.hex()!r}")
+        text = f"{_about(port, number)} cannot be read: {answer.hex()!r}"
+        raise PluginError(text, "invalid-answer")
     return f"{group.decode('latin-1')}.{name.decode('latin-1')}", Entry(number, answer[3])
