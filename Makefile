@@ -17,7 +17,12 @@ $(VENV)/.ready: pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
-fly: $(VENV)/.ready  ## set up and fly MISSION (missions/first_flight.yaml)
+$(VENV)/.flight: pyproject.toml  # what a flight needs, without the development tools
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --disable-pip-version-check --editable .
+	touch $@
+
+fly: $(if $(wildcard $(VENV)/.ready),$(VENV)/.ready,$(VENV)/.flight)  ## set up and fly MISSION (missions/first_flight.yaml)
 	$(BIN)/star-run $(MISSION)
 
 test: $(VENV)/.ready  ## set up and run every check and test

@@ -20,9 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Fence, World
+from star_core import Array
 from star_orca.kernel import orca
-from star_orca.outlines import outlines
 
 try:
     import pyrvo
@@ -36,8 +35,6 @@ MOMENTS = (0.1, 0.275, 0.45, 0.625, 0.8)  # as a share of the time that the long
 TICKS = 10  # one after the other, with the wishes held
 DRAWN = 4_000  # agents, in as many swarms as that makes, but one at least
 ROUNDS = 3  # of one that is as large
-NO_OBSTACLES = outlines(World("empty", Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))))
-NO_FENCE = (-math.inf, -math.inf, math.inf, math.inf)
 ALIKE = 1e-3  # m/s; pyrvo computes in float32
 
 
@@ -185,20 +182,10 @@ def since(start: int) -> float:
 def for_ours(state: State) -> tuple[Any, ...]:
     """The kernel's arguments: ORCA as published, all agents avoiding."""
     n = len(state.position)
-    each = (np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_))
-    limits = (
-        NO_FENCE,
-        HORIZON,
-        HORIZON,
-        RADIUS,
-        False,
-        NEIGHBOUR_DISTANCE,
-        MOST,
-        math.inf,
-        PERIOD,
-        0.0,
-    )
-    return (*state, *each, *NO_OBSTACLES, *limits)
+    radius, speed, avoids = np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_)
+    nothing_else = np.empty((n, 0, 3)), np.zeros(n, np.int64)
+    limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
+    return (*state, radius, speed, avoids, *nothing_else, *limits)
 
 
 def pyrvo_with(state: State) -> Any:

@@ -73,6 +73,7 @@ from star_core.toolkit.camera_model import CameraModel as CameraModel
 from star_core.toolkit.camera_model import distort as distort
 from star_core.toolkit.camera_model import perspective as perspective
 from star_core.toolkit.jit import compiled as compiled
+from star_core.toolkit.jit import subroutine as subroutine
 from star_core.toolkit.position_control import PositionController as PositionController
 from star_core.toolkit.square_pose import square_corners as square_corners
 from star_core.toolkit.square_pose import square_poses as square_poses

@@ -62,9 +62,13 @@ class Pairs:
         return type(self)(self.first[near], self.second[near], self.distance[near])
 
 
-def warm_up() -> None:
-    """Compile the search among many agents, or load it from disk, before the flight."""
-    Pairs.of(np.zeros((MANY, 3)), 0.0)
+def warm_up(agents: int) -> None:
+    """Compile the search among many agents, or load it from disk, before the flight.
+
+    Agents that are not heard have several possible positions, so fewer than `MANY` may need it.
+    """
+    if agents >= MANY // 2:
+        Pairs.of(np.zeros((MANY, 3)), 0.0)
 
 
 @compiled
@@ -84,7 +88,8 @@ def _swept(position: Array, reach: float) -> Rows:
             if math.sqrt(ahead * ahead + aside * aside + above * above) < reach:
                 if count == rows.shape[1]:
                     more = np.empty((2, 2 * count), np.int64)
-                    more[:, :count] = rows
+                    for k in range(count):  # a slice would take seconds to compile
+                        more[0, k], more[1, k] = rows[0, k], rows[1, k]
                     rows = more
                 rows[0, count], rows[1, count] = i, j
                 count += 1
@@ -102,4 +107,4 @@ def _apart(position: Array, first: Rows, second: Rows) -> Array:
 def _every_pair(n: int) -> tuple[Rows, Rows]:
     """Every two of `n` rows, as two columns."""
     first, second = np.triu_indices(n, 1)
-    return first, second
+    return np.ascontiguousarray(first), np.ascontiguousarray(second)

@@ -3,63 +3,34 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Final
 
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows
-from star_core.toolkit.jit import compiled
+from star_core.toolkit.jit import compiled, subroutine
 
 LAG: Final = 0.4
-"""How far a drone that is to stop flies on, as a time by its speed, s. A simulated Crazyflie
-follows a step of its velocity setpoint to 63 % in 0.3 s, and hears of it up to a tick late."""
+"""Time constant with which a drone stops, s. A simulated Crazyflie follows a step of its velocity
+setpoint to 63 % in 0.3 s, and receives it up to a tick late."""
 
-PULL: Final = 2.5
-"""How soon a drone is to come to rest before what it must not reach, 1/s: 1 / `LAG` is critical."""
+BRAKING_GAIN: Final = 2.5
+"""Speed permitted per metre of remaining distance, 1/s: 1 / `LAG` is critical damping."""
 
-PART: Final = 0.2
+RETURN_SPEED: Final = 0.2
 """Greatest speed of agents at rest that move back inside the fence or away from others, m/s."""
 
-ROUNDS: Final = 30
-"""How often velocities of agents that close in on each other are corrected before they stop."""
+MAX_ITERATIONS: Final = 30
+"""Corrections of agents that approach each other, before those that still do so stop."""
 
-ENOUGH: Final = 1e-3
-"""By how much agents may close in too fast, m/s: corrections settle no finer."""
-
-inner = partial(compiled, on_disk=False)
-alone = partial(compiled, alone=True)
+TOLERANCE: Final = 1e-3
+"""Excess of the closing speed that is not corrected, m/s."""
 
 
-@alone
-def keep_inside(
-    velocity: Array,
-    position: Array,
-    flown: Array,
-    active: Mask,
-    fence: Array,
-    brakes: float,
-    period: float,
-) -> None:
-    """Change velocities to such that the agents can brake before the fence.
-
-    Args:
-        velocity: (N, 3) what the agents are to fly, m/s; changed where an agent is active.
-        position: (N, 3) m.
-        flown: (N, 3) what they fly now, m/s.
-        active: (N,) agents that are steered.
-        fence: (2, 3) its lowest and its highest corner, m.
-        brakes: How fast an agent can change its velocity, m/s².
-        period: Of the ticks, s.
-    """
-    for row in range(len(active)):
-        if active[row]:
-            bound(velocity, position, flown, row, fence, brakes, period)
-
-
-@alone
-def keep_apart(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
-    velocity: Array,
+@compiled
+def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+    inside: Array,
+    apart: Array,
     position: Array,
     flown: Array,
     active: Mask,
@@ -71,123 +42,134 @@ def keep_apart(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart q
     separation: float,
     period: float,
 ) -> None:
-    """Change velocities to such that the agents can brake before each other and before the fence.
+    """Correct velocities so that agents can brake before the fence and before each other.
 
-    Two that close in too fast are corrected by equal shares, again and again, as every correction
-    can bring an agent too close to another; agents that still violate a constraint then stop.
+    The excess of a closing speed is shared equally by the two agents. Corrections are repeated,
+    since each can bring an agent too close to another; agents that still violate a constraint then
+    stop.
 
     Args:
-        velocity: (N, 3) what the agents are to fly, no faster than `speed` and safe within the
-            fence, m/s; agents that are not steered keep their velocity.
+        inside: (N, 3) velocities no faster than `speed`, m/s; active rows are changed to such that
+            agents can brake before the fence.
+        apart: (N, 3) output: those from which they can brake before each other as well, m/s; rows
+            that are not active are undefined.
         position: (N, 3) m.
-        flown: (N, 3) what they fly now, m/s.
-        active: (N,) agents that are steered.
-        first: (P,) one of every two that are near each other,
-        second: (P,) and the other.
+        flown: (N, 3) current velocities, m/s.
+        active: (N,) agents that are steered; the others keep their velocity.
+        first: (P,) one of every two agents that are near each other.
+        second: (P,) the other.
         fence: (2, 3) its lowest and its highest corner, m.
         speed: Greatest speed, m/s.
-        brakes: How fast an agent can change its velocity, m/s².
-        separation: How near two may be, m.
+        brakes: Greatest deceleration, m/s².
+        separation: Least distance between two agents, m.
         period: Of the ticks, s.
     """
-    towards, allowed = np.empty((len(first), 3)), np.empty(len(first))
-    weigh(towards, allowed, position, flown, active, first, second, brakes, separation, period)
-    more, times = np.zeros_like(velocity), np.zeros(len(velocity))
-    for turn in range(ROUNDS + 1):
-        if not push(more, times, velocity, active, first, second, towards, allowed):
-            return
-        for row in range(len(active)):
-            if times[row] > 0 and active[row]:
-                for axis in range(3):
-                    step = more[row, axis] / times[row]
-                    velocity[row, axis] = velocity[row, axis] + step if turn < ROUNDS else 0.0
-                if turn < ROUNDS:
-                    slow(velocity, row, speed)
-                    bound(velocity, position, flown, row, fence, brakes, period)
-
-
-@inner
-def weigh(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
-    towards: Array,
-    allowed: Array,
-    position: Array,
-    flown: Array,
-    active: Mask,
-    first: Rows,
-    second: Rows,
-    brakes: float,
-    separation: float,
-    period: float,
-) -> None:
-    """Fill in where two agents' first is from the second, and how fast they may close in.
-
-    Two in one place are taken to be side by side along x.
-    """
+    for row in range(len(active)):
+        if active[row]:
+            bound(inside, position, flown, row, fence, brakes, period)
+        for axis in range(3):
+            apart[row, axis] = inside[row, axis] if active[row] else flown[row, axis]
+    if len(first) == 0:
+        return
+    direction, allowed = np.empty((len(first), 3)), np.empty(len(first))
     for pair in range(len(first)):
         one, two = first[pair], second[pair]
-        apart = 0.0
-        for axis in range(3):
-            towards[pair, axis] = position[one, axis] - position[two, axis]
-            apart += towards[pair, axis] ** 2
-        apart = math.sqrt(apart)
-        if apart == 0.0:
-            towards[pair, 0] = 1.0
-        for axis in range(3):
-            towards[pair, axis] /= apart if apart > 0.0 else 1.0
         steered = int(active[one]) + int(active[two])
-        closes = closing(flown, one, two, towards, pair)
-        allowed[pair] = shrink(apart - separation, closes, brakes * max(1, steered), period)
-        if steered == 0:
-            allowed[pair] = math.inf
+        distance, approach = direct(direction, pair, one, two, position, flown)
+        most = approach_speed(distance - separation, approach, brakes * max(1, steered), period)
+        allowed[pair] = most if steered > 0 else math.inf
+    change, times = np.empty((len(apart), 3)), np.empty(len(apart))
+    for iteration in range(MAX_ITERATIONS + 1):
+        if not corrections(change, times, apart, active, first, second, direction, allowed):
+            return
+        for row in range(len(active)):
+            if times[row] > 0.0 and active[row]:
+                add_correction(apart, change, times, row, speed)
+                bound(apart, position, flown, row, fence, brakes, period)
+                if iteration == MAX_ITERATIONS:
+                    for axis in range(3):
+                        apart[row, axis] = 0.0
 
 
-@inner
-def push(
-    more: Array,
+@subroutine
+def corrections(
+    change: Array,
     times: Array,
     velocity: Array,
     active: Mask,
     first: Rows,
     second: Rows,
-    towards: Array,
+    direction: Array,
     allowed: Array,
 ) -> bool:
-    """Fill in what each agent is to change for all that it nears too fast; return if anybody is."""
-    more[:], times[:] = 0.0, 0.0
+    """Fill in the sum of each agent's corrections and their number; return whether there are any.
+
+    Args:
+        change: (N, 3) output: sum of the corrections, m/s.
+        times: (N,) output: number of corrections.
+        velocity: (N, 3) m/s.
+        active: (N,) agents that are steered.
+        first: (P,) one of every two agents that are near each other.
+        second: (P,) the other.
+        direction: (P, 3) unit vector from the second to the first.
+        allowed: (P,) greatest closing speed, m/s.
+    """
+    for row in range(len(times)):
+        times[row] = 0.0
+        for axis in range(3):
+            change[row, axis] = 0.0
     found = False
     for pair in range(len(first)):
         one, two = first[pair], second[pair]
-        excess = closing(velocity, one, two, towards, pair) - allowed[pair]
-        if excess > ENOUGH:
+        approach = 0.0
+        for axis in range(3):
+            approach += direction[pair, axis] * (velocity[two, axis] - velocity[one, axis])
+        excess = approach - allowed[pair]
+        if excess > TOLERANCE:
             found = True
             times[one] += 1.0
             times[two] += 1.0
             share = excess / (int(active[one]) + int(active[two]))
             for axis in range(3):
-                more[one, axis] += share * towards[pair, axis]
-                more[two, axis] -= share * towards[pair, axis]
+                change[one, axis] += share * direction[pair, axis]
+                change[two, axis] -= share * direction[pair, axis]
     return found
 
 
-@inner
-def closing(velocity: Array, one: int, two: int, towards: Array, pair: int) -> float:
-    """Return how fast agent `two` flies along a unit vector, less how fast `one` does, m/s."""
-    along = 0.0
+@subroutine
+def add_correction(velocity: Array, change: Array, times: Array, row: int, speed: float) -> None:
+    """Add the mean of one agent's corrections to its velocity, within the greatest speed."""
+    squared = 0.0
     for axis in range(3):
-        along += towards[pair, axis] * (velocity[two, axis] - velocity[one, axis])
-    return along
-
-
-@inner
-def slow(velocity: Array, row: int, speed: float) -> None:
-    """Shorten one velocity to the greatest speed, m/s."""
-    square = velocity[row, 0] ** 2 + velocity[row, 1] ** 2 + velocity[row, 2] ** 2
-    if square > speed * speed:
+        velocity[row, axis] += change[row, axis] / times[row]
+        squared += velocity[row, axis] * velocity[row, axis]
+    if squared > speed * speed:
         for axis in range(3):
-            velocity[row, axis] *= speed / math.sqrt(square)
+            velocity[row, axis] *= speed / math.sqrt(squared)
 
 
-@inner
+@subroutine
+def direct(
+    direction: Array, pair: int, one: int, two: int, position: Array, flown: Array
+) -> tuple[float, float]:
+    """Fill in the unit vector from agent `two` to `one`; return their distance and closing speed.
+
+    Two at the same position are taken to be side by side along x.
+    """
+    squared, approach = 0.0, 0.0
+    for axis in range(3):
+        direction[pair, axis] = position[one, axis] - position[two, axis]
+        squared += direction[pair, axis] * direction[pair, axis]
+    distance = math.sqrt(squared)
+    if distance == 0.0:
+        direction[pair, 0] = 1.0
+    for axis in range(3):
+        direction[pair, axis] /= distance if distance > 0.0 else 1.0
+        approach += direction[pair, axis] * (flown[two, axis] - flown[one, axis])
+    return distance, approach
+
+
+@subroutine
 def bound(
     velocity: Array,
     position: Array,
@@ -200,21 +182,22 @@ def bound(
     """Change one velocity to one from which the agent can brake before the fence."""
     for axis in range(3):
         here, fast = position[row, axis], flown[row, axis]
-        up = shrink(fence[1, axis] - here, fast, brakes, period)
-        down = shrink(here - fence[0, axis], -fast, brakes, period)
+        up = approach_speed(fence[1, axis] - here, fast, brakes, period)
+        down = approach_speed(here - fence[0, axis], -fast, brakes, period)
         velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
 
 
-@inner
-def shrink(room: float, closes: float, brakes: float, period: float) -> float:
-    """Return the fastest that a setpoint may let a room shrink, m/s.
+@subroutine
+def approach_speed(distance: float, approach: float, brakes: float, period: float) -> float:
+    """Return the greatest speed at which a setpoint may let a distance shrink, m/s.
 
     Args:
-        room: What is left, m; negative beyond it.
-        closes: How fast it shrinks now, m/s.
-        brakes: How fast that can be changed, m/s².
+        distance: Remaining distance, m; negative beyond the limit.
+        approach: Speed at which it shrinks now, m/s.
+        brakes: Greatest deceleration, m/s².
         period: Of the ticks, s.
     """
-    late = period * brakes
-    stops = math.sqrt(late * late + 2 * brakes * max(0.0, room)) - late
-    return max(min(PULL * (room - LAG * closes), stops), -PART - max(0.0, closes))
+    delay = period * brakes
+    stopping = math.sqrt(delay * delay + 2 * brakes * max(0.0, distance)) - delay
+    damped = BRAKING_GAIN * (distance - LAG * approach)
+    return max(min(damped, stopping), -RETURN_SPEED - max(0.0, approach))

@@ -13,7 +13,7 @@ from star_core.messages.arrays import Array, Mask
 from star_core.messages.events import Corrected
 from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate, Setpoint, with_possible_positions
-from star_core.safety.braking_kernels import LAG, PULL, keep_apart, keep_inside
+from star_core.safety.braking_kernels import BRAKING_GAIN, LAG, limit_velocities
 from star_core.scene import Scene
 
 MIN_CORRECTION: Final = 0.05
@@ -26,7 +26,7 @@ class SafetyFilter:
     A velocity is safe if from it the agent can brake inside the geofence and at the minimum
     separation from every other agent; two agents that are both steered share the braking. With the
     remaining distance x and the speed c at which it shrinks now, a setpoint may let it shrink by
-    ``PULL (x - LAG c)``: a drone that follows setpoints with that lag comes to rest without
+    ``BRAKING_GAIN (x - LAG c)``: a drone that follows setpoints with that lag comes to rest without
     overshoot. Nor may it be faster than what the mission's acceleration stops within x. Agents
     outside the fence or too close to another are therefore moved away. Setpoints are corrected by
     as little as possible; if the corrections for several neighbors do not converge, agents stop.
@@ -45,10 +45,10 @@ class SafetyFilter:
         self._separation = scene.limits.separation
         self._period = scene.period
         closing = 2 * self._speed
-        room = closing * (LAG + max(1 / PULL, scene.period + closing / (4 * self._brakes)))
+        room = closing * (LAG + max(1 / BRAKING_GAIN, scene.period + closing / (4 * self._brakes)))
         wide = math.dist(scene.world.fence.low, scene.world.fence.high)
         self.reach = self._separation + min(1.5 * room, wide)  # some approach faster than allowed
-        self._warm_up()
+        self._warm_up(len(scene.agents))
 
     def filter(
         self, estimate: Estimate, safe: Setpoint, wanted: Setpoint, near: Pairs
@@ -85,10 +85,7 @@ class SafetyFilter:
         given = safe.active & active
         asked = np.where(given[:, None], safe.velocity, 0.0)
         slowed = self._slowed(asked)
-        now = estimate.position, estimate.velocity, active
-        inside = slowed.copy()
-        keep_inside(inside, *now, self._fence, self._brakes, self._period)
-        apart = self._kept_apart(inside, *now, near) if self._separation > 0 else inside
+        inside, apart = self._limited(slowed, estimate, active, near)
         sent = replace(
             safe, velocity=apart, yaw=np.where(given, safe.yaw, wanted.yaw), active=active
         )
@@ -98,19 +95,17 @@ class SafetyFilter:
             separation=_differ(apart, inside) & active,
         )
 
-    def _kept_apart(
-        self, velocity: Array, position: Array, flown: Array, active: Mask, near: Pairs
-    ) -> Array:
-        """Return the (N, 3) velocities from which agents can brake before each other."""
-        near = near.within(self.reach)
-        if not len(near.first):
-            return velocity
-        steered = active[:, None]
-        kept = np.where(steered, velocity, flown)
-        keep_apart(
-            kept,
-            position,
-            flown,
+    def _limited(
+        self, velocity: Array, estimate: Estimate, active: Mask, near: Pairs
+    ) -> tuple[Array, Array]:
+        """Return (N, 3) velocities that stay inside the fence, and (N, 3) that keep apart too."""
+        near = near.within(self.reach if self._separation > 0 else 0.0)
+        inside, apart = velocity.copy(), np.empty_like(velocity)
+        limit_velocities(
+            inside,
+            apart,
+            estimate.position,
+            estimate.velocity,
             active,
             near.first,
             near.second,
@@ -120,15 +115,15 @@ class SafetyFilter:
             self._separation,
             self._period,
         )
-        return np.where(steered, kept, velocity)
+        return inside, np.where(active[:, None], apart, inside) if len(near.first) else inside
 
-    def _warm_up(self) -> None:
+    def _warm_up(self, agents: int) -> None:
         """Compile the kernels, or load them from disk, before the flight."""
         two, level, both = np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)
         frames, wanted = Transform(level, two), Setpoint(two, level, both)
         here = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
         self.filter(here, wanted, wanted, Pairs.of(two, self.reach))
-        warm_up()
+        warm_up(agents)
 
     def _slowed(self, velocity: Array) -> Array:
         """Return (N, 3) velocities, none faster than the limit."""

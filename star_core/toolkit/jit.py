@@ -1,54 +1,194 @@
-"""How plugins compile their inner loops: once, kept on disk, never stale."""
+"""Compilation of inner loops by numba: once, kept on disk, never stale, with progress on stderr."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from functools import cache
-from pathlib import Path
-from typing import Any, TypeVar, cast
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cached_property, update_wrapper
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, Final, TypeVar, cast
 
-from numba import njit
-from numba.core.event import TimingListener, register
-
-from star_core import toolkit
-from star_core.messages import rotations
+import numpy as np
+from numba import njit, types
+from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
+from numba.core.event import Listener, TimingListener, register
+from numba.extending import typeof_impl
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_compiling = TimingListener()  # type: ignore[no-untyped-call]
-register("numba:compiler_lock", _compiling)  # type: ignore[no-untyped-call]
+REPORT_PERIOD: Final = 1.5  # s, between two reports while a kernel is compiled
+
+
+def compiled(function: Function, **options: Any) -> Function:
+    """Return a kernel: `function`, compiled by numba at its first call, with its type as it was.
+
+    Division follows IEEE 754 instead of Python: x / 0 is infinite or NaN. The machine code is kept
+    on disk until the kernel changes, or a function or constant that it uses, whichever file that is
+    in. Progress is reported on stderr.
+
+    Args:
+        function: Takes numbers and arrays. Branches under ``argument is not None`` are compiled
+            only when the argument is given.
+        options: Of `numba.njit`.
+    """
+    kernel = njit(error_model="numpy", **options)(function)
+    kernel._cache = _KernelCache(kernel)  # noqa: SLF001 -- what `cache=True` does
+    return cast("Function", kernel)
+
+
+def subroutine(function: Function, **options: Any) -> Function:
+    """Return `function` for kernels to call; it is compiled, and kept on disk, as part of them.
+
+    Called by Python it is interpreted: code that takes arguments from Python would be a sixth of
+    the compiler's work.
+
+    Args:
+        function: Takes numbers, arrays and tuples of them.
+        options: Of `numba.njit`.
+    """
+    return cast("Function", _Subroutine(function, options))
+
+
+class _Subroutine:
+    """A function that is compiled where kernels call it, and interpreted elsewhere."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options}
+        self.dispatcher: Any = njit(error_model="numpy", **bare)(function)
+        self.py_func = function
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.py_func(*arguments)
+
+
+@typeof_impl.register(_Subroutine)
+def _type_of_subroutine(value: _Subroutine, _context: Any) -> Any:
+    return types.Dispatcher(value.dispatcher)
 
 
 def compile_time() -> float:
     """Return how long numba has compiled in this process so far, s."""
-    return _compiling.duration if _compiling.done else 0.0
+    return _timer.duration if _timer.done else 0.0
 
 
-def compiled(
-    function: Function, *, on_disk: bool = True, alone: bool = False, **options: Any
-) -> Function:
-    """Return `function` compiled by numba, with its type as it was.
+class _KernelCache(FunctionCache):
+    """Numba's cache on disk, with keys that cover everything that a kernel is compiled from."""
 
-    Division follows IEEE 754 in place of Python: no test for zero before every one. To find the
-    machine code on disk numba looks at the function's own file only, but other files are compiled
-    into it; so the function is given a name that holds every source of its folder, of
-    `star_core.toolkit` and of `star_core.messages.rotations`.
+    def __init__(self, kernel: Any) -> None:
+        super().__init__(kernel.py_func)  # type: ignore[no-untyped-call]
+        self._kernel = kernel
+
+    @cached_property
+    def _digest(self) -> str:
+        return hashlib.sha256("\n".join(_sources(self._kernel, {})).encode()).hexdigest()
+
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        key = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
+        return (*key, self._digest)
+
+
+def _sources(value: Any, functions: dict[FunctionType, None]) -> Iterator[str]:
+    """Yield the code and the constants that a kernel is compiled from.
 
     Args:
-        function: Takes numbers and arrays.
-        on_disk: Whether to keep the machine code; False for what other kernels only call.
-        alone: Whether nothing is compiled into it but code of its own file, which numba looks at.
-        options: Of `numba.njit`.
+        value: The kernel, or what it refers to; modules, types and built-in functions have no code.
+        functions: Those found so far; the new ones are added.
     """
-    if on_disk and not alone:
-        function.__qualname__ += f"_{_sources(Path(function.__code__.co_filename).parent)}"
-    return cast("Function", njit(cache=on_disk, error_model="numpy", **options)(function))
+    if isinstance(value, _Subroutine):
+        value = value.dispatcher
+    if isinstance(value, Dispatcher):
+        yield str(
+            sorted(
+                (name, sorted(map(str, option)) if isinstance(option, set) else str(option))
+                for name, option in value.targetoptions.items()
+            )
+        )
+        value = value.py_func
+    if isinstance(value, FunctionType):
+        if value not in functions:
+            functions[value] = None
+            cells = (cell.cell_contents for cell in value.__closure__ or ())
+            enclosed = dict(zip(value.__code__.co_freevars, cells, strict=True))
+            scope = value.__globals__ | enclosed | {"defaults": value.__defaults__}
+            yield from _sources_of_code(value.__code__, value.__doc__, scope, functions)
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _sources(item, functions)
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype.str} {value.shape} {value.tobytes().hex()}"
+    elif isinstance(value, (bool, int, float, complex, str, np.generic, np.dtype)):
+        yield repr(value)
 
 
-@cache
-def _sources(folder: Path) -> str:
-    """A name for all the sources in a folder, in the toolkit and of rotations."""
-    shared = [*Path(*toolkit.__path__).glob("*.py"), Path(rotations.__file__)]
-    files = sorted([*folder.glob("*.py"), *shared])
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+def _sources_of_code(
+    code: CodeType, doc: str | None, scope: dict[str, Any], functions: dict[FunctionType, None]
+) -> Iterator[str]:
+    """Yield the same for byte code, without its docstring."""
+    yield code.co_code.hex()
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _sources_of_code(constant, None, scope, functions)
+        elif constant is not doc:
+            yield repr(constant)
+    for name in ("defaults", *code.co_names, *code.co_freevars):
+        yield name
+        value = scope.get(name)
+        if isinstance(value, ModuleType):  # of what is used as in math.pi
+            used = (getattr(value, attribute, None) for attribute in code.co_names)
+            for constant in used:
+                if not isinstance(constant, FunctionType):
+                    yield from _sources(constant, functions)
+        else:
+            yield from _sources(value, functions)
+
+
+class _Progress(Listener):
+    """Reports on stderr which kernel is being compiled: at once, then every `REPORT_PERIOD`.
+
+    The number of functions is that of all that a kernel may call; it need not call all of them.
+    """
+
+    def __init__(self) -> None:
+        self._compiling: list[Any] = []  # dispatchers, each called by the one before it
+        self._functions: dict[FunctionType, None] = {}
+        self._done: set[FunctionType] = set()
+        self._finished = threading.Event()
+
+    def on_start(self, event: Any) -> None:
+        dispatcher = event.data["dispatcher"]
+        if not self._compiling and isinstance(dispatcher._cache, _KernelCache):  # noqa: SLF001
+            kernel = dispatcher.py_func
+            self._functions, self._done, self._finished = {}, set(), threading.Event()
+            deque(_sources(kernel, self._functions), maxlen=0)
+            watched = (f"{kernel.__module__.partition('.')[0]}.{kernel.__name__}", self._finished)
+            self._report(watched[0])
+            threading.Thread(target=self._keep_reporting, args=watched, daemon=True).start()
+        self._compiling.append(dispatcher)
+
+    def on_end(self, event: Any) -> None:
+        function = self._compiling.pop().py_func
+        if function in self._functions:
+            self._done.add(function)
+        if not self._compiling:
+            self._finished.set()
+
+    def _keep_reporting(self, kernel: str, finished: threading.Event) -> None:
+        while not finished.wait(REPORT_PERIOD):
+            self._report(kernel)
+
+    def _report(self, kernel: str) -> None:
+        count = f"{len(self._done)} of up to {len(self._functions)} functions"
+        with suppress(OSError, ValueError):  # stderr is closed, or nothing reads it any more
+            sys.stderr.write(f"compiling kernels (once): {kernel}, {count}\n")
+            sys.stderr.flush()
+
+
+_timer = TimingListener()  # type: ignore[no-untyped-call]
+register("numba:compiler_lock", _timer)  # type: ignore[no-untyped-call]
+register("numba:compile", _Progress())  # type: ignore[no-untyped-call]

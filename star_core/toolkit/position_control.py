@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
@@ -90,7 +89,7 @@ class PositionController:
         return self._yaw
 
 
-@partial(compiled, alone=True)
+@compiled
 def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     velocity: Array,
     position: Array,

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core import Array, Estimate, Scene, Setpoint, Transform, with_possible_positions
-from star_orca.acceleration_limit import within_reach
+from star_core import Array, Estimate, Mask, Scene, Setpoint, Transform, with_possible_positions
+from star_orca.hard_planes import hard_planes
 from star_orca.kernel import orca
 from star_orca.outlines import outlines
 from star_orca.position_uncertainty import position_uncertainty
@@ -17,6 +17,7 @@ from star_orca.position_uncertainty import position_uncertainty
 # deflects a path by at most 5 % of its length (tan(turn) / e: the logarithmic spiral of a steady
 # offset).
 TURN = math.radians(8.0)
+TINY = 1e-12  # m/s
 REMAINING = math.exp(-1.0)  # share of a difference that remains after one time constant
 
 
@@ -82,7 +83,7 @@ class Orca:
         world = replace(scene.world, obstacles=()) if obstacles == "none" else scene.world
         self._outlines = outlines(world)
         low, high = scene.world.fence.low, scene.world.fence.high
-        self._fence = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+        self._fence = np.array([*low[:2], *high[:2]], float)
         self._warm_up(scene)
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
@@ -97,19 +98,26 @@ class Orca:
         if more:
             radius, speed = (np.append(one, one[:1].repeat(more)) for one in (radius, speed))
             gives_way = np.append(avoids, np.zeros(more, np.bool_))
+        here, flown = np.array(seen.position), np.array(seen.velocity)
         result = orca(
-            np.array(seen.position),
-            np.array(seen.velocity),
+            here,
+            flown,
             np.array(extended.velocity, order="C"),  # writable and in C order: one set of types
             radius + position_uncertainty(seen.covariance, self._uncertainty_margin, radius),
             speed,
             gives_way,
-            *self._outlines,
-            self._fence,
+            *hard_planes(
+                here,
+                flown,
+                speed,
+                gives_way,
+                self._outlines,
+                self._fence,
+                horizon=self._obstacle_horizon,
+                clearance=self._clearance,
+                virtual=self._virtual,
+            ),
             self._horizon,
-            self._obstacle_horizon,
-            self._clearance,
-            self._virtual,
             self._communication_radius,
             self._max_neighbours + more,
             self._vertical,
@@ -117,9 +125,26 @@ class Orca:
             TURN,
         )[:n]
         if self._response > 0.0:
-            within_reach(result, np.array(estimate.velocity), avoids, self._change, self._speed)
+            self._limit_acceleration(result, estimate.velocity, avoids)
         self._last_setpoint, self._has_setpoint = result, avoids
         return replace(wanted, velocity=result)
+
+    def _limit_acceleration(self, answer: Array, flown: Array, avoids: Mask) -> None:
+        """Bring horizontal velocities to within the greatest change of the current ones, in place.
+
+        A drone that follows a velocity as a first-order lag accelerates by the difference over its
+        time constant. Agents above their speed limit are still not commanded a higher speed than
+        it. A current velocity that is not finite imposes no limit.
+        """
+        now = flown[:, :2]
+        change = answer[:, :2] - now
+        size = np.hypot(change[:, 0], change[:, 1])
+        rows = np.flatnonzero(avoids & (size > self._change))
+        if len(rows):
+            reached = now[rows] + (self._change / size[rows])[:, None] * change[rows]
+            speed = np.hypot(reached[:, 0], reached[:, 1])
+            share = np.minimum(1.0, self._speed[rows] / np.maximum(speed, TINY))
+            answer[rows, :2] = share[:, None] * reached
 
     def _predicted(self, estimate: Estimate) -> tuple[Array, Array]:
         """Return positions and velocities one response time ahead, (N, 3) m and m/s each.

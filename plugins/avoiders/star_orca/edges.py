@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from star_core import Array, Rows, compiled
+from star_core import Array, Rows, subroutine
 from star_orca.outlines import AX, AY, LENGTH, UX, UY
 
 
-@compiled
+@subroutine
 def layer_at(z: float, height: Array) -> int:
     """Return the layer of `star_orca.outlines.Outlines` that contains height `z`, m."""
     layer = 0
@@ -15,7 +15,7 @@ def layer_at(z: float, height: Array) -> int:
     return layer
 
 
-@compiled
+@subroutine
 def nearest_edges(
     edges: Array, span: tuple[int, int], x: float, y: float, reach: float, room: tuple[Rows, Array]
 ) -> int:
@@ -55,7 +55,7 @@ def nearest_edges(
     return count
 
 
-@compiled
+@subroutine
 def nearest_on(edges: Array, row: int, x: float, y: float) -> tuple[float, float]:
     """Return the vector from a point to the nearest point of an edge, m."""
     dx, dy = x - edges[row, AX], y - edges[row, AY]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from star_core import Array, Rows, compiled
+from star_core import Array, Rows, subroutine
 from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y, Z
 from star_orca.velocity_obstacle import way_out
 
 COLUMN = 1.0  # s, in which two agents one above the other must be apart horizontally
 
 
-@compiled
+@subroutine
 def half_planes(
     agents: Array,
     me: int,
@@ -18,6 +18,7 @@ def half_planes(
     horizon: float,
     period: float,
     planes: Array,
+    hard: int,
 ) -> None:
     """Fill `planes` with the half-plane of permitted velocities of each neighbour.
 
@@ -39,6 +40,7 @@ def half_planes(
         horizon: Time for which the agents shall not collide, s.
         period: Time in which two overlapping agents shall separate, s.
         planes: (K, 3) output: half-planes in the order of the neighbours, m/s.
+        hard: Row of the first in it.
     """
     px, py, vx, vy = agents[me, X], agents[me, Y], agents[me, VX], agents[me, VY]
     for k in range(count):
@@ -56,4 +58,5 @@ def half_planes(
             rate = max(rate, 1.0 / COLUMN)
         forwards = 1.0 if agents[me, ROW] < agents[other, ROW] else -1.0
         a, b, outwards = way_out(dx, dy, ux, uy, apart, rate, forwards)
-        planes[k, 0], planes[k, 1], planes[k, 2] = a, b, a * vx + b * vy + share * outwards
+        planes[hard + k, 0], planes[hard + k, 1] = a, b
+        planes[hard + k, 2] = a * vx + b * vy + share * outwards

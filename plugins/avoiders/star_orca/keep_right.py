@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, Rows, compiled
+from star_core import Array, Rows, subroutine
 from star_orca.neighbours import AVOIDS, RADIUS, VX, VY, WISH_X, WISH_Y, X, Y
 
 BLOCKED = 0.05  # share of the preferred speed: an agent that achieves less is blocked
@@ -35,7 +35,7 @@ SLOW = 0.1  # m/s: an agent whose velocity and preferred velocity are below it i
 CLEARLY = 0.3
 
 
-@compiled
+@subroutine
 def side_to_take(agents: Array, me: int, neighbours: Rows, count: int, x: float, y: float) -> float:
     """Return 1 to turn right for the agents ahead, -1 to turn left, 0 if there are none.
 
@@ -73,7 +73,7 @@ def side_to_take(agents: Array, me: int, neighbours: Rows, count: int, x: float,
     return side
 
 
-@compiled
+@subroutine
 def turned_right(x: float, y: float, turn: float) -> tuple[float, float]:
     """Return the vector ``(x, y)`` turned clockwise by `turn`, rad."""
     cos, sin = math.cos(turn), math.sin(turn)

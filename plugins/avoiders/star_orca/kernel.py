@@ -7,8 +7,6 @@ import math
 import numpy as np
 
 from star_core import Array, Mask, Rows, compiled
-from star_orca.edges import layer_at, nearest_edges
-from star_orca.fence import SIDES, inside_fence
 from star_orca.half_planes import half_planes
 from star_orca.keep_right import BLOCKED, QUARTER, side_to_take, turned_right
 from star_orca.lanes import lane_turn
@@ -17,40 +15,26 @@ from star_orca.neighbours import (
     AVOIDS,
     ROW,
     SPEED,
-    VX,
-    VY,
     WISH_X,
     WISH_Y,
     WISH_Z,
-    X,
-    Y,
-    Z,
     nearest,
     sort_into_cells,
 )
-from star_orca.obstacle_planes import obstacle_plane
 from star_orca.vertical_limit import climb
-from star_orca.virtual_agents import virtual_agent
-
-MOST_EDGES = 32  # nearest edges considered; RVO2 considers all within reach
 
 
 @compiled
-def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     position: Array,
     velocity: Array,
     wish: Array,
     radius: Array,
     speed: Array,
     avoids: Mask,
-    edges: Array,
-    first: Rows,
-    height: Array,
-    fence: tuple[float, float, float, float],
+    hard_planes: Array,
+    hard_counts: Rows,
     horizon: float,
-    obstacle_horizon: float,
-    clearance: float,
-    virtual: bool,  # noqa: FBT001 -- numba takes no keywords cheaply
     communication_radius: float,
     most: int,
     vertical: float,
@@ -61,7 +45,7 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
 
     This is optimal reciprocal collision avoidance (van den Berg, Guy, Lin and Manocha, "Reciprocal
     n-Body Collision Avoidance", 2011) in the horizontal plane, plus a limit on vertical velocity
-    towards agents above and below. In one plane, with `turn` 0, `virtual` False and every agent
+    towards agents above and below. In one plane, with `turn` 0 and every agent
     avoiding, its results equal those of the authors' RVO2. Preferred velocities are limited to the
     greatest speed first; speed used up by avoiding is not available for climbing.
 
@@ -78,14 +62,9 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
         radius: (N,) two agents keep the sum of their radii apart in the plane, m.
         speed: (N,) speed limit, m/s.
         avoids: (N,) False where the agent does not give way, so that the others avoid it alone.
-        edges: (E, 13) edges of obstacles: this and the next two are `star_orca.outlines.Outlines`.
-        first: (L + 1,) first edge of each layer.
-        height: (L - 1,) lower bound of each layer but the lowest, m.
-        fence: Least x and y of the geofence, then greatest, m; may be infinite.
+        hard_planes: (N, H, 3) half-planes of the fence and of obstacles, and
+        hard_counts: (N,) their numbers: see `star_orca.hard_planes`.
         horizon: Time for which no two agents shall collide, s.
-        obstacle_horizon: Time in which no agent shall hit an obstacle or leave the fence, s.
-        clearance: Distance to keep to obstacles, m.
-        virtual: Whether obstacles are virtual agents instead of RVO2's half-planes.
         communication_radius: Horizontal distance within which agents are neighbours, m.
         most: Greatest number of neighbours, the nearest.
         vertical: Agents that are and stay further apart in height than this are not neighbours, m.
@@ -101,9 +80,7 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     )
     limits = (communication_radius, vertical, horizon)
     neighbours, distance = np.empty(most, np.int64), np.empty(most)
-    room = min(len(edges), MOST_EDGES)
-    seen = (np.empty(room, np.int64), np.empty(room))
-    rows = SIDES + room + most
+    rows = hard_planes.shape[1] + most
     planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
     answer = wish.copy()
     for me in range(len(agents)):
@@ -111,13 +88,12 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
             continue
         fastest = agents[me, SPEED]
         count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
-        hard = inside_fence(agents[me], fence, 1.0 / obstacle_horizon, fastest, planes, 0)
-        if room:
-            look = (obstacle_horizon * fastest + clearance, clearance, 1.0 / obstacle_horizon)
-            hard = beside_obstacles(
-                agents[me], edges, first, height, look, virtual, seen, planes, hard
-            )
-        half_planes(agents, me, neighbours, count, horizon, period, planes[hard:])
+        i = int(agents[me, ROW])
+        hard = hard_counts[i]
+        for k in range(hard):
+            for column in range(3):
+                planes[k, column] = hard_planes[i, k, column]
+        half_planes(agents, me, neighbours, count, horizon, period, planes, hard)
         x, y, z = agents[me, WISH_X], agents[me, WISH_Y], agents[me, WISH_Z]
         squared = x * x + y * y + z * z
         if squared > fastest * fastest:
@@ -142,45 +118,5 @@ def orca(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
             z = climb(agents, me, neighbours, count, z, vertical, 1.0 / horizon)
             left = math.sqrt(max(fastest * fastest - to_x * to_x - to_y * to_y, 0.0))
             z = min(max(z, -left), left)
-        i = int(agents[me, ROW])
         answer[i, 0], answer[i, 1], answer[i, 2] = to_x, to_y, z
     return answer
-
-
-@compiled
-def beside_obstacles(  # noqa: PLR0913, PLR0917 -- as above
-    agent: Array,
-    edges: Array,
-    first: Rows,
-    height: Array,
-    look: tuple[float, float, float],
-    virtual: bool,  # noqa: FBT001
-    seen: tuple[Rows, Array],
-    planes: Array,
-    count: int,
-) -> int:
-    """Add the half-planes of obstacles at an agent's height to `planes`; return their new number.
-
-    Args:
-        agent: Its row of the table of `sort_into_cells`.
-        edges: As in `orca`, like the next two.
-        first: First edge of each layer.
-        height: Lower bound of each layer but the lowest, m.
-        look: Search radius for edges and distance to keep to them, m, and one over the time
-            horizon, 1/s.
-        virtual: Whether obstacles are virtual agents.
-        seen: (K,) and (K,) buffers for `nearest_edges`.
-        planes: (K, 3) output: half-planes.
-        count: Number of half-planes in it.
-    """
-    layer = layer_at(agent[Z], height)
-    span = (first[layer], first[layer + 1])
-    if span[0] == span[1]:
-        return count
-    flight = (agent[X], agent[Y], agent[VX], agent[VY])
-    for k in range(nearest_edges(edges, span, agent[X], agent[Y], look[0], seen)):
-        if virtual:
-            count = virtual_agent(edges, seen[0][k], flight, look[1], look[2], planes, count)
-        else:
-            count = obstacle_plane(edges, seen[0][k], flight, look[1], look[2], planes, count)
-    return count

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, Rows, compiled
+from star_core import Array, Rows, subroutine
 from star_orca.keep_right import SLOW
 from star_orca.neighbours import AVOIDS, RADIUS, REACH, WISH_X, WISH_Y, X, Y, Z
 
@@ -23,7 +23,7 @@ BAND = 3.0
 STEEPEST = math.radians(35.0)  # a turn costs 1 - cos of it in speed: 18 %
 
 
-@compiled
+@subroutine
 def lane_turn(
     agents: Array,
     me: int,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, compiled
+from star_core import Array, subroutine
 
 # Sine of the angle below which two lines count as parallel. Far above the rounding error of equal
 # lines (1e-16); the error it causes stays below a nanometre per second at flying speeds.
@@ -20,7 +20,7 @@ PARALLEL = 1e-10
 ALIKE = 1e-8
 
 
-@compiled
+@subroutine
 def solve(
     planes: Array, count: int, hard: int, speed: float, x: float, y: float, scratch: Array
 ) -> tuple[float, float]:
@@ -47,7 +47,7 @@ def solve(
     return x, y
 
 
-@compiled
+@subroutine
 def nearest_free(
     planes: Array, count: int, speed: float, x: float, y: float
 ) -> tuple[int, float, float]:
@@ -72,7 +72,7 @@ def nearest_free(
     return count, x, y
 
 
-@compiled
+@subroutine
 def farthest_free(
     planes: Array, count: int, speed: float, x: float, y: float
 ) -> tuple[int, float, float]:
@@ -97,7 +97,7 @@ def farthest_free(
     return count, x, y
 
 
-@compiled
+@subroutine
 def free_stretch(planes: Array, line: int, speed: float) -> tuple[float, float]:
     """Return the interval of a half-plane's edge that the half-planes before it permit, m/s.
 
@@ -125,7 +125,7 @@ def free_stretch(planes: Array, line: int, speed: float) -> tuple[float, float]:
     return low, high
 
 
-@compiled
+@subroutine
 def least_bad(
     planes: Array,
     count: int,
@@ -153,7 +153,9 @@ def least_bad(
         scratch: (K, 3) work buffer.
     """
     broken = 0.0
-    scratch[:hard] = planes[:hard]
+    for other in range(hard):
+        scratch[other, 0], scratch[other, 1] = planes[other, 0], planes[other, 1]
+        scratch[other, 2] = planes[other, 2]
     for line in range(first, count):
         a, b, c = planes[line, 0], planes[line, 1], planes[line, 2]
         if c - a * x - b * y <= broken:

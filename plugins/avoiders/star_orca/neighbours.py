@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, compiled
+from star_core import Array, Mask, Rows, subroutine
 
 # Columns of the table of `sort_into_cells`: one row per agent, in the order of the cells.
 X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB, WISH_X, WISH_Y, WISH_Z, SPEED = range(13)
@@ -16,7 +16,7 @@ REACH = 2  # cells, half the neighbour distance wide, searched to either side
 FEW = 48  # agents: up to this number, searching all of them is faster than sorting
 
 
-@compiled
+@subroutine
 def sort_into_cells(
     position: Array,
     velocity: Array,
@@ -32,7 +32,7 @@ def sort_into_cells(
     order, most of them are in the processor's cache.
 
     Agents without a finite position are omitted; those without a finite velocity are treated as
-    stationary.
+    stationary. Cells are counted along x first; up to `FEW` agents are all in one cell.
 
     Args:
         position: (N, 3) m.
@@ -50,16 +50,17 @@ def sort_into_cells(
     """
     where, columns, rows = cells(position, reach)
     start = np.zeros(columns * rows + 1, np.int64)
-    for c in where:
-        if c >= 0:
-            start[c + 1] += 1
+    for i in range(len(where)):
+        if where[i] >= 0:
+            start[where[i] + 1] += 1
     for c in range(columns * rows):
         start[c + 1] += start[c]
 
     agents = np.empty((start[-1], COLUMNS))
     cell = np.empty(start[-1], np.int64)
     filled = start.copy()
-    for i, c in enumerate(where):
+    for i in range(len(where)):
+        c = where[i]
         if c < 0:
             continue
         k = filled[c]
@@ -79,37 +80,40 @@ def sort_into_cells(
     return agents, cell, start, columns
 
 
-@compiled
-def cells(position: Array, communication_radius: float) -> tuple[Rows, int, int]:
-    """Return the cell of each agent, and the number of cells along x and along y.
-
-    Cells are counted along x first. The cell of an agent without a finite position is -1; up to
-    `FEW` agents are all in one cell.
+@subroutine
+def cells(position: Array, reach: float) -> tuple[Rows, int, int]:
+    """Return the cell of each agent, -1 for none, and the number of cells along x and along y.
 
     Args:
         position: (N, 3) m.
-        communication_radius: Search radius, m.
+        reach: Search radius, m.
     """
     left, right, low, high, m = math.inf, -math.inf, math.inf, -math.inf, 0
-    where = np.full(len(position), -1)
-    for i, (x, y, z) in enumerate(position):
-        if math.isfinite(x + y + z):
+    where = np.empty(len(position), np.int64)
+    for i in range(len(position)):
+        x, y = position[i, 0], position[i, 1]
+        where[i] = -1
+        if math.isfinite(x + y + position[i, 2]):
             left, right, low, high = min(left, x), max(right, x), min(low, y), max(high, y)
             where[i] = 0
             m += 1
-    if m <= FEW:
-        return where, 1, 1
-    side = max(communication_radius / REACH, (right - left) / m, (high - low) / m)
-    while ((right - left) / side + 1) * ((high - low) / side + 1) > 4 * m:
-        side *= 2  # a few cells per agent are enough, however far apart the agents are
-    columns, rows = int((right - left) / side) + 1, int((high - low) / side) + 1
-    for i, (x, y, _) in enumerate(position):
-        if where[i] == 0:
-            where[i] = int((y - low) / side) * columns + int((x - left) / side)
+    columns, rows = 1, 1
+    if m > FEW:
+        side = max(reach / REACH, (right - left) / m, (high - low) / m)
+        while ((right - left) / side + 1) * ((high - low) / side + 1) > 4 * m:
+            side *= 2  # a few cells per agent are enough, however far apart the agents are
+        columns, rows = int((right - left) / side) + 1, int((high - low) / side) + 1
+        for i in range(len(position)):
+            if where[i] == 0:
+                row, column = (
+                    int((position[i, 1] - low) / side),
+                    int((position[i, 0] - left) / side),
+                )
+                where[i] = row * columns + column
     return where, columns, rows
 
 
-@compiled
+@subroutine
 def nearest(
     agents: Array,
     me: int,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, compiled
+from star_core import Array, subroutine
 from star_orca.outlines import (
     A_JUTS,
     AFTER_X,
@@ -23,7 +23,7 @@ from star_orca.velocity_obstacle import NOTHING
 COVERED = 1e-5  # m/s: a velocity obstacle that extends less beyond another edge's is ignored
 
 
-@compiled
+@subroutine
 def obstacle_plane(
     edges: Array,
     row: int,
@@ -94,7 +94,7 @@ def obstacle_plane(
     return count + 1
 
 
-@compiled
+@subroutine
 def _covered(
     planes: Array,
     count: int,
@@ -112,7 +112,7 @@ def _covered(
     return False
 
 
-@compiled
+@subroutine
 def _leg(
     place: float,
     off: float,
@@ -142,7 +142,7 @@ def _leg(
     return s, o, False
 
 
-@compiled
+@subroutine
 def _touch(
     velocity: tuple[float, float],
     ends: tuple[float, float],

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from star_core import compiled
+from star_core import subroutine
 
 NOTHING = 1e-12  # m or m/s: shorter vectors have no meaningful direction
 
 
-@compiled
+@subroutine
 def way_out(
     dx: float, dy: float, ux: float, uy: float, apart: float, rate: float, forwards: float
 ) -> tuple[float, float, float]:

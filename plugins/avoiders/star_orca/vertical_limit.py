@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, Rows, compiled
+from star_core import Array, Rows, subroutine
 from star_orca.neighbours import AVOIDS, CLIMB, RADIUS, ROW, X, Y, Z
 
 # Share of the sum of the radii within which one agent counts as above or below another. Less than
@@ -12,7 +12,7 @@ from star_orca.neighbours import AVOIDS, CLIMB, RADIUS, ROW, X, Y, Z
 WITHIN = 0.75
 
 
-@compiled
+@subroutine
 def climb(
     agents: Array, me: int, neighbours: Rows, count: int, wish: float, vertical: float, rate: float
 ) -> float:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, compiled
+from star_core import Array, subroutine
 from star_orca.edges import nearest_on
 from star_orca.outlines import UX, UY
 from star_orca.velocity_obstacle import NOTHING, way_out
 
 
-@compiled
+@subroutine
 def virtual_agent(
     edges: Array,
     row: int,

@@ -27,20 +27,18 @@ from star_sim.drone import OFF
 GRIP = 0.8  # of sideways speed and of body rates is left after a step on the floor
 SETTLE = 0.9  # of the tilt is left after a step of standing on the floor
 
-ABREAST = 8
-ROOM = 24 * ABREAST  # numbers, of a layout
+LANES = 8
+BATCH_SIZE = 24 * LANES  # numbers, of eight drones
 
-# Where in the layout each number of the first drone stands; the others' follow.
-_X, _Y, _Z, _VX, _VY, _VZ, _QX, _QY, _QZ, _QW, _P, _Q, _R = (ABREAST * k for k in range(13))
-_F1, _F2, _F3, _F4, _PX, _PY, _PZ, _SHARE, _YAW, _CEILING, _ON = (
-    ABREAST * k for k in range(13, 24)
-)
+# Index in a batch of each number of the first drone; those of the others follow.
+_X, _Y, _Z, _VX, _VY, _VZ, _QX, _QY, _QZ, _QW, _P, _Q, _R = (LANES * k for k in range(13))
+_F1, _F2, _F3, _F4, _PX, _PY, _PZ, _SHARE, _YAW, _CEILING, _ON = (LANES * k for k in range(13, 24))
 
 _GYROSCOPIC = (INERTIA_XY - INERTIA_Z) / INERTIA_XY
 
 
 @compiled
-def fly(drones: Record, first: int, steps: int, abreast: Record) -> None:
+def fly(drones: Record, first: int, steps: int, batch: Record) -> None:
     """Step up to eight drones from row `first` on by `steps` steps.
 
     Newton-Euler dynamics with a first-order lag of each motor's thrust, drag linear in the velocity
@@ -52,23 +50,25 @@ def fly(drones: Record, first: int, steps: int, abreast: Record) -> None:
         drones: (N,) records.
         first: Row of the first.
         steps: Of 2 ms.
-        abreast: (ROOM,) to lay them out in.
+        batch: (BATCH_SIZE,) buffer.
     """
-    count = min(ABREAST, len(drones) - first)
-    abreast[:] = 0.0
-    abreast[_QW : _QW + ABREAST] = 1.0  # of those that are not there
+    count = min(LANES, len(drones) - first)
+    for i in range(BATCH_SIZE):
+        batch[i] = 0.0
+    for i in range(LANES):
+        batch[_QW + i] = 1.0  # of lanes without a drone
     for i in range(count):
-        _lay_out(drones[first + i], abreast, i)
+        _interleave(drones[first + i], batch, i)
     for _ in range(steps):
-        _step(abreast)
+        _step(batch)
     for i in range(count):
-        _put_back(drones[first + i], abreast, i)
+        _restore(drones[first + i], batch, i)
 
 
 @compiled
 def _step(s: Record) -> None:
-    """Take one step of the eight drones interleaved in `s`."""
-    for i in range(ABREAST):
+    """Take one step of the eight drones interleaved in `s`, (BATCH_SIZE,)."""
+    for i in range(LANES):
         vx, vy, vz = s[_VX + i], s[_VY + i], s[_VZ + i]
         qx, qy, qz, qw = s[_QX + i], s[_QY + i], s[_QZ + i], s[_QW + i]
         p, q, r = s[_P + i], s[_Q + i], s[_R + i]
@@ -128,17 +128,15 @@ def _step(s: Record) -> None:
 
 
 @compiled
-def _lay_out(drone: Record, s: Record, i: int) -> None:
-    """Write one drone's data into the layout, as drone number `i`."""
-    s[_X + i], s[_Y + i], s[_Z + i] = drone.position[0], drone.position[1], drone.position[2]
-    s[_VX + i], s[_VY + i], s[_VZ + i] = drone.velocity[0], drone.velocity[1], drone.velocity[2]
-    s[_QX + i], s[_QY + i] = drone.attitude[0], drone.attitude[1]
-    s[_QZ + i], s[_QW + i] = drone.attitude[2], drone.attitude[3]
-    s[_P + i], s[_Q + i], s[_R + i] = drone.rates[0], drone.rates[1], drone.rates[2]
-    s[_F1 + i], s[_F2 + i] = drone.thrust[0], drone.thrust[1]
-    s[_F3 + i], s[_F4 + i] = drone.thrust[2], drone.thrust[3]
-    px, py, pz = drone.push[0], drone.push[1], drone.push[2]
-    s[_PX + i], s[_PY + i], s[_PZ + i] = px, py, pz
+def _interleave(drone: Record, s: Record, i: int) -> None:
+    """Write one drone's data into a batch, as drone number `i`."""
+    for axis in range(3):
+        at = LANES * axis + i
+        s[_X + at], s[_VX + at] = drone.position[axis], drone.velocity[axis]
+        s[_P + at], s[_PX + at] = drone.rates[axis], drone.push[axis]
+    for k in range(4):
+        s[_QX + LANES * k + i], s[_F1 + LANES * k + i] = drone.attitude[k], drone.thrust[k]
+    px, py, pz = s[_PX + i], s[_PY + i], s[_PZ + i]
     s[_SHARE + i] = 1.0 / most(1e-9, math.sqrt(px * px + py * py + pz * pz))
     s[_YAW + i] = drone.yaw_rate
     s[_CEILING + i] = drone.thrust_limit
@@ -146,12 +144,11 @@ def _lay_out(drone: Record, s: Record, i: int) -> None:
 
 
 @compiled
-def _put_back(drone: Record, s: Record, i: int) -> None:
-    """Copy the data changed by a step from drone number `i` of the layout."""
-    drone.position[0], drone.position[1], drone.position[2] = s[_X + i], s[_Y + i], s[_Z + i]
-    drone.velocity[0], drone.velocity[1], drone.velocity[2] = s[_VX + i], s[_VY + i], s[_VZ + i]
-    drone.attitude[0], drone.attitude[1] = s[_QX + i], s[_QY + i]
-    drone.attitude[2], drone.attitude[3] = s[_QZ + i], s[_QW + i]
-    drone.rates[0], drone.rates[1], drone.rates[2] = s[_P + i], s[_Q + i], s[_R + i]
-    drone.thrust[0], drone.thrust[1] = s[_F1 + i], s[_F2 + i]
-    drone.thrust[2], drone.thrust[3] = s[_F3 + i], s[_F4 + i]
+def _restore(drone: Record, s: Record, i: int) -> None:
+    """Copy the data that a step changes from drone number `i` of a batch."""
+    for axis in range(3):
+        at = LANES * axis + i
+        drone.position[axis], drone.velocity[axis] = s[_X + at], s[_VX + at]
+        drone.rates[axis] = s[_P + at]
+    for k in range(4):
+        drone.attitude[k], drone.thrust[k] = s[_QX + LANES * k + i], s[_F1 + LANES * k + i]

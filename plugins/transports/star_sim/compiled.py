@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias, TypeVar
 
 from star_core import compiled as compiled_by_star
+from star_core import subroutine
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -17,7 +18,7 @@ Record: TypeAlias = Any  # one row of a table of `star_sim.drone.DRONE`; mypy ca
 
 def compiled(function: Function) -> Function:
     """Compile a function that a kernel calls; a division by zero gives infinity, as in numpy."""
-    return compiled_by_star(function, on_disk=False, fastmath=FAST)
+    return subroutine(function, fastmath=FAST)
 
 
 def kernel(function: Function) -> Function:

@@ -88,24 +88,21 @@ def _bounce(one: Record, other: Record) -> None:
     if squared >= 4 * FRAME_RADIUS * FRAME_RADIUS:
         return
     distance = math.sqrt(squared)
-    if distance > 1e-9:  # noqa: PLR2004 -- else there is no line between them: any will do
-        nx, ny, nz = dx / distance, dy / distance, dz / distance
-    else:
-        nx, ny, nz = 1.0, 0.0, 0.0
+    normal = (1.0, 0.0, 0.0)  # if there is no line between them
+    if distance > 1e-9:  # noqa: PLR2004 -- m
+        normal = (dx / distance, dy / distance, dz / distance)
     half = FRAME_RADIUS - distance / 2
-    closing = (
-        nx * (one.velocity[0] - other.velocity[0])
-        + ny * (one.velocity[1] - other.velocity[1])
-        + nz * (one.velocity[2] - other.velocity[2])
-    )
+    closing = 0.0
+    for axis in range(3):
+        closing += normal[axis] * (one.velocity[axis] - other.velocity[axis])
     shove = max(0.0, closing) * (1 + BOUNCE) / 2  # m/s each: they weigh the same
-    for drone, sign in ((one, -1.0), (other, 1.0)):
-        drone.position[0] += sign * half * nx
-        drone.position[1] += sign * half * ny
-        drone.position[2] = max(0.0, drone.position[2] + sign * half * nz)
-        drone.velocity[0] += sign * shove * nx
-        drone.velocity[1] += sign * shove * ny
-        drone.velocity[2] += sign * shove * nz
+    for axis in range(3):
+        one.position[axis] -= half * normal[axis]
+        other.position[axis] += half * normal[axis]
+        one.velocity[axis] -= shove * normal[axis]
+        other.velocity[axis] += shove * normal[axis]
+    one.position[2] = max(0.0, one.position[2])
+    other.position[2] = max(0.0, other.position[2])
 
 
 @compiled

@@ -6,7 +6,7 @@ import numpy as np
 
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.battery import drain
-from star_sim.body import ABREAST, ROOM, fly
+from star_sim.body import BATCH_SIZE, LANES, fly
 from star_sim.commander import follow
 from star_sim.compiled import Record, kernel
 from star_sim.contact import keep_out, separate
@@ -44,7 +44,8 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
         keys: (N,) room for `separate`.
         normals: (BLOCK, N, 4) standard normal numbers.
         texture: (M, M) scale error of the flow sensor over the floor.
-        boxes: (P, 6) from `prisms`, as `spans` and `edges` are.
+        boxes: (P, 6) from `prisms`, as `spans` and `edges` are; None where there are no obstacles,
+            for which nothing is compiled then.
         spans: (P, 2).
         edges: (E, 4).
         samples: (BLOCK, N, 8) what the estimators stream: row ``(cycle - 1) % BLOCK`` is written at
@@ -53,7 +54,7 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
         steps: To take.
         noisy: Whether the estimators err.
     """
-    abreast = np.empty(ROOM)
+    batch = np.empty(BATCH_SIZE)
     end = step + steps
     while step < end:
         phase = step % STEPS_PER_CYCLE
@@ -65,8 +66,8 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
                 follow(drone, now)
                 supervise(drone, now)
                 aim(drone)
-        for first in range(0, len(drones), ABREAST):
-            fly(drones, first, ahead, abreast)
+        for first in range(0, len(drones), LANES):
+            fly(drones, first, ahead, batch)
         step += ahead
         if step % STEPS_PER_CYCLE == 0:
             if len(drones) > 1:
@@ -75,7 +76,7 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
             row = (cycle - 1) % BLOCK
             for i in range(len(drones)):
                 drone = drones[i]
-                if len(boxes) > 0:
+                if boxes is not None:
                     keep_out(drone, boxes, spans, edges)
                 drain(drone)
                 believe(drone, cycle, normals[row, i], texture, noisy, samples[row, i])

@@ -40,9 +40,10 @@ def aim(drone: Record) -> None:
     if drone.mode == OFF:
         drone.windup[0] = drone.windup[1] = drone.windup[2] = 0.0
         return
-    ax = _acceleration(drone, 0, VELOCITY_GAIN)
-    ay = _acceleration(drone, 1, VELOCITY_GAIN)
-    az = _acceleration(drone, 2, CLIMB_GAIN)
+    for axis in range(3):
+        gain = VELOCITY_GAIN if axis < 2 else CLIMB_GAIN  # noqa: PLR2004 -- z
+        drone.push[axis] = _acceleration(drone, axis, gain)
+    ax, ay, az = drone.push[0], drone.push[1], drone.push[2]
     lift = min(max(MASS * (az + GRAVITY), LEAST_LIFT), MOST_LIFT)
     cos, sin = drone.slip[0], drone.slip[1]
     east = MASS * (cos * ax + sin * ay)

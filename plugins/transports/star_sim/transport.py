@@ -99,7 +99,7 @@ class Simulator:
         self._normals = np.zeros((BLOCK, n, 4))
         self._samples = np.zeros((BLOCK, n, 8))
         self._arrived: list[Array] = []  # (cycles, N, 8) since the last call of `receive`
-        self._obstacles = prisms(scene.world)
+        self._boxes, self._spans, self._edges = prisms(scene.world)
         self._uploaded: dict[Trajectory, tuple[Piece, ...]] = {}
         self._queue = Queue(self.drones)
 
@@ -231,7 +231,9 @@ class Simulator:
             self._keys,
             self._normals,
             self._texture,
-            *self._obstacles,
+            self._boxes if len(self._boxes) else None,
+            self._spans,
+            self._edges,
             self._samples,
             self._step,
             steps,

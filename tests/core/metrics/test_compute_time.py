@@ -112,7 +112,7 @@ def test_compilation_does_not_count(
 
 def test_the_time_that_numba_compiles_is_known() -> None:
     before = compile_time()
-    kernel = compiled(_thrice, on_disk=False)
+    kernel = compiled(_thrice)
     assert compile_time() == before
     kernel(1.0)
     first = compile_time()

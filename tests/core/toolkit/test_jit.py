@@ -1,55 +1,152 @@
-"""How kernels are compiled and kept."""
+"""How kernels are compiled, kept on disk and reported."""
 
 from __future__ import annotations
 
 import math
+import os
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from star_core import compiled, toolkit
-from star_core.toolkit import jit as kernels
+from star_core import compiled, subroutine
 
+ROOT = Path(__file__).parents[3]
 KERNEL = """\
+import sys
 from star_core import compiled
-from inner import twice
+from functions import add
 
 
 @compiled
 def kernel(x):
-    return twice(x) + 1.0
+    return add(x)
 
 
-print(kernel(1.0), sum(kernel.stats.cache_hits.values()))
+sys.stdout.write(f"{kernel(1.0)} {sum(kernel.stats.cache_hits.values())}")
 """
-INNER = """\
-from star_core import compiled
+FUNCTIONS = '''\
+from star_core import subroutine
+from constants import OFFSET
 
 
-@compiled
+@subroutine
+def add(x):
+    """Return a sum."""
+    return twice(x) + OFFSET
+
+
+@subroutine
 def twice(x):
     return 2.0 * x
-"""
+'''
+CONSTANTS = "OFFSET = 1.0\n"
 
 
-def run(folder: Path) -> tuple[float, int]:
-    """What the kernel gives for 1, and how often it came from disk."""
-    told = subprocess.run(
-        [sys.executable, str(folder / "kernel.py")], capture_output=True, check=True, text=True
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[[], tuple[float, int, str]]:
+    """Runs the kernel in a new process: its result for 1, its loads from disk, and stderr."""
+    sources = {"kernel": KERNEL, "functions": FUNCTIONS, "constants": CONSTANTS}
+    for name, source in sources.items():
+        (tmp_path / f"{name}.py").write_text(source)
+
+    def run() -> tuple[float, int, str]:
+        command = [sys.executable, str(tmp_path / "kernel.py")]
+        done = subprocess.run(command, capture_output=True, check=True, text=True)
+        value, hits = done.stdout.split()
+        return float(value), int(hits), done.stderr
+
+    return run
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    source = file.read_text()
+    assert old in source
+    file.write_text(source.replace(old, new))
+
+
+def test_machine_code_is_loaded_from_disk_and_never_that_of_other_sources(
+    tmp_path: Path, run: Callable[[], tuple[float, int, str]]
+) -> None:
+    assert run()[:2] == (3.0, 0)
+    assert run()[:2] == (3.0, 1)
+    edit(tmp_path / "functions.py", "2.0 * x", "5.0 * x")
+    assert run()[:2] == (6.0, 0)
+    edit(tmp_path / "constants.py", "1.0", "4.0")
+    assert run()[:2] == (9.0, 0)
+
+
+def test_comments_docstrings_and_unused_functions_recompile_nothing(
+    tmp_path: Path, run: Callable[[], tuple[float, int, str]]
+) -> None:
+    run()
+    edit(tmp_path / "functions.py", "a sum", "the sum, which is a long story")
+    edit(tmp_path / "functions.py", "from star", "# A comment.\nfrom star")
+    edit(tmp_path / "constants.py", "\n", "\nUNUSED = 2.0\n")
+    assert run()[:2] == (3.0, 1)
+
+
+def test_compilation_is_reported_on_stderr_and_loading_is_not(
+    run: Callable[[], tuple[float, int, str]],
+) -> None:
+    first = run()[2].splitlines()
+    assert first[0] == "compiling kernels (once): __main__.kernel, 0 of up to 3 functions"
+    assert all(line.startswith("compiling kernels (once): __main__.kernel, ") for line in first)
+    assert not run()[2]
+
+
+def test_editing_an_option_recompiles_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "star_voronoi"
+    shutil.copytree(
+        ROOT / "plugins" / "avoiders" / "star_voronoi",
+        folder,
+        ignore=shutil.ignore_patterns("__pycache__"),
     )
-    value, hits = told.stdout.split()
-    return float(value), int(hits)
+    script = (
+        "import numpy as np, star_voronoi; from star_voronoi.avoider import within\n"
+        f"assert star_voronoi.__file__.startswith({str(tmp_path)!r})\n"
+        "within(np.zeros((1, 3)), np.zeros((1, 1, 2)), np.zeros((1, 1)))\n"
+        "print(sum(within.stats.cache_hits.values()))"
+    )
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+
+    def hits() -> int:
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            env=environment,
+            capture_output=True,
+            check=True,
+            text=True,
+        )
+        return int(done.stdout)
+
+    assert hits() == 0
+    edit(folder / "__init__.py", "Half the distance between agents", "Half their distance")
+    assert hits() == 1
 
 
-def test_machine_code_comes_from_disk_but_never_that_of_other_sources(tmp_path: Path) -> None:
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "inner.py").write_text(INNER)
-    assert run(tmp_path) == (3.0, 0)
-    assert run(tmp_path) == (3.0, 1)
-    (tmp_path / "inner.py").write_text(INNER.replace("2.0", "5.0"))
-    assert run(tmp_path) == (6.0, 0)
+@pytest.mark.campaign
+def test_a_first_flight_reports_what_it_compiles_and_the_next_compiles_nothing(
+    tmp_path: Path,
+) -> None:
+    def fly() -> list[str]:
+        done = subprocess.run(
+            [
+                str(Path(sys.executable).with_name("star-run")),
+                *(str(ROOT / "missions" / "first_flight.yaml"), "--no-record"),
+            ],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            check=True,
+            text=True,
+        )
+        return [line for line in done.stderr.splitlines() if "compiling" in line]
+
+    assert fly()
+    assert not fly()
 
 
 def test_a_division_by_zero_is_infinite() -> None:
@@ -60,20 +157,11 @@ def test_a_division_by_zero_is_infinite() -> None:
     assert over(1.0, 0.0) == math.inf
 
 
-def test_what_other_kernels_only_call_is_not_kept() -> None:
-    def half(x: float) -> float:
-        return x / 2
-
-    name = half.__qualname__
-    assert compiled(half, on_disk=False)(3.0) == 1.5
-    assert half.__qualname__ == name
+def test_python_calls_a_subroutine_without_compiling_it() -> None:
+    half = subroutine(_half)
+    assert half(3.0) == 1.5
+    assert half.__name__ == "_half"
 
 
-def test_machine_code_is_not_that_of_another_toolkit(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    name = kernels._sources.__wrapped__(tmp_path)
-    (tmp_path / "toolkit").mkdir()
-    (tmp_path / "toolkit" / "trajectory.py").write_text("")
-    monkeypatch.setattr(toolkit, "__path__", [str(tmp_path / "toolkit")])
-    assert kernels._sources.__wrapped__(tmp_path) != name
+def _half(x: float) -> float:
+    return x / 2

@@ -22,7 +22,7 @@ def test_a_piece_is_evaluated_as_numpy_does(piece: Array, time: float) -> None:
 
 def test_a_kernel_evaluates_it_alike() -> None:
     axis = np.arange(8.0)
-    assert compiled(polynomial, on_disk=False)(axis, 0.7) == pytest.approx(polynomial(axis, 0.7))
+    assert compiled(polynomial)(axis, 0.7) == pytest.approx(polynomial(axis, 0.7))
 
 
 @given(coefficients, st.floats(-3, 3), st.floats(0, 1))

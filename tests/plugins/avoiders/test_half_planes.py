@@ -26,7 +26,7 @@ def plane(away: Vector, mine: Vector, theirs: Vector, *, avoids: bool = True) ->
         ]
     )
     planes = np.empty((1, 3))
-    half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, planes)
+    half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, planes, 0)
     (only,) = planes
     return np.asarray(only)
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from star_core import Array, Fence, Mask, Obstacle, World
+from star_orca.hard_planes import hard_planes
 from star_orca.kernel import orca
 from star_orca.outlines import Outlines, outlines
 
@@ -41,10 +42,16 @@ def ask(  # noqa: PLR0913 -- the kernel has more
 ) -> Array:
     n = len(position)
     everybody = np.ones(n, np.bool_) if avoids is None else avoids
-    limits = (fence, HORIZON, HORIZON, RADIUS, virtual, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
-    each = (np.full(n, RADIUS), np.full(n, SPEED), everybody)
+    limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
+    speed = np.full(n, SPEED)
     tables = (position.copy(), velocity.copy(), wish.copy())
-    return cast("Array", kernel(*tables, *each, *around, *limits))
+    hard = hard_planes(
+        *(*tables[:2], speed, everybody, around, np.array(fence)),
+        horizon=HORIZON,
+        clearance=RADIUS,
+        virtual=virtual,
+    )
+    return cast("Array", kernel(*tables, np.full(n, RADIUS), speed, everybody, *hard, *limits))
 
 
 def crowd(n: int, seed: int = 0) -> tuple[Array, Array, Array]:

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 from star_core import Obstacle, Order
 from star_sim import airframe, contact
+from star_sim.compiled import kernel
 from star_sim.drone import standing
 
 Flying = Callable[..., Any]
+separate = kernel(contact.separate.py_func)  # type: ignore[attr-defined]  # for Python to call
 WALL = Obstacle("wall", (((0.5, -1), (0.7, -1), (0.7, 1), (0.5, 1)),), (0.0, 2.0))
 
 
@@ -53,7 +55,7 @@ def test_of_many_pairs_just_those_that_overlap_are_moved_apart(seed: int) -> Non
     drones["velocity"] = rng.normal(0, 1, (80, 3))
     before = drones["velocity"].copy()
 
-    contact.separate(drones, np.argsort(place @ contact.SWEEP), np.zeros(80))
+    separate(drones, np.argsort(place @ contact.SWEEP), np.zeros(80))
 
     back = np.argsort(shuffled)
     after = drones["position"][back[40:]] - drones["position"][back[:40]]
@@ -68,7 +70,7 @@ def test_drones_far_from_sorted_are_found_all_the_same() -> None:
     place = np.array([[3.0, 0, 1], [0, 0, 1], [2, 0, 1], [0.08, 0, 1]])
     drones = standing(place, np.zeros(4), 1.0)
     order = np.arange(4)
-    contact.separate(drones, order, np.zeros(4))
+    separate(drones, order, np.zeros(4))
     assert list(order) == [1, 3, 2, 0]
     assert drones["position"][3, 0] - drones["position"][1, 0] == pytest.approx(0.1)
 
