@@ -61,6 +61,8 @@ from star_core.messages.vision import Image as Image
 from star_core.messages.vision import Sightings as Sightings
 from star_core.mission import Mission as Mission
 from star_core.mission import load as load
+from star_core.mission_file.located import Value as Value
+from star_core.mission_file.located import read_yaml as read_yaml
 from star_core.mission_file.schema import read_as as read_as
 from star_core.mission_file.step_tree import actions as actions
 from star_core.plugin_schema import fill_defaults as fill_defaults

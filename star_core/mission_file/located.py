@@ -69,6 +69,11 @@ class Value:
     key: Mark
 
     @property
+    def place(self) -> str:
+        """Where the value begins: ``file:line:col``, from 1."""
+        return str(self.mark)
+
+    @property
     def location(self) -> Mark:
         """The value's mark, or its key's if the value begins on a line below it."""
         return self.key if self.key.line < self.mark.line else self.mark
@@ -141,6 +146,24 @@ class Value:
         if isinstance(self.data, bool) or not isinstance(self.data, int | float):
             raise self.wrong(f"is {shown(self.data)}, expected a number", "wrong-type")
         return float(self.data)
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return it as a list of finite numbers.
+
+        Raises:
+            InputError: It is not a list of numbers.
+        """
+        return tuple(value.number() for value in self.list())
+
+    def flag(self) -> bool:
+        """Return it as a boolean.
+
+        Raises:
+            InputError: It is not a boolean.
+        """
+        if not isinstance(self.data, bool):
+            raise self.wrong(f"is {shown(self.data)}, expected true or false", "wrong-type")
+        return self.data
 
     def need(self, key: str) -> Value:
         """Return the value of a key.

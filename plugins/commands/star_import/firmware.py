@@ -6,8 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from star_core import Value
 from star_import.import_log import ImportLog
-from star_import.located_yaml import Value
 
 KEY: Final = "firmware_params"
 NAME: Final = re.compile(r"[A-Za-z0-9_]+\.[A-Za-z0-9_]+")

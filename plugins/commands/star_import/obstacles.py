@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from star_core import Value
 from star_import.import_log import ImportLog, show
-from star_import.located_yaml import Value
 from star_import.text import Line, word
 
 TOP: Final = ("environment", "april_tags", "command_sequence", "robots", "robot_types")

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from star_core import Value
 from star_import.import_log import ImportLog
-from star_import.located_yaml import Value
 
 FIELDS: Final = ("task", "wait or conc", "agents", "argument", "pose")
 TASKS: Final = ("takeoff", "hold", "goto", "goto_velocity", "external", "land")

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from star_core import InputError
+from star_core import InputError, Value
 from star_import import firmware
 from star_import.import_log import ImportLog, show
-from star_import.located_yaml import Value
 
 READ: Final = (
     "enabled",

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from star_core import InputError
-from star_import.located_yaml import Value, read
+from star_core import InputError, Value, read_yaml
 
 
 @dataclass(slots=True)
@@ -53,7 +52,7 @@ def _add(found: Sources, path: Path) -> None:
             raise InputError([f"{path}: another file is named {path.name!r} too; rename one"])
         found.trajectories.append(path)
         return
-    value = read(path)
+    value = read_yaml(path, text_keys=True)
     keys = value.map().keys()
     sorts = {
         "mission": "command_sequence" in keys,

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from star_core import Value
 from star_import.import_log import ImportLog, show
-from star_import.located_yaml import Value
 from star_import.text import Line
 
 EDGE: Final = 0.157  # m, default edge of the original's tags

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from star_core import InputError, Mission, actions
+from star_core import InputError, Mission, Value, actions
 from star_core.cli.main import main as star
+from star_core.mission_file.located import Data, Mark
 from star_import.import_log import ImportLog
-from star_import.located_yaml import Value
 from star_import.records import records
 from tests.plugins.commands.star_import.conftest import ROBOTS, Import
 
@@ -161,7 +161,7 @@ def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told
         ('"land", "wait", "all", ""',
          "m.yaml:1:19: has 4 strings, expected five for each record: task, wait or conc, agents, "
          "argument, pose [invalid-input]"),
-        ('"land", "wait", [], "", ""', "m.yaml:2:17: is a list, expected text [invalid-input]"),
+        ('"land", "wait", [], "", ""', "m.yaml:2:17: is a list, expected text [wrong-type]"),
         ('"goto", "wait", "cf1", "", "0 1 3 0"',
          "m.yaml:2:1: as STAR reads it: [0, 1, 3] is outside the heights to fly at, from 0.5 to 2 "
          "m [invalid-option]"),
@@ -211,13 +211,18 @@ words = st.sampled_from(["takeoff", "hold", "goto", "land", "external", "", "wai
 strings = st.lists(words | st.text("cf01_ .-e", max_size=6), max_size=15)
 
 
+def value(data: Data, line: int = 1) -> Value:
+    mark = Mark("m.yaml", line, 1)
+    return Value(data, mark, mark)
+
+
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(texts=strings)
 def test_no_record_is_dropped_without_a_word(texts: list[str]) -> None:
-    listed = Value([Value(text, f"m.yaml:{i + 1}:1") for i, text in enumerate(texts)], "m.yaml:1:1")
+    listed = value([value(text, i + 1) for i, text in enumerate(texts)])
     log = ImportLog()
     try:
-        found = records(Value({"command_sequence": listed}, "m.yaml:1:1"), ["cf1", "cf2"], log)
+        found = records(value({"command_sequence": listed}), ["cf1", "cf2"], log)
     except InputError:
         assert len(texts) % 5
         return

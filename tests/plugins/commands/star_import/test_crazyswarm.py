@@ -59,7 +59,7 @@ def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, tak
          "crazyflies.yaml:3:8: as STAR reads it: 'cf2' starts 0.00 m from 'cf1', closer than twice "
          "avoider.radius (0.40 m) [invalid-option]"),
         ("initial_position: [-1.0, 0.0, 0.0]", "a: 1",
-         "crazyflies.yaml:2:8: has no 'initial_position' [invalid-input]"),
+         "crazyflies.yaml:2:8: has no 'initial_position' [missing-option]"),
         ("[-1.0, 0.0, 0.0]", "[-1.0, 0.0]",
          "crazyflies.yaml:2:75: cf1 has 2 numbers, expected x, y and z [invalid-input]"),
         ("  cf1:", "  1cf:",
