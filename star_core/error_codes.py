@@ -27,6 +27,14 @@ CATALOGUE: Final = {
         "A network address or port cannot be opened.",
         "Choose another one, or end the program that uses it.",
     ),
+    "agent-conflict": Entry(
+        "Two steps that run at once, or a step and its condition, use the same agent.",
+        "Name different agents in each.",
+    ),
+    "agent-not-in-mission": Entry(
+        "A step is for agents that are in reserve or have left the mission.",
+        "Use other agents, or add a `join` before.",
+    ),
     "agents-unreachable": Entry(
         "Drones cannot be connected to.",
         "Switch them on, and correct their `uri`; the message states a reason for each.",
@@ -47,6 +55,14 @@ CATALOGUE: Final = {
         "Two agents, cameras or dongles have the same address.",
         "Give each its own address.",
     ),
+    "duplicate-item": Entry(
+        "A list has an item twice.",
+        "Remove one of them.",
+    ),
+    "duplicate-name": Entry(
+        "Two things have the same name.",
+        "Rename one of them.",
+    ),
     "duplicate-plugin": Entry(
         "Two installed plugins have the same name.",
         "Uninstall one of them.",
@@ -55,13 +71,25 @@ CATALOGUE: Final = {
         "Two tags of a world have the same number.",
         "Give each tag its own number.",
     ),
+    "empty-range": Entry(
+        "A range is empty, or has nothing in common with the geofence.",
+        "Correct the numbers that the message names.",
+    ),
     "estimator-unsettled": Entry(
         "The state estimator of a drone has not converged.",
         "Attach the Flow deck, and do not move the drone while it connects.",
     ),
+    "fence-too-near": Entry(
+        "The safety rule `fence_near` would trigger at once.",
+        "Reduce `within`, or move the start or the height away from the fence.",
+    ),
     "file-not-found": Entry(
         "There is no file of that name.",
         "Correct the name; files of a mission are looked up in the mission's folder.",
+    ),
+    "inside-obstacle": Entry(
+        "A position or a climb is inside an obstacle.",
+        "Move it, or correct the obstacle in the world file.",
     ),
     "invalid-address": Entry(
         "A network address has a wrong form.",
@@ -79,6 +107,10 @@ CATALOGUE: Final = {
         "An assignment of `--set` cannot be followed.",
         "Write `--set path.to.value=VALUE`, with keys and indices of the mission joined by dots.",
     ),
+    "invalid-camera": Entry(
+        "The description of a camera contradicts itself.",
+        "Correct the values that the message names.",
+    ),
     "invalid-input": Entry(
         "A file or an option cannot be used as it is.",
         "Correct it as the message describes.",
@@ -87,13 +119,25 @@ CATALOGUE: Final = {
         "An external process or planner sent something that `external` does not accept.",
         "`docs/missions.md` describes the protocol; goals must respect fence, heights and limits.",
     ),
+    "invalid-name": Entry(
+        "A name has characters that are not allowed.",
+        "Use the form that the message describes.",
+    ),
     "invalid-option": Entry(
         "An option has a value that cannot be used in this mission.",
         "`star plugins` lists the options of all plugins with their meaning.",
     ),
+    "invalid-outline": Entry(
+        "The outline of an obstacle is not a simple polygon or line.",
+        "Correct its points.",
+    ),
     "invalid-polygon": Entry(
         "The corners of an outline do not enclose an area.",
         "Give the corners in order around it, each once, so that no two sides meet.",
+    ),
+    "invalid-step": Entry(
+        "A step does not have the form `verb: {options}`.",
+        "Write one verb for each step, with its options indented below.",
     ),
     "invalid-trajectory": Entry(
         "A file of waypoints or of a polynomial trajectory has invalid contents.",
@@ -155,6 +199,10 @@ CATALOGUE: Final = {
         "A position or a height is outside the geofence or the heights to fly at.",
         "Move it inside the fence of the world and `limits.height`.",
     ),
+    "overlapping-tags": Entry(
+        "Two tags of a world overlap.",
+        "Move one of them.",
+    ),
     "paper-too-small": Entry(
         "A tag does not fit on the paper.",
         "Use the paper that the message names, or a smaller tag.",
@@ -171,6 +219,10 @@ CATALOGUE: Final = {
         "A drone refuses a request.",
         "The message has the error that the drone reports.",
     ),
+    "resource-conflict": Entry(
+        "Two steps that begin at once hold the same resource, such as a port.",
+        "Give each its own.",
+    ),
     "too-close": Entry(
         "Two positions are closer to each other than the separation or the spacing allows.",
         "Move one of them, or increase the spacing.",
@@ -183,6 +235,10 @@ CATALOGUE: Final = {
         "No agent has this name.",
         "Correct the name; agents are listed under `swarm`.",
     ),
+    "unknown-camera": Entry(
+        "No camera has this name.",
+        "Correct the name, or add the camera under `cameras:`.",
+    ),
     "unknown-code": Entry(
         "No error has this code.",
         "`star errors` lists all codes.",
@@ -190,6 +246,10 @@ CATALOGUE: Final = {
     "unknown-landmark": Entry(
         "The world has no landmark or target of that name.",
         "Correct the name; the world's file lists its landmarks and targets.",
+    ),
+    "unknown-option": Entry(
+        "A key or an option does not exist.",
+        "Correct its name; `star plugins` lists the options of plugins.",
     ),
     "unknown-parameter": Entry(
         "A parameter is not one of the included file.",
@@ -203,6 +263,10 @@ CATALOGUE: Final = {
         "The world has no target of that name.",
         "Correct the name; the message lists the targets or the most similar one.",
     ),
+    "unknown-verb": Entry(
+        "No installed plugin has this verb.",
+        "Correct the verb; `star plugins` lists all verbs.",
+    ),
     "unreachable-goal": Entry(
         "A goal of a step is outside the geofence, in an obstacle, or refused by the planner.",
         "Move the goal as the message describes.",
@@ -211,13 +275,29 @@ CATALOGUE: Final = {
         "A file exists but cannot be read.",
         "Check that it is a file of the expected format, not a folder, and readable by you.",
     ),
+    "unsupported-version": Entry(
+        "The file is of another version of the mission language.",
+        "Use the version of STAR that the file was written for.",
+    ),
     "unwritable-file": Entry(
         "A file cannot be written, or must not be overwritten.",
         "Name another file, in a folder that exists and is writable by you.",
     ),
+    "wrong-airborne-state": Entry(
+        "A step needs its agents in the air or on the ground, where they are not.",
+        "Add `takeoff` or `land` before it.",
+    ),
+    "wrong-file": Entry(
+        "The file is of another kind than the command expects.",
+        "Name a mission; `star check` accepts worlds, cameras and steps too.",
+    ),
     "wrong-image-size": Entry(
         "An image has a size that differs from the others, or that no camera has.",
         "Take all images with the camera that is calibrated, without scaling them.",
+    ),
+    "wrong-length": Entry(
+        "A list, a text or a map has too few or too many items.",
+        "The message states the expected number.",
     ),
     "wrong-shape": Entry(
         "A table of a plugin has a wrong number of rows or columns.",

@@ -12,14 +12,13 @@ from typing import Any, Final
 from star_core.errors import InputError, PluginError
 from star_core.mission_file import schema
 from star_core.mission_file import world_loader as world_file
-from star_core.mission_file.checks import airborne_state, feasibility
-from star_core.mission_file.checks import references as checks
+from star_core.mission_file.checks.references import of_mission
 from star_core.mission_file.includes import lacking, with_files
 from star_core.mission_file.located import Document, kind_of, read
 from star_core.mission_file.overrides import override
-from star_core.mission_file.sound_parts import Incomplete, sound_parts
-from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat, actions
-from star_core.plugin_schema import PARTS, SHARED
+from star_core.mission_file.sound_parts import Incomplete, Refused, sound_parts
+from star_core.mission_file.step_tree import Node, StepBuilder
+from star_core.plugin_schema import PARTS
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
 from star_core.world.camera import Camera
@@ -104,59 +103,44 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
     if why := _other(written):
-        raise InputError(f"{written.path}: {why}")
+        raise InputError(f"{written.path}: {why}", "wrong-file")
     composed = schema.compose(registry.offers())
     document, problems = with_files(override(written, assignments))
-    refused = schema.faults(document, composed)
-    problems += schema.located(document, refused)
+    faults = schema.faults(document, composed)
+    problems += schema.located(document, faults)
     world, room = _world(document, problems)
-    sound = sound_parts(document.data, refused)
-    if sound is None:
-        raise InputError(_in_file_order(problems, document.path), "invalid-option")
-    scene = _scene(document, sound, room or NO_WORLD, realtime=_realtime(sound, registry))
-    problems += checks.of_mission(document, sound, scene, registry, world_known=room is not None)
-    groups = checks.agents_by_name(scene)
-    steps = tuple(
-        _node(step, ("mission", i), document, groups, registry)
-        for i, step in enumerate(sound["mission"])
-    )
-    problems += _step_problems(steps, sound, scene, registry)
+    refused = Refused(faults)
+    data = sound_parts(document.data, refused, composed)
+    if data is None:
+        raise InputError(_in_file_order(problems, document.path))
+    scene = _scene(document, data, room or NO_WORLD, realtime=_realtime(data, registry))
+    builder = StepBuilder(document, refused, scene, _uncertain_groups(document, data), registry)
+    steps = builder.build()
+    problems += document.located([
+        *builder.problems,
+        *of_mission(document, data, steps, scene, registry, world_known=room is not None),
+    ])  # fmt: skip
     if problems or world is None:
-        raise InputError(_in_file_order(problems, document.path), "invalid-option")
+        raise InputError(_in_file_order(problems, document.path))
     return Mission(
-        name=sound["name"],
+        name=data["name"],
         scene=scene,
-        parts={kind: _part(kind, sound[kind], registry) for kind in PARTS},
+        parts={kind: _part(kind, data[kind], registry) for kind in PARTS},
         steps=steps,
-        safety=sound.get("safety", {}),
-        reserve=sound.get("reserve", {}),
-        collisions=sound.get("collisions", "fail"),
+        safety=data["safety"],
+        reserve=data["reserve"],
+        collisions=data["collisions"],
         document=document,
         world=world,
     )
 
 
-def _step_problems(
-    steps: Sequence[Node], data: Mapping[str, Any], scene: Scene, registry: Registry
-) -> list[str]:
-    """Return which steps find their agents in the wrong place, or obstacles above them."""
-    reserve = data.get("reserve", {})
-    names = reserve.get("agents", [])
-    if not {*names} <= {*scene.names} or (isinstance(reserve, Incomplete) and not names):
-        return []  # the agents that are in the mission at first are not known
-    reserved = [scene.names.index(name) for name in names]
-    deeds = [(step.place, step.verb, step.options, step.rows) for step in actions(steps)]
-    heights = [agent.start[2] for agent in scene.agents]
-    return [
-        *airborne_state.faults(
-            steps,
-            scene.names,
-            heights,
-            reserved,
-            lambda verb: registry.find("task", verb).offer,
-        ),
-        *feasibility.climb_faults(deeds, reserved, scene, registry),
-    ]
+def _uncertain_groups(document: Document, data: Mapping[str, Any]) -> set[str] | None:
+    """Return the names of groups whose agents are not all known; None if no name is."""
+    if not isinstance(document.data.get("groups", {}), dict):
+        return None
+    agents = {*data["swarm"]}
+    return {name for name, held in data["groups"].items() if not held or {*held} - agents}
 
 
 def _in_file_order(problems: Iterable[str], path: Path) -> list[str]:
@@ -214,10 +198,9 @@ def _scene(document: Document, data: Mapping[str, Any], world: World, *, realtim
         name: Camera() if isinstance(given, Incomplete) else _camera(given)
         for name, given in data.get("cameras", {}).items()
     }
-    given_limits = data.get("limits", {})
-    limits = {**(UNLIMITED if isinstance(given_limits, Incomplete) else {}), **given_limits}
-    if "height" in limits:
-        limits["height"] = tuple(limits["height"])
+    unknown = UNLIMITED if isinstance(data["limits"], Incomplete) else {}
+    limits = {**unknown, **data["limits"]}
+    limits["height"] = tuple(limits["height"])
     return Scene(
         agents=tuple(
             Agent(
@@ -232,10 +215,10 @@ def _scene(document: Document, data: Mapping[str, Any], world: World, *, realtim
             )
             for name, given in data["swarm"].items()
         ),
-        period=1 / data.get("rate", 20),
+        period=1 / data["rate"],
         world=world,
         limits=Limits(**limits),
-        seed=data.get("seed", 0),
+        seed=data["seed"],
         realtime=realtime,
         folder=document.path.parent,
         groups=_groups(data),
@@ -253,8 +236,7 @@ def _groups(data: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
 
 def _realtime(data: Mapping[str, Any], registry: Registry) -> bool:
     """Whether mission time goes on by itself with the transport that is named."""
-    transport = data["transport"]
-    use = transport if isinstance(transport, str) else transport["use"]
+    use = data["transport"]["use"]
     try:
         return bool(registry.find("transport", use).offer.realtime)
     except PluginError:  # reported as a reference
@@ -271,59 +253,6 @@ def _camera(given: Mapping[str, Any]) -> Camera:
     return Camera(**values)
 
 
-def _part(kind: str, given: str | Mapping[str, Any], registry: Registry) -> Part:
-    options = {} if isinstance(given, str) else {k: v for k, v in given.items() if k != "use"}
-    use = given if isinstance(given, str) else given["use"]
-    return Part(kind, use, options, registry.find(kind, use).source)
-
-
-def _node(
-    step: Mapping[str, Any],
-    path: tuple[str | int, ...],
-    document: Document,
-    groups: Mapping[str, tuple[int, ...]],
-    registry: Registry,
-) -> Node:
-    ((verb, given),) = step.items()
-    if verb == "parallel":
-        return Parallel(
-            tuple(
-                _node(s, (*path, verb, i), document, groups, registry) for i, s in enumerate(given)
-            )
-        )
-    if verb == "each" and not isinstance(given, Incomplete):
-        return Parallel(
-            tuple(
-                Repeat(
-                    1,
-                    tuple(
-                        _node(s, (*path, verb, "steps", i), document, {"all": (row,)}, registry)
-                        for i, s in enumerate(given["steps"])
-                    ),
-                )
-                for row in checks.rows_of(given.get("agents", "all"), groups)
-            )
-        )
-    if verb == "repeat":
-        return Repeat(
-            given["times"],
-            tuple(
-                _node(s, (*path, verb, "steps", i), document, groups, registry)
-                for i, s in enumerate(given["steps"])
-            ),
-        )
-    options = {key: value for key, value in given.items() if key not in SHARED}
-    try:
-        source = registry.find("task", verb).source
-    except PluginError:  # reported as a reference
-        source, given = Source(""), Incomplete(given)
-    return Action(
-        verb=verb,
-        source=source,
-        rows=checks.rows_of(given.get("agents", "all"), groups),
-        options=Incomplete(options) if isinstance(given, Incomplete) else options,
-        until=given.get("until"),
-        timeout=given.get("timeout"),
-        on_failure=given.get("on_failure", "abort"),
-        place=document.place(path),
-    )
+def _part(kind: str, given: Mapping[str, Any], registry: Registry) -> Part:
+    options = {key: value for key, value in given.items() if key != "use"}
+    return Part(kind, given["use"], options, registry.find(kind, given["use"]).source)

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, Final, TypeVar
 from urllib.parse import unquote
 
@@ -23,9 +24,6 @@ SHARED: Final = ("agents", "until", "timeout", "on_failure")
 
 JOIN, LEAVE = "join", "leave"
 """Verbs before which, and after which, the core changes the agents of the mission."""
-
-RESERVE: Final = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
-"""What a mission need not say of its ``reserve``: V, V, m. The mission schema says the same."""
 
 RESERVED: Final = {"task": SHARED}
 """Names that options of a kind must not have; of the other kinds it is ``use``."""
@@ -102,19 +100,30 @@ def held(offer: TaskSpec, given: Mapping[str, Any]) -> tuple[tuple[str, Any], ..
     return tuple((name, given.get(name, known[name].get("default"))) for name in exclusive.options)
 
 
-def fill_defaults(options: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, Any]:
+def fill_defaults(
+    options: Mapping[str, Any],
+    schema: Mapping[str, Any],
+    definitions: Mapping[str, Any] = MappingProxyType({}),
+) -> dict[str, Any]:
     """Return options with the defaults of their schema, also inside of maps that are given.
+
+    Args:
+        options: As given.
+        schema: JSON Schema of an object.
+        definitions: By name, what ``{$ref: "#/$defs/name"}`` refers to.
 
     Example:
         >>> fill_defaults({"radius": 0.3}, {"properties": {"radius": {}, "gain": {"default": 2}}})
         {'radius': 0.3, 'gain': 2}
     """
     filled = dict(options)
-    for name, rules in schema.get("properties", {}).items():
-        if name not in filled and isinstance(rules, dict) and "default" in rules:
+    for name, written in schema.get("properties", {}).items():
+        rules = written if isinstance(written, dict) else {}
+        rules = definitions.get(str(rules.get("$ref")).removeprefix("#/$defs/"), rules)
+        if name not in filled and "default" in rules:
             filled[name] = deepcopy(rules["default"])
-        elif isinstance(filled.get(name), dict) and isinstance(rules, dict):
-            filled[name] = fill_defaults(filled[name], rules)
+        elif isinstance(filled.get(name), dict):
+            filled[name] = fill_defaults(filled[name], rules, definitions)
     return filled
 
 

@@ -58,6 +58,8 @@ def _world(document: Document, _registry: Registry) -> str:
 def _camera(document: Document, _registry: Registry) -> str:
     """Check a camera's file, whatever mission has it."""
     found = schema.problems(document, schema.load("camera"))
-    if found := found or document.located(Problem(*one) for one in camera_faults(document.data)):
+    if found := found or document.located(
+        Problem(path, message, "invalid-camera") for path, message in camera_faults(document.data)
+    ):
         raise InputError(found)
     return f"{document.data['name']!r}, a camera for missions"

@@ -13,7 +13,6 @@ from star_core.execution.step_run import TickContext
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import UNFIT, AgentPhase, Estimate, Health, among
-from star_core.plugin_schema import RESERVE
 from star_core.safety.rules import BATTERY_SAG_TIME, Rules
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import timeout
@@ -40,7 +39,7 @@ class ReserveManager:
         scene: Agents, pads (where agents start) and limits.
         assignments: The agents of the mission.
         rules: Their actions so far; reset for an agent that is ready again.
-        reserve: The mission's ``reserve``.
+        reserve: The mission's ``reserve`` with its defaults.
         report: Reports what is done: text, and the agent.
     """
 
@@ -55,7 +54,7 @@ class ReserveManager:
         self._scene = scene
         self._assignments = assignments
         self._rules = rules
-        self._options = {**RESERVE, **reserve}
+        self._options = reserve
         self._report = report
         self._pad = np.array([agent.start for agent in scene.agents])
         self._low_since = np.full(len(scene.agents), np.nan)  # s

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+from star_core.contracts import Problem
 from star_core.errors import suggestion
 
 if TYPE_CHECKING:
@@ -94,72 +95,77 @@ def needs_find(condition: Condition) -> bool:
     return kind == "found" or (kind == "event" and given == "found")
 
 
-def step_faults(
-    step: Mapping[str, Any], scene: Scene, rows: Sequence[int]
-) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Yield what is wrong with a step's ``until`` that its schema cannot see, and where in it.
+def until_problems(
+    until: Condition, timeout: float | None, scene: Scene, rows: Sequence[int]
+) -> Iterator[Problem]:
+    """Yield what is wrong with a step's ``until`` that its schema cannot detect.
 
     Args:
-        step: The options of the step's verb.
+        until: The condition.
+        timeout: Of the step, s; None if not given.
         scene: The mission's scene.
         rows: The agents of the step.
     """
-    given, limit = step["until"], step.get("timeout", math.inf)
+    limit = math.inf if timeout is None else timeout
     targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
-    crew = tuple(scene.names[row] for row in rows)
-    wrong = [*faults(given, scene.names, targets, crew, scene.world.fence.distance)]
+    names = tuple(scene.names[row] for row in rows)
+    wrong = [*problems(until, scene.names, targets, names, scene.world.fence.distance)]
     yield from wrong
-    if not wrong and needs_find(given) and all(agent.camera is None for agent in scene.agents):
-        yield (), "no agent has a camera to find a target with; give agents `camera: aideck`"
-    if (least := soonest(given)) > limit:
-        yield (), f"holds after {least:g} s, but the step times out after {limit:g} s"
+    if not wrong and needs_find(until) and all(agent.camera is None for agent in scene.agents):
+        message = "no agent has a camera to find a target with; give agents `camera: aideck`"
+        yield Problem((), message, "missing-camera")
+    if (least := soonest(until)) > limit:
+        message = f"holds after {least:g} s, but the step times out after {limit:g} s"
+        yield Problem((), message, "option-conflict")
 
 
-def faults(
+def problems(
     condition: Condition,
     agents: Sequence[str],
     targets: Sequence[str],
-    crew: Sequence[str] = (),
+    of_step: Sequence[str] = (),
     outside: Callable[[Point], float] = lambda _: 0.0,
-) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Yield what is wrong with a condition that its schema cannot see, and where in it.
+) -> Iterator[Problem]:
+    """Yield what is wrong with a condition that its schema cannot detect.
 
     Args:
-        condition: What to look at.
+        condition: The condition.
         agents: Names of the agents.
         targets: Names of the world's targets.
-        crew: Names of the agents of the step.
-        outside: Returns how far a point is from where agents can be, m.
+        of_step: Names of the agents of the step.
+        outside: Returns the distance of a point from where agents can be, m.
     """
     ((kind, given),) = condition.items()
     inner = given if kind in {"any", "all"} else [given] if kind == "not" else []
     for i, one in enumerate(inner):
-        for path, message in faults(one, agents, targets, crew, outside):
-            yield ((kind, i, *path) if kind != "not" else (kind, *path)), message
+        at = (kind,) if kind == "not" else (kind, i)
+        for problem in problems(one, agents, targets, of_step, outside):
+            yield problem._replace(path=(*at, *problem.path))
     if kind == "found" and isinstance(given, str) and given not in targets:
-        yield (kind,), f"no target named {given!r}{suggestion(given, targets, 'there are')}"
-    if kind == "found" and isinstance(given, int) and given > len(targets):
-        yield (kind,), f"{given!r} is more than the {len(targets)} targets of the world"
-    if kind == "near" and ("agent" in given) == ("point" in given):
-        yield (kind,), "needs either 'point' or 'agent'"
+        hint = suggestion(given, targets, "there are")
+        yield Problem((kind,), f"no target named {given!r}{hint}", "unknown-target")
+    elif kind == "found" and isinstance(given, int) and given > len(targets):
+        message = f"{given!r} is more than the {len(targets)} targets of the world"
+        yield Problem((kind,), message, "out-of-range")
+    elif kind == "near" and ("agent" in given) == ("point" in given):
+        yield Problem((kind,), "needs either 'point' or 'agent'", "option-conflict")
     elif kind == "near" and given.get("agent", agents[0]) not in agents:
         name = given["agent"]
-        yield (kind, "agent"), f"no agent named {name!r}{suggestion(name, agents, 'there are')}"
-    elif kind == "near" and [*crew] == [given.get("agent")]:
-        yield (kind, "agent"), f"{crew[0]!r} is always near itself; name another agent"
+        hint = suggestion(name, agents, "there are")
+        yield Problem((kind, "agent"), f"no agent named {name!r}{hint}", "unknown-agent")
+    elif kind == "near" and [*of_step] == [given.get("agent")]:
+        message = f"{of_step[0]!r} is always near itself; name another agent"
+        yield Problem((kind, "agent"), message, "agent-conflict")
     elif kind == "near" and "point" in given:
-        away = outside(_point(given["point"]))
+        x, y, z = given["point"]
+        away = outside((float(x), float(y), float(z)))
         if away > given["within"]:
-            yield (
+            yield Problem(
                 (kind, "point"),
                 f"{given['point']!r} is {away:.2f} m outside the fence; no agent comes within "
                 f"{given['within']:g} m",
+                "outside-geofence",
             )
-
-
-def _point(given: Sequence[float]) -> Point:
-    x, y, z = given
-    return float(x), float(y), float(z)
 
 
 def _near(given: Mapping[str, Any], now: ConditionContext) -> bool:

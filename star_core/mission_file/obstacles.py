@@ -8,12 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any
 
+from star_core.contracts import Problem
 from star_core.world.outlines import around_circle, box, outline_fault, wall
 from star_core.world.world import Corner, Fence, Obstacle
-
-Fault: TypeAlias = tuple[tuple[str | int, ...], str]
 
 
 def obstacle(name: str, given: Mapping[str, Any]) -> Obstacle:
@@ -22,7 +21,7 @@ def obstacle(name: str, given: Mapping[str, Any]) -> Obstacle:
     return Obstacle(name, _pieces(given), (float(foot), float(top)))
 
 
-def obstacle_faults(given: Mapping[str, Any], fence: Fence | None) -> Iterator[Fault]:
+def obstacle_faults(given: Mapping[str, Any], fence: Fence | None) -> Iterator[Problem]:
     """Yield what is wrong with an obstacle that fits the schema, and the keys that lead there.
 
     Args:
@@ -31,7 +30,8 @@ def obstacle_faults(given: Mapping[str, Any], fence: Fence | None) -> Iterator[F
     """
     foot, top = given["height"]
     if foot >= top:
-        yield ("height",), f"has its foot at {foot!r} m, not below its top at {top!r} m"
+        message = f"has its foot at {foot!r} m, not below its top at {top!r} m"
+        yield Problem(("height",), message, "empty-range")
     if "polygon" in given:
         fault = outline_fault(_corners(given["polygon"]))
     elif any(a == b for a, b in pairwise(given.get("polyline", ()))):
@@ -39,9 +39,10 @@ def obstacle_faults(given: Mapping[str, Any], fence: Fence | None) -> Iterator[F
     else:
         fault = None
     if fault:
-        yield (), fault
+        yield Problem((), fault, "invalid-outline")
     elif fence and all(_apart(piece, (foot, top), fence) for piece in _pieces(given)):
-        yield (), "is outside the fence; no agent can come near it"
+        message = "is outside the fence; no agent can come near it"
+        yield Problem((), message, "outside-geofence")
 
 
 def _pieces(given: Mapping[str, Any]) -> tuple[tuple[Corner, ...], ...]:

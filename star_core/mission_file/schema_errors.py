@@ -20,6 +20,26 @@ if TYPE_CHECKING:
     from jsonschema import ValidationError
 
 
+CODES = {
+    "type": "wrong-type",
+    "required": "missing-option",
+    "minimum": "out-of-range",
+    "maximum": "out-of-range",
+    "exclusiveMinimum": "out-of-range",
+    "exclusiveMaximum": "out-of-range",
+    "minItems": "wrong-length",
+    "maxItems": "wrong-length",
+    "minLength": "wrong-length",
+    "maxLength": "wrong-length",
+    "minProperties": "wrong-length",
+    "maxProperties": "wrong-length",
+    "uniqueItems": "duplicate-item",
+    "dependentRequired": "missing-option",
+    "oneOf": "option-conflict",
+    "anyOf": "option-conflict",
+}
+"""Codes of mistakes by the keyword of the schema."""
+
 _CHOICE = ((), ("use",))  # where a plugin's name stands, below its kind
 NESTED = (("repeat", "steps"), ("each", "steps"))  # where steps stand inside of a step
 
@@ -30,16 +50,16 @@ class Fault(NamedTuple):
     Attributes:
         path: Where it is: keys and indices.
         message: What is wrong and what was expected.
+        code: Identifies the kind of mistake.
         key: Whether it is the key that is wrong, or the whole that the key names.
         lacks: Whether the value at `path` only lacks a key.
-        code: Identifies the kind of mistake.
     """
 
     path: Location
     message: str
+    code: str = "invalid-option"
     key: bool = False
     lacks: bool = False
-    code: str = "invalid-option"
 
 
 def explain(errors: Iterable[ValidationError], data: Any) -> Iterator[Fault]:
@@ -62,21 +82,23 @@ def _explain(breach: Breach, data: Any) -> Iterator[Fault]:
     path, keyword = breach.path, breach.keyword
     if breach.of_key:
         message = f"{show(breach.value)} cannot be a name here: {wording.reason(breach)}"
-        yield Fault((*path, breach.value), _about(path, data, message), key=True)
+        yield Fault((*path, breach.value), _about(path, data, message), "invalid-name", key=True)
     elif keyword == "additionalProperties":
         yield from _unknown(breach, data)
     elif keyword == "required":
         for name in breach.wanted:
             if name not in breach.value:
                 message = _about(path, data, _missing(name, path))
-                yield Fault(path, message, key=True, lacks=True)
+                yield Fault(path, message, "missing-option", key=True, lacks=True)
     elif (nearest := breach.nearest()) is not None:
         yield from _explain(nearest, data)
     elif keyword == "type" and "errorMessage" in breach.rules:
         whole = path[:-1] if isinstance(path[-1], int) else path  # what is so of every item
-        yield Fault(whole, _about(whole, data, breach.rules["errorMessage"]))
+        yield Fault(whole, _about(whole, data, breach.rules["errorMessage"]), "wrong-type")
     else:
-        yield Fault(path, _own_words(breach) or _about(path, data, wording.say(breach)))
+        message = _own_words(breach)
+        code = _own_code(breach) if message else CODES.get(keyword, "invalid-option")
+        yield Fault(path, message or _about(path, data, wording.say(breach)), code)
 
 
 def _own_words(breach: Breach) -> str:
@@ -93,6 +115,17 @@ def _own_words(breach: Breach) -> str:
     if keyword == "const" and path == ("star",):
         return f"this version reads `star: {breach.wanted}`, this file is of {show(breach.value)}"
     return ""
+
+
+def _own_code(breach: Breach) -> str:
+    """Return the code of a mistake in what only missions have."""
+    if _is_step(breach.path) or _is_step(breach.path[:-1]):
+        return "invalid-step"
+    if breach.path == ("star",):
+        return "unsupported-version"
+    if isinstance(breach.value, str):
+        return "unknown-plugin" if breach.keyword == "enum" else "missing-option"
+    return "wrong-type"
 
 
 def _step_in(path: Location) -> Location:
@@ -154,7 +187,8 @@ def _unknown(breach: Breach, data: Any) -> Iterator[Fault]:
         else:
             message = f"unknown {_noun(path)} {show(key)}{_known(breach, key)}"
             message = _about(path, data, message)
-        yield Fault((*path, key), message, key=True)
+        code = "unknown-verb" if _is_step(path) else "unknown-option"
+        yield Fault((*path, key), message, code, key=True)
 
 
 def _known(breach: Breach, key: str) -> str:
@@ -188,7 +222,7 @@ def _misplaced(breach: Breach, options: list[str]) -> Iterator[Fault]:
     verb = _verbs(breach)[0]
     for option in options:
         message = f"option {option!r} stands beside its verb {verb!r}; indent it further"
-        yield Fault((*breach.path, option), message, key=True)
+        yield Fault((*breach.path, option), message, "misplaced-key", key=True)
 
 
 def _no_step(breach: Breach) -> str:

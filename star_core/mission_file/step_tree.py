@@ -1,15 +1,28 @@
-"""The steps of a mission, as they were read: verbs, at once, one after the other."""
+"""The steps of a mission as a tree: built once, tolerant of mistakes, and traversed by all checks.
+
+What a step lacks because of a mistake that its schema reports, is marked (`Action.known`), so that
+the mistakes of all other steps are found in the same run.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
+from star_core.contracts import Problem
+from star_core.errors import PluginError, suggestion
 from star_core.mission_file.conditions import Condition
-from star_core.registry import Source
+from star_core.mission_file.located import Document, Location
+from star_core.mission_file.sound_parts import UNKNOWN, Incomplete, Refused
+from star_core.plugin_schema import JOIN, SHARED
+from star_core.registry import Registry, Source
+from star_core.scene import Scene
 
 OnFailure: TypeAlias = Literal["abort", "land", "continue"]
+Groups: TypeAlias = Mapping[str, tuple[int, ...]]
+"""Rows by the name of an agent or a group, or ``all``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,14 +30,16 @@ class Action:
     """One verb with its agents.
 
     Attributes:
-        verb: The task that runs it.
-        source: Whose task that is.
-        rows: The agents it is for.
-        options: What the task is made with.
-        until: The condition that ends it, a success; None leaves its end to the task.
-        timeout: How long it may take, s; None leaves that to the task.
-        on_failure: What to do when it fails.
-        place: ``file:line:col`` of the step.
+        verb: Name of its task.
+        source: Distribution of the task.
+        rows: Its agents.
+        options: Options of the task, as given.
+        until: The condition that ends it successfully; None if the task ends by itself.
+        timeout: Time after which it fails, s; None if the task derives it.
+        on_failure: What happens when it fails.
+        place: Source location, ``file:line:col``.
+        path: Of the step in the document.
+        known: Whether all of it could be interpreted.
     """
 
     verb: str
@@ -35,13 +50,28 @@ class Action:
     timeout: float | None
     on_failure: OnFailure
     place: str
+    path: Location = ()
+    known: bool = True
+
+    @property
+    def at(self) -> Location:
+        """The path of the verb's options in the document."""
+        return (*self.path, self.verb)
 
 
 @dataclass(frozen=True, slots=True)
 class Parallel:
-    """Steps that run at once; it is over when all of them are."""
+    """Steps that run at once; it is over when all of them are.
+
+    Attributes:
+        branches: One step each; of ``each``, one sequence for each agent.
+        at: The path of its branches in the document.
+        each: Whether it is an ``each``.
+    """
 
     branches: tuple[Node, ...]
+    at: Location = ()
+    each: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,59 +80,177 @@ class Repeat:
 
     times: int
     steps: tuple[Node, ...]
+    at: Location = ()
 
 
 Node: TypeAlias = Action | Parallel | Repeat
 
 
-def actions(steps: Sequence[Node]) -> Iterator[Action]:
-    """Every action of some steps, in the order of the file."""
+def nodes(steps: Sequence[Node]) -> Iterator[Node]:
+    """Yield every step, each before the steps in it, in the order of the file."""
     for step in steps:
+        yield step
         match step:
-            case Action():
-                yield step
             case Parallel(branches):
-                yield from actions(branches)
+                yield from nodes(branches)
             case Repeat(_, inner):
-                yield from actions(inner)
+                yield from nodes(inner)
 
 
-Raw: TypeAlias = Mapping[str, Any]
-"""A step as plain data: its verb and what is given."""
-Place: TypeAlias = tuple[str | int, ...]
+def actions(steps: Sequence[Node]) -> Iterator[Action]:
+    """Yield every action of some steps, in the order of the file."""
+    return (node for node in nodes(steps) if isinstance(node, Action))
 
 
-def within(steps: Iterable[Raw], path: Place) -> Iterator[tuple[Raw, Place]]:
-    """Every step with a verb of its own in some steps, and every ``each``, with its place."""
-    for i, step in enumerate(steps):
-        ((verb, given),) = step.items()
-        if verb == "parallel":
-            yield from within(given, (*path, i, verb))
-        elif verb == "repeat":
-            yield from within(given["steps"], (*path, i, verb, "steps"))
-        else:
-            yield step, (*path, i)
+def first_actions(step: Node) -> Iterator[Action]:
+    """Yield the actions with which a step begins."""
+    match step:
+        case Action():
+            yield step
+        case Parallel(branches):
+            for branch in branches:
+                yield from first_actions(branch)
+        case Repeat(_, inner):
+            yield from first_actions(inner[0])
 
 
-def begun(
-    step: Raw, path: Place, rows_of: Callable[[Any], Sequence[int]]
-) -> Iterator[tuple[Place, str, Raw]]:
-    """The verbs with which a step begins, each as often as it is done, with places and options.
+def rows_of(given: str | list[str], groups: Groups) -> tuple[int, ...]:
+    """Return the rows of a step's ``agents``, each once, in the order of the swarm."""
+    names = [given] if isinstance(given, str) else given
+    return tuple(sorted({row for name in names for row in groups.get(name, ())}))
+
+
+class StepBuilder:
+    """Builds the steps of a mission.
 
     Args:
-        step: Of the mission.
-        path: Where it is.
-        rows_of: Returns the agents that a step names.
+        document: The mission.
+        refused: What its schema refuses.
+        scene: For the names of agents and groups.
+        uncertain: Names of groups whose agents are not known; None if not even the names are.
+        registry: Registry of the verbs.
+
+    Attributes:
+        problems: Names of agents that do not exist, or are where they have no meaning.
     """
-    ((verb, given),) = step.items()
-    here = (*path, verb)
-    if verb == "parallel":
-        for i, branch in enumerate(given):
-            yield from begun(branch, (*here, i), rows_of)
-    elif verb == "repeat":
-        yield from begun(given["steps"][0], (*here, "steps", 0), rows_of)
-    elif verb == "each":
-        for _ in rows_of(given.get("agents", "all")):
-            yield from begun(given["steps"][0], (*here, "steps", 0), rows_of)
+
+    def __init__(
+        self,
+        document: Document,
+        refused: Refused,
+        scene: Scene,
+        uncertain: set[str] | None,
+        registry: Registry,
+    ) -> None:
+        self.problems: list[Problem] = []
+        self._document = document
+        self._refused = refused
+        self._uncertain = uncertain
+        self._registry = registry
+        rows = {name: (row,) for row, name in enumerate(scene.names)}
+        self._groups: Groups = {**scene.groups, **rows, "all": tuple(range(len(rows)))}
+
+    def build(self) -> tuple[Node, ...]:
+        """Return the steps of the mission."""
+        return self._steps(self._document.data.get("mission"), ("mission",), self._groups)
+
+    def _steps(self, given: Any, path: Location, groups: Groups) -> tuple[Node, ...]:
+        if not isinstance(given, list) or path in self._refused:
+            return ()
+        return tuple(self._step(step, (*path, i), groups) for i, step in enumerate(given))
+
+    def _step(self, step: Any, path: Location, groups: Groups) -> Node:
+        legible = isinstance(step, dict) and path not in self._refused
+        verbs = [verb for verb in step if (*path, verb) not in self._refused] if legible else []
+        if len(verbs) != 1:
+            return self._unknown(path)
+        verb, given, at = verbs[0], step[verbs[0]], (*path, verbs[0])
+        if verb == "parallel":
+            branches = self._steps(given, at, groups)
+            return Parallel(branches, at) if branches else self._unknown(path)
+        if not isinstance(given, dict) or verb == "include":  # which could not be read
+            return self._unknown(path)
+        options = {key: one for key, one in given.items() if key != "steps"}
+        options = self._refused.without(options, at)
+        if verb == "repeat":
+            inner = self._steps(given.get("steps"), (*at, "steps"), groups)
+            return Repeat(options.get("times", 1), inner, at) if inner else self._unknown(path)
+        known = not isinstance(options, Incomplete) and len(step) == 1
+        rows, named = self._rows(options, at, groups, known=known)
+        known = known and named
+        if verb == "each":
+            return self._each(given, path, rows if known else ())
+        action = self._action(verb, options, path, rows)
+        if verb == JOIN and "agents" not in options and "each" not in path:
+            self._report(at, f"{verb}: missing option 'agents'", "missing-option")
+        return action if known else replace(action, known=False)
+
+    def _each(self, given: Mapping[str, Any], path: Location, rows: tuple[int, ...]) -> Node:
+        at = (*path, "each")
+        sequences = [
+            Repeat(1, self._steps(given.get("steps"), (*at, "steps"), {"all": (row,)}), at)
+            for row in rows
+        ]
+        if not sequences or not sequences[0].steps:
+            return self._unknown(path)
+        return Parallel(tuple(sequences), at, each=True)
+
+    def _action(
+        self, verb: str, options: Mapping[str, Any], path: Location, rows: tuple[int, ...]
+    ) -> Action:
+        known, source = True, Source("")
+        try:
+            source = self._registry.find("task", verb).source
+        except PluginError as error:
+            self._report((*path, verb), error.message, error.code)
+            known = False
+        until = options.get("until")
+        return Action(
+            verb=verb,
+            source=source,
+            rows=rows,
+            options={key: value for key, value in options.items() if key not in SHARED},
+            until=None if isinstance(until, Incomplete) else until,
+            timeout=options.get("timeout"),
+            on_failure=options.get("on_failure", "abort"),
+            place=self._document.place(path),
+            path=path,
+            known=known,
+        )
+
+    def _unknown(self, path: Location) -> Action:
+        """Return an action in place of a step that cannot be interpreted."""
+        place = self._document.place(path)
+        return Action(UNKNOWN, Source(""), (), {}, None, None, "abort", place, path, known=False)
+
+    def _rows(
+        self, options: Mapping[str, Any], at: Location, groups: Groups, *, known: bool
+    ) -> tuple[tuple[int, ...], bool]:
+        """Return the rows of a step's ``agents``, and whether these are all of them."""
+        given = options.get("agents", "all" if known else [])
+        if "each" in at[:-1] and given and "agents" in options:
+            self._report(
+                (*at, "agents"),
+                "a step of 'each' is for every agent by itself; name the agents in 'each'",
+                "misplaced-key",
+            )
+            return (), False
+        complete = True
+        for i, name in enumerate([given] if isinstance(given, str) else given):
+            if name not in groups and self._uncertain is not None:
+                here = ("agents",) if isinstance(given, str) else ("agents", i)
+                self._report((*at, *here), _no_agent(name, groups), "unknown-agent")
+            complete = complete and name in groups and name not in (self._uncertain or ())
+        return rows_of(given, groups), complete
+
+    def _report(self, path: Location, message: str, code: str) -> None:
+        self.problems.append(Problem(path, message, code))
+
+
+def _no_agent(name: str, groups: Iterable[str]) -> str:
+    several = re.split(r"[,\s]+", name.strip())
+    if len(several) > 1 and {*groups} >= {*several}:
+        hint = f"; write a list: agents: [{', '.join(several)}]"
     else:
-        yield here, verb, given
+        hint = suggestion(name, groups, "there are")
+    return f"no agent or group named {name!r}{hint}"

@@ -10,7 +10,7 @@ from typing import Any, Final
 from star_core.contracts import Problem
 from star_core.errors import InputError
 from star_core.mission_file.located import Document
-from star_core.mission_file.obstacles import Fault, obstacle, obstacle_faults
+from star_core.mission_file.obstacles import obstacle, obstacle_faults
 from star_core.world.quaternions import Point, moved, turned
 from star_core.world.world import Fence, Obstacle, Tag, World
 
@@ -38,7 +38,7 @@ def world(document: Document) -> World:
     data = document.data
     faults = [*_fence(data), *_obstacles(data), *_offsets(data), *_tags(data)]
     if faults:
-        raise InputError(document.located(Problem(*one) for one in faults))
+        raise InputError(document.located(faults))
     made = World(
         name=data["name"],
         fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
@@ -47,7 +47,7 @@ def world(document: Document) -> World:
         targets=tuple(tag for _, tag in _sheets(data, "targets")),
     )
     if faults := list(_hidden(data, made)):
-        raise InputError(document.located(Problem(*one) for one in faults))
+        raise InputError(document.located(faults))
     return made
 
 
@@ -76,37 +76,40 @@ def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | in
             yield (kind, name, "tags", i), Tag(number, size, at, rotation, name)
 
 
-def _fence(data: Mapping[str, Any]) -> Iterator[Fault]:
+def _fence(data: Mapping[str, Any]) -> Iterator[Problem]:
     low, high = data["fence"]["low"], data["fence"]["high"]
     if any(a >= b for a, b in zip(low, high, strict=True)):
-        yield ("fence",), f"the fence's low {low!r} is not below high {high!r} in x, y and z"
+        message = f"the fence's low {low!r} is not below high {high!r} in x, y and z"
+        yield Problem(("fence",), message, "empty-range")
 
 
-def _obstacles(data: Mapping[str, Any]) -> Iterator[Fault]:
+def _obstacles(data: Mapping[str, Any]) -> Iterator[Problem]:
     empty = any(_fence(data))
     fence = None if empty else Fence(point(data["fence"]["low"]), point(data["fence"]["high"]))
     for name, given in data.get("obstacles", {}).items():
-        for path, message in obstacle_faults(given, fence):
-            yield ("obstacles", name, *path), f"obstacle {name!r} {message}"
+        for path, message, code in obstacle_faults(given, fence):
+            yield Problem(("obstacles", name, *path), f"obstacle {name!r} {message}", code)
 
 
-def _offsets(data: Mapping[str, Any]) -> Iterator[Fault]:
+def _offsets(data: Mapping[str, Any]) -> Iterator[Problem]:
     for kind in ("landmarks", "targets"):
         for name, given in data.get(kind, {}).items():
             n, m = len(given.get("offsets", given["tags"])), len(given["tags"])
             if n != m:
-                yield (
+                yield Problem(
                     (kind, name, "offsets"),
                     f"{kind[:-1]} {name!r} has {n} offsets for {m} tags, expected one each",
+                    "wrong-length",
                 )
             if "offsets" in given and "spacing" in given:
-                yield (
+                yield Problem(
                     (kind, name, "spacing"),
                     f"{kind[:-1]} {name!r}: 'spacing' does not go with 'offsets'",
+                    "option-conflict",
                 )
 
 
-def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Fault]:
+def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Problem]:
     """Tags that no camera inside the fence can make out, and targets that nobody can be at."""
     for kind in ("landmarks", "targets"):
         for (_, name, *_), tag in _sheets(data, kind):
@@ -114,12 +117,14 @@ def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Fault]:
             away = room.fence.distance(tag.position)
             inside = next((o.name for o in room.obstacles if _deep(o, tag.position)), None)
             if inside is not None:
-                yield (kind, name, "at"), f"tag {tag.id} at {shown} is inside obstacle {inside!r}"
+                message = f"tag {tag.id} at {shown} is inside obstacle {inside!r}"
+                yield Problem((kind, name, "at"), message, "inside-obstacle")
             elif away > SEEN * tag.size:
-                yield (
+                yield Problem(
                     (kind, name, "at"),
                     f"tag {tag.id} at {shown} is {away:.2f} m outside the fence, too far to be "
                     f"made out: {SEEN} times its size of {tag.size:g} m",
+                    "outside-geofence",
                 )
 
 
@@ -131,15 +136,17 @@ def _deep(obstacle: Obstacle, at: Point) -> bool:
     )
 
 
-def _tags(data: Mapping[str, Any]) -> Iterator[Fault]:
+def _tags(data: Mapping[str, Any]) -> Iterator[Problem]:
     """Tags that cannot be told apart: of one number, or one over the other."""
     known: dict[int, tuple[tuple[str | int, ...], Tag]] = {}
     for path, tag in (*_sheets(data, "landmarks"), *_sheets(data, "targets")):
         if tag.id in known:
             of = known[tag.id][1].of
-            yield path, f"tag {tag.id} belongs to {of!r} already; give each its own number"
+            message = f"tag {tag.id} belongs to {of!r} already; give each its own number"
+            yield Problem(path, message, "duplicate-tag")
         else:
             known[tag.id] = path, tag
     for (_, first), (path, second) in combinations(known.values(), 2):
         if math.dist(first.position, second.position) < (first.size + second.size) / 2:
-            yield path, f"tag {second.id} overlaps tag {first.id} of {first.of!r}"
+            message = f"tag {second.id} overlaps tag {first.id} of {first.of!r}"
+            yield Problem(path, message, "overlapping-tags")

@@ -15,15 +15,6 @@ from star_core.scene import Scene
 
 BATTERY_SAG_TIME: Final = 1.0  # s that a battery must stay below its limit: it sags under load
 
-DEFAULTS: Final[Mapping[str, Mapping[str, float]]] = {
-    "battery_low": {"below": 3.5},
-    "link_lost": {"after": 0.5},
-    "position_lost": {"after": 1.0},
-    "fence_near": {"within": 0.0},
-    "tumbled": {},
-}
-"""The numbers of rules that a mission names without them, as in the mission schema."""
-
 
 class SafetyAction(IntEnum):
     """What a rule does with an agent, from the mildest to the most severe."""
@@ -47,7 +38,7 @@ class Rules:
 
     Args:
         scene: Agents and fence.
-        rules: The mission's ``safety``: by rule its numbers and its action, ``then``.
+        rules: The mission's ``safety`` with defaults: by rule its numbers and its action.
 
     Attributes:
         action: (N,) `SafetyAction` for each agent so far.
@@ -57,7 +48,7 @@ class Rules:
         n = len(scene.agents)
         self._low = np.array(scene.world.fence.low)
         self._high = np.array(scene.world.fence.high)
-        self._rules = {name: {**DEFAULTS[name], **given} for name, given in rules.items()}
+        self._rules = rules
         self._since = {name: np.full(n, np.nan) for name in self._rules}  # s, of each violation
         self.action = np.zeros(n, np.int64)
 
@@ -69,7 +60,7 @@ class Rules:
             since = np.where(violated, np.fmin(self._since[name], time), np.nan)
             self._since[name] = since
             fires = violated & (time - since >= duration)
-            action = SafetyAction[rule.get("then", "land").upper()]
+            action = SafetyAction[rule["then"].upper()]
             for row in np.flatnonzero(fires & (self.action < action)).tolist():
                 self.action[row] = action
                 new.append(Verdict(row, action, f"{name}: {reasons[row]}"))

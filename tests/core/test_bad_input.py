@@ -275,7 +275,7 @@ def test_a_mistake_in_a_world_is_told_in_the_worlds_own_file(
     change("height: [0, 2]", "height: [2, 0]", "worlds/room.yaml")
     assert refused("run", "m.yaml") == [
         "worlds/room.yaml:5:79: obstacle 'pillar' has its foot at 2 m, not below its top at 0 m"
-        " [invalid-option]"
+        " [empty-range]"
     ]
 
 

@@ -103,7 +103,7 @@ def test_a_goal_that_a_third_partys_planner_refuses_is_reported_at_its_value(
     tmp_path: Path,
 ) -> None:
     assert problems(tmp_path, Shelf(), "goto: {agents: cf1, to: [0, 1, 1.2]}") == [
-        "13:29: goal [0, 1, 1.2] is higher than shelf's top, 1 m [invalid-option]"
+        "13:29: goal [0, 1, 1.2] is higher than shelf's top, 1 m [unreachable-goal]"
     ]
 
 
@@ -163,15 +163,15 @@ def test_goals_of_one_value_are_one_problem_that_lists_the_others(tmp_path: Path
     (problem,) = problems(tmp_path, Shelf(), "goto: {to: [0, 1, 1.2]}")
     assert problem.endswith(
         "position 1 of 2: goal [-0.3, 1, 1.2] is higher than shelf's top, 1 m"
-        " (also position 2 of 2) [invalid-option]"
+        " (also position 2 of 2) [unreachable-goal]"
     )
 
 
 def test_a_third_partys_verb_names_its_goals(tmp_path: Path) -> None:
     found = problems(tmp_path, Shelf(), "tour: {points: [[0, 1, 0.8], [0, 1, 1.2], [1.2, 1.2, 1]]}")
     assert found == [
-        "13:34: goal [0, 1, 1.2] is higher than shelf's top, 1 m [invalid-option]",
-        "13:47: [1.2, 1.2, 1] is inside obstacle 'pillar' [invalid-option]",
+        "13:34: goal [0, 1, 1.2] is higher than shelf's top, 1 m [unreachable-goal]",
+        "13:47: [1.2, 1.2, 1] is inside obstacle 'pillar' [inside-obstacle]",
     ]
 
 
@@ -182,7 +182,7 @@ def test_a_goal_at_which_a_drone_touches_an_obstacle_is_refused_whatever_the_pla
     found = problems(tmp_path, Shelf(check_goals), "tour: {points: [[0.95, 1.2, 0.8]]}")
     assert found == [
         "13:21: [0.95, 1.2, 0.8] is 0.05 m from obstacle 'pillar', "
-        "expected at least the radius of a drone: 0.06 m [invalid-option]"
+        "expected at least the radius of a drone: 0.06 m [inside-obstacle]"
     ]
 
 

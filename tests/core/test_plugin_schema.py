@@ -13,8 +13,7 @@ from star_core import Scene, fly, hookimpl
 from star_core import load as load_mission
 from star_core.contracts import AvoiderSpec, Exclusive, TaskSpec
 from star_core.errors import PluginError
-from star_core.mission_file.schema import load
-from star_core.plugin_schema import OWN, RESERVE, fill_defaults, held, sound
+from star_core.plugin_schema import OWN, fill_defaults, held, sound
 from star_core.registry import Found, Registry, Source
 
 NEVER_MADE: Any = object
@@ -106,11 +105,6 @@ def test_a_plugin_with_an_unsound_offer_is_left_out_whole() -> None:
     with pytest.raises(PluginError, match=r"^task 'bad': options\.properties\.a\.type is not"):
         registry.add(Crooked(), Source("crooked:plugin"))
     assert registry.names("task") == ()
-
-
-def test_a_reserve_is_taken_for_what_the_schema_says_of_it() -> None:
-    said = load("mission")["properties"]["reserve"]["properties"]
-    assert {name: said[name]["default"] for name in RESERVE} == RESERVE
 
 
 def test_what_a_verb_holds_is_identified_by_options_that_it_has() -> None:

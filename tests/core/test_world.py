@@ -252,7 +252,7 @@ def test_a_good_world_is_made_of_its_fence_and_its_obstacles() -> None:
 def test_a_fence_that_is_empty_in_any_direction_is_refused(high: str) -> None:
     assert problems(WORLD.replace("[2, 2, 2]", high)) == [
         f"room.yaml:3:8: the fence's low [-2, -2, 0] is not below high {high} in x, y and z"
-        " [invalid-option]"
+        " [empty-range]"
     ]
 
 
@@ -271,7 +271,7 @@ def test_an_obstacle_whose_foot_is_not_below_its_top_is_refused(height: str) -> 
 def test_a_stretch_of_no_length_is_refused(shape: str) -> None:
     world = f"{WORLD}  wall: {{{shape}, height: [0, 1]}}\n"
     assert problems(world) == [
-        "room.yaml:6:9: obstacle 'wall' has the same point twice in a row [invalid-option]"
+        "room.yaml:6:9: obstacle 'wall' has the same point twice in a row [invalid-outline]"
     ]
 
 
@@ -290,8 +290,8 @@ def test_a_line_may_come_back_to_where_it_began() -> None:
 def test_offsets_that_do_not_fit_are_told_with_whose_they_are(kind: str, whose: str) -> None:
     sheet = "{tags: [0, 1], at: [0, 0, 0], spacing: 0.3, offsets: [[0, 0]]}"
     assert {found.partition(": ")[2] for found in problems(f"{WORLD}{kind}: {{s: {sheet}}}\n")} == {
-        f"{whose} 's' has 1 offsets for 2 tags, expected one each [invalid-option]",
-        f"{whose} 's': 'spacing' does not go with 'offsets' [invalid-option]",
+        f"{whose} 's' has 1 offsets for 2 tags, expected one each [wrong-length]",
+        f"{whose} 's': 'spacing' does not go with 'offsets' [option-conflict]",
     }
 
 
@@ -363,7 +363,7 @@ def test_an_obstacle_above_or_below_the_fence_is_refused(height: str) -> None:
     (found,) = problems(WORLD.replace("[0, 2]", height))
     assert found == (
         "room.yaml:5:11: obstacle 'pillar' is outside the fence; no agent can come near it"
-        " [invalid-option]"
+        " [outside-geofence]"
     )
 
 

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import Final
 
 from star_core import Mission, Registry
 from star_explain.words import left_out, options, value
 
-RULES: Final[Mapping[str, tuple[str, float, str]]] = {
-    "battery_low": ("below", 3.5, "battery below {:g} V"),
-    "link_lost": ("after", 0.5, "no message for {:g} s"),
-    "position_lost": ("after", 1.0, "not located for {:g} s"),
-    "fence_near": ("within", 0.0, "within {:g} m of the fence"),
-    "tumbled": ("", 0.0, "tumbled, crashed, locked or rebooted"),
+RULES: Final[Mapping[str, str]] = {
+    "battery_low": "battery below {below:g} V",
+    "link_lost": "no message for {after:g} s",
+    "position_lost": "not located for {after:g} s",
+    "fence_near": "within {within:g} m of the fence",
+    "tumbled": "tumbled, crashed, locked or rebooted",
 }
-"""By rule: the name of its number, its default, and its description."""
-
-RESERVE: Final[Mapping[str, float]] = {"relieve_below": 3.7, "ready_above": 4.0, "height": 0.8}
-"""V, V and m: defaults of the mission schema for a reserve."""
 
 
 def facts(mission: Mission, registry: Registry) -> Iterator[str]:
@@ -79,22 +75,17 @@ def _swarm(mission: Mission) -> Iterator[str]:
     for name, members in given.get("groups", {}).items():
         yield f"  group {name}: {', '.join(members)}"
     if mission.reserve:
-        volts = {**RESERVE, **mission.reserve}
+        reserve = mission.reserve
         yield (
-            f"  in reserve: {', '.join(mission.reserve['agents'])}, to replace agents below "
-            f"{volts['relieve_below']:g} V; ready above {volts['ready_above']:g} V; "
-            f"climbs to {volts['height']:g} m"
+            f"  in reserve: {', '.join(reserve['agents'])}, to replace agents below "
+            f"{reserve['relieve_below']:g} V; ready above {reserve['ready_above']:g} V; "
+            f"climbs to {reserve['height']:g} m"
         )
 
 
 def _safety(mission: Mission) -> Iterator[str]:
     yield "safety"
     for name, rule in mission.safety.items():
-        yield f"  {name}: {_rule(name, rule)}"
+        yield f"  {name}: {RULES[name].format(**rule)}, then {rule['then']}"
     if not mission.safety:
         yield "  no rules"
-
-
-def _rule(name: str, rule: Mapping[str, Any]) -> str:
-    key, default, result = RULES.get(name, ("", 0.0, options(rule)))
-    return f"{result.format(rule.get(key, default))}, then {rule.get('then', 'land')}"

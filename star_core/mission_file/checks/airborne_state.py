@@ -1,105 +1,96 @@
-"""Whether agents stand or fly where a step needs it, as far as that is known before the flight."""
+"""Whether agents are on the ground or in the air where a step needs it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, Literal, TypeAlias
 
-from star_core.contracts import TaskSpec
-from star_core.mission_file.sound_parts import Incomplete
+from star_core.contracts import Problem
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
 from star_core.plugin_schema import JOIN, LEAVE
+from star_core.registry import Registry
+from star_core.scene import Scene
 
-Where: TypeAlias = Literal["ground", "air", "reserve", "left"] | None
-"""Of one agent: it stands, flies, is not in the mission yet, or no more; None if not known."""
+State: TypeAlias = Literal["ground", "air", "reserve", "removed"] | None
+"""Of one agent; None if not known."""
 
-STANDS: Final = 0.05  # m above the floor: who starts higher may stand on something, or fly
-NEEDED: Final = {"ground": "on the ground", "air": "in the air"}
-TWICE: Final = 2  # rounds of a repetition: the second begins where the first ends
+MAX_GROUND_HEIGHT: Final = 0.05  # m: an agent that starts higher may stand on something, or fly
+PHRASES: Final = {"ground": "on the ground", "air": "in the air"}
+ROUNDS: Final = 2  # of a repetition: the second begins where the first ends
 
 
-def faults(
-    steps: Sequence[Node],
-    names: Sequence[str],
-    starts: Iterable[float],
-    reserve: Iterable[int],
-    offer: Callable[[str], TaskSpec],
-) -> list[str]:
-    """Say which steps cannot succeed because agents would fly that stand, or the other way round.
+def problems(
+    steps: Sequence[Node], scene: Scene, reserve: Iterable[int], registry: Registry
+) -> Iterator[Problem]:
+    """Yield steps that cannot succeed because agents are on the ground or in the air.
 
-    A step that may fail or end before it is done, and a verb that does not say so, leave open where
-    its agents are; nothing is said of those until a verb takes them somewhere. After a step with
-    another mistake in it this is not known of any agent.
+    After a step that may fail or end early, or a verb that does not announce it, the state of its
+    agents is unknown, and nothing is reported until a verb determines it. After a step that is not
+    known, this holds for every agent.
 
     Args:
         steps: Of the mission, in order.
-        names: Of the agents.
-        starts: How high each of them starts, m.
-        reserve: Rows of those that are not in the mission at first.
-        offer: What announces a verb.
-
-    Returns:
-        Faults with their places, each once, in order.
+        scene: The mission's scene.
+        reserve: Rows of agents that are not in the mission at first.
+        registry: Registry of the verbs.
     """
-    where: list[Where] = ["ground" if height < STANDS else None for height in starts]
+    starts = (agent.start[2] for agent in scene.agents)
+    states: list[State] = ["ground" if z < MAX_GROUND_HEIGHT else None for z in starts]
     for row in reserve:
-        where[row] = "reserve"
-    return list(dict.fromkeys(_Walk(names, where, offer).through(steps)))
+        states[row] = "reserve"
+    yield from dict.fromkeys(_Walk(scene, states, registry).through(steps))
 
 
 class _Walk:
-    """A walk through the steps, and where the agents are on it."""
+    """A walk through the steps, with the state of every agent."""
 
-    def __init__(
-        self, names: Sequence[str], where: list[Where], offer: Callable[[str], TaskSpec]
-    ) -> None:
-        self._names = names
-        self._where = where
-        self._offer = offer
+    def __init__(self, scene: Scene, states: list[State], registry: Registry) -> None:
+        self._scene = scene
+        self._states = states
+        self._registry = registry
 
-    def through(self, steps: Sequence[Node], *, together: bool = True) -> Iterator[str]:
+    def through(self, steps: Sequence[Node], *, together: bool = True) -> Iterator[Problem]:
         """Yield what is wrong; `together` unless every agent has steps of its own."""
         for step in steps:
             match step:
-                case Action(options=Incomplete()):
-                    self._where[:] = [None] * len(self._where)
+                case Action(known=False):
+                    self._states[:] = [None] * len(self._states)
                 case Action():
                     yield from self._action(step, together=together)
                 case Parallel(branches):
                     yield from self.through(branches, together=False)
                 case Repeat(times, inner):
-                    for _ in range(min(times, TWICE)):
+                    for _ in range(min(times, ROUNDS)):
                         yield from self.through(inner, together=together)
 
-    def _action(self, action: Action, *, together: bool) -> Iterator[str]:
-        """Say what is wrong with one step, and move its agents to where it leaves them."""
-        offer, where = self._offer(action.verb), self._where
-        rows = [row for row in action.rows if where[row] not in {"reserve", "left"}]
+    def _action(self, action: Action, *, together: bool) -> Iterator[Problem]:
+        """Yield what is wrong with one step, and update the states of its agents."""
+        spec, states = self._registry.find("task", action.verb).offer, self._states
+        rows = [row for row in action.rows if states[row] not in {"reserve", "removed"}]
         if action.verb == JOIN:
             rows = list(action.rows)
-        elif together and all(where[row] == "left" for row in action.rows):
-            gone = self._named(action.rows)
-            yield f"{action.place}: {action.verb} is for nobody: {gone} left the mission before"
+        elif together and all(states[row] == "removed" for row in action.rows):
+            gone = self._scene.named(action.rows)
+            message = f"{action.verb} has no agents: {gone} left the mission before"
+            yield Problem(action.path, message, "agent-not-in-mission")
         wrong = []
-        if offer.before is not None:
-            other = "ground" if offer.before == "air" else "air"
-            wrong = [row for row in rows if where[row] == other]
+        if spec.before is not None:
+            other = "ground" if spec.before == "air" else "air"
+            wrong = [row for row in rows if states[row] == other]
             if wrong:
                 are = "are" if len(wrong) > 1 else "is"
-                yield (
-                    f"{action.place}: {action.verb} needs its agents {NEEDED[offer.before]}; "
-                    f"{self._named(wrong)} {are} {NEEDED[other]} here"
+                message = (
+                    f"{action.verb} needs its agents {PHRASES[spec.before]}; "
+                    f"{self._scene.named(wrong)} {are} {PHRASES[other]} here"
                 )
-        sure = action.on_failure == "abort" and action.until is None
+                yield Problem(action.path, message, "wrong-airborne-state")
+        certain = action.on_failure == "abort" and action.until is None
         for row in rows:
             if action.verb == LEAVE:
-                where[row] = "left"
+                states[row] = "removed"
             elif row in wrong:
-                where[row] = None  # it was said; what it does next depends on how that is mended
-            elif sure and offer.after != "same":
-                where[row] = offer.after
-            elif offer.after not in {offer.before, "same"} or action.on_failure == "land":
-                where[row] = None
-
-    def _named(self, rows: Sequence[int]) -> str:
-        return ", ".join(self._names[row] for row in rows)
+                states[row] = None  # reported; what follows depends on the correction
+            elif certain and spec.after != "same":
+                states[row] = spec.after
+            elif spec.after not in {spec.before, "same"} or action.on_failure == "land":
+                states[row] = None

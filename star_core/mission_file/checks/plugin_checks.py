@@ -7,53 +7,49 @@ from numbers import Real
 from typing import Any, Final, TypeAlias
 
 from star_core.contracts import Problem, StepGoal
-from star_core.errors import PluginError, coded
-from star_core.mission_file.sound_parts import Incomplete
+from star_core.errors import PluginError
+from star_core.mission_file.checks.feasibility import position_code
+from star_core.mission_file.located import Location
+from star_core.mission_file.step_tree import Action
 from star_core.plugin_schema import fill_defaults, held
 from star_core.registry import Registry
 from star_core.scene import Scene
 
-Path: TypeAlias = tuple[str | int, ...]
-Fault: TypeAlias = tuple[Path, str]
-"""Where in a mission something is wrong, and what."""
-
 LISTED: Final = 3
 """How many of the other goals that are refused for the same value a message lists."""
 
-_Answer: TypeAlias = tuple[list[Any], list[Fault]]
+_Answer: TypeAlias = tuple[list[Any], list[Problem]]
 """What a function of an offer yields, and what is wrong with the function itself."""
 
 
 class PluginChecks:
-    """Calls what plugins offer to check a mission with; once for steps that are alike.
+    """Calls the functions with which plugins check a mission; once for equal steps.
 
     Args:
-        registry: Where plugins are found.
+        registry: Registry of the plugins.
         scene: What they are asked about.
-        planner: Name of the mission's planner.
-        planner_options: What the mission gives it.
-        enabled: Whether to call any of them: they may depend on everything in the scene.
+        planner: The mission's planner and its options: ``{use: name, ...}``.
+        enabled: Whether to call any: they may depend on everything in the scene.
     """
 
     def __init__(
-        self,
-        registry: Registry,
-        scene: Scene,
-        planner: str,
-        planner_options: Mapping[str, Any],
-        *,
-        enabled: bool = True,
+        self, registry: Registry, scene: Scene, planner: Mapping[str, Any], *, enabled: bool = True
     ) -> None:
         self.enabled = enabled
         self._registry = registry
         self._scene = scene
-        self._planner = planner
-        self._planner_options = planner_options
+        self._planner = planner["use"]
+        self._planner_options = {key: one for key, one in planner.items() if key != "use"}
         self._found: dict[str, list[Problem]] = {}
 
-    def faults(
-        self, kind: str, name: str, path: Path, options: Mapping[str, Any], *rows: tuple[int, ...]
-    ) -> Iterator[Fault]:
+    def problems(
+        self,
+        kind: str,
+        name: str,
+        path: Location,
+        options: Mapping[str, Any],
+        *rows: tuple[int, ...],
+    ) -> Iterator[Problem]:
         """Yield what is wrong with the options at `path`; a task's check is given its rows."""
         if not self.enabled:
             return
@@ -64,42 +60,43 @@ class PluginChecks:
             )
             if kind == "task" and not found and not wrong:
                 found, wrong = self._goal_problems(name, options, *rows)
-            self._found[asked] = [Problem(*one) for one in (*found, *wrong)]
-        for inner, message, code in self._found[asked]:
-            yield (*path, *inner), coded(message, code)
+            self._found[asked] = [*found, *wrong]
+        for one in self._found[asked]:
+            yield one._replace(path=(*path, *one.path))
 
-    def held(self, verb: str, options: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-        """Return what a step of this verb takes hold of outside of STAR."""
-        if isinstance(options, Incomplete):
-            return ()
-        try:
-            return held(self._registry.find("task", verb).offer, options)
-        except PluginError:
-            return ()
+    def held(self, step: Action) -> tuple[tuple[str, Any], ...]:
+        """Return the exclusive resource that a step holds."""
+        return held(self._registry.find("task", step.verb).offer, step.options)
 
     def _goal_problems(
         self, verb: str, options: Mapping[str, Any], rows: tuple[int, ...]
     ) -> _Answer:
-        """Find goals of a step where no agent can be, or that the planner refuses.
+        """Return goals of a step where no agent can be, or that the planner refuses.
 
-        Of the goals that follow from one value the first is reported, and the labels of the others.
+        Of the goals that follow from one value the first is reported, with the labels of the
+        others.
         """
         goals, wrong = self._call(
             "task", verb, "goals", (self._scene, rows), options, _is_goal, "StepGoal at [x, y, z]"
         )
         if wrong or not goals:
             return [], wrong
-        faults = [self._scene.world.fault(goal.position) for goal in goals]
+        world = self._scene.world
+        faults: list[tuple[str, str] | None] = [
+            (fault, position_code(self._scene, goal.position)) if fault else None
+            for goal in goals
+            for fault in [world.fault(goal.position)]
+        ]
         free = [i for i, fault in enumerate(faults) if fault is None]
         refused, wrong = self._refused([goals[i].position for i in free])
-        for (index,), reason, *_ in refused:
+        for (index,), reason, _ in refused:
             x, y, z = goals[free[index]].position
-            faults[free[index]] = f"goal [{x:g}, {y:g}, {z:g}] {reason}"
-        found: dict[Path, dict[str, str]] = {}  # by path, the first fault of each label
+            faults[free[index]] = f"goal [{x:g}, {y:g}, {z:g}] {reason}", "unreachable-goal"
+        found: dict[Location, dict[str, tuple[str, str]]] = {}  # by path, the first of each label
         for goal, fault in zip(goals, faults, strict=True):
             if fault is not None:
                 found.setdefault(goal.path, {}).setdefault(goal.label, fault)
-        return [(path, _first(by_label)) for path, by_label in found.items()], wrong
+        return [_first(path, by_label) for path, by_label in found.items()], wrong
 
     def _refused(self, goals: list[tuple[float, float, float]]) -> _Answer:
         """Return which goals the planner refuses, by their indices."""
@@ -140,7 +137,7 @@ class PluginChecks:
         try:
             found = self._registry.find(kind, name)
         except PluginError as error:
-            return [], [((), str(error))]
+            return [], [Problem((), error.message, error.code)]
         call = getattr(found.offer, function)
         if call is None:
             return [], []
@@ -149,9 +146,11 @@ class PluginChecks:
             filled = fill_defaults(options, found.offer.options)
             answer = list(call(*arguments, **filled))
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever it may raise
-            return [], [((), f"{what} raised {error!r}")]
+            return [], [Problem((), f"{what} raised {error!r}", "plugin-failed")]
         return [one for one in answer if sound(one)], [
-            ((), f"{what} yields {one!r}, expected {expected}") for one in answer if not sound(one)
+            Problem((), f"{what} yields {one!r}, expected {expected}", "contract-broken")
+            for one in answer
+            if not sound(one)
         ]
 
 
@@ -170,8 +169,9 @@ def _is_goal(value: Any) -> bool:
     return all(isinstance(number, Real) for number in (x, y, z))
 
 
-def _first(faults: Mapping[str, str]) -> str:
-    """Return the first of some faults by label, and up to `LISTED` labels of the others."""
-    (label, text), *others = faults.items()
+def _first(path: Location, faults: Mapping[str, tuple[str, str]]) -> Problem:
+    """Return the first of some faults by label, with up to `LISTED` labels of the others."""
+    (label, (text, code)), *others = faults.items()
     also = [other for other, _ in others[:LISTED]] + ["…"] * (len(others) > LISTED)
-    return f"{label}: {text}".removeprefix(": ") + (f" (also {', '.join(also)})" if also else "")
+    named = f"{label}: {text}".removeprefix(": ")
+    return Problem(path, named + (f" (also {', '.join(also)})" if also else ""), code)

@@ -1,21 +1,26 @@
-"""What a schema cannot see: names that mean nothing, places nobody can be at."""
+"""What a schema cannot see: names without a meaning, conflicts between steps."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from star_core.contracts import Problem
 from star_core.errors import suggestion
 from star_core.mission_file import conditions
-from star_core.mission_file.checks import feasibility as room
-from star_core.mission_file.checks.feasibility import Fault, Path
+from star_core.mission_file.checks import airborne_state, feasibility
 from star_core.mission_file.checks.plugin_checks import PluginChecks
-from star_core.mission_file.located import Document
-from star_core.mission_file.sound_parts import UNKNOWN, Incomplete
-from star_core.mission_file.step_tree import begun, within
-from star_core.plugin_schema import JOIN, PARTS, SHARED
+from star_core.mission_file.located import Document, Location
+from star_core.mission_file.sound_parts import Incomplete
+from star_core.mission_file.step_tree import (
+    Action,
+    Node,
+    Parallel,
+    actions,
+    first_actions,
+    nodes,
+)
+from star_core.plugin_schema import JOIN, PARTS
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.world.camera import camera_faults
@@ -24,271 +29,158 @@ from star_core.world.camera import camera_faults
 def of_mission(
     document: Document,
     data: Mapping[str, Any],
+    steps: Sequence[Node],
     scene: Scene,
     registry: Registry,
     *,
     world_known: bool = True,
-) -> list[str]:
-    """Every reason why a mission cannot be flown that its schema cannot see, located.
+) -> Iterator[Problem]:
+    """Yield every reason why a mission cannot be flown that its schema cannot see.
 
     Args:
-        document: The mission.
-        data: Its content, without what its schema refuses.
+        document: The mission as read.
+        data: Its `sound_parts`.
+        steps: Its steps.
         scene: What it describes.
-        registry: Where plugins are found.
-        world_known: Whether the scene's world is that of the mission; where it is not, the plugins'
-            own checks are left out.
+        registry: Registry of the plugins.
+        world_known: Whether the scene's world is that of the mission; if not, the plugins' own
+            checks are skipped.
     """
-    groups = agents_by_name(scene)
-    wrong = [*room.faults(data, scene, registry)]
-    if wrong:
-        scene = room.boundless(scene)
-    planner, options = _chosen(data["planner"])
-    if isinstance(data["planner"], Incomplete):
-        planner = UNKNOWN
-    plugins = PluginChecks(registry, scene, planner, options, enabled=world_known)
-    faults = [
-        *wrong,
-        *_groups(data, scene),
-        *room.reserve_faults(data, scene),
-        *_idle(data, groups, scene),
-        *room.safety_faults(data, scene, registry),
-        *_cameras(data),
-        *room.start_faults(data, scene, registry),
-        *_parts(data, plugins),
-        *_steps(data["mission"], ("mission",), groups, scene, plugins),
-    ]
-    return document.located(Problem(*one) for one in faults)
+    room = feasibility.Room(document, data, scene, registry)
+    wrong = [*room.limits()]
+    yield from wrong
+    if wrong:  # look for problems that do not follow from these
+        room = room.boundless()
+        scene = room.scene
+    plugins = PluginChecks(registry, scene, data["planner"], enabled=world_known)
+    distinct = list({step.path: step for step in actions(steps) if step.known}.values())
+    yield from _groups(data, scene)
+    yield from room.reserve()
+    yield from _idle(data, steps, scene)
+    yield from room.safety(distinct)
+    yield from _cameras(document, data)
+    yield from room.starts()
+    yield from _parts(data, plugins)
+    for step in distinct:
+        yield from _action(step, scene, plugins)
+    for node in nodes(steps):
+        if isinstance(node, Parallel):
+            if not node.each:
+                yield from _shared(node, scene)
+            yield from _held_twice(node, plugins)
+    if (reserve := _reserve_rows(data, scene)) is not None:
+        yield from airborne_state.problems(steps, scene, reserve, registry)
+        yield from room.climbs(actions(steps), reserve)
 
 
-def agents_by_name(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """The rows that each name stands for: an agent, a group, or ``all``."""
-    row = {name: i for i, name in enumerate(scene.names)}
-    agents = {name: (i,) for name, i in row.items()}
-    return {**scene.groups, **agents, "all": tuple(row.values())}
+def _reserve_rows(data: Mapping[str, Any], scene: Scene) -> list[int] | None:
+    """Return the rows of agents that are not in the mission at first; None if not known."""
+    names = data["reserve"].get("agents", [])
+    if not {*names} <= {*scene.names} or (isinstance(data["reserve"], Incomplete) and not names):
+        return None
+    return [scene.names.index(name) for name in names]
 
 
-def rows_of(given: str | list[str], groups: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """The rows of a step's ``agents``, each once, in the order of the swarm."""
-    names = [given] if isinstance(given, str) else given
-    return tuple(sorted({row for name in names for row in groups.get(name, ())}))
-
-
-def _groups(data: Mapping[str, Any], scene: Scene) -> Iterator[Fault]:
-    for name, members in data.get("groups", {}).items():
+def _groups(data: Mapping[str, Any], scene: Scene) -> Iterator[Problem]:
+    for name, members in data["groups"].items():
         if name in scene.names or name == "all":
-            whom = "everybody" if name == "all" else "an agent"
-            yield ("groups", name), f"{name!r} already names {whom}"
+            named = "every agent" if name == "all" else "an agent"
+            yield Problem(("groups", name), f"{name!r} already names {named}", "duplicate-name")
         for i, member in enumerate(members):
             if member not in scene.names:
-                yield ("groups", name, i), _unknown("agent", member, scene.names)
+                yield _unknown(("groups", name, i), "agent", member, scene.names, "unknown-agent")
 
 
-def _idle(
-    data: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]], scene: Scene
-) -> Iterator[Fault]:
-    """Steps for nobody but agents that stay in reserve: nothing would come of them."""
-    steps = [
-        ((*place, verb), rows_of(given.get("agents", "all"), groups))
-        for step, place in within(data["mission"], ("mission",))
-        for verb, given in step.items()
-    ]
-    if len(data.get("reserve", {}).get("agents", [])) == len(scene.agents):
-        return  # that is told of the reserve
-    if any(isinstance(step, Incomplete) for step in _given(data["mission"])):
-        return  # it may be a `join`
-    joined = {row for path, rows in steps if path[-1] == JOIN for row in rows}
-    joined |= _joined_in_each(data["mission"], groups)
-    rest = set(rows_of(data.get("reserve", {}).get("agents", []), groups)) - joined
-    for path, rows in steps:
-        if rows and rest.issuperset(rows):
-            is_are = "is" if len(rows) == 1 else "are"
-            yield (
-                (*path, "agents"),
-                f"{scene.named(rows)} {is_are} in reserve, which is in no step before a 'join'",
+def _idle(data: Mapping[str, Any], steps: Sequence[Node], scene: Scene) -> Iterator[Problem]:
+    """Yield steps for agents that stay in reserve only."""
+    reserve = {
+        row for row, name in enumerate(scene.names) if name in data["reserve"].get("agents", ())
+    }
+    listed = list(actions(steps))
+    if len(reserve) == len(scene.agents) or not all(step.known for step in listed):
+        return  # that is reported of the reserve; an unknown step may be a `join`
+    rest = reserve - {row for step in listed if step.verb == JOIN for row in step.rows}
+    for node in nodes(steps):
+        if "each" in node.at[:-1] or not (isinstance(node, Action) or _is_each(node)):
+            continue
+        rows = {row for step in actions([node]) for row in step.rows}
+        if rows and rows <= rest:
+            are = "is" if len(rows) == 1 else "are"
+            yield Problem(
+                (*node.at, "agents"),
+                f"{scene.named(sorted(rows))} {are} in reserve, which is in no step before a "
+                "'join'",
+                "agent-not-in-mission",
             )
 
 
-def _given(steps: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    """Yield the options of every step, those in an ``each`` included."""
-    for step, _ in within(steps, ()):
-        for verb, given in step.items():
-            yield given
-            if verb == "each":
-                yield from _given(given["steps"])
+def _is_each(node: Node) -> bool:
+    return isinstance(node, Parallel) and node.each
 
 
-def _joined_in_each(
-    steps: Iterable[Mapping[str, Any]], groups: Mapping[str, tuple[int, ...]]
-) -> set[int]:
-    """The rows of those whom the steps of an ``each`` bring into the mission."""
-    given = [step["each"] for step, _ in within(steps, ()) if "each" in step]
-    return {
-        row
-        for each in given
-        if any(JOIN in step for step, _ in within(each["steps"], ()))
-        for row in rows_of(each.get("agents", "all"), groups)
-    }
+def _cameras(document: Document, data: Mapping[str, Any]) -> Iterator[Problem]:
+    given = document.data.get("cameras", {})
+    known = dict.fromkeys([*data["cameras"], "aideck"])
+    for name, agent in data["swarm"].items():
+        if "camera" in agent and agent["camera"] not in known and isinstance(given, dict):
+            at = ("swarm", name, "camera")
+            yield _unknown(at, "camera", agent["camera"], known, "unknown-camera")
+    for name, camera in data["cameras"].items():
+        if not isinstance(camera, Incomplete):
+            for path, message in camera_faults(camera):
+                yield Problem(("cameras", name, *path), message, "invalid-camera")
 
 
-def _cameras(data: Mapping[str, Any]) -> Iterator[Fault]:
-    known = dict.fromkeys([*data.get("cameras", {}), "aideck"])
-    unknown = isinstance(data.get("cameras"), Incomplete)
-    for name, given in data["swarm"].items():
-        if "camera" in given and given["camera"] not in known and not unknown:
-            yield ("swarm", name, "camera"), _unknown("camera", given["camera"], known)
-    for name, given in data.get("cameras", {}).items():
-        if isinstance(given, Incomplete):
-            continue
-        yield from ((("cameras", name, *path), fault) for path, fault in camera_faults(given))
-
-
-def _parts(data: Mapping[str, Any], plugins: PluginChecks) -> Iterator[Fault]:
+def _parts(data: Mapping[str, Any], plugins: PluginChecks) -> Iterator[Problem]:
     for kind in PARTS:
-        name, options = _chosen(data[kind])
         if isinstance(data[kind], Incomplete):
             continue
         if kind == "transport" and any(isinstance(a, Incomplete) for a in data["swarm"].values()):
             continue  # it may need what is missing: addresses
-        yield from plugins.faults(kind, name, (kind,), options)
+        options = {key: value for key, value in data[kind].items() if key != "use"}
+        yield from plugins.problems(kind, data[kind]["use"], (kind,), options)
 
 
-def _chosen(given: str | Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
-    """Return the name and the options of a plugin that a mission chooses with ``use``."""
-    if isinstance(given, str):
-        return given, {}
-    return given["use"], {key: value for key, value in given.items() if key != "use"}
+def _action(step: Action, scene: Scene, plugins: PluginChecks) -> Iterator[Problem]:
+    if step.until is not None:
+        for one in conditions.until_problems(step.until, step.timeout, scene, step.rows):
+            if plugins.enabled or one.path[-1:] != ("found",):
+                yield one._replace(path=(*step.at, "until", *one.path))
+    yield from plugins.problems("task", step.verb, step.at, step.options, step.rows)
 
 
-def _steps(
-    steps: Iterable[Mapping[str, Any]],
-    path: Path,
-    groups: Mapping[str, tuple[int, ...]],
-    scene: Scene,
-    plugins: PluginChecks,
-) -> Iterator[Fault]:
-    for i, step in enumerate(steps):
-        ((verb, given),) = step.items()
-        here = (*path, i, verb)
-        if verb == "parallel":
-            yield from _steps(given, here, groups, scene, plugins)
-            yield from _shared(given, here, groups, scene)
-            yield from _held_twice(step, (*path, i), groups, plugins)
-        elif verb == "repeat":
-            yield from _steps(given["steps"], (*here, "steps"), groups, scene, plugins)
-        elif verb == "each":
-            yield from _each(given, here, groups, scene, plugins)
-            yield from _held_twice(step, (*path, i), groups, plugins)
-        else:
-            yield from _action(verb, given, here, groups, scene, plugins)
-
-
-def _each(
-    given: Mapping[str, Any],
-    path: Path,
-    groups: Mapping[str, tuple[int, ...]],
-    scene: Scene,
-    plugins: PluginChecks,
-) -> Iterator[Fault]:
-    """What is wrong with steps that every agent does by itself: they name nobody."""
-    yield from _nobody(given, path, groups)
-    inner = [*within(given["steps"], (*path, "steps"))]
-    for step, place in inner:
-        ((verb, options),) = step.items()
-        if options.get("agents"):
-            yield (
-                (*place, verb, "agents"),
-                "a step of 'each' is for every agent by itself; name the agents in 'each'",
-            )
-    if not any(next(iter(step.values())).get("agents") for step, _ in inner):
-        for row in rows_of(given.get("agents", "all"), groups)[:1]:  # what is wrong is so for all
-            yield from _steps(given["steps"], (*path, "steps"), {"all": (row,)}, scene, plugins)
-
-
-def _nobody(
-    given: Mapping[str, Any], path: Path, groups: Mapping[str, tuple[int, ...]]
-) -> Iterator[Fault]:
-    """Names in a step's ``agents`` that mean nobody."""
-    asked = given.get("agents", "all")
-    for i, name in enumerate([asked] if isinstance(asked, str) else asked):
-        if name not in groups:
-            place = ("agents",) if isinstance(asked, str) else ("agents", i)
-            several = re.split(r"[,\s]+", name.strip())
-            listed = f"; write a list: agents: [{', '.join(several)}]"
-            meant = listed if len(several) > 1 and groups.keys() >= {*several} else None
-            yield (*path, *place), _unknown("agent or group", name, groups, meant)
-
-
-def _action(
-    verb: str,
-    given: Mapping[str, Any],
-    path: Path,
-    groups: Mapping[str, tuple[int, ...]],
-    scene: Scene,
-    plugins: PluginChecks,
-) -> Iterator[Fault]:
-    unknown = list(_nobody(given, path, groups))
-    yield from unknown
-    rows = rows_of(given.get("agents", "all"), groups)
-    if verb == JOIN and "agents" not in given and "each" not in path:
-        yield path, f"{verb}: missing option 'agents'"
-    if "until" in given:
-        for place, message in conditions.step_faults(given, scene, rows):
-            if plugins.enabled or place[-1:] != ("found",):
-                yield (*path, "until", *place), message
-    if not unknown and not isinstance(given, Incomplete):
-        options = {key: value for key, value in given.items() if key not in SHARED}
-        yield from plugins.faults("task", verb, path, options, rows)
-
-
-def _shared(
-    branches: Iterable[Mapping[str, Any]],
-    path: Path,
-    groups: Mapping[str, tuple[int, ...]],
-    scene: Scene,
-) -> Iterator[Fault]:
-    """Agents that two branches of a ``parallel`` would both move."""
+def _shared(node: Parallel, scene: Scene) -> Iterator[Problem]:
+    """Yield agents that two branches of a ``parallel`` would both move."""
     taken: set[int] = set()
-    for i, branch in enumerate(branches):
-        rows = _rows_in(branch, groups)
+    for branch in node.branches:
+        rows = {row for step in actions([branch]) for row in step.rows}
         if twice := sorted(taken & rows):
-            verb = next(iter(branch))
-            yield (
-                (*path, i, verb),
+            yield Problem(
+                branch.at,
                 f"{scene.named(twice)} already moves in another branch of this 'parallel'; "
                 "name the agents of each branch",
+                "agent-conflict",
             )
         taken |= rows
 
 
-def _held_twice(
-    step: Mapping[str, Any],
-    path: Path,
-    groups: Mapping[str, tuple[int, ...]],
-    plugins: PluginChecks,
-) -> Iterator[Fault]:
-    """Steps that begin at once and take hold of one thing outside of STAR, as of a port."""
+def _held_twice(node: Parallel, plugins: PluginChecks) -> Iterator[Problem]:
+    """Yield steps that begin at once and hold the same exclusive resource, such as a port."""
     taken = set()
-    for place, verb, given in begun(step, path, lambda given: rows_of(given, groups)):
-        held = plugins.held(verb, given)
-        if held and (verb, held) in taken:
+    for step in first_actions(node):
+        held = plugins.held(step) if step.known else ()
+        if held and (step.verb, held) in taken:
             what = ", ".join(f"{name} {value}" for name, value in held)
-            yield (
-                (*place, *[name for name, _ in held[-1:] if name in given]),
-                f"{verb}: another step that begins at the same time holds {what}; "
+            yield Problem(
+                (*step.at, held[-1][0]),
+                f"{step.verb}: another step that begins at the same time holds {what}; "
                 f"give each its own {held[-1][0]!r}",
+                "resource-conflict",
             )
-        taken.add((verb, held))
+        taken.add((step.verb, held))
 
 
-def _rows_in(step: Mapping[str, Any], groups: Mapping[str, tuple[int, ...]]) -> set[int]:
-    ((verb, given),) = step.items()
-    if verb == "parallel":
-        return set().union(*(_rows_in(inner, groups) for inner in given))
-    if verb == "repeat":  # `each` names its agents as an action does
-        return set().union(*(_rows_in(inner, groups) for inner in given["steps"]))
-    return set(rows_of(given.get("agents", "all"), groups))
-
-
-def _unknown(what: str, name: str, known: Iterable[str], meant: str | None = None) -> str:
-    return f"no {what} named {name!r}{meant or suggestion(name, known, 'there are')}"
+def _unknown(path: Location, what: str, name: str, known: Iterable[str], code: str) -> Problem:
+    """Return the problem of a name that nothing has."""
+    message = f"no {what} named {name!r}{suggestion(name, known, 'there are')}"
+    return Problem(path, message, code)

@@ -110,15 +110,16 @@ def test_every_mistake_in_a_file_is_told_once_though_two_cameras_are_of_it() -> 
     Path("cameras/lens.yaml").write_text(FILE.replace("width", "widht").replace("1\n", "2\n", 1))
     two = "cameras={mine: {file: cameras/lens.yaml}, low: {file: cameras/lens.yaml}}"
     assert refusal(two).splitlines() == [
-        "cameras/lens.yaml:1:7: this version reads `star: 1`, this file is of 2 [invalid-option]",
-        "cameras/lens.yaml:3:1: unknown key 'widht'; did you mean 'width'? [invalid-option]",
+        "cameras/lens.yaml:1:7: this version reads `star: 1`, this file is of 2"
+        " [unsupported-version]",
+        "cameras/lens.yaml:3:1: unknown key 'widht'; did you mean 'width'? [unknown-option]",
     ]
 
 
 def test_a_mistake_that_only_file_and_mission_make_together_is_told_in_the_file() -> None:
     assert refusal("cameras.mine.width=100") == (
         "cameras/lens.yaml:5:9: the principal point [160, 120] is outside the image of 100 x 240 px"
-        " [invalid-option]"
+        " [invalid-camera]"
     )
 
 

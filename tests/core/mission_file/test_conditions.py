@@ -12,7 +12,7 @@ import pytest
 
 from star_core import Event
 from star_core.mission_file import conditions, schema
-from star_core.mission_file.conditions import ConditionContext, faults, holds, longest
+from star_core.mission_file.conditions import ConditionContext, holds, longest, problems
 from star_core.testing import estimate, health
 
 NAMES = ("cf1", "cf2", "cf3")
@@ -106,17 +106,18 @@ def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None
     near = {"near": {"point": [3, 0, 0], "within": 1}}
 
     def found(metres: float) -> list[Any]:
-        return list(faults(near, NAMES, (), outside=lambda _: metres))
+        return list(problems(near, NAMES, (), outside=lambda _: metres))
 
     assert found(1.0) == []
-    assert [path for path, _ in found(1.1)] == [("near", "point")]
+    assert [problem.path for problem in found(1.1)] == [("near", "point")]
 
 
 def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
     near = {"near": {"agent": NAMES[0], "within": 1}}
-    assert list(faults(near, NAMES, (), crew=NAMES[:2])) == []
-    ((path, message),) = faults(near, NAMES, (), crew=NAMES[:1])
+    assert list(problems(near, NAMES, (), of_step=NAMES[:2])) == []
+    ((path, message, code),) = problems(near, NAMES, (), of_step=NAMES[:1])
     assert path == ("near", "agent")
+    assert code == "agent-conflict"
     assert message == f"{NAMES[0]!r} is always near itself; name another agent"
 
 
@@ -140,7 +141,7 @@ def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
 def test_what_cannot_be_meant_is_told_with_its_place(
     condition: dict[str, Any], fault: tuple[tuple[str | int, ...], str]
 ) -> None:
-    assert list(faults(condition, NAMES, ("bat", "survivor"))) == [fault]
+    assert [one[:2] for one in problems(condition, NAMES, ("bat", "survivor"))] == [fault]
 
 
 # Events

@@ -76,7 +76,7 @@ def test_a_step_is_placed_in_its_own_file(lab: Lab) -> None:
 def test_a_mistake_in_the_other_file_is_placed_there(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text(PATROL.replace("wait:", "wit:"))
     assert faults(lab, TOUR) == [
-        "patrol.yaml:6:5: unknown verb 'wit'; did you mean 'wait'? [invalid-option]"
+        "patrol.yaml:6:5: unknown verb 'wit'; did you mean 'wait'? [unknown-verb]"
     ]
 
 
@@ -94,7 +94,7 @@ def test_a_value_that_does_not_fit_is_told_where_it_is_given_and_used(lab: Lab) 
     wrong = TOUR.replace("who: cf1", "who: cf9")
     assert places(lab, wrong) == ["mission.yaml:12:46 < patrol.yaml:5:21"]
     assert faults(lab, wrong) == [
-        "patrol.yaml:5:21: no agent or group named 'cf9'; did you mean 'cf2'? [invalid-option]"
+        "patrol.yaml:5:21: no agent or group named 'cf9'; did you mean 'cf2'? [unknown-agent]"
     ]
 
 

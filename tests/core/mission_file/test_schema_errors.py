@@ -134,7 +134,7 @@ def test_steps_may_stand_inside_steps() -> None:
 def test_a_plugin_that_refers_to_its_own_definitions_is_checked_by_them() -> None:
     assert faults(with_line("localizer", "localizer: {use: flow, noise: 0.1}")) == []
     assert fault("localizer", "localizer: {use: flow, noise: -1}") == (
-        "m.yaml:7:31: localizer 'flow': noise: -1 is less than the minimum of 0 [invalid-option]"
+        "m.yaml:7:31: localizer 'flow': noise: -1 is less than the minimum of 0 [out-of-range]"
     )
 
 
@@ -267,27 +267,27 @@ def test_a_mistake_in_a_step_is_one_line(step: str, expected: str) -> None:
 
 def test_a_misspelt_key_and_the_key_that_is_missing_for_it_are_both_named() -> None:
     assert faults(with_line("name", "nmae: swap")) == [
-        "m.yaml:1:1: missing key 'name' [invalid-option]",
-        "m.yaml:2:1: unknown key 'nmae'; did you mean 'name'? [invalid-option]",
+        "m.yaml:1:1: missing key 'name' [missing-option]",
+        "m.yaml:2:1: unknown key 'nmae'; did you mean 'name'? [unknown-option]",
     ]
 
 
 def test_a_key_that_resembles_none_is_answered_by_all_there_are() -> None:
     assert fault("name", "name: swap\nlimits: {z: 1}") == (
         "m.yaml:3:10: limits: unknown key 'z'; expected one of: speed, acceleration, "
-        "height, separation [invalid-option]"
+        "height, separation [unknown-option]"
     )
 
 
 def test_no_installed_plugin_is_said() -> None:
     found = problems(document(MISSION), compose({}))
-    assert "m.yaml:6:12: no transport named 'sim'; none is installed [invalid-option]" in found
+    assert "m.yaml:6:12: no transport named 'sim'; none is installed [unknown-plugin]" in found
 
 
 def test_an_empty_swarm_has_too_few_agents() -> None:
     assert problems(
         document(MISSION.replace("swarm:\n  cf1: {start: [0, 0, 0]}", "swarm: {}")), SCHEMA
-    ) == ["m.yaml:4:8: swarm: is empty, expected at least 1 key [invalid-option]"]
+    ) == ["m.yaml:4:8: swarm: is empty, expected at least 1 key [wrong-length]"]
 
 
 def test_all_mistakes_are_listed_in_the_order_of_the_file() -> None:

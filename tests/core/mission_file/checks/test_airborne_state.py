@@ -121,7 +121,7 @@ def test_nothing_is_said_of_those_whose_place_is_not_known(step: str) -> None:
 def test_who_left_is_in_no_step_and_a_step_for_those_alone_is_for_nobody() -> None:
     assert faults(UP, "leave: {agents: cf1}", GOTO) == []
     assert faults(UP, "leave: {agents: cf1}", "hold: {agents: cf1, for: 1}") == [
-        "3 hold is for nobody: cf1 left the mission before"
+        "3 hold has no agents: cf1 left the mission before"
     ]
 
 

@@ -30,7 +30,7 @@ mission:
 """
 LOW, HIGH = "takeoff: {height: 0.5}", "takeoff: {height: 1.4}"
 ASIDE = "goto: {by: [-0.5, 0, 0]}"
-HIT = "obstacle 'beam' is over its start, from 0.8 to 1 m [invalid-option]"
+HIT = "obstacle 'beam' is over its start, from 0.8 to 1 m [inside-obstacle]"
 
 
 @pytest.fixture(autouse=True)
@@ -95,11 +95,11 @@ def test_a_start_that_is_wrong_is_told_and_no_climb_from_it() -> None:
     (found,) = faults(HIGH)
     assert found.endswith(
         "start [1, 0, 0] is 0.05 m from obstacle 'beam', "
-        "expected at least the radius of a drone: 0.06 m [invalid-option]"
+        "expected at least the radius of a drone: 0.06 m [inside-obstacle]"
     )
 
 
-NEAR = "safety.fence_near would land whoever flies within"
+NEAR = "safety.fence_near would land every agent that flies within"
 
 
 def safe(within: float, head: str = MISSION) -> str:
@@ -117,7 +117,7 @@ def test_starts_at_which_the_rule_would_end_the_flight_are_told() -> None:
     at_the_edge = MISSION.replace("[-1, 0, 0]", "[-1, -1.75, 0]")
     (found,) = faults(LOW, head=safe(0.3, at_the_edge))
     assert found.endswith(
-        f"'cf1' starts 0.25 m from a side of the fence, and {NEAR} 0.3 m of it [invalid-option]"
+        f"'cf1' starts 0.25 m from a side of the fence, and {NEAR} 0.3 m [fence-too-near]"
     )
 
 
@@ -141,7 +141,7 @@ def test_a_climb_at_whose_end_the_rule_would_end_the_flight_is_told(
 ) -> None:
     (found,) = faults(step, head=safe(0.6))
     assert found.startswith(f"{place}: {told}")
-    assert found.endswith(f"{NEAR} 0.6 m of it [invalid-option]")
+    assert found.endswith(f"{NEAR} 0.6 m [fence-too-near]")
 
 
 def test_so_is_the_climb_of_a_reserve() -> None:
@@ -166,7 +166,7 @@ def test_a_reserve_may_join_in_each_and_needs_no_name_there() -> None:
 
 def test_a_join_needs_names_elsewhere_and_says_so_once() -> None:
     (found,) = faults("join: {height: 0.5}", head=RESERVE)
-    assert found == "1:11: join: missing option 'agents' [invalid-option]"
+    assert found == "1:11: join: missing option 'agents' [missing-option]"
 
 
 def test_an_each_for_a_reserve_that_does_not_join_is_for_nobody() -> None:

@@ -24,12 +24,9 @@ from star_core import (
     load,
 )
 from star_core.cli.main import main as star
-from star_core.mission_file import schema
 from star_core.mission_file.conditions import KINDS, longest
-from star_core.safety.rules import DEFAULTS
 from star_explain.command import main
 from star_explain.dry_run import Group, StepResult, dry_run, holds_from, waits
-from star_explain.facts import RESERVE, RULES
 from star_explain.plan import plan
 from star_explain.words import condition
 
@@ -295,16 +292,6 @@ def test_safety_rules_are_told_with_their_numbers(explain: Explain) -> None:
     assert "  battery_low: battery below 3.6 V, then land\n" in text
     assert "  link_lost: no message for 0.5 s, then hold\n" in text
     assert "  tumbled: tumbled, crashed, locked or rebooted, then stop\n" in text
-
-
-def test_the_numbers_of_safety_rules_and_of_a_reserve_are_those_of_the_schema() -> None:
-    properties = schema.load("mission")["properties"]
-    rules = properties["safety"]["properties"]
-    assert list(rules) == list(RULES) == list(DEFAULTS)
-    for name, (key, default, _) in RULES.items():
-        assert DEFAULTS[name] == ({key: default} if key else {})
-    reserve = properties["reserve"]["properties"]
-    assert {name: reserve[name]["default"] for name in RESERVE} == RESERVE
 
 
 leaves = st.sampled_from(
