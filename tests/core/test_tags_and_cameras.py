@@ -68,7 +68,7 @@ def test_a_camera_that_is_in_the_mission_and_in_star_is_named_once(tmp_path: Pat
     wrong = refusal(
         tmp_path, ("cameras: {front:", "cameras: {aideck:"), ("camera: front", "camera: xyz")
     )
-    assert wrong == "m.yaml:6:35: no camera named 'xyz'; there are: aideck [invalid-option]"
+    assert wrong == "m.yaml:6:35: no camera named 'xyz'; there are: aideck [unknown-camera]"
 
 
 def test_the_tags_of_a_sheet_stand_in_a_row_along_its_own_x_axis(tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ def test_branches_and_each_are_looked_into() -> None:
 @pytest.mark.parametrize(
     "step",
     [
-        "search: {agents: cf1, area: {low: [-1, -1], high: [1, 1]}, swath: 0.5, targets: 0}",
+        "search: {agents: cf1, area: {low: [-1, -1], high: [1, 1]}, lane_spacing: 0.5, targets: 0}",
         "land: {until: {elapsed: 1}}",
         "land: {on_failure: continue}",
         "goto: {by: [0, 0.1, 0], on_failure: land}",

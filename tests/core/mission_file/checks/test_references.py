@@ -345,7 +345,7 @@ def test_a_name_that_two_plugins_offer_is_refused_where_it_is_used() -> None:
     first = caught.value.problems[0]
     assert first.startswith("m.yaml:10:12: two plugins offer ")
     assert first.endswith(
-        " 'link': my-dist:parts and their-dist 1.2:parts; uninstall one [plugin-failed]"
+        " 'link': my-dist:parts and their-dist 1.2:parts; uninstall one [duplicate-plugin]"
     )
 
 
