@@ -1,4 +1,4 @@
-"""Fly a mission with several options from Python, and compare what the records say.
+"""Fly a mission with several options from Python, and compare their records.
 
 Run it from the folder above: ``python examples/fly_from_python.py``, or cell by cell in an editor
 that knows ``# %%`` (VS Code, Spyder, Jupyter with jupytext). The records are left in ``runs/``.

@@ -68,7 +68,7 @@ class TcpServer:
 
     @property
     def connected(self) -> bool:
-        """Whether a client is connected, or has left lines that were not read yet."""
+        """Whether a client is connected, or has sent lines that were not read yet."""
         return self._client is not None
 
     def accept(self, wait: float) -> bool:
@@ -79,10 +79,10 @@ class TcpServer:
         until = time.monotonic() + wait
         while True:
             self._accept()
-            left = until - time.monotonic()
-            if self.connected or left <= 0:
+            remaining = until - time.monotonic()
+            if self.connected or remaining <= 0:
                 return self.connected
-            self._sleep(left)
+            self._sleep(remaining)
 
     def send(self, line: bytes, *, now: bool = False) -> bool:
         """Send a line without blocking; return whether it was sent or buffered.
@@ -110,11 +110,11 @@ class TcpServer:
                 lines.append(line)
             if self._ended and b"\n" not in self._received:
                 self.disconnect()
-            left = until - time.monotonic()
-            if lines or not self.connected or left <= 0:
+            remaining = until - time.monotonic()
+            if lines or not self.connected or remaining <= 0:
                 return lines
             self._flush()
-            self._sleep(left)
+            self._sleep(remaining)
 
     def disconnect(self) -> None:
         """Disconnect the client; unread and unsent lines are discarded."""

@@ -124,8 +124,8 @@ class Frontier:
 
     def _follow(self, row: int, trip: Trip, estimate: Estimate) -> None:
         """End a trip that is over, or that has lost most of its value."""
-        points, left = self._viewpoints[row], self._space.coverage.unseen
-        unseen = int(left[trip.cells].sum())
+        points, unseen_cells = self._viewpoints[row], self._space.coverage.unseen
+        unseen = int(unseen_cells[trip.cells].sum())
         x, y, yaw = points.pose[trip.viewpoint].tolist()
         at = math.dist(estimate.position[row, :2], (x, y)) <= TOLERANCE
         aligned = abs(math.remainder(yaw - float(estimate.yaw[row]), math.tau)) <= YAW_TOLERANCE
@@ -134,19 +134,19 @@ class Frontier:
         looked = trip.arrival is not None and estimate.time - trip.arrival >= self._dwell[row]
         if looked or estimate.time > trip.until:
             self._tried[row][trip.viewpoint] = True
-            self._tries[trip.cells[left[trip.cells]]] += 1
+            self._tries[trip.cells[unseen_cells[trip.cells]]] += 1
             self.drop(row)
         elif unseen == 0 or (trip.arrival is None and unseen < MIN_REMAINING * len(trip.cells)):
             self.drop(row)
 
     def _choose(self, row: int, estimate: Estimate, claimed: Mask) -> Trip | None:
         points, coverage = self._viewpoints[row], self._space.coverage
-        left = coverage.unseen & ~claimed & (self._tries < MAX_TRIES)
-        if not left.any():
+        candidates = coverage.unseen & ~claimed & (self._tries < MAX_TRIES)
+        if not candidates.any():
             return None
-        gain = left[points.cells].sum(axis=1)
+        gain = candidates[points.cells].sum(axis=1)
         gain[self._tried[row]] = 0
-        edge = left & coverage.adjacent(coverage.seen)
+        edge = candidates & coverage.adjacent(coverage.seen)
         at_edge = edge[points.cells].any(axis=1)
         if (gain[at_edge] > 0).any():
             gain[~at_edge] = 0
@@ -156,7 +156,7 @@ class Frontier:
             return None
         best = int(np.argmax(value))
         cells = np.unique(points.cells[best])
-        return Trip(best, cells[left[cells]], estimate.time + timeout(float(time[best])))
+        return Trip(best, cells[candidates[cells]], estimate.time + timeout(float(time[best])))
 
     def _time(self, row: int, points: Viewpoints, estimate: Estimate) -> Array:
         """(V,) time of a scout to each viewpoint, s."""

@@ -92,7 +92,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
     TaskSpec(
         name="hold",
         after="same",
-        summary="Hover in place for a time.",
+        summary="Hover for a time.",
         make=_factory("goto", "Hold"),
         check=_check_hold,
         goals=partial(spread_goals, key="at"),

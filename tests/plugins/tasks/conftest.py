@@ -31,7 +31,7 @@ from star_verbs.specs import SPECS
 SPEC = {spec.name: spec for spec in SPECS}
 
 
-def everybody(_time: float) -> Mask:
+def all_located(_time: float) -> Mask:
     return np.ones(1, np.bool_)
 
 
@@ -59,7 +59,7 @@ class Flown:
 
 
 class Swarm:
-    """Points that fly exactly what the straight planner says, and what commanders are told."""
+    """Point masses that fly what the straight planner and the commands request."""
 
     def __init__(self, scene: Scene, position: Array, phase: AgentPhase) -> None:
         n = len(scene.agents)
@@ -119,7 +119,7 @@ def fly_task(
     start: Any,
     *,
     phase: AgentPhase = AgentPhase.FLYING,
-    located: Callable[[float], Mask] = everybody,
+    located: Callable[[float], Mask] = all_located,
     stuck: Callable[[float], Mask] = lambda _time: np.zeros(1, np.bool_),
     longest: float = 120.0,
 ) -> Flown:

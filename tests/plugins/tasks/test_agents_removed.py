@@ -85,7 +85,7 @@ def test_who_stays_climbs_and_descends(
     assert task.step(now, there).status is Status.SUCCESS
 
 
-def test_whoever_waits_wants_nothing(make: Any, fly: Any) -> None:
+def test_agents_that_wait_get_no_goals(make: Any, fly: Any) -> None:
     room = scene(3)
     flown = fly(make("wait", room, (0, 1, 2)), room, AIR, longest=3.0)
     assert flown.status is Status.RUNNING

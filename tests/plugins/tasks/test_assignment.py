@@ -1,4 +1,4 @@
-"""Which agent takes which place."""
+"""Assignment of agents to targets."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from star_verbs.step_agents import assign
 seeds = st.integers(0, 2**32 - 1)
 
 
-def swarm(seed: int, agents: int, places: int, *, level: bool = False) -> tuple[Array, Array]:
+def swarm(seed: int, agents: int, targets: int, *, level: bool = False) -> tuple[Array, Array]:
     rng = np.random.default_rng(seed)
-    here, there = rng.uniform(-2, 2, (agents, 3)), rng.uniform(-2, 2, (places, 3))
+    here, there = rng.uniform(-2, 2, (agents, 3)), rng.uniform(-2, 2, (targets, 3))
     if level:
         here[:, 2] = there[:, 2] = 0.8
     return here, there
@@ -43,7 +43,7 @@ def test_no_two_ways_cross(seed: int, agents: int) -> None:
 
 
 @given(seeds, st.integers(1, 6))
-def test_no_place_is_taken_twice(seed: int, agents: int) -> None:
+def test_no_target_is_assigned_twice(seed: int, agents: int) -> None:
     here, there = swarm(seed, agents, agents + 2)
     assert len(set(assign(here, there).tolist())) == agents
 
@@ -54,9 +54,9 @@ def test_agents_in_a_row_move_up_and_do_not_overtake() -> None:
 
 
 @given(st.permutations(range(8)))
-def test_agents_that_stand_on_the_places_stay(order: list[int]) -> None:
-    place = np.random.default_rng(0).uniform(-5, 5, (8, 3))
-    assert assign(place[order], place).tolist() == order
+def test_agents_at_the_targets_stay(order: list[int]) -> None:
+    target = np.random.default_rng(0).uniform(-5, 5, (8, 3))
+    assert assign(target[order], target).tolist() == order
 
 
 def _side(a: Array, b: Array, c: Array) -> float:

@@ -47,7 +47,7 @@ def test_it_flies_to_the_start_first(make: Any, fly: Any) -> None:
     assert flown.status is Status.SUCCESS
 
 
-def test_laps_are_flown_as_often_as_told(make: Any, fly: Any) -> None:
+def test_the_number_of_laps_is_flown(make: Any, fly: Any) -> None:
     room = scene(1)
     once = fly(make("follow", room, (0,), **CIRCLE), room, [[1.0, 0.0, 0.8]])
     thrice = fly(make("follow", room, (0,), **CIRCLE, laps=3), room, [[1.0, 0.0, 0.8]])
@@ -63,7 +63,7 @@ def test_the_goal_moves_with_a_feed_forward_along_the_path(make: Any, fly: Any) 
     assert middle.velocity[0] == pytest.approx(moved[0], abs=0.01)
 
 
-def test_nobody_flies_faster_than_the_limit(make: Any, fly: Any) -> None:
+def test_no_agent_exceeds_the_limit(make: Any, fly: Any) -> None:
     room = scene(1)
     flown = fly(make("follow", room, (0,), **CIRCLE, speed=3.0), room, [[1.0, 0.0, 0.8]])
     steps = np.linalg.norm(np.diff(flown.track[:, 0], axis=0), axis=1) / room.period
@@ -127,8 +127,8 @@ def test_no_two_agents_meet_at_the_crossing_of_the_figure_8(make: Any, fly: Any,
     room = scene(n)
     begin = make("follow", room, tuple(range(n)), **EIGHT)
     start = fly(begin, room, [[i - 1.5, -2.0, 0.8] for i in range(n)], longest=0.1)
-    places = start.goals[0].position
-    flown = fly(make("follow", room, tuple(range(n)), **EIGHT), room, places)
+    starts = start.goals[0].position
+    flown = fly(make("follow", room, tuple(range(n)), **EIGHT), room, starts)
     apart = np.linalg.norm(flown.track[:, :, None] - flown.track[:, None], axis=3)
     assert apart[:, *np.triu_indices(n, 1)].min() > 0.6
 
@@ -171,7 +171,7 @@ def test_a_path_may_take_three_times_its_length_and_5_s(make: Any, fly: Any) -> 
     assert flown.limit == pytest.approx(3 * 8.0 / 0.4 + 5)
 
 
-def test_a_route_that_the_agents_that_are_left_cannot_fly_fails(make: Any, fly: Any) -> None:
+def test_a_route_that_the_remaining_agents_cannot_fly_fails(make: Any, fly: Any) -> None:
     room = scene(1)
     task = make("follow", room, (0,), **BOX | {"centre": [9.5, 0.0, 0.8]})
     flown = fly(task, room, CORNER)
@@ -246,9 +246,7 @@ def test_what_is_wrong_with_a_file_is_a_problem(problems: Any, tmp_path: Path) -
     ]
 
 
-def test_points_where_no_agent_can_be_are_told_with_their_line(
-    problems: Any, tmp_path: Path
-) -> None:
+def test_unreachable_waypoints_are_reported_with_their_line(problems: Any, tmp_path: Path) -> None:
     room = with_file(tmp_path, 1, "x,y,z\n0,0,1\n0,0,2\n0,1,2\n0,0,1\n0,0,0.1\n")
     assert problems("follow", room, (0,), file="path.csv") == [
         (("file",), f"path.csv:{line}: {point} is outside the heights to fly at, from 0.2 to 1.8 m")

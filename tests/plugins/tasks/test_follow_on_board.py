@@ -93,7 +93,9 @@ def smooth(u: Array) -> Array:
     return WAY * (10 * u**3 - 15 * u**4 + 6 * u**5)
 
 
-def test_nobody_waits_for_who_is_behind_but_the_end_does(make: Any, fly: Any, room: Scene) -> None:
+def test_a_flight_on_board_waits_for_late_agents_at_its_end_only(
+    make: Any, fly: Any, room: Scene
+) -> None:
     held = lambda time: np.array([1.0 <= time < 12.0, False])  # noqa: E731 -- read with the call
     flown = fly(make("follow", room, (0, 1), **ON_BOARD), room, HERE, stuck=held)
     at_turn = flown.goals[round(HALF / room.period)].position[:, 0]
@@ -110,7 +112,7 @@ def test_they_look_where_it_begins_before_they_set_out(make: Any, fly: Any, tmp_
     assert flown.status is Status.SUCCESS
 
 
-def test_who_takes_over_a_place_is_led_there(make: Any, fly: Any, room: Scene) -> None:
+def test_a_replacement_is_steered_to_the_reference(make: Any, fly: Any, room: Scene) -> None:
     task = make("follow", room, (0,), **ON_BOARD)
     fly(task, room, HERE, longest=2.0)
     task.on_agent_replaced(0, 1)
@@ -135,11 +137,11 @@ def test_more_pieces_than_a_crazyflie_holds_are_a_problem(
     problems: Any, tmp_path: Path, pieces: int, fits: bool  # noqa: FBT001 -- what is expected
 ) -> None:  # fmt: skip
     room = with_file(tmp_path, "\n".join([HEADER, *[row(0.0, 0.0)] * pieces]))
-    told = (
+    message = (
         "path.csv has 32 pieces of 132 bytes, 4224 bytes in all; a Crazyflie has 4096 bytes for "
         "trajectories: 31 pieces at most"
     )
-    expected = [] if fits else [(("on_board",), told)]
+    expected = [] if fits else [(("on_board",), message)]
     assert problems("follow", room, (0,), **ON_BOARD) == expected
     assert problems("follow", room, (0,), **POLY7) == []
 

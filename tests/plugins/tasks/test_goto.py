@@ -41,7 +41,7 @@ def test_each_agent_goes_by_the_offset_from_where_it_is(make: Any, fly: Any) -> 
     assert flown.end[1].tolist() == AIR[1]
 
 
-def test_agents_keep_their_heading_unless_told(make: Any, fly: Any) -> None:
+def test_agents_keep_their_heading_by_default(make: Any, fly: Any) -> None:
     room = scene(1)
     kept = fly(make("goto", room, (0,), to=[1.0, 2.0, 1.2]), room, AIR[:1])
     turned = fly(make("goto", room, (0,), to=[1.0, 2.0, 1.2], yaw_deg=-90), room, AIR[:1])
@@ -50,7 +50,7 @@ def test_agents_keep_their_heading_unless_told(make: Any, fly: Any) -> None:
 
 
 @pytest.mark.parametrize(("speed", "expected"), [(None, 0.5), (0.2, 0.2), (2.0, 0.5)])
-def test_nobody_flies_faster_than_the_speed_or_the_limit(
+def test_no_agent_exceeds_the_speed_or_the_limit(
     make: Any, fly: Any, speed: float | None, expected: float
 ) -> None:
     room = scene(1)
@@ -82,14 +82,14 @@ def test_a_flight_may_take_three_times_its_way_and_5_s(make: Any, fly: Any) -> N
     assert fly(task, room, AIR[:1]).limit == pytest.approx(3 * 4.0 + 5)
 
 
-def test_a_way_from_nobody_knows_where_is_as_long_as_the_fence(make: Any, fly: Any) -> None:
+def test_a_flight_from_an_unknown_position_is_as_long_as_the_fence(make: Any, fly: Any) -> None:
     room = scene(1)
     task = make("goto", room, (0,), to=[1.0, 0.0, 0.8])
     flown = fly(task, room, AIR[:1], located=lambda _: np.array([False]), longest=0.0)
     assert flown.limit == pytest.approx(3 * np.sqrt(20**2 + 20**2 + 3**2) / 0.5 + 5)
 
 
-def test_an_offset_that_leads_out_of_the_fence_fails_and_says_who(make: Any, fly: Any) -> None:
+def test_an_offset_out_of_the_fence_fails_and_names_the_agents(make: Any, fly: Any) -> None:
     room = replace(scene(2), world=HALL)
     flown = fly(make("goto", room, (0, 1), by=[2.7, 0.0, 0.0]), room, AIR[:2])
     assert flown.status is Status.FAILURE

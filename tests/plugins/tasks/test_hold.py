@@ -65,7 +65,7 @@ def test_holding_outside_the_fence_is_allowed_where_one_is_already(make: Any, fl
     assert fly(make("hold", room, (0,)), room, [[11.0, 0.0, 0.8]]).status is Status.SUCCESS
 
 
-def test_a_place_for_the_agents_that_are_left_is_looked_at(make: Any, fly: Any) -> None:
+def test_positions_of_the_remaining_agents_are_checked(make: Any, fly: Any) -> None:
     room = scene(1)
     flown = fly(make("hold", room, (0,), at=[11.0, 0.0, 0.8]), room, AIR[:1])
     assert flown.status is Status.FAILURE

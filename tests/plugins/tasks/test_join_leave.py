@@ -20,7 +20,7 @@ GROUNDED = AgentPhase.GROUNDED
 
 
 def joins(make: Any, where: Any = GROUND, volt: float = 4.1) -> Any:
-    """What the first agent is told when it is to join."""
+    """Output of the first agent's join."""
     task = make("join", scene(3), (0,), battery=3.8)
     well = replace(health(3, GROUNDED), battery=np.array([volt, 4.0, 4.0]))
     task.begin(estimate(GROUND), well)
@@ -34,13 +34,13 @@ def test_who_is_fit_takes_off(make: Any) -> None:
     assert step.status is Status.RUNNING
 
 
-@pytest.mark.parametrize(("volt", "said"), [(3.7, "3.70"), (np.nan, "nan")])
+@pytest.mark.parametrize(("volt", "shown"), [(3.7, "3.70"), (np.nan, "nan")])
 def test_who_has_too_little_battery_or_tells_none_stays_down(
-    make: Any, volt: float, said: str
+    make: Any, volt: float, shown: str
 ) -> None:
     step = joins(make, volt=volt)
     assert step.status is Status.FAILURE
-    assert step.reason == f"the battery of cf1 is at {said} V, 3.8 V needed"
+    assert step.reason == f"the battery of cf1 is at {shown} V, 3.8 V needed"
 
 
 def test_who_is_not_located_stays_down_until_it_is(make: Any) -> None:
@@ -97,12 +97,12 @@ mission: [takeoff: {height: 0.5}, join: {agents: cf2, height: 0.5}]
     assert summary["path_length_m"]["per_agent"]["cf2"] < 0.05
 
 
-def test_nobody_takes_off_under_another(make: Any) -> None:
+def test_no_agent_takes_off_under_another(make: Any) -> None:
     step = joins(make, [[-1.0, 0.0, 0.0], [-0.8, 0.0, 1.0], [1.0, 0.0, 0.0]])
     assert (step.status, step.reason) == (Status.FAILURE, "cf2 is above cf1")
 
 
-def test_whoever_leaves_flies_home_and_lands_there(make: Any, fly: Any) -> None:
+def test_an_agent_that_leaves_flies_home_and_lands_there(make: Any, fly: Any) -> None:
     room = scene(3)  # they start 1 m apart on a line
     away = [[0.0, 2.0, 1.1], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]
     flown = fly(make("leave", room, (0,)), room, away)
@@ -115,7 +115,7 @@ def test_whoever_leaves_flies_home_and_lands_there(make: Any, fly: Any) -> None:
     assert high[there] == pytest.approx(1.1, abs=0.05)
 
 
-def test_whoever_leaves_has_time_for_the_way_and_the_descent(make: Any, fly: Any) -> None:
+def test_the_timeout_of_leave_covers_flight_and_descent(make: Any, fly: Any) -> None:
     room = scene(1)
     flown = fly(make("leave", room, (0,), speed=0.3), room, [[3.0, 0.0, 1.0]])
     assert flown.time < flown.limit

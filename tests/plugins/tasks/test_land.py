@@ -35,7 +35,7 @@ def test_the_shortest_descent_takes_a_second(make: Any, fly: Any) -> None:
 
 
 @pytest.mark.parametrize("phase", [AgentPhase.GROUNDED, AgentPhase.LANDED])
-def test_agents_on_the_ground_are_left_alone(make: Any, fly: Any, phase: AgentPhase) -> None:
+def test_agents_on_the_ground_get_no_command(make: Any, fly: Any, phase: AgentPhase) -> None:
     room = scene(2)
     flown = fly(make("land", room, (0, 1)), room, AIR, phase=phase)
     assert flown.status is Status.SUCCESS
@@ -50,7 +50,7 @@ def test_who_lands_already_gets_no_second_order(make: Any, fly: Any) -> None:
     assert flown.commands == []
 
 
-def test_who_takes_the_place_of_one_that_lands_is_landed_too(make: Any) -> None:
+def test_a_replacement_of_a_landing_agent_lands_too(make: Any) -> None:
     room = scene(3)
     task, here = make("land", room, (0, 1)), estimate(np.full((3, 3), 0.8))
     task.begin(here, health(3))

@@ -21,7 +21,7 @@ def test_agents_climb_to_the_height_and_hold_there(make: Any, fly: Any) -> None:
     assert flown.goals[-1].position.tolist() == [[-0.5, 0.0, 0.8], [0.5, 0.0, 0.8]]
 
 
-def test_the_commanders_are_told_once_and_how_long_to_take(make: Any, fly: Any) -> None:
+def test_the_commanders_receive_one_command_with_its_duration(make: Any, fly: Any) -> None:
     room = scene(2)
     task = make("takeoff", room, (0, 1), height=1.2, speed=0.4)
     (command,) = fly(task, room, GROUND, phase=AgentPhase.GROUNDED).commands

@@ -109,13 +109,13 @@ STILL = row(1.0, NOTHING)
          "expected no more than 0.05 m"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_file_is_said_with_its_line(
+def test_problems_of_a_file_are_reported_with_their_line(
     tmp_path: Path, text: str, expected: str
 ) -> None:
     assert faults(tmp_path, text) == [expected]
 
 
-def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
+def test_a_binary_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "path.csv").write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match=r"path\.csv: cannot be read as CSV in UTF-8"):
         read_trajectory(tmp_path / "path.csv", "path.csv")
@@ -163,7 +163,7 @@ def test_one_that_lies_in_the_map_is_flown_to_first(make: Any, fly: Any, tmp_pat
     assert flown.end[0] == pytest.approx([0.0, 0.0, 1.0], abs=0.15)
 
 
-def test_agents_fly_it_each_from_its_own_place(make: Any, fly: Any, tmp_path: Path) -> None:
+def test_each_agent_flies_it_from_its_position(make: Any, fly: Any, tmp_path: Path) -> None:
     room = with_file(tmp_path, there_and_back(), n=2)
     start = [[0.0, 0.0, 1.0], [0.0, 1.0, 1.2]]
     flown = fly(make("follow", room, (0, 1), **POLY7), room, start)
@@ -208,7 +208,9 @@ def test_a_good_trajectory_is_no_problem(problems: Any, tmp_path: Path) -> None:
     assert problems("follow", room, (0,), **POLY7, timescale=1.0, relative=True) == []
 
 
-def test_one_that_is_too_fast_is_told_what_would_fit(problems: Any, tmp_path: Path) -> None:
+def test_a_trajectory_that_is_too_fast_is_refused_with_a_timescale(
+    problems: Any, tmp_path: Path
+) -> None:
     room = with_file(tmp_path, there_and_back(way=2.0, duration=4.0), limits=Limits(speed=0.5))
     ((path, message),) = problems("follow", room, (0,), **POLY7)
     assert path == ("file",)
@@ -220,7 +222,9 @@ def test_one_that_is_too_fast_is_told_what_would_fit(problems: Any, tmp_path: Pa
     assert problems("follow", room, (0,), **POLY7, timescale=1.87) != []
 
 
-def test_one_that_speeds_up_too_much_is_told_what_would_fit(problems: Any, tmp_path: Path) -> None:
+def test_a_trajectory_that_accelerates_too_much_is_refused_with_a_timescale(
+    problems: Any, tmp_path: Path
+) -> None:
     limits = Limits(speed=9.0, acceleration=1.0)
     room = with_file(tmp_path, there_and_back(way=1.0, duration=2.0), limits=limits)
     ((_, message),) = problems("follow", room, (0,), **POLY7)
@@ -229,7 +233,7 @@ def test_one_that_speeds_up_too_much_is_told_what_would_fit(problems: Any, tmp_p
     assert problems("follow", room, (0,), **POLY7, timescale=1.21) == []
 
 
-def test_a_velocity_that_jumps_is_told_where(problems: Any, tmp_path: Path) -> None:
+def test_a_jump_of_the_velocity_is_reported_at_its_piece(problems: Any, tmp_path: Path) -> None:
     on, back = (0.0, 0.4, *NOTHING[2:]), (0.4, -0.4, *NOTHING[2:])
     room = with_file(tmp_path, f"{HEADER}\n{row(1.0, on)}\n{row(1.0, back)}\n")
     ((_, message),) = problems("follow", room, (0,), **POLY7)
@@ -246,7 +250,7 @@ def test_one_that_is_longer_than_the_room_is_a_problem(problems: Any, tmp_path: 
     ]
 
 
-def test_one_that_lies_in_an_obstacle_is_told_by_its_first_place(
+def test_a_trajectory_in_an_obstacle_is_reported_at_its_first_position(
     problems: Any, tmp_path: Path
 ) -> None:
     room = with_file(tmp_path, there_and_back(), limits=replace(WIDE, height=(0.0, 2.0)))

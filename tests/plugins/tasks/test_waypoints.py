@@ -60,19 +60,19 @@ def test_columns_may_stand_in_any_order_with_a_heading(tmp_path: Path) -> None:
         ("x,y,z\n0,0,1\n0,0,1\n", ["path.csv: has 2 points, expected at least 2 that differ"]),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_with_its_line(
+def test_problems_are_reported_with_their_line(
     tmp_path: Path, text: str, expected: list[str]
 ) -> None:
     assert faults(tmp_path, written(tmp_path, text)) == expected
 
 
-def test_every_wrong_line_is_told(tmp_path: Path) -> None:
+def test_every_invalid_line_is_reported(tmp_path: Path) -> None:
     found = faults(tmp_path, written(tmp_path, "x,y,z\n0,0,b\n1,1,1\n0,c,0\n"))
     assert [message.split(":")[1] for message in found] == ["2", "4"]
 
 
 @pytest.mark.parametrize("data", [b"\xff\xfe\x00", b'x,y,z\n"0,1,2\n'])
-def test_what_is_no_csv_is_refused(tmp_path: Path, data: bytes) -> None:
+def test_a_file_that_is_not_csv_is_refused(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "path.csv").write_bytes(data)
     with pytest.raises(InputError, match=r"^path.csv: cannot be .* \[unreadable-file\]$"):
         read_waypoints(tmp_path / "path.csv", "path.csv")

@@ -14,7 +14,7 @@ CENTRE = [0.0, 0.0, 0.8]
 PILLAR = Obstacle("pillar", (((0.9, -0.1), (1.1, -0.1), (1.1, 0.1), (0.9, 0.1)),), (0.0, 3.0))
 
 
-def told(room: Scene = ROOM, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
+def problems_of(room: Scene = ROOM, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
     rows = tuple(range(len(room.agents)))
     filled = fill_defaults(options, OPTIONS)
     return [(problem.path, problem.message) for problem in check(room, rows, **filled)]
@@ -26,67 +26,67 @@ def with_pillar() -> Scene:
 
 def test_a_formation_that_can_be_flown_has_no_problem() -> None:
     move = {"to": [3.0, 0.0, 1.0]}
-    assert told(shape="circle", centre=CENTRE, radius=1.0, move=move) == []
+    assert problems_of(shape="circle", centre=CENTRE, radius=1.0, move=move) == []
 
 
 def test_a_line_needs_a_centre() -> None:
-    assert told(shape="line") == [((), "shape 'line' needs 'centre'")]
+    assert problems_of(shape="line") == [((), "shape 'line' needs 'centre'")]
 
 
 def test_points_are_needed() -> None:
-    assert told(shape="points", centre=CENTRE) == [((), "shape 'points' needs 'points'")]
+    assert problems_of(shape="points", centre=CENTRE) == [((), "shape 'points' needs 'points'")]
 
 
 def test_a_line_has_no_radius() -> None:
-    ((path, message),) = told(shape="line", centre=CENTRE, radius=1.0)
+    ((path, message),) = problems_of(shape="line", centre=CENTRE, radius=1.0)
     assert path == ("radius",)
     assert message == "'radius' goes with shape 'circle', not with 'line'"
 
 
 def test_points_have_no_spacing() -> None:
-    ((path, message),) = told(shape="points", points=[CENTRE] * 3, spacing=1.0)
+    ((path, message),) = problems_of(shape="points", points=[CENTRE] * 3, spacing=1.0)
     assert path == ("spacing",)
     assert message == "'spacing' goes with shape 'line' or 'grid' or 'circle', not with 'points'"
 
 
 def test_a_circle_has_a_radius_or_a_spacing() -> None:
-    ((path, message),) = told(shape="circle", centre=CENTRE, radius=1.0, spacing=0.5)
+    ((path, message),) = problems_of(shape="circle", centre=CENTRE, radius=1.0, spacing=0.5)
     assert path == ("spacing",)
     assert message == "'spacing' does not go with 'radius', expected one of them"
 
 
 def test_two_points_are_too_few_for_three_agents() -> None:
-    ((path, message),) = told(shape="points", points=[[0, 0, 1], [1, 0, 1]])
+    ((path, message),) = problems_of(shape="points", points=[[0, 0, 1], [1, 0, 1]])
     assert path == ("points",)
     assert message == "there are 2 points, expected one for each of 3"
 
 
-def test_a_grid_of_two_places_is_too_small_for_three_agents() -> None:
-    ((path, message),) = told(shape="grid", centre=CENTRE, rows=1, columns=2)
+def test_a_grid_of_two_positions_is_too_small_for_three_agents() -> None:
+    ((path, message),) = problems_of(shape="grid", centre=CENTRE, rows=1, columns=2)
     assert path == ("rows",)
     assert message == "1 x 2 positions are 2, expected 3: one for each agent"
 
 
-def test_a_place_outside_the_fence_is_told_with_its_number() -> None:
-    ((path, message),) = told(shape="line", centre=[9.5, 0.0, 0.8], spacing=1.0)
+def test_a_position_outside_the_fence_is_reported_with_its_number() -> None:
+    ((path, message),) = problems_of(shape="line", centre=[9.5, 0.0, 0.8], spacing=1.0)
     assert path == ("centre",)
     assert message.startswith("position 3 of 3: [10.5, 0, 0.8] is outside the fence")
 
 
-def test_a_point_outside_the_heights_is_told_where_it_stands() -> None:
-    ((path, message),) = told(shape="points", points=[[0, 0, 1], [1, 0, 5], [2, 0, 1]])
+def test_a_point_outside_the_heights_is_reported_at_its_index() -> None:
+    ((path, message),) = problems_of(shape="points", points=[[0, 0, 1], [1, 0, 5], [2, 0, 1]])
     assert path == ("points", 1)
     assert message == "[1, 0, 5] is outside the heights to fly at, from 0.2 to 1.8 m"
 
 
-def test_a_place_in_an_obstacle_is_told() -> None:
-    ((_, message),) = told(with_pillar(), shape="line", centre=CENTRE, spacing=1.0)
+def test_a_position_in_an_obstacle_is_refused() -> None:
+    ((_, message),) = problems_of(with_pillar(), shape="line", centre=CENTRE, spacing=1.0)
     assert message == "position 3 of 3: [1, 0, 0.8] is inside obstacle 'pillar'"
 
 
-def test_a_way_through_an_obstacle_is_told() -> None:
+def test_a_move_through_an_obstacle_is_refused() -> None:
     move = {"to": [1.0, 1.0, 0.8]}
-    ((path, message),) = told(
+    ((path, message),) = problems_of(
         with_pillar(), shape="line", centre=[1.0, -1.0, 0.8], spacing=1.0, move=move
     )
     assert path == ("move", "to")
@@ -94,30 +94,30 @@ def test_a_way_through_an_obstacle_is_told() -> None:
     assert "obstacle 'pillar'" in message
 
 
-def test_a_move_out_of_the_fence_is_told_for_each_place_that_leaves_it() -> None:
-    problems = told(shape="line", centre=CENTRE, spacing=1.0, move={"to": [9.5, 0.0, 0.8]})
+def test_a_move_out_of_the_fence_is_reported_for_each_position() -> None:
+    problems = problems_of(shape="line", centre=CENTRE, spacing=1.0, move={"to": [9.5, 0.0, 0.8]})
     assert [path for path, _ in problems] == [("move", "to")]
 
 
-def test_places_nearer_than_the_separation_are_told() -> None:
-    ((path, message),) = told(shape="line", centre=CENTRE, spacing=0.1)
+def test_positions_closer_than_the_separation_are_refused() -> None:
+    ((path, message),) = problems_of(shape="line", centre=CENTRE, spacing=0.1)
     assert path == ("spacing",)
     assert message == (
         "positions are 0.10 m from each other, expected at least limits.separation, 0.2 m"
     )
 
 
-def test_a_circle_that_is_too_small_is_told_at_its_radius() -> None:
-    ((path, _),) = told(shape="circle", centre=CENTRE, radius=0.1)
+def test_a_circle_that_is_too_small_is_reported_at_its_radius() -> None:
+    ((path, _),) = problems_of(shape="circle", centre=CENTRE, radius=0.1)
     assert path == ("radius",)
 
 
-def test_points_nearer_than_the_separation_are_told_at_the_later_one() -> None:
-    ((path, message),) = told(shape="points", points=[[0, 0, 1], [1, 0, 1], [0, 0.1, 1]])
+def test_points_closer_than_the_separation_are_reported_at_the_later_one() -> None:
+    ((path, message),) = problems_of(shape="points", points=[[0, 0, 1], [1, 0, 1], [0, 0.1, 1]])
     assert path == ("points", 2)
     assert message.startswith("positions are 0.10 m from point 1")
 
 
-def test_a_mission_without_separation_lets_places_be_near() -> None:
+def test_without_separation_positions_may_be_close() -> None:
     room = replace(ROOM, limits=Limits(separation=0.0))
-    assert told(room, shape="line", centre=CENTRE, spacing=0.05) == []
+    assert problems_of(room, shape="line", centre=CENTRE, spacing=0.05) == []

@@ -33,7 +33,7 @@ THREE_SECONDS: dict[str, Any] = {"for": 3.0}
 
 
 class Changing:
-    """A task that is told of a change at a time, s."""
+    """A task that is notified of a change at a time, s."""
 
     def __init__(self, task: Task, when: float, method: str, *about: Any) -> None:
         self._task = task
@@ -61,13 +61,13 @@ def apart(track: Array) -> Array:
     return distance
 
 
-def test_every_agent_flies_to_a_place(fly: Any) -> None:
+def test_every_agent_flies_to_a_position(fly: Any) -> None:
     flown = fly(task(**LINE), ROOM, AIR)
     assert flown.status is Status.SUCCESS
     assert flown.end == pytest.approx(np.array([[x, 2.0, 1.0] for x in (-0.5, 0, 0.5)]), abs=0.1)
 
 
-def test_agents_take_the_places_with_the_shortest_ways(fly: Any) -> None:
+def test_agents_are_assigned_positions_of_least_total_distance(fly: Any) -> None:
     flown = fly(task(**LINE), ROOM, [AIR[2], AIR[0], AIR[1]])
     assert flown.end[:, 0] == pytest.approx([0.5, -0.5, 0.0], abs=0.1)
 
@@ -94,7 +94,7 @@ def test_a_formation_is_held_from_when_it_is_formed(fly: Any) -> None:
     assert flown.time == pytest.approx(there.time + 3.0)
 
 
-def test_a_formation_moves_to_where_it_is_told(fly: Any) -> None:
+def test_a_formation_moves_to_its_goal(fly: Any) -> None:
     flown = fly(task(**MOVED), ROOM, AIR)
     assert flown.status is Status.SUCCESS
     assert flown.end.mean(axis=0) == pytest.approx([3.0, 2.0, 1.0], abs=0.1)
@@ -123,7 +123,7 @@ def test_a_formation_waits_for_an_agent_that_is_held_up(fly: Any) -> None:
     assert abs(apart(flown.track)[round(formed * 20) :] - [0.5, 1.0]).max() < 0.45
 
 
-def test_nobody_sets_out_before_all_are_located(fly: Any) -> None:
+def test_no_agent_departs_before_all_are_located(fly: Any) -> None:
     flown = fly(task(**LINE), ROOM, AIR, located=lambda time: np.array([True, time >= 2.0, True]))
     assert all(goals is None for goals in flown.goals[:40])
     assert flown.status is Status.SUCCESS
@@ -150,7 +150,7 @@ def test_a_formation_that_fewer_agents_cannot_fly_fails(fly: Any) -> None:
     assert flown.reason.startswith("position 3 of 3: [10.4, 0, 1] is outside the fence")
 
 
-def test_who_stays_flies_on_to_its_place(fly: Any) -> None:
+def test_remaining_agents_keep_their_positions(fly: Any) -> None:
     whole = fly(task(**MOVED), ROOM, AIR)
     changed = Changing(task(**MOVED), 8.0, "on_agents_removed", (0, 2))
     flown = fly(changed, ROOM, AIR, stuck=lambda time: np.array([False, time > 8, False]))
@@ -159,7 +159,7 @@ def test_who_stays_flies_on_to_its_place(fly: Any) -> None:
     assert flown.goals[-1].active.tolist() == [True, False, True]
 
 
-def test_another_agent_can_take_a_place(fly: Any) -> None:
+def test_a_replacement_takes_the_position(fly: Any) -> None:
     whole = fly(task(crew=(0, 1), **MOVED), ROOM, AIR)
     changed = Changing(task(crew=(0, 1), **MOVED), 3.0, "on_agent_replaced", 1, 2)
     flown = fly(changed, ROOM, AIR)
@@ -167,7 +167,7 @@ def test_another_agent_can_take_a_place(fly: Any) -> None:
     assert flown.end[2] == pytest.approx(whole.end[1], abs=0.1)
 
 
-def test_a_place_is_fed_forward_only_while_it_moves() -> None:
+def test_goals_have_a_velocity_only_while_the_formation_moves() -> None:
     at: dict[str, Any] = {"shape": "line", "centre": AIR[1], "spacing": 1.0}
     moving = task(**at, move={"to": [1.0, 0.0, 0.8], "speed": 0.2}, **ONE_SECOND)
     moving.begin(estimate(np.array(AIR)), health(3, AgentPhase.FLYING))

@@ -28,9 +28,9 @@ class Client:
         self.socket = socket.create_connection(address, timeout=SOON)
         self._lines = self.socket.makefile("rb")
 
-    def send(self, *said: Any) -> None:
+    def send(self, *lines: Any) -> None:
         """Send lines: bytes as they are, anything else as JSON."""
-        for value in said:
+        for value in lines:
             line = value if isinstance(value, bytes) else json.dumps(value).encode() + b"\n"
             self.socket.sendall(line)
 

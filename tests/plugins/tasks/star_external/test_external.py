@@ -45,9 +45,9 @@ def step(task: External, time: float = 0.0) -> TaskOutput:
     return task.step(at(time), health(3))
 
 
-def flying(task: External, client: Any, *said: Any, time: float = 0.0) -> TaskOutput:
-    """Send what is to be said, and step until it is heard."""
-    client.send(*said)
+def flying(task: External, client: Any, *lines: Any, time: float = 0.0) -> TaskOutput:
+    """Send what is to be lines, and step until it is heard."""
+    client.send(*lines)
     server, until = door_of(task), monotonic() + SOON
     while server._client is None or b"\n" not in server._received:
         server.receive(0, 0.01)
@@ -73,7 +73,7 @@ def test_the_client_is_greeted(external: Make, connect: Connect) -> None:
     }
 
 
-def test_the_client_is_told_where_its_agents_are(external: Make, connect: Connect) -> None:
+def test_the_client_receives_the_state_of_its_agents(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     step(task, 1.25)
     client.receive()
@@ -122,7 +122,7 @@ def test_agents_are_sent_to_the_goals(external: Make, connect: Connect) -> None:
     assert (given.yaw[1], given.speed[1]) == (1.0, 0.3)
 
 
-def test_a_goal_has_the_speed_of_the_mission_if_none_is_said(
+def test_the_default_speed_of_a_goal_is_the_missions_limit(
     external: Make, connect: Connect
 ) -> None:
     client, task = connect(), begun(external(lockstep=False))
@@ -165,7 +165,7 @@ def test_a_wrong_line_is_answered_and_changes_nothing(external: Make, connect: C
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.binary(min_size=1, max_size=80), max_size=9))
-def test_whatever_is_said_the_step_goes_on_and_every_wrong_line_is_answered(
+def test_the_step_continues_and_answers_every_invalid_line(
     external: Make, connect: Connect, noise: list[bytes]
 ) -> None:
     lines = [line.replace(b"\n", b"?") for line in noise]
@@ -179,8 +179,8 @@ def test_whatever_is_said_the_step_goes_on_and_every_wrong_line_is_answered(
     while step(task).goals is None:
         assert monotonic() < until
     door_of(task).disconnect()
-    told = iter(client.receive, None)
-    assert [line["line"] for line in told if "error" in line] == wrong
+    received = iter(client.receive, None)
+    assert [line["line"] for line in received if "error" in line] == wrong
 
 
 def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -> None:
@@ -192,8 +192,8 @@ def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -
     for tick in range(1, 10):
         door_of(task).receive(0, 0.05)
         step(task, tick * 0.05)
-    said = [client.receive() for _ in range(9)]
-    assert {"error": "the line is longer than 65536 bytes", "line": 1} in said
+    lines = [client.receive() for _ in range(9)]
+    assert {"error": "the line is longer than 65536 bytes", "line": 1} in lines
 
 
 def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> None:
@@ -206,7 +206,7 @@ def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> 
     assert goals(step(task)).position[0, 0] == (2 * MAX_LINES - 1) / 100
 
 
-def test_a_client_that_says_nothing_lets_its_agents_hold(external: Make, connect: Connect) -> None:
+def test_agents_hold_when_the_client_is_silent(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False, max_silence=1.0))
     flying(task, client, SOMEWHERE)
     assert goals(step(task, 0.95)).position[0].tolist() == [0.5, 0.5, 1.0]
@@ -252,7 +252,7 @@ def test_a_client_that_comes_back_is_greeted_and_flies_on(external: Make, connec
     assert goals(given).position[0].tolist() == [0.5, 0.5, 1.0]
 
 
-def test_nobody_who_connects_fails_the_step(external: Make) -> None:
+def test_the_step_fails_if_no_client_connects(external: Make) -> None:
     task = begun(external(lockstep=False, response_timeout=3.0))
     step(task)
     assert step(task, 2.95).status is Status.RUNNING
@@ -314,20 +314,20 @@ def test_on_hardware_nothing_waits(
     assert step(task) == TaskOutput()
 
 
-def test_goals_of_who_left_are_gone_and_refused(external: Make, connect: Connect) -> None:
+def test_goals_of_a_removed_agent_are_dropped_and_refused(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     flying(task, client, SOMEWHERE)
     task.on_agents_removed((1,))
     assert step(task, 0.05).goals is None
     assert flying(task, client, SOMEWHERE, time=0.1).goals is None
-    said = [client.receive() for _ in range(6)]
-    assert [line["agents"] for line in said if "star" in line] == [["cf1", "cf2"], ["cf2"]]
-    assert said[-1]["error"] == (
+    lines = [client.receive() for _ in range(6)]
+    assert [line["agents"] for line in lines if "star" in line] == [["cf1", "cf2"], ["cf2"]]
+    assert lines[-1]["error"] == (
         "no agent named 'cf1' in this step; there are: cf2 [invalid-message]"
     )
 
 
-def test_who_takes_a_part_takes_its_goal(external: Make, connect: Connect) -> None:
+def test_a_replacement_inherits_the_goal(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     flying(task, client, SOMEWHERE)
     task.on_agent_replaced(0, 2)

@@ -143,7 +143,7 @@ def test_without_another_process_the_example_lands(missions: Path, tmp_path: Pat
     assert "no client connected to 127.0.0.1:" in (tmp_path / "summary.json").read_text()
 
 
-def test_a_port_that_is_taken_is_told_before_anybody_takes_off(
+def test_a_port_in_use_is_reported_before_takeoff(
     missions: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -162,8 +162,8 @@ class Rising:
     def plan(self, estimate: Estimate, _health: object, rows: tuple[int, ...]) -> Answer:
         if (estimate.position[list(rows), 2] > 0.95).all():
             return self.arrive()
-        places = estimate.position.tolist()
-        return {self._names[row]: Goal((*places[row][:2], 1.0)) for row in rows}
+        positions = estimate.position.tolist()
+        return {self._names[row]: Goal((*positions[row][:2], 1.0)) for row in rows}
 
     def arrive(self) -> Answer:
         return Done()
@@ -195,7 +195,7 @@ def test_a_planner_in_this_process_leads_the_agents(
         assert record["truth_position"][:, :, 2].max() > 0.9
 
 
-def test_everybody_lands_when_a_planner_breaks_and_it_is_named(
+def test_all_agents_land_when_a_planner_fails_and_it_is_named(
     install: Callable[..., None], tmp_path: Path
 ) -> None:
     install(Breaking)

@@ -29,20 +29,20 @@ from star_external.planner import Done, ExternalPlanner, Failed, Goal
 from star_external.planner_source import GROUP, PlannerSource
 
 AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
-WHO = "external planner 'theirs' (their_package:Planner): "
+LABEL = "external planner 'theirs' (their_package:Planner): "
 THERE = Goal((0.5, 0.5, 1.0))
 
 Install = Callable[..., None]
 
 
-class Says:
+class Scripted:
     """A planner that answers one thing after the other, and the last one from then on."""
 
     def __init__(self, *answers: Any) -> None:
         self._answers = list(answers)
         self.asked: list[tuple[float, tuple[int, ...]]] = []
 
-    def __call__(self, *_scene_and_rows: object) -> Says:
+    def __call__(self, *_scene_and_rows: object) -> Scripted:
         return self
 
     def plan(self, estimate: Estimate, _health: object, rows: tuple[int, ...]) -> Any:
@@ -81,20 +81,20 @@ def goals(of: TaskOutput) -> Goals:
 def test_what_a_planner_is_made_with_are_the_scene_and_the_rows(made: Any) -> None:
     got: list[object] = []
 
-    def make(*arguments: object) -> Says:
+    def make(*arguments: object) -> Scripted:
         got.extend(arguments)
-        return Says({})
+        return Scripted({})
 
     assert isinstance(made(make), Task)
     assert got == [scene(3), (0, 1)]
 
 
 def test_a_planner_is_one_by_its_shape() -> None:
-    assert isinstance(Says({}), ExternalPlanner)
+    assert isinstance(Scripted({}), ExternalPlanner)
 
 
 def test_agents_are_sent_to_the_goals(made: Any) -> None:
-    given = goals(step(made(Says({"cf2": Goal((0.5, 0.5, 1.0), (0.1, 0, 0), 1.0, 0.3)}))))
+    given = goals(step(made(Scripted({"cf2": Goal((0.5, 0.5, 1.0), (0.1, 0, 0), 1.0, 0.3)}))))
     assert given.active.tolist() == [False, True, False]
     assert given.position[1].tolist() == [0.5, 0.5, 1.0]
     assert given.velocity[1].tolist() == [0.1, 0.0, 0.0]
@@ -102,24 +102,24 @@ def test_agents_are_sent_to_the_goals(made: Any) -> None:
 
 
 def test_goals_may_be_made_of_arrays(made: Any) -> None:
-    place = np.array([0.5, 0.5, 1.0], np.float32)
-    given = goals(step(made(Says({"cf1": Goal(place, yaw=np.float32(1))}))))  # type: ignore[arg-type]
+    position = np.array([0.5, 0.5, 1.0], np.float32)
+    given = goals(step(made(Scripted({"cf1": Goal(position, yaw=np.float32(1))}))))  # type: ignore[arg-type]
     assert given.position[0].tolist() == [0.5, 0.5, 1.0]
     assert given.yaw[0] == 1.0
 
 
 def test_no_goals_keep_those_there_are(made: Any) -> None:
-    task = made(Says({"cf1": THERE}, {}))
+    task = made(Scripted({"cf1": THERE}, {}))
     step(task)
     assert goals(step(task, 0.05)).position[0].tolist() == [0.5, 0.5, 1.0]
 
 
 def test_before_the_first_goals_agents_keep_what_they_do(made: Any) -> None:
-    assert step(made(Says({}))) == TaskOutput()
+    assert step(made(Scripted({}))) == TaskOutput()
 
 
 def test_the_planner_is_asked_in_every_tick(made: Any) -> None:
-    planner = Says({})
+    planner = Scripted({})
     task = made(planner)
     for tick in range(3):
         step(task, tick * 0.05)
@@ -127,7 +127,7 @@ def test_the_planner_is_asked_in_every_tick(made: Any) -> None:
 
 
 def test_the_planner_is_asked_at_the_rate(made: Any) -> None:
-    planner = Says({})
+    planner = Scripted({})
     task = made(planner, rate=5)
     for tick in range(9):
         step(task, tick * 0.05)
@@ -135,17 +135,17 @@ def test_the_planner_is_asked_at_the_rate(made: Any) -> None:
 
 
 def test_a_step_ends_when_the_planner_is_done(made: Any) -> None:
-    assert step(made(Says(Done()))) == TaskOutput(status=Status.SUCCESS)
+    assert step(made(Scripted(Done()))) == TaskOutput(status=Status.SUCCESS)
 
 
 def test_a_step_fails_when_the_planner_gives_up_and_it_is_named(made: Any) -> None:
-    ended = step(made(Says(Failed("no\nway"))))
+    ended = step(made(Scripted(Failed("no\nway"))))
     assert ended.status is Status.FAILURE
     assert ended.reason == "external planner 'theirs' (their_package:Planner) gave up: no way"
 
 
-def test_who_left_is_in_the_rows_no_more_and_has_no_goal(made: Any) -> None:
-    planner = Says({"cf1": THERE, "cf2": THERE}, {})
+def test_a_removed_agent_is_not_in_the_rows_and_has_no_goal(made: Any) -> None:
+    planner = Scripted({"cf1": THERE, "cf2": THERE}, {})
     task = made(planner)
     step(task)
     task.on_agents_removed((1,))
@@ -154,7 +154,7 @@ def test_who_left_is_in_the_rows_no_more_and_has_no_goal(made: Any) -> None:
 
 
 def test_who_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any) -> None:
-    planner = Says({"cf1": THERE}, {})
+    planner = Scripted({"cf1": THERE}, {})
     task = made(planner)
     step(task)
     task.on_agent_replaced(0, 2)
@@ -165,7 +165,7 @@ def test_who_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any) -> None:
 
 
 def test_who_joins_is_in_the_rows_and_can_be_given_goals(made: Any) -> None:
-    planner = Says({}, {"cf3": THERE})
+    planner = Scripted({}, {"cf3": THERE})
     task = made(planner)
     step(task)
     task.on_agents_added((0, 1, 2))
@@ -191,30 +191,30 @@ def test_who_joins_is_in_the_rows_and_can_be_given_goals(made: Any) -> None:
         (SystemExit("bye"), "SystemExit: bye ("),
     ],
 )
-def test_what_a_planner_does_wrong_is_told_in_its_name(made: Any, answer: Any, why: str) -> None:
-    task = made(Says(answer))
+def test_failures_of_a_planner_name_it(made: Any, answer: Any, why: str) -> None:
+    task = made(Scripted(answer))
     with pytest.raises(PluginError) as raised:
         step(task)
-    assert str(raised.value).startswith(WHO + why)
+    assert str(raised.value).startswith(LABEL + why)
 
 
 def test_who_wants_to_end_the_program_may(made: Any) -> None:
-    task = made(Says(KeyboardInterrupt()))
+    task = made(Scripted(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         step(task)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(position=st.tuples(st.floats(), st.floats(), st.floats()), yaw=st.none() | st.floats())
-def test_whatever_a_planner_wants_agents_are_sent_to_places_inside_the_fence(
+def test_agents_are_sent_inside_the_fence_whatever_a_planner_returns(
     made: Any, position: tuple[float, float, float], yaw: float | None
 ) -> None:
     room: Scene = scene(3)
-    task = made(Says({"cf1": Goal(position, yaw=yaw)}))
+    task = made(Scripted({"cf1": Goal(position, yaw=yaw)}))
     try:
         given = goals(step(task))
     except PluginError as error:
-        assert str(error).startswith(f"{WHO}cf1: ")  # noqa: PT017 -- whichever it is
+        assert str(error).startswith(f"{LABEL}cf1: ")  # noqa: PT017 -- whichever it is
         return
     assert room.world.fault(position) is None
     assert np.isfinite(given.yaw).all()
@@ -229,9 +229,7 @@ def test_whatever_a_planner_wants_agents_are_sent_to_places_inside_the_fence(
         ("builtins:len", "TypeError: len() takes exactly one argument (2 given)"),
     ],
 )
-def test_a_planner_that_cannot_be_made_is_told_in_its_name(
-    install: Install, value: str, why: str
-) -> None:
+def test_a_planner_that_cannot_be_created_is_named(install: Install, value: str, why: str) -> None:
     install(EntryPoint("theirs", value, GROUP))
     (offer,) = star_external.star_tasks()
     with pytest.raises(PluginError) as raised:
@@ -240,14 +238,14 @@ def test_a_planner_that_cannot_be_made_is_told_in_its_name(
 
 
 def test_no_port_is_opened_for_a_planner(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("socket.create_server", None)  # whoever calls it raises
-    task = made(Says(Done()))
+    monkeypatch.setattr("socket.create_server", None)  # any call of it raises
+    task = made(Scripted(Done()))
     assert step(task).status is Status.SUCCESS
     task.close()
 
 
 def test_a_planner_that_can_be_closed_is_closed(made: Any) -> None:
-    class Closes(Says):
+    class Closes(Scripted):
         closed = 0
 
         def close(self) -> None:
@@ -259,14 +257,14 @@ def test_a_planner_that_can_be_closed_is_closed(made: Any) -> None:
 
 
 def test_a_planner_that_raises_when_it_is_closed_is_named(made: Any) -> None:
-    class Sticks(Says):
+    class Sticks(Scripted):
         def close(self) -> None:
             raise OSError("stuck")
 
     task = made(Sticks({}))
     with pytest.raises(PluginError) as raised:
         task.close()
-    assert str(raised.value).startswith(f"{WHO}OSError: stuck (")
+    assert str(raised.value).startswith(f"{LABEL}OSError: stuck (")
 
 
 def test_who_installed_a_planner_is_named_with_it() -> None:
@@ -276,7 +274,7 @@ def test_who_installed_a_planner_is_named_with_it() -> None:
         PlannerSource(scene(1), (0,), point)
 
 
-def test_an_error_of_many_lines_is_told_on_one(made: Any) -> None:
-    task = made(Says(ValueError("singular\nmatrix")))
+def test_an_error_of_many_lines_is_reported_on_one(made: Any) -> None:
+    task = made(Scripted(ValueError("singular\nmatrix")))
     with pytest.raises(PluginError, match="ValueError: singular matrix "):
         step(task)

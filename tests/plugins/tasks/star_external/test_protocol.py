@@ -1,4 +1,4 @@
-"""What the other process may say."""
+"""Messages from the other process."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ messages = st.one_of(
 )
 
 
-def said(value: Any) -> Any:
+def answered(value: Any) -> Any:
     return read(json.dumps(value).encode(), FULL, ["cf1", "cf2"])
 
 
 def refused(value: Any) -> str:
     with pytest.raises(InputError) as error:
-        said(value)
+        answered(value)
     assert error.value.code == "invalid-message"
     return str(error.value).removesuffix(" [invalid-message]")
 
@@ -55,29 +55,29 @@ def wrong_goal(**goal: Any) -> str:
 
 
 def test_a_goal_needs_a_position_only() -> None:
-    assert said({"goals": {"cf1": {"position": [1, 0, 0.8]}}}) == {"cf1": Goal((1.0, 0.0, 0.8))}
+    assert answered({"goals": {"cf1": {"position": [1, 0, 0.8]}}}) == {"cf1": Goal((1.0, 0.0, 0.8))}
 
 
 def test_a_goal_may_have_a_velocity_a_yaw_and_a_speed() -> None:
     goal = {"position": HERE, "velocity": [0.1, 0, 0], "yaw": 1.5, "speed": 0.4}
     expected = Goal((1.0, 0.0, 0.8), (0.1, 0.0, 0.0), 1.5, 0.4)
-    assert said({"goals": {"cf1": goal}}) == {"cf1": expected}
+    assert answered({"goals": {"cf1": goal}}) == {"cf1": expected}
 
 
 def test_no_goals_are_a_sign_of_life() -> None:
-    assert said({"goals": {}}) == {}
+    assert answered({"goals": {}}) == {}
 
 
-def test_the_other_process_can_say_that_it_is_done() -> None:
-    assert said({"done": True}) == Done()
+def test_the_other_process_can_end_the_step() -> None:
+    assert answered({"done": True}) == Done()
 
 
-def test_the_other_process_can_say_why_it_gives_up() -> None:
-    assert said({"fail": "lost"}) == Failed("lost")
+def test_the_other_process_can_fail_the_step_with_a_reason() -> None:
+    assert answered({"fail": "lost"}) == Failed("lost")
 
 
 def test_why_it_gives_up_is_kept_short_and_on_one_line() -> None:
-    assert said({"fail": "a\n" + 1000 * "b"}) == Failed("a " + 198 * "b")
+    assert answered({"fail": "a\n" + 1000 * "b"}) == Failed("a " + 198 * "b")
 
 
 def test_a_line_is_one_of_three_things() -> None:
@@ -183,7 +183,7 @@ def test_any_bytes_are_understood_or_refused(line: bytes) -> None:
 @given(messages)
 def test_any_json_is_understood_or_refused_in_few_words(value: Any) -> None:
     try:
-        message = said(value)
+        message = answered(value)
     except InputError as error:
         assert 0 < len(str(error)) < 200  # noqa: PT017 -- whichever it is
         return

@@ -31,7 +31,7 @@ def made(spec: TaskSpec, rows: tuple[int, ...] = (0,), **options: Any) -> Task:
     return spec.make(ROOM, rows, **fill_defaults(options, spec.options))
 
 
-def told(**options: Any) -> list[tuple[tuple[str | int, ...], str]]:
+def problems_of(**options: Any) -> list[tuple[tuple[str | int, ...], str]]:
     (spec,) = star_external.star_tasks()
     filled = fill_defaults(options, spec.options)
     return [(problem.path, problem.message) for problem in check(ROOM, (0, 1), **filled)]
@@ -61,14 +61,18 @@ def test_a_port_can_be_opened_again_for_the_next_flight(offer: TaskSpec) -> None
     other.close()
 
 
-def test_a_port_that_was_chosen_is_told(offer: TaskSpec, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_free_port_that_was_chosen_is_logged(
+    offer: TaskSpec, caplog: pytest.LogCaptureFixture
+) -> None:
     with caplog.at_level(logging.WARNING):
         task: Any = made(offer, port=0)
     task.close()
     assert caplog.messages == [f"external: listens on 127.0.0.1:{task._source.server.address[1]}"]
 
 
-def test_that_others_can_steer_is_told(offer: TaskSpec, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_port_open_to_other_hosts_is_logged(
+    offer: TaskSpec, caplog: pytest.LogCaptureFixture
+) -> None:
     with caplog.at_level(logging.WARNING):
         task: Any = made(offer, port=0, listen="0.0.0.0")  # noqa: S104 -- what it is about
     task.close()
@@ -76,34 +80,34 @@ def test_that_others_can_steer_is_told(offer: TaskSpec, caplog: pytest.LogCaptur
 
 
 def test_a_name_is_no_address() -> None:
-    ((path, message),) = told(listen="localhost")
+    ((path, message),) = problems_of(listen="localhost")
     assert path == ("listen",)
     assert message == "'localhost' is not an IPv4 address, expected one like 127.0.0.1"
 
 
-def test_a_silence_is_longer_than_from_state_to_state() -> None:
-    ((path, message),) = told(max_silence=0.5, rate=2)
+def test_max_silence_exceeds_the_period_of_state_lines() -> None:
+    ((path, message),) = problems_of(max_silence=0.5, rate=2)
     assert path == ("max_silence",)
     assert message == ("a silence of 0.5 s is not longer than the period of state lines, 0.5 s")
 
 
-def test_options_that_are_well_have_no_problem() -> None:
-    assert told(listen="0.0.0.0", max_silence=1, rate=2, port=0) == []  # noqa: S104 -- an option
+def test_valid_options_have_no_problem() -> None:
+    assert problems_of(listen="0.0.0.0", max_silence=1, rate=2, port=0) == []  # noqa: S104 -- an option
 
 
-def test_planners_that_are_installed_are_offered(install: Callable[..., None]) -> None:
+def test_installed_planners_are_offered(install: Callable[..., None]) -> None:
     install(EntryPoint("spiral", "another:Spiral", GROUP), ORBIT)
     (made,) = star_external.star_tasks()
     assert made.options["properties"]["planner"]["enum"] == ["orbit", "spiral"]
 
 
-def test_without_planners_the_schema_is_one_and_the_check_says_so(
+def test_without_planners_the_schema_is_valid_and_the_check_refuses_any(
     install: Callable[..., None],
 ) -> None:
     install()
     (made,) = star_external.star_tasks()
     Draft202012Validator.check_schema(made.options)
-    assert told(planner="orbit") == [
+    assert problems_of(planner="orbit") == [
         (
             ("planner",),
             "no external planner named 'orbit'; installed: none (planners are entry points of "
@@ -112,9 +116,9 @@ def test_without_planners_the_schema_is_one_and_the_check_says_so(
     ]
 
 
-def test_two_planners_of_one_name_are_told(install: Callable[..., None]) -> None:
+def test_two_planners_of_one_name_are_refused(install: Callable[..., None]) -> None:
     install(ORBIT, EntryPoint("orbit", "another:Orbit", GROUP))
-    assert told(planner="orbit") == [
+    assert problems_of(planner="orbit") == [
         (
             ("planner",),
             "two external planners are named 'orbit': another:Orbit and their_package:Orbit; "
@@ -134,11 +138,11 @@ def test_two_planners_of_one_name_are_told(install: Callable[..., None]) -> None
         ("lockstep", False),
     ],
 )
-def test_what_is_for_another_process_is_refused_beside_a_planner(
+def test_options_of_another_process_are_refused_with_a_planner(
     install: Callable[..., None], option: str, value: object
 ) -> None:
     install(ORBIT)
-    assert told(planner="orbit", **{option: value}) == [
+    assert problems_of(planner="orbit", **{option: value}) == [
         (
             (option,),
             f"{option!r} applies to another process, but planner 'orbit' runs in this one; "
@@ -147,9 +151,9 @@ def test_what_is_for_another_process_is_refused_beside_a_planner(
     ]
 
 
-def test_a_planner_may_be_asked_as_seldom_as_one_likes(install: Callable[..., None]) -> None:
+def test_a_planner_may_have_any_rate(install: Callable[..., None]) -> None:
     install(ORBIT)
-    assert told(planner="orbit", rate=0.1) == []
+    assert problems_of(planner="orbit", rate=0.1) == []
 
 
 def test_a_step_with_a_planner_holds_no_port(install: Callable[..., None]) -> None:

@@ -36,7 +36,7 @@ def gone(server: TcpServer) -> bool:
     return not server.connected
 
 
-def test_nobody_is_there_at_first(server: TcpServer) -> None:
+def test_no_client_is_connected_at_first(server: TcpServer) -> None:
     assert not server.accept(0.0)
     assert server.receive(9, 0.0) == []
 
@@ -71,7 +71,7 @@ def test_half_a_line_waits_for_the_other_half(server: TcpServer, connect: Connec
     assert server.receive(9, SOON) == [Line(1, b"half")]
 
 
-def test_empty_lines_say_nothing(server: TcpServer, connect: Connect) -> None:
+def test_empty_lines_are_ignored(server: TcpServer, connect: Connect) -> None:
     client = connect()
     server.accept(SOON)
     client.send(b"\n  \r\nx\n")
@@ -79,7 +79,7 @@ def test_empty_lines_say_nothing(server: TcpServer, connect: Connect) -> None:
 
 
 @pytest.mark.parametrize("length", [MAX_LINE + 1, 3 * MAX_LINE, 40 * MAX_LINE])
-def test_a_line_that_is_too_long_is_told_once_and_the_next_is_heard(
+def test_a_line_that_is_too_long_is_reported_once_and_the_next_is_received(
     server: TcpServer, connect: Connect, length: int
 ) -> None:
     client = connect()
@@ -107,7 +107,7 @@ def test_a_second_client_is_sent_away(server: TcpServer, connect: Connect) -> No
     first = connect()
     server.accept(SOON)
     second = connect()
-    server.receive(9, 0.1)  # it takes no notice of whoever is sent away
+    server.receive(9, 0.1)  # it ignores clients that are rejected
     assert second.receive() == {"error": "another process is connected", "line": 0}
     assert second.receive() is None
     first.send(b"still here\n")
@@ -147,7 +147,7 @@ def test_another_client_can_come_after_that(server: TcpServer, connect: Connect)
     assert server.receive(9, SOON) == [Line(1, b"x")]
 
 
-def test_a_client_is_told_lines(server: TcpServer, connect: Connect) -> None:
+def test_lines_are_sent_to_the_client(server: TcpServer, connect: Connect) -> None:
     client = connect()
     server.accept(SOON)
     assert server.send(b"[1]\n")
@@ -166,7 +166,7 @@ def test_what_a_client_does_not_read_is_bounded_and_never_waited_for(
     assert not server.send(line, now=True)
 
 
-def test_to_a_client_that_has_gone_nothing_is_said(server: TcpServer, connect: Connect) -> None:
+def test_nothing_is_sent_to_a_disconnected_client(server: TcpServer, connect: Connect) -> None:
     client = connect()
     server.accept(SOON)
     client.close()

@@ -1,4 +1,4 @@
-"""A hall, scouts that fly exactly what the planner says, and targets that views show them."""
+"""A hall, scouts that fly exactly what the planner returns, and targets in their fields of view."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Searched:
 
 
 class Scouts:
-    """Points that fly what the planner says; a target is seen where the view shows it."""
+    """Point masses that fly what the planner returns, and see targets in their fields of view."""
 
     def __init__(self, scene: Scene, phase: AgentPhase = AgentPhase.FLYING) -> None:
         n = len(scene.agents)
@@ -115,14 +115,14 @@ class Scouts:
         seen = list(self.sighted())
         sightings = Sightings.none()
         if seen:
-            agent, tag, place = (list(column) for column in zip(*seen, strict=True))
+            agent, tag, position = (list(column) for column in zip(*seen, strict=True))
             k = len(seen)
             spread = np.tile(np.eye(3) * 1e-3, (k, 1, 1))
             sightings = Sightings(
                 np.array(agent),
                 np.array(tag),
                 np.full(k, time),
-                np.array(place),
+                np.array(position),
                 np.zeros(k),
                 spread,
             )

@@ -53,9 +53,9 @@ def test_cells_in_view_are_where_the_view_is(x: float, y: float, yaw: float) -> 
     (cells,) = coverage.visible(VIEW, np.array([[x, y, yaw]]))
     turn = complex(math.cos(yaw), math.sin(yaw))
     for cell, (ahead, left) in zip(cells.tolist(), VIEW.points, strict=True):
-        place = complex(x, y) + turn * complex(ahead, left)
+        point = complex(x, y) + turn * complex(ahead, left)
         if cell != coverage.outside:
-            away = coverage.center[cell] - [place.real, place.imag]
+            away = coverage.center[cell] - [point.real, point.imag]
             assert np.abs(away).max() <= 0.05 + 1e-9
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -29,9 +30,14 @@ def test_the_simulated_camera_finds_every_tag_in_view(pitch: float) -> None:
     world = World("floor", Fence((-9, -9, 0), (9, 9, 3)))
     points = field_of_view(camera, 0.8, SIZE, 0.1).points
     assert len(points) > 10
-    for x, y in points:
-        tag = Tag(1, SIZE, (x, y, 0.0), (0.0, 0.0, math.sin(0.3), math.cos(0.3)), "target")
-        assert OnboardDetector(camera, [tag], world).detect(body)[0].tolist() == [1]
+    for i, j in product(range(3), repeat=2):  # every third cell: there tags do not overlap
+        tags = [
+            Tag(n, SIZE, (x, y, 0.0), (0.0, 0.0, math.sin(0.3), math.cos(0.3)), "target")
+            for n, (x, y) in enumerate(points)
+            if (round(x / 0.1) % 3, round(y / 0.1) % 3) == (i, j)
+        ]
+        found = OnboardDetector(camera, tags, world).detect(body)[0].tolist()
+        assert sorted(found) == [tag.id for tag in tags]
 
 
 def test_a_camera_that_looks_ahead_shows_what_is_ahead() -> None:

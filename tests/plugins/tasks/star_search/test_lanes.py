@@ -27,31 +27,31 @@ FREE = shapely.box(0.3, 0.3, 5.7, 3.7)
 HOLE = shapely.box(2, 1.5, 3, 2.5)
 ORIGIN = np.zeros(2)
 somewhere = st.tuples(st.floats(0, 6), st.floats(0, 4))
-swaths = st.floats(0.4, 2.0)
+spacings = st.floats(0.4, 2.0)
 
 
-def lanes_of(area: Any, free: Any, swath: float, angle: float = 0.0) -> list[Lane]:
-    return list(chain.from_iterable(parallel_lanes(area, free, swath, angle)))
+def lanes_of(area: Any, free: Any, spacing: float, angle: float = 0.0) -> list[Lane]:
+    return list(chain.from_iterable(parallel_lanes(area, free, spacing, angle)))
 
 
 def line(lane: Lane) -> Any:
     return shapely.LineString([lane.start, lane.end])
 
 
-@given(somewhere, swaths, st.sampled_from([0.0, math.pi / 2]))
-def test_every_place_is_within_half_a_swath_of_a_lane_or_its_ends(
-    place: tuple[float, float], swath: float, angle: float
+@given(somewhere, spacings, st.sampled_from([0.0, math.pi / 2]))
+def test_every_point_is_within_half_a_spacing_of_a_lane(
+    point: tuple[float, float], spacing: float, angle: float
 ) -> None:
     """But for the rim where no agent may be."""
-    lanes = lanes_of(ROOM, FREE, swath, angle)
-    away = min(shapely.distance(line(lane), shapely.Point(place)) for lane in lanes)
-    assert away <= max(swath / 2, 0.3 * math.sqrt(2)) + 0.1
+    lanes = lanes_of(ROOM, FREE, spacing, angle)
+    away = min(shapely.distance(line(lane), shapely.Point(point)) for lane in lanes)
+    assert away <= max(spacing / 2, 0.3 * math.sqrt(2)) + 0.1
 
 
-@given(swaths, st.floats(0, math.pi))
-def test_lanes_lie_where_agents_may_be(swath: float, angle: float) -> None:
+@given(spacings, st.floats(0, math.pi))
+def test_lanes_lie_where_agents_may_be(spacing: float, angle: float) -> None:
     free = FREE.difference(HOLE)
-    for lane in lanes_of(ROOM, free, swath, angle):
+    for lane in lanes_of(ROOM, free, spacing, angle):
         assert free.buffer(1e-6).contains(line(lane))
 
 
@@ -69,14 +69,14 @@ def test_an_obstacle_makes_four_groups() -> None:
     assert sorted(len(group) for group in groups) == [2, 2, 3, 3]
 
 
-def test_an_area_where_nobody_may_be_has_no_lanes() -> None:
+def test_an_area_without_free_space_has_no_lanes() -> None:
     assert parallel_lanes(ROOM, shapely.box(10, 10, 12, 12), 1.0, 0.0) == []
     assert tour([], ORIGIN) == []
 
 
-@given(somewhere, swaths)
-def test_a_tour_flies_every_lane_once(start: tuple[float, float], swath: float) -> None:
-    groups = parallel_lanes(ROOM, ROOM.difference(HOLE), swath, 0.0)
+@given(somewhere, spacings)
+def test_a_tour_flies_every_lane_once(start: tuple[float, float], spacing: float) -> None:
+    groups = parallel_lanes(ROOM, ROOM.difference(HOLE), spacing, 0.0)
     flown = tour(groups, np.array(start))
     ends = [sorted([tuple(lane.start), tuple(lane.end)]) for lane in flown]
     assert sorted(ends) == sorted(
@@ -95,11 +95,11 @@ def test_directions_are_those_of_the_sides_the_longest_first() -> None:
     assert angles(ROOM) == pytest.approx([0.0, math.pi / 2], abs=1e-6)
 
 
-@given(st.integers(1, 6), swaths)
+@given(st.integers(1, 6), spacings)
 def test_shares_add_up_to_the_lanes_and_none_is_longer_than_its_part(
-    shares: int, swath: float
+    shares: int, spacing: float
 ) -> None:
-    lanes = tour(parallel_lanes(ROOM, ROOM.difference(HOLE), swath, 0.0), ORIGIN)
+    lanes = tour(parallel_lanes(ROOM, ROOM.difference(HOLE), spacing, 0.0), ORIGIN)
     pieces = divide(lanes, shares)
     assert len(pieces) == shares
     total = sum(lane.length for piece in pieces for lane in piece)

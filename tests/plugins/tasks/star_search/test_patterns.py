@@ -72,9 +72,7 @@ def test_the_share_of_a_scout_that_leaves_goes_to_the_others(
 
 
 @both
-def test_who_takes_over_from_a_scout_goes_on_with_what_is_left(
-    pattern: str, hall: Any, search: Any
-) -> None:
+def test_a_replacement_continues_the_share_of_a_scout(pattern: str, hall: Any, search: Any) -> None:
     seen = []
 
     def meddle(time: float, task: Any, _scouts: Any) -> None:
@@ -128,7 +126,7 @@ def test_only_the_area_is_searched(pattern: str, hall: Any, search: Any) -> None
 
 
 @both
-def test_what_nobody_can_see_is_not_waited_for(pattern: str, hall: Any, search: Any) -> None:
+def test_invisible_floor_is_not_required(pattern: str, hall: Any, search: Any) -> None:
     room = hall(1, obstacles=(WALL,))
     flown = search(room, pattern=pattern)
     assert flown.status is Status.SUCCESS

@@ -44,7 +44,7 @@ def test_enough_targets_end_it(hall: Any, search: Any) -> None:
     assert flown.space.coverage.fraction < 0.99
 
 
-def test_all_targets_of_the_world_end_it_if_nothing_is_said(hall: Any, search: Any) -> None:
+def test_all_targets_of_the_world_end_it_by_default(hall: Any, search: Any) -> None:
     flown = search(hall(2, targets=TWO))
     assert flown.status is Status.SUCCESS
     assert (flown.finder >= 0).all()
@@ -69,7 +69,7 @@ def test_targets_may_be_named(hall: Any, search: Any) -> None:
     assert flown.finder[0] >= 0
 
 
-def test_a_covered_area_ends_it_though_targets_are_left(hall: Any, search: Any) -> None:
+def test_a_covered_area_ends_it_before_all_targets_are_found(hall: Any, search: Any) -> None:
     hidden = {"hidden": (0.0, 0.0)}  # under the block
     flown = search(hall(2, targets=hidden), targets=1)
     assert flown.status is Status.SUCCESS
@@ -124,8 +124,8 @@ def test_the_finder_hovers_at_its_target_to_the_end(hall: Any, search: Any) -> N
 def test_who_marks_a_target_stays_over_it_and_then_searches_on(hall: Any, search: Any) -> None:
     flown = search(hall(1, targets=TWO), on_found="mark", mark_duration=4.0)
     assert flown.status is Status.SUCCESS
-    for place in TWO.values():
-        near = np.linalg.norm(flown.track[:, 0, :2] - place, axis=1) <= 0.2
+    for target in TWO.values():
+        near = np.linalg.norm(flown.track[:, 0, :2] - target, axis=1) <= 0.2
         assert near.sum() * PERIOD >= 4.0
 
 
@@ -135,7 +135,7 @@ def test_a_target_is_marked_before_enough_targets_end_it(hall: Any, search: Any)
     assert marked.time >= quick.time + 4.0
 
 
-def test_a_target_that_was_found_before_is_nobodys_to_land_at(hall: Any, search: Any) -> None:
+def test_no_agent_lands_at_a_target_that_was_found_before(hall: Any, search: Any) -> None:
     def meddle(_time: float, _task: Any, scouts: Any) -> None:
         scouts.finder = np.array([0])
 
@@ -144,17 +144,17 @@ def test_a_target_that_was_found_before_is_nobodys_to_land_at(hall: Any, search:
     assert flown.space.coverage.fraction >= 0.99
 
 
-def test_two_that_land_at_one_place_land_apart(hall: Any, search: Any) -> None:
+def test_two_agents_that_land_at_one_target_land_apart(hall: Any, search: Any) -> None:
     near = {"red": RED, "blue": (1.2, 1.0)}
     flown = search(hall(3, targets=near), on_found="land", targets=0)
     down = np.flatnonzero(flown.phase == AgentPhase.LANDED)
-    places = flown.position[-1][down, :2]
+    positions = flown.position[-1][down, :2]
     if len(down) == 2:
-        assert np.linalg.norm(places[0] - places[1]) >= 0.4
+        assert np.linalg.norm(positions[0] - positions[1]) >= 0.4
     assert flown.status is Status.SUCCESS
 
 
-def test_a_finder_that_leaves_is_waited_for_by_nobody(hall: Any, search: Any) -> None:
+def test_the_search_does_not_wait_for_a_finder_that_left(hall: Any, search: Any) -> None:
     def meddle(_time: float, task: Any, scouts: Any) -> None:
         if (scouts.finder >= 0).any() and len(task._rows) == 2:
             task.on_agents_removed(tuple(row for row in (0, 1) if row != scouts.finder[0]))
@@ -180,7 +180,7 @@ def test_who_takes_over_from_a_finder_makes_its_visit(then: str, hall: Any, sear
     assert np.hypot(*(flown.track[-1, 2, :2] - RED)) < 0.3
 
 
-def test_one_without_a_camera_only_keeps_the_place(hall: Any, search: Any) -> None:
+def test_a_replacement_without_a_camera_does_not_search(hall: Any, search: Any) -> None:
     def meddle(time: float, task: Any, _scouts: Any) -> None:
         if time == 5.0:
             task.on_agent_replaced(1, 2)

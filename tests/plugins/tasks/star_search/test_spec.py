@@ -39,7 +39,7 @@ def test_a_good_search_has_no_problem(hall: Any) -> None:
     )
 
 
-def test_agents_without_a_camera_are_told(hall: Any) -> None:
+def test_agents_without_a_camera_are_refused(hall: Any) -> None:
     ((path, message),) = problems(hall(camera=None))
     assert path == ()
     assert message == (
@@ -48,44 +48,44 @@ def test_agents_without_a_camera_are_told(hall: Any) -> None:
     )
 
 
-def test_an_area_is_told_with_its_place(hall: Any) -> None:
+def test_an_invalid_area_is_refused_at_its_corner(hall: Any) -> None:
     ((path, message),) = problems(hall(), area={"low": [-1, -1], "high": [1, 5]})
     assert path == ("area", "high")
     assert message.startswith("[1, 5] is outside the fence")
 
 
-def test_a_height_that_nobody_flies_at_is_told(hall: Any) -> None:
+def test_a_height_outside_the_limits_is_refused(hall: Any) -> None:
     low = replace(hall(), limits=replace(hall().limits, height=(0.2, 0.5)))
     ((path, message),) = problems(low)
     assert path == ("height",)
     assert message == "0.8 m is outside the heights to fly at, from 0.2 to 0.5 m"
 
 
-def test_a_height_from_which_no_tag_is_made_out_is_told(hall: Any) -> None:
+def test_a_height_from_which_no_tag_is_resolved_is_refused(hall: Any) -> None:
     ((path, message),) = problems(hall(), height=1.8)
     assert path == ("height",)
     assert message.startswith("from 1.8 m at 0.3 m/s, 'cf1' resolves no tag on the floor")
 
 
-def test_lanes_farther_apart_than_the_camera_sees_are_told(hall: Any) -> None:
+def test_lanes_farther_apart_than_the_view_are_refused(hall: Any) -> None:
     ((path, message),) = problems(hall(), lane_spacing=2.0)
     assert path == ("lane_spacing",)
     assert message.startswith("2 m is more than the 1.35 m in which 'cf1' resolves tags")
 
 
-def test_a_clearance_that_leaves_nothing_is_told(hall: Any) -> None:
+def test_a_clearance_that_fills_the_fence_is_refused(hall: Any) -> None:
     ((path, message),) = problems(hall(), clearance=2.0)
     assert (path, message) == (
         ("clearance",), "2 m on both sides leave nothing of the fence's 4 m",
     )  # fmt: skip
 
 
-def test_more_targets_than_there_are_are_told(hall: Any) -> None:
+def test_more_targets_than_the_world_has_are_refused(hall: Any) -> None:
     ((path, message),) = problems(hall(targets={"red": (1, 1)}), targets=2)
     assert (path, message) == (("targets",), "2 is more than the 1 targets of the world")
 
 
-def test_a_target_of_another_name_is_told_with_what_was_meant(hall: Any) -> None:
+def test_an_unknown_target_is_refused_with_a_suggestion(hall: Any) -> None:
     room = hall(targets={"red": (1, 1), "blue": (-1, 1)})
     ((path, message),) = problems(room, targets=["blue", "rde"])
     assert (path, message) == (("targets", 1), "no target named 'rde'; did you mean 'red'?")
@@ -93,11 +93,11 @@ def test_a_target_of_another_name_is_told_with_what_was_meant(hall: Any) -> None
     assert message == "no target named 'xyz'; there are: red, blue"
 
 
-def test_what_is_made_is_a_task(hall: Any) -> None:
+def test_make_returns_a_task(hall: Any) -> None:
     assert isinstance(make(hall(), (0,), **filled({"pattern": "frontier"})), Task)
 
 
-def test_somebody_elses_pattern_is_offered_and_made(hall: Any, monkeypatch: Any) -> None:
+def test_an_installed_pattern_is_offered_and_made(hall: Any, monkeypatch: Any) -> None:
     theirs = EntryPoint("theirs", "star_search.frontier:Frontier", pattern.GROUP)
     monkeypatch.setattr(pattern, "entry_points", lambda **_group: [theirs])
     pattern._installed.cache_clear()
@@ -115,9 +115,7 @@ def test_somebody_elses_pattern_is_offered_and_made(hall: Any, monkeypatch: Any)
         ("builtins:id", "search pattern 'theirs' (builtins:id) made int, expected begin(estimate"),
     ],
 )
-def test_a_pattern_that_is_none_is_named(
-    value: str, message: str, hall: Any, monkeypatch: Any
-) -> None:
+def test_an_invalid_pattern_is_named(value: str, message: str, hall: Any, monkeypatch: Any) -> None:
     theirs = EntryPoint("theirs", value, pattern.GROUP)
     monkeypatch.setattr(pattern, "_installed", lambda: {"theirs": theirs})
     with pytest.raises(PluginError) as raised:
