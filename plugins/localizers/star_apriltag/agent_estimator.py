@@ -80,17 +80,9 @@ class AgentEstimator(Protocol):
 
 
 class SmoothingEstimator:
-    """Estimates one agent's state with a fixed-lag smoother.
+    """Estimates one agent's state with a fixed-lag smoother; without a camera, by odometry only.
 
-    Args:
-        agent: With its camera, or without: then it has odometry only.
-        landmarks: The map.
-        targets: Tags of targets; only their numbers and sizes are used.
-        settings: Options.
-
-    Attributes:
-        track: The agent's odometry.
-        calibration: Of that odometry.
+    Of the targets only the numbers and sizes are used.
     """
 
     def __init__(

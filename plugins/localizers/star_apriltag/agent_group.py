@@ -62,13 +62,7 @@ def merged(outputs: Iterable[TickOutput]) -> TickOutput:
 
 
 class AgentGroup:
-    """The estimators of some agents.
-
-    Args:
-        scene: Agents with their cameras, the map.
-        rows: Of the agents.
-        settings: Options.
-    """
+    """The estimators of the agents in some rows."""
 
     def __init__(self, scene: Scene, rows: Iterable[int], settings: Settings) -> None:
         landmarks = _first_of_each(scene.world.landmarks, settings.max_tags_per_landmark)

@@ -36,15 +36,7 @@ SINGULAR: Final = 1e-9
 
 
 class BatchEstimator:
-    """Estimates one agent's state with a graph of every pose since take-off.
-
-    Args:
-        agent: With its camera, or without: then it has odometry only.
-        landmarks: The map.
-
-    Attributes:
-        anchor: Where dead reckoning continues.
-    """
+    """Estimates one agent's state with a graph of every pose since take-off."""
 
     def __init__(self, agent: Agent, landmarks: tuple[Tag, ...]) -> None:
         self._track = OdometryTrack()

@@ -59,14 +59,7 @@ class AgentState(NamedTuple):
 
 
 class DeadReckoner:
-    """Keeps one agent's odometry and predicts its current state.
-
-    Args:
-        agent: Where it starts.
-
-    Attributes:
-        anchor: To be replaced by newer ones.
-    """
+    """Predicts one agent's current state from `anchor`, which is replaced, and its odometry."""
 
     def __init__(self, agent: Agent) -> None:
         self._track = OdometryTrack()
@@ -91,13 +84,9 @@ def start_node(agent: Agent) -> Node:
 
 
 def predict(anchor: Anchor, time: float, track: OdometryTrack, ground: float) -> AgentState:
-    """Return an agent's state at `time` by dead reckoning.
+    """Return an agent's state at `time`, s, no earlier than the newest pose, by dead reckoning.
 
-    Args:
-        anchor: Of the agent.
-        time: No earlier than its newest pose's, s.
-        track: Its odometry.
-        ground: z of its odometry frame in the map, m.
+    `ground` is the z of its odometry frame in the map, m.
     """
     node = anchor.node
     motion = track.between(node.time, time, scale=anchor.scale, yaw_bias=anchor.yaw_bias)

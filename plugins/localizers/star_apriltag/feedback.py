@@ -51,14 +51,7 @@ class Feedback:
         frames: Transform,
         telemetry: Telemetry,
     ) -> Corrections:
-        """Return the corrections of the agents in rows `fixed`, which have a new fix.
-
-        Args:
-            fixed: Their rows.
-            states: Current state of each agent.
-            frames: Current odometry frames.
-            telemetry: With the agents' own estimates.
-        """
+        """Return the corrections of the agents in rows `fixed`, which have a new fix."""
         found: list[tuple[Any, ...]] = []
         for row in sorted(set(fixed)):
             state = states[row]

@@ -24,18 +24,7 @@ class AprilTag:
     """Localizes agents by their odometry and by AprilTags.
 
     Unless there is feedback, nothing is sent to the drones: each flies in its own odometry frame,
-    and `map_from_odom` changes.
-
-    Args:
-        scene: Agents with their cameras, the map.
-        settings: Options of the estimators.
-        processes: Number of processes beside this one; None for a number that suits the machine.
-        feedback: ``none``, or what the agents' own estimators are corrected with: ``extpose``,
-            or ``extpos`` for positions only.
-        survey_std: Standard deviation of the map's positions, m: no estimate is better.
-        max_position_std: Standard deviation of a position, along its worst direction, up to which
-            an agent is located, m.
-        max_report_age: Age up to which a report is valid, s.
+    and `map_from_odom` changes. The arguments beside the scene are the options of the schema.
     """
 
     def __init__(

@@ -13,14 +13,7 @@ MIN_INTERVAL: Final = 1e-6  # s between two reports; less is one report, repeate
 
 
 class ReportOdometry:
-    """Completes the odometry stream.
-
-    Args:
-        agents: Number of agents.
-
-    Attributes:
-        silent: Rows of the agents whose last samples are from reports.
-    """
+    """Completes the odometry stream; `silent` has the agents whose samples are from reports."""
 
     def __init__(self, agents: int) -> None:
         self.silent: set[int] = set()

@@ -115,19 +115,8 @@ class LocalWorker:
 class RemoteWorker:
     """Estimates states in another process.
 
-    Input is sent only after the process has answered, so that sending never waits.
-
-    Args:
-        scene: Agents with their cameras, the map.
-        rows: Of the agents.
-        settings: Options.
-
-    Attributes:
-        rows: The same.
-        ended: Whether the process has ended unexpectedly.
-
-    Raises:
-        OSError: The process cannot be started.
+    Input is sent only after the process has answered, so that sending never waits. `ended` is set
+    when the process has ended unexpectedly.
     """
 
     def __init__(self, scene: Scene, rows: list[int], settings: Settings) -> None:
@@ -149,10 +138,7 @@ class RemoteWorker:
         self._connection.send((scene, rows, settings))
 
     def receive(self, *, wait: bool) -> TickOutput:
-        """Return the results of the last input, if the process has answered.
-
-        Args:
-            wait: Until it has.
+        """Return the results of the last input if the process has answered, or wait for them.
 
         Raises:
             RuntimeError: The process failed; the message is its traceback.
@@ -219,13 +205,10 @@ class Answer(NamedTuple):
 
 
 def serve(descriptor: int) -> None:
-    """Estimate states until a connection is closed: the main function of a process.
+    """Estimate states until the connection of an inherited descriptor is closed.
 
-    Receives the arguments of `AgentGroup`, then lists of `TickInput`, and answers each with an
-    `Answer`. After a failure it answers with the traceback and ends.
-
-    Args:
-        descriptor: Of the connection's end, which is inherited.
+    It transmits the arguments of `AgentGroup`, then lists of `TickInput`, and each is answered with
+    an `Answer`. After a failure the answer is the traceback.
     """
     faulthandler.enable()
     connection = Connection(descriptor)

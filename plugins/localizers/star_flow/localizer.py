@@ -19,14 +19,7 @@ class Flow:
 
     Targets are located where a camera detects tags on board; they drift with the agent that sees
     them. For studies an artificial error can be added to the positions; its variance is part of the
-    covariance.
-
-    Args:
-        scene: The mission's scene.
-        max_report_age: Age up to which a report is valid, s.
-        error_std: Standard deviation along each axis of the artificial error, m.
-        error_time_constant: Its correlation time, s.
-        latency: Time from exposure to arrival, for detections without a timestamp, s.
+    covariance. The arguments beside the scene are the options of the schema.
     """
 
     def __init__(

@@ -56,11 +56,6 @@ def match_tag(image: Image, expected: ExpectedTag, lens: CameraModel) -> TagMatc
     A template of the tag is compared with the image at all pixels near the expected one, by
     normalized cross-correlation over the tag's paper. The tag is found if one peak is clearly above
     all others, and if the code is its own.
-
-    Args:
-        image: As the lens shows it.
-        expected: The tag.
-        lens: The camera.
     """
     spread = np.sqrt(expected.covariance.diagonal())
     if not spread.max() <= MAX_PIXEL_STD:

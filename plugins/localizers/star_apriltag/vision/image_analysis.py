@@ -82,10 +82,6 @@ class ImageAnalyzer:
     def analyze(self, image: Image, prediction: Prediction) -> ImageAnalysis:
         """Detect tags in an image and evaluate them.
 
-        Args:
-            image: As the lens shows it.
-            prediction: Of the body when the image was taken.
-
         Raises:
             ValueError: It is no gray image of the camera's size.
         """
@@ -98,13 +94,7 @@ class ImageAnalyzer:
         return replace(analysis, matches=tuple(match for match in matches if match is not None))
 
     def evaluate(self, tags: Rows, corners: Array, prediction: Prediction) -> ImageAnalysis:
-        """Evaluate the tags that were detected in an image.
-
-        Args:
-            tags: (K,) their numbers.
-            corners: (K, 4, 2) px: bottom left, bottom right, top right and top left of each.
-            prediction: Of the body when the image was taken.
-        """
+        """Evaluate tags by their (K,) numbers and (K, 4, 2) corners, px."""
         landmarks: list[SeenLandmark] = []
         targets: list[SeenTarget] = []
         rays = self.lens.undistort(corners)

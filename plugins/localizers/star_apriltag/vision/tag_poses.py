@@ -100,15 +100,7 @@ class SeenTarget:
 def seen_landmark(
     tag: MapTag, pixels: Array, rays: Array, lens: CameraModel, prediction: Prediction
 ) -> SeenLandmark:
-    """Return the body's pose according to a tag of the map, and whether it is used.
-
-    Args:
-        tag: Of the map.
-        pixels: (4, 2) its corners, px.
-        rays: (4, 2) the same as rays.
-        lens: The camera.
-        prediction: Of the body.
-    """
+    """Return the body's pose by a tag of the map, with (4, 2) corners in px and as rays."""
     square = solve(rays, tag.size, lens)
     if square is None:
         return SeenLandmark(tag.number, Verdict.UNSOLVED)
@@ -140,15 +132,9 @@ def joint_fix(
 def seen_target(
     tag: int, size: float, pixels: Array, rays: Array, lens: CameraModel, prediction: Prediction
 ) -> SeenTarget | None:
-    """Return the pose of a target in the body, or None if no pose fits its corners.
+    """Return a target's pose in the body, by its edge, m, and (4, 2) corners in px and as rays.
 
-    Args:
-        tag: Its number.
-        size: Its edge, m.
-        pixels: (4, 2) its corners, px.
-        rays: (4, 2) the same as rays.
-        lens: The camera.
-        prediction: Of the body.
+    None if no pose fits.
     """
     square = solve(rays, size, lens)
     if square is None:
@@ -169,13 +155,7 @@ def seen_target(
 
 
 def solve(rays: Array, size: float, lens: CameraModel) -> Square | None:
-    """Return the possible poses of a square in the camera, or None if there is none.
-
-    Args:
-        rays: (4, 2) of its corners: bottom left, bottom right, top right, top left.
-        size: Its edge, m.
-        lens: The camera.
-    """
+    """Return the possible poses of a square in the camera, by its (4, 2) rays and its edge, m."""
     found = square_poses(rays, size)
     if not found:
         return None
@@ -192,11 +172,7 @@ def corner_std(distance: float, size: float) -> float:
     """Return the standard deviation of each coordinate of a corner, px.
 
     A tag twice as large looks like one at half the distance. It is more than the detector's own
-    error, since it includes errors of the map and of the lens.
-
-    Args:
-        distance: From the camera, m.
-        size: Edge of the tag, m.
+    error, since it includes errors of the map and of the lens. `size` is its edge, m.
 
     Example:
         >>> round(corner_std(0.9, 0.168), 3)

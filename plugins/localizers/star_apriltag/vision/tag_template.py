@@ -45,14 +45,8 @@ class Template(NamedTuple):
 def template(number: int, size: float, tag: Pose, lens: CameraModel, region: Region) -> Template:
     """Return a tag of family 36h11 as it appears in a region of the image.
 
-    Each pixel is the mean over `SAMPLES` by `SAMPLES` rays, blurred like a lens.
-
-    Args:
-        number: Of the tag.
-        size: Its edge, m.
-        tag: In the camera.
-        lens: The camera.
-        region: With at least one pixel of the image around it.
+    Each pixel is the mean over `SAMPLES` by `SAMPLES` rays, blurred like a lens. The region has at
+    least one pixel of the image around it; the tag's pose is that in the camera, its size in m.
     """
     left, top, right, bottom = region
     rays = lens.rays[top - 1 : bottom + 1, left - 1 : right + 1]
