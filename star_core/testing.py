@@ -1,6 +1,6 @@
-"""Checks a plugin author runs: does this part keep its contract?
+"""Checks for the tests of plugin authors: whether a plugin keeps its contract.
 
-Each check takes a made part and raises `ContractError` at the first breach. In a plugin's tests::
+Each check takes a plugin and raises `ContractError` at the first violation. In a plugin's tests::
 
     from star_core.testing import check_avoider, scene
 
@@ -27,7 +27,7 @@ from star_core.world.world import Fence, World
 
 
 def scene(n: int, *, rate: float = 20.0, limits: Limits | None = None, seed: int = 0) -> Scene:
-    """A scene of `n` agents 1 m apart on a line, in an empty room 20 m wide and 3 m high."""
+    """Return a scene of `n` agents 1 m apart on a line, in an empty room 20 m wide and 3 m high."""
     return Scene(
         agents=tuple(Agent(f"cf{i + 1}", (i - (n - 1) / 2, 0.0, 0.0)) for i in range(n)),
         period=1 / rate,
@@ -38,7 +38,7 @@ def scene(n: int, *, rate: float = 20.0, limits: Limits | None = None, seed: int
 
 
 def estimate(position: Array, *, velocity: Array | None = None, time: float = 0.0) -> Estimate:
-    """An estimate with all rows valid, 1 cm of deviation, and odometry frames that lie in the map.
+    """Return an estimate with all rows valid, a deviation of 1 cm, and frames equal to the map.
 
     Args:
         position: (N, 3) m.
@@ -58,20 +58,20 @@ def estimate(position: Array, *, velocity: Array | None = None, time: float = 0.
 
 
 def health(n: int, phase: AgentPhase = AgentPhase.FLYING) -> Health:
-    """The health of `n` agents in one phase, charged and just heard."""
+    """Return the health of `n` agents in one phase, charged and just heard."""
     return Health(phase=np.full(n, int(phase)), battery=np.full(n, 4.0), age=np.zeros(n))
 
 
 def check_avoider(avoider: Avoider, n: int = 3) -> None:
-    """Check that an avoider answers in kind, finitely, and leaves idle rows idle.
+    """Check that an avoider returns finite setpoints and keeps inactive rows inactive.
 
-    One agent that is idle is not located: its row holds NaN.
+    One inactive agent is not located: its row has NaN.
 
     Raises:
-        ContractError: It does not; the message says which rule it broke.
+        ContractError: It does not; the message states the rule.
     """
     require_methods(avoider, Avoider)
-    now, active = _astray(n)
+    now, active = _partly_located(n)
     wanted = Setpoint(velocity=np.full((n, 3), 0.3), yaw=np.zeros(n), active=active)
     safe = checked_setpoint(avoider.avoid(now, wanted), n)
     if (safe.active & ~active).any():
@@ -79,40 +79,40 @@ def check_avoider(avoider: Avoider, n: int = 3) -> None:
 
 
 def check_planner(planner: Planner, n: int = 3) -> None:
-    """Check that a planner answers in kind, finitely, and leaves idle rows idle.
+    """Check that a planner returns finite plans and keeps rows without goals inactive.
 
-    One agent that has no goal is not located: its row holds NaN.
+    One agent without a goal is not located: its row has NaN.
 
     Raises:
-        ContractError: It does not; the message says which rule it broke.
+        ContractError: It does not; the message states the rule.
     """
     require_methods(planner, Planner)
-    now, active = _astray(n)
-    place = np.where(active[:, None], now.position + np.array([0.5, 0.0, 0.0]), 0.0)
+    now, active = _partly_located(n)
+    position = np.where(active[:, None], now.position + np.array([0.5, 0.0, 0.0]), 0.0)
     zero = np.zeros(n)
     plan = checked_plan(
-        planner.plan(now, Goals(place, np.zeros((n, 3)), zero, zero + 0.5, active)), n
+        planner.plan(now, Goals(position, np.zeros((n, 3)), zero, zero + 0.5, active)), n
     )
     if (plan.setpoint.active & ~active).any():
         raise ContractError("a row without a goal came back active")
 
 
 def check_localizer(localizer: Localizer, n: int = 3) -> None:
-    """Check that a localizer answers in kind, in time, and finitely where it says so.
+    """Check that a localizer returns estimates of the right time, finite where valid.
 
-    The second report of the last agent is NaN: nothing was heard of it.
+    After its first report the last agent is not heard: its row has NaN.
 
     Raises:
-        ContractError: It does not; the message says which rule it broke.
+        ContractError: It does not; the message states the rule.
     """
     require_methods(localizer, Localizer)
     for time in (0.0, 0.05, 0.1):
         silent = (np.arange(n) == n - 1) & (time > 0)
-        place = np.where(silent[:, None], np.nan, np.zeros((n, 3)))
+        position = np.where(silent[:, None], np.nan, np.zeros((n, 3)))
         telemetry = Telemetry(
             time=time,
-            position=place,
-            velocity=place,
+            position=position,
+            velocity=position,
             attitude=np.where(silent[:, None], np.nan, np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))),
             battery=np.where(silent, np.nan, 4.0),
             state=np.full(n, int(Supervisor.COMMANDER_FINISHED)),
@@ -123,10 +123,10 @@ def check_localizer(localizer: Localizer, n: int = 3) -> None:
             raise ContractError(f"Estimate.time is {answer.time!r}, expected {time!r}")
 
 
-def _astray(n: int) -> tuple[Estimate, Mask]:
-    """An estimate without the first agent's position, and (N,) active rows: all others."""
+def _partly_located(n: int) -> tuple[Estimate, Mask]:
+    """Return an estimate without the first agent's position, and the others: (N,)."""
     rng = np.random.default_rng(0)
     known = np.arange(n) > 0
-    place = np.where(known[:, None], rng.uniform(0.5, 2, (n, 3)), np.nan)
+    position = np.where(known[:, None], rng.uniform(0.5, 2, (n, 3)), np.nan)
     velocity = np.where(known[:, None], rng.normal(0, 0.3, (n, 3)), np.nan)
-    return replace(estimate(place, velocity=velocity), valid=known), known
+    return replace(estimate(position, velocity=velocity), valid=known), known

@@ -1,4 +1,4 @@
-"""Where a square of known size lies in front of a camera, from its four corners."""
+"""Pose of a square of known size in front of a camera, from its four corners."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ def square_corners(size: float) -> Array:
 
 
 def square_poses(rays: Array, size: float) -> list[tuple[Pose, float]]:
-    """Return how a square may lie in a camera's frame: up to two poses, the better one first.
+    """Return the possible poses of a square in a camera's frame: up to two, the better one first.
 
-    A small square looks nearly the same from two sides; both poses are those of Collins and
-    Bartoli, "Infinitesimal plane-based pose estimation" (IJCV 109, 2014), by OpenCV. For some exact
-    corners, as of a square parallel to the image plane, OpenCV's are wrong by up to 2 cm.
+    A small square looks nearly the same in two poses, those of Collins and Bartoli, "Infinitesimal
+    plane-based pose estimation" (IJCV 109, 2014), by OpenCV. For some exact corners, as of a square
+    parallel to the image plane, OpenCV's are wrong by up to 2 cm.
 
     Args:
         rays: (4, 2) x / z and y / z of its corners, in the order of `square_corners`.
         size: Its edge, m.
 
     Returns:
-        Each pose of the square in the camera, with the root mean square of its residuals in the
-        units of `rays`; none where the corners are not those of a square seen from the front.
+        Each pose of the square in the camera's frame, with the root mean square of its residuals in
+        the units of `rays`; none if the corners are not those of a square seen from the front.
     """
     import cv2  # a flight without images or targets does not
 

@@ -1,11 +1,11 @@
-"""How long an action may take before it counts as failed. Nothing here imports numpy."""
+"""Timeouts of actions and steps. Nothing here imports numpy."""
 
 from __future__ import annotations
 
 from typing import Final
 
-FACTOR: Final = 3.0  # agents brake, make way for each other and wait for each other
-GRACE: Final = 5.0  # s: spin up, settle, and be detected as landed
+FACTOR: Final = 3.0  # agents brake for each other, move aside and wait
+GRACE: Final = 5.0  # s, to spin up, settle, and be detected as landed
 
 
 def timeout(expected: float, grace: float = GRACE) -> float:
@@ -24,9 +24,9 @@ def step_timeout(derived: float, wait: float | None = None, given: float | None 
     """Return the timeout of a step, s.
 
     Args:
-        derived: What its task returned, s.
-        wait: For how long the condition that ends the step waits, s; None without one.
-        given: What the mission says, which takes precedence, s.
+        derived: Of its task, s.
+        wait: Longest time in the condition that ends the step, s; None without one.
+        given: ``timeout`` in the mission, which overrides it, s.
 
     Example:
         >>> step_timeout(35.0), step_timeout(35.0, wait=60.0), step_timeout(35.0, given=10.0)

@@ -25,14 +25,14 @@ class Camera:
         height: px.
         matrix: Focal lengths and principal point fx, fy, cx, cy, px.
         distortion: k1, k2, p1, p2, k3.
-        position: Where it sits in the body frame, m.
-        roll: How it is turned in the body, rad, in the order roll, pitch, yaw; without a turn it
-            looks along the body's x axis, the right way up.
+        position: In the body frame, m.
+        roll: Of its mounting in the body, rad, in the order roll, pitch, yaw; with zeros it looks
+            along the body's x axis, upright.
         pitch: rad, down positive (right-handed about y).
         yaw: rad.
-        rate: Images a second, Hz.
-        exposure: For how long each row of pixels gathers light, s.
-        readout: Time from the read-out of the first row to that of the last, s; rows are exposed
+        rate: Of images, Hz.
+        exposure: Of each row of pixels, s.
+        readout: Time from the readout of the first row to that of the last, s; rows are exposed
             one after the other.
     """
 
@@ -59,7 +59,7 @@ class Camera:
 
 
 def camera_faults(given: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield what is wrong with a camera that a mission describes and that fits its schema.
+    """Yield the mistakes of a camera in a mission that fits its schema.
 
     >>> list(camera_faults({"width": 160}))
     [(('width',), 'the principal point [169.27, 160.6] is outside the image of 160 x 244 px')]

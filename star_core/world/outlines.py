@@ -9,24 +9,20 @@ from typing import Final
 
 from star_core.world.world import Corner
 
-SIDES: Final = 24
-"""Sides of the polygon around a cylinder; its corners are 0.9 % farther out than the circle."""
-
-FLAT: Final = 1e-12
-"""Points off a line by less than this share of its length are on it."""
-
-THIN: Final = 0.001
-"""Least width of a strip that an outline fills, m, across the line from its first corner to the
-farthest; of walls the schema says the same. What is thinner is a slip of the pen."""
+SIDES: Final = 24  # of the polygon around a cylinder; its corners are 0.9 % outside the circle
+COLLINEAR: Final = 1e-12  # distance from a line over its length, below which points are on it
+MIN_WIDTH: Final = 0.001
+"""Least width of an outline, m, across the line from its first corner to the farthest, as of walls
+in the schema. A thinner one is a typing error."""
 
 
 def box(centre: Sequence[float], size: Sequence[float], yaw: float) -> tuple[Corner, ...]:
     """Return the corners of a rectangle, anticlockwise.
 
     Args:
-        centre: x and y of its middle, m.
-        size: Its length along its own x axis and along its own y axis, m.
-        yaw: How far its x axis is turned from the map's, rad, anticlockwise.
+        centre: x and y, m.
+        size: Lengths along its own x and y axes, m.
+        yaw: Of its x axis in the map, rad, anticlockwise.
 
     Example:
         >>> box((1, 1), (2, 1), 0.0)
@@ -42,9 +38,7 @@ def box(centre: Sequence[float], size: Sequence[float], yaw: float) -> tuple[Cor
 
 
 def around_circle(centre: Sequence[float], radius: float) -> tuple[Corner, ...]:
-    """Return the corners of a regular polygon of `SIDES` whose sides touch a circle from outside.
-
-    So nothing of a cylinder is left out of its polygon.
+    """Return the corners of a regular polygon of `SIDES` around a circle, which it contains.
 
     Args:
         centre: x and y, m.
@@ -92,10 +86,10 @@ def outline_fault(corners: Sequence[Corner]) -> str | None:
     (x, y), (dx, dy) = corners[0], _longest(corners)
     length = math.hypot(dx, dy)
     off = [(dx * (v - y) - dy * (u - x)) / length for u, v in corners]
-    if max(map(abs, off)) <= FLAT * length:
+    if max(map(abs, off)) <= COLLINEAR * length:
         return "has all its points on one line"
-    if (strip := max(off) - min(off)) < THIN:
-        return f"lies in a strip of only {strip:.2g} m, expected at least {THIN:g} m"
+    if (strip := max(off) - min(off)) < MIN_WIDTH:
+        return f"lies in a strip of only {strip:.2g} m, expected at least {MIN_WIDTH:g} m"
     import shapely  # numpy with it: only a world with polygons needs them
 
     reason = shapely.is_valid_reason(shapely.Polygon(corners))  # such as "Self-intersection[0.5 1]"

@@ -1,4 +1,4 @@
-"""Turns in space as plain numbers: what is read from a file, before numpy is needed."""
+"""Rotations as quaternions of plain numbers, for files that are read without numpy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 
 
 def turned(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return a turn about x by `roll`, then about y by `pitch`, then about z by `yaw`, rad.
+    """Return the rotation about x by `roll`, then about y by `pitch`, then about z by `yaw`, rad.
 
     >>> [round(value, 3) for value in turned(0.0, 0.0, math.pi / 2)]
     [0.0, 0.0, 0.707, 0.707]
@@ -28,7 +28,7 @@ def turned(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def moved(rotation: Quaternion, vector: Point) -> Point:
-    """Turn a vector.
+    """Rotate a vector.
 
     >>> [round(value, 3) for value in moved(turned(0.0, 0.0, math.pi / 2), (1.0, 0.0, 2.0))]
     [0.0, 1.0, 2.0]
@@ -40,7 +40,7 @@ def moved(rotation: Quaternion, vector: Point) -> Point:
 
 
 def product(second: Quaternion, first: Quaternion) -> Quaternion:
-    """Return the turn that does `first` and then `second`."""
+    """Return the rotation by `first` and then by `second`."""
     ax, ay, az, aw = second
     bx, by, bz, bw = first
     return (

@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core.geometry.footprint import OVER, footprint
+from star_core.geometry.footprint import OFFSET_RATIO, footprint
 from star_core.world.outlines import box, wall
 from star_core.world.world import Obstacle
 
@@ -45,7 +45,7 @@ def test_all_that_is_nearer_than_the_clearance_is_covered_and_nothing_much_farth
     covered = footprint(crowd, 1.0, 1.0, clearance).distance(point) == 0
     if away < clearance - 1e-8:
         assert covered
-    if away > OVER * clearance + 1e-8:
+    if away > OFFSET_RATIO * clearance + 1e-8:
         assert not covered
 
 
@@ -67,7 +67,7 @@ def test_boxes_that_touch_are_one() -> None:
 def test_the_room_inside_a_closed_wall_stays_hollow(clearance: float) -> None:
     (only,) = footprint([thing(*wall(ROOM, 0.2))], 1.0, 1.0, clearance).geoms
     (hole,) = only.interiors
-    inside = 2 * (1 - 0.1 - OVER * clearance)
+    inside = 2 * (1 - 0.1 - OFFSET_RATIO * clearance)
     assert shapely.Polygon(hole).area == pytest.approx(inside**2)
 
 

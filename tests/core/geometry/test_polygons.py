@@ -10,7 +10,7 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from star_core.world.outlines import THIN, around_circle, box, outline_fault
+from star_core.world.outlines import MIN_WIDTH, around_circle, box, outline_fault
 
 Corner: TypeAlias = tuple[float, float]
 
@@ -77,7 +77,7 @@ def test_what_is_no_polygon_is_said_with_its_place(corners: list[Corner], fault:
     assert outline_fault(corners) == fault
 
 
-@given(corners, st.floats(1.1 * THIN, 1), st.floats(1, 1000), st.floats(-math.pi, math.pi))
+@given(corners, st.floats(1.1 * MIN_WIDTH, 1), st.floats(1, 1000), st.floats(-math.pi, math.pi))
 def test_nothing_is_refused_that_is_wider_than_the_least_width(
     centre: Corner, width: float, times: float, yaw: float
 ) -> None:
