@@ -1,4 +1,4 @@
-"""A laboratory that flies missions with obedient stubs, each of which misbehaves when told to."""
+"""A laboratory that flies missions with obedient stubs, each of which misbehaves on demand."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ class Lab:
 
     def went(self, agent: str | None) -> list[str]:
         """Phases that an agent, or with None the mission, went through."""
-        return [phase for _, who, phase in self.phases if who == agent]
+        return [phase for _, name, phase in self.phases if name == agent]
 
     def said(self, kind: str) -> list[str]:
         """Texts of the events of a kind."""

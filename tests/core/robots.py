@@ -17,7 +17,7 @@ class Robots:
     Attributes:
         commands: Every command, with the mission time it came at.
         sent: Every setpoint, with the mission time it came at.
-        corrected: What on-board estimators were told.
+        corrected: Corrections of on-board estimators.
     """
 
     def __init__(self, frames: star.Transform) -> None:

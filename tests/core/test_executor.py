@@ -57,7 +57,7 @@ def test_an_agent_is_lost_when_it_is_not_heard_for_more_than_half_a_second(
     assert ("cf2 is lost" in lab.said("failure")) is lost
 
 
-def test_a_step_fails_when_one_of_its_agents_is_lost_and_everybody_lands(lab: Lab) -> None:
+def test_a_step_fails_when_one_of_its_agents_is_lost_and_all_agents_land(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, 2.5))
     summary = lab.fly()
     assert summary["outcome"] == "failed"
@@ -100,7 +100,7 @@ def test_a_step_for_an_agent_that_is_lost_fails_at_once(lab: Lab) -> None:
     assert summary["reason"].endswith(":13:5: wait failed: cf2 is lost")
 
 
-def test_an_agent_that_is_never_heard_again_is_told_to_land_all_the_same(lab: Lab) -> None:
+def test_an_agent_that_is_never_heard_again_is_commanded_to_land_all_the_same(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, np.inf))
     lab.fly()
     assert sorted(lab.ordered(Order.LAND)) == [0, 1]
@@ -166,7 +166,9 @@ def test_a_step_that_fails_is_passed_over_if_that_is_said(lab: Lab, options: str
     assert [begun for begun, _ in ends[1:]] == [ended for _, ended in ends[:-1]]
 
 
-def test_who_has_no_way_to_its_goal_fails_its_step_at_once_and_not_the_next(lab: Lab) -> None:
+def test_an_agent_without_a_way_to_its_goal_fails_its_step_at_once_and_not_the_next(
+    lab: Lab,
+) -> None:
     def nowhere(plan: Any, estimate: Estimate, goals: Goals) -> Plan:
         answer: Plan = plan(estimate, goals)
         far = goals.active & (goals.position[:, 0] > 5)
@@ -182,7 +184,7 @@ def test_who_has_no_way_to_its_goal_fails_its_step_at_once_and_not_the_next(lab:
     assert [s["outcome"] for s in summary["steps"]] == ["success", "failure", "success"]
 
 
-def test_who_refuses_an_order_fails_its_step_with_what_it_says(lab: Lab) -> None:
+def test_an_agent_that_refuses_an_order_fails_its_step_with_what_it_says(lab: Lab) -> None:
     left = [Refusal(1, "refuses to climb: it is blocked")]
 
     def says(receive: Any) -> Telemetry:
@@ -201,7 +203,7 @@ def test_who_refuses_an_order_fails_its_step_with_what_it_says(lab: Lab) -> None
     assert [s["outcome"] for s in summary["steps"]] == ["failure", "success"]
 
 
-def test_a_refusal_of_nobody_is_the_transports_fault(lab: Lab) -> None:
+def test_a_refusal_of_no_agent_is_the_transports_fault(lab: Lab) -> None:
     lab.spoil("transport", "receive", lambda receive: replace(receive(), refusals=((2, "no"),)))
     summary = lab.fly()
     assert summary["outcome"] != "completed"
@@ -355,7 +357,7 @@ def test_a_step_that_is_repeated_begins_with_a_new_task(lab: Lab) -> None:
     assert len(set(map(id, made))) == 3
 
 
-def test_everybody_lands_when_a_task_cannot_be_made_again(lab: Lab) -> None:
+def test_all_agents_land_when_a_task_cannot_be_made_again(lab: Lab) -> None:
     lab.spoil("wait", "make", BOOM, range(1, 2))
     summary = lab.fly("\n  - climb: {}\n  - repeat: {times: 2, steps: [{wait: {seconds: 0.5}}]}")
     assert summary["outcome"] == "failed"

@@ -1,4 +1,4 @@
-"""Observers: told in order, dropped when they raise, and never in the way of a flight."""
+"""Observers: called in order, dropped when they raise, and never in the way of a flight."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ WATCHING = (
 
 
 class Watcher:
-    """Writes down what it is told, and raises when it is told by one hook."""
+    """Records its calls, and raises at one hook."""
 
     def __init__(self, hook: str = "", error: BaseException | None = None) -> None:
-        self.told: list[tuple[str, Any]] = []
+        self.received: list[tuple[str, Any]] = []
         self._hook = hook
         self._error = error or RuntimeError("boom")
 
     def _note(self, hook: str, news: Any) -> None:
-        self.told.append((hook, news))
+        self.received.append((hook, news))
         if hook == self._hook:
             raise self._error
 
     @property
     def hooks(self) -> list[str]:
-        return [hook for hook, _ in self.told]
+        return [hook for hook, _ in self.received]
 
     @hookimpl
     def star_mission_started(self, flight: Flight) -> None:
@@ -72,7 +72,7 @@ def test_an_observer_that_raises_is_dropped_and_the_flight_goes_on(
     watched(lab, watcher)
     assert lab.fly()["outcome"] == "completed"
     why = f"{hook} raised {type(error).__name__}: boom"
-    assert watcher.hooks.index(hook) == len(watcher.hooks) - 1  # told of nothing after that
+    assert watcher.hooks.index(hook) == len(watcher.hooks) - 1  # not called after that
     assert lab.said("observer") == [f"its-dist:watch is dropped: {why}"]
     logged = [record.message for record in caplog.records if record.levelno == logging.WARNING]
     assert logged == [f"observer its-dist:watch is dropped for this flight: {why}"]
@@ -97,7 +97,7 @@ def test_an_observer_is_dropped_at_the_time_it_raised(lab: Lab) -> None:
     assert event.time == pytest.approx(2.6)
 
 
-def test_the_others_are_told_what_an_observer_raised_at(lab: Lab) -> None:
+def test_the_others_receive_what_an_observer_raised_at(lab: Lab) -> None:
     before, after = Watcher(), Watcher()
     watched(lab, before, "before")
     watched(lab, Watcher("star_ticked"), "bad")
@@ -116,7 +116,7 @@ def test_each_of_two_observers_that_raise_at_one_event_is_dropped_once(lab: Lab)
     assert len(lab.said("observer")) == 2
 
 
-def test_the_start_is_told_first_and_the_end_last_and_each_once(lab: Lab) -> None:
+def test_the_start_is_reported_first_and_the_end_last_and_each_once(lab: Lab) -> None:
     watcher = Watcher()
     watched(lab, watcher)
     lab.fly()
@@ -126,7 +126,7 @@ def test_the_start_is_told_first_and_the_end_last_and_each_once(lab: Lab) -> Non
     assert watcher.hooks.count("star_mission_ended") == 1
 
 
-def test_nothing_has_moved_when_the_start_is_told(lab: Lab) -> None:
+def test_nothing_has_moved_when_the_start_is_reported(lab: Lab) -> None:
     seen: list[Any] = []
 
     class Early:
@@ -142,7 +142,7 @@ def test_nothing_has_moved_when_the_start_is_told(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("broken", [None, "planner"])
-def test_the_end_is_told_when_everybody_is_down_and_the_links_are_closed(
+def test_the_end_is_reported_when_all_agents_are_down_and_the_links_are_closed(
     lab: Lab, broken: str | None
 ) -> None:
     seen: list[Any] = []
@@ -159,33 +159,33 @@ def test_the_end_is_told_when_everybody_is_down_and_the_links_are_closed(
     assert seen == [1, "landed", "failed" if broken else "completed"]
 
 
-def test_the_end_is_told_with_what_a_flight_returns(lab: Lab) -> None:
+def test_the_end_is_reported_with_what_a_flight_returns(lab: Lab) -> None:
     watcher = Watcher()
     watched(lab, watcher)
     summary = lab.fly()
-    assert watcher.told[-1][1] == summary
+    assert watcher.received[-1][1] == summary
 
 
-def test_every_event_is_told_in_order_and_is_in_the_summary(lab: Lab) -> None:
+def test_every_event_is_reported_in_order_and_is_in_the_summary(lab: Lab) -> None:
     watcher = Watcher()
     watched(lab, watcher)
     summary = lab.fly()
-    told = [news for hook, news in watcher.told if hook == "star_event"]
-    assert [event.text for event in told] == [event["text"] for event in summary["events"]]
-    assert [event.time for event in told] == sorted(event.time for event in told)
+    reported = [news for hook, news in watcher.received if hook == "star_event"]
+    assert [event.text for event in reported] == [event["text"] for event in summary["events"]]
+    assert [event.time for event in reported] == sorted(event.time for event in reported)
 
 
-def test_phases_are_told_before_the_tick_they_are_seen_in(lab: Lab) -> None:
+def test_phases_are_reported_before_the_tick_they_are_seen_in(lab: Lab) -> None:
     watcher = Watcher()
     watched(lab, watcher)
     lab.fly()
-    at = watcher.told.index(("star_phase_changed", (lab.phases[3][0], "cf1", "flying")))
-    _, tick = next(item for item in watcher.told[at:] if item[0] == "star_ticked")
+    at = watcher.received.index(("star_phase_changed", (lab.phases[3][0], "cf1", "flying")))
+    _, tick = next(item for item in watcher.received[at:] if item[0] == "star_ticked")
     assert tick.time == lab.phases[3][0]
     assert tick.health.phase[0] == 2
 
 
-def test_an_observer_names_what_it_wants_to_be_told_only(lab: Lab) -> None:
+def test_an_observer_names_only_the_arguments_that_it_wants(lab: Lab) -> None:
     seen: list[str] = []
 
     class Brief:

@@ -1,4 +1,4 @@
-"""Trajectories that agents fly on board: uploaded before take-off, and steered by nobody."""
+"""Trajectories that agents fly on board: uploaded before take-off, and not steered."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_nothing_is_uploaded_if_nothing_is_flown_on_board(
 
 
 @pytest.mark.usefixtures("tracer")
-def test_a_transport_that_flies_none_is_told_before_its_links_are_opened(lab: Lab) -> None:
+def test_a_transport_that_flies_none_is_refused_before_its_links_are_opened(lab: Lab) -> None:
     lab.spoil("transport", "connect", RuntimeError("opened"))
     with pytest.raises(PluginError) as raised:
         lab.fly(TRACE)
@@ -148,7 +148,7 @@ def test_a_trajectory_is_ordered_in_each_odometry_frame(lab: Lab) -> None:
 
 
 @pytest.mark.usefixtures("uploads")
-def test_nobody_is_steered_while_it_flies_on_board_and_everybody_after(lab: Lab) -> None:
+def test_no_agent_is_steered_while_it_flies_on_board_and_all_are_after(lab: Lab) -> None:
     assert lab.fly(TRACE)["outcome"] == "completed"
     begin, times = began(lab), np.array(steered(lab))
     assert not ((times >= begin) & (times < begin + SECONDS - 1e-6)).any()
@@ -177,9 +177,9 @@ def test_an_agent_is_steered_again_when_its_step_fails(lab: Lab) -> None:
 @pytest.mark.usefixtures("uploads")
 def test_an_agent_that_a_safety_rule_takes_out_of_the_mission_is_steered_again(lab: Lab) -> None:
     def receive(right: Any) -> Any:
-        told = right()
+        telemetry = right()
         follows = any(command.order is Order.FOLLOW for _, command in lab.robots.commands)
-        return replace(told, battery=np.array([3.0 if follows else 4.0, 4.0]))
+        return replace(telemetry, battery=np.array([3.0 if follows else 4.0, 4.0]))
 
     lab.spoil("transport", "receive", receive)
     lab.fly(f"{TRACE}safety: {{battery_low: {{below: 3.5, then: hold}}}}\n")
@@ -189,7 +189,7 @@ def test_an_agent_that_a_safety_rule_takes_out_of_the_mission_is_steered_again(l
 
 
 @pytest.mark.usefixtures("uploads")
-def test_everybody_lands_out_of_a_trajectory_when_the_operator_ends_the_flight(lab: Lab) -> None:
+def test_all_agents_land_out_of_a_trajectory_when_the_operator_ends_the_flight(lab: Lab) -> None:
     interrupts = OperatorStop()
 
     def end(right: Any, command: Command) -> None:
@@ -275,7 +275,7 @@ def test_an_order_that_makes_no_sense_is_refused(
     order: Order, numbers: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ContractError, match=re.escape(message)):
-        told(order, **numbers)
+        reported(order, **numbers)
 
 
 @pytest.mark.parametrize(
@@ -290,10 +290,10 @@ def test_an_order_that_makes_no_sense_is_refused(
 def test_what_an_order_does_not_use_need_not_be_a_number(
     order: Order, numbers: dict[str, Any]
 ) -> None:
-    assert told(order, **numbers).order is order
+    assert reported(order, **numbers).order is order
 
 
-def told(
+def reported(
     order: Order,
     *,
     x: float = 0.0,

@@ -1,4 +1,4 @@
-"""The operator ends a flight: once lands everybody, twice stops the motors."""
+"""The operator ends a flight: once lands all agents, twice stops the motors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def interrupted(lab: Lab, *times: float) -> OperatorStop:
     return interrupts
 
 
-def test_one_interrupt_lands_everybody_and_aborts(lab: Lab) -> None:
+def test_one_interrupt_lands_all_agents_and_aborts(lab: Lab) -> None:
     summary = lab.fly(interrupts=interrupted(lab, 2.0))
     assert (summary["outcome"], summary["reason"]) == ("aborted", "interrupted by the operator")
     assert outcome_of(summary) == 1
@@ -99,7 +99,7 @@ def test_two_interrupts_stop_the_motors_while_a_broken_plugin_is_landed(lab: Lab
 
 @contextmanager
 def in_the_air(mission: Path) -> Iterator[subprocess.Popen[str]]:
-    """Fly a mission in a process of its own, in real time, and go on once everybody hovers."""
+    """Fly a mission in a process of its own, in real time, and go on once all agents hover."""
     command = [str(STAR_RUN), str(mission), "--speed", "1", "--no-record"]
     low = ["--set", "mission.0.takeoff.height=0.3"]  # soon up, soon down
     with subprocess.Popen(
@@ -130,14 +130,14 @@ def read_until(flight: subprocess.Popen[str], text: str) -> None:
     pytest.fail(f"{text!r} is not in {seen!r}")
 
 
-def test_ctrl_c_lands_everybody_and_says_so(missions: Path) -> None:
+def test_ctrl_c_lands_all_agents_and_says_so(missions: Path) -> None:
     with in_the_air(missions / "first_flight.yaml") as flight:
         flight.send_signal(signal.SIGINT)
-        out, told = flight.communicate()
+        out, reported = flight.communicate()
     assert flight.returncode == 1
-    assert ACKNOWLEDGED in told
+    assert ACKNOWLEDGED in reported
     assert out.startswith("first-flight: aborted: interrupted by the operator\n")
-    assert "Traceback" not in told
+    assert "Traceback" not in reported
 
 
 def test_ctrl_c_again_stops_the_motors(missions: Path) -> None:
@@ -145,10 +145,10 @@ def test_ctrl_c_again_stops_the_motors(missions: Path) -> None:
         flight.send_signal(signal.SIGINT)
         read_until(flight, "all agents land")
         flight.send_signal(signal.SIGINT)
-        out, told = flight.communicate()
+        out, reported = flight.communicate()
     assert flight.returncode == 1
     assert out.startswith(
         "first-flight: aborted: interrupted by the operator; stopped, motors off\n"
     )
-    assert "the operator stops the motors of cf1, cf2, cf3" in told
-    assert "Traceback" not in told
+    assert "the operator stops the motors of cf1, cf2, cf3" in reported
+    assert "Traceback" not in reported

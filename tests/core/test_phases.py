@@ -156,7 +156,7 @@ def test_what_an_agent_said_long_ago_means_nothing(phase: AgentPhase, state: Sup
         (EMERGENCY, EMERGENCY),
     ],
 )
-def test_who_flies_and_is_not_heard_or_not_located_is_lost(
+def test_an_agent_that_flies_and_is_not_heard_or_not_located_is_lost(
     before: AgentPhase,
     after: AgentPhase,
     heard: bool,  # noqa: FBT001 -- what is reported
@@ -166,7 +166,7 @@ def test_who_flies_and_is_not_heard_or_not_located_is_lost(
 
 
 @pytest.mark.parametrize(("heard", "located"), [(False, True), (True, False)])
-def test_who_is_lost_while_it_says_the_same_is_lost_all_the_same(
+def test_an_agent_that_is_lost_while_it_says_the_same_is_lost_all_the_same(
     heard: bool,  # noqa: FBT001 -- what is reported
     located: bool,  # noqa: FBT001
 ) -> None:
@@ -177,7 +177,7 @@ def test_who_is_lost_while_it_says_the_same_is_lost_all_the_same(
     assert phases.of_agents().tolist() == [LOST]
 
 
-def test_who_was_lost_and_does_not_fly_is_not_flown_again() -> None:
+def test_an_agent_that_was_lost_and_does_not_fly_is_not_flown_again() -> None:
     assert observed(AgentPhase.LOST, Supervisor.COMMANDER_FINISHED) is AgentPhase.LOST
     assert observed(AgentPhase.LOST, Supervisor.FLYING) is AgentPhase.FLYING
 
@@ -196,7 +196,7 @@ def test_each_agent_goes_its_own_way() -> None:
     ]
 
 
-def test_changes_are_told_once() -> None:
+def test_changes_are_reported_once() -> None:
     phases = Phases(("cf1",))
     phases.fire("take_off", [0])
     list(phases.changes())

@@ -1,4 +1,4 @@
-"""Parts that misbehave: whatever one does, it is named, and everybody comes down."""
+"""Parts that misbehave: whatever one does, it is named, and all agents land."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def change(**values: Any) -> Wrong:
 
 
 def brought_down(lab: Lab) -> bool:
-    """Whether everybody was told to land, and did."""
-    told = {0, 1} <= set(lab.ordered(Order.LAND))
-    return told and all(lab.went(name)[-2:] == ["landing", "landed"] for name in lab.swarm)
+    """Return whether all agents were commanded to land, and did."""
+    reported = {0, 1} <= set(lab.ordered(Order.LAND))
+    return reported and all(lab.went(name)[-2:] == ["landing", "landed"] for name in lab.swarm)
 
 
 @pytest.mark.parametrize("role", NAMED)
@@ -93,7 +93,7 @@ def test_the_parts_that_were_made_are_closed_when_the_next_cannot_be(lab: Lab, r
     assert {kind: lab.closed[kind] for kind in PARTS} == {k: int(k in made) for k in PARTS}
 
 
-def test_links_that_cannot_be_opened_are_told_and_every_part_is_closed(lab: Lab) -> None:
+def test_links_that_cannot_be_opened_are_reported_and_every_part_is_closed(lab: Lab) -> None:
     lab.spoil("transport", "connect", PluginError("cannot reach cf2 [plugin-failed]"))
     with pytest.raises(PluginError) as caught:
         lab.fly()
@@ -119,7 +119,7 @@ def test_links_that_cannot_be_opened_are_told_and_every_part_is_closed(lab: Lab)
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_everybody_lands_when_a_part_raises_in_flight_and_it_is_named(
+def test_all_agents_land_when_a_part_raises_in_flight_and_it_is_named(
     lab: Lab, role: str, method: str, calls: range | None, wrong: Wrong
 ) -> None:
     lab.spoil(role, method, wrong, calls)
@@ -219,7 +219,7 @@ def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> TaskOutput:
         ("wait", "step", lambda *_: FOR_FOUR, "returned Setpoint, expected TaskOutput"),
     ],
 )
-def test_everybody_lands_when_an_answer_breaks_its_contract_and_the_part_is_named(
+def test_all_agents_land_when_an_answer_breaks_its_contract_and_the_part_is_named(
     lab: Lab, role: str, method: str, wrong: Wrong, message: str
 ) -> None:
     lab.spoil(role, method, wrong, None if role == "wait" else ONCE)
@@ -285,7 +285,7 @@ def test_every_task_is_closed_once(lab: Lab) -> None:
 
 @pytest.mark.parametrize("wrong", [BOOM, SystemExit("bye")], ids=["raises", "exits"])
 @pytest.mark.parametrize("role", PARTS)
-def test_a_part_that_cannot_be_closed_is_told_and_the_others_are_closed(
+def test_a_part_that_cannot_be_closed_is_reported_and_the_others_are_closed(
     lab: Lab, role: str, wrong: Wrong
 ) -> None:
     lab.spoil(role, "close", wrong)
@@ -307,7 +307,7 @@ def test_a_truth_for_another_swarm_names_the_transport(lab: Lab) -> None:
     assert lab.fly()["reason"].startswith(f"{NAMED['transport']}: ")
 
 
-def test_everybody_lands_though_the_truth_cannot_be_known(lab: Lab) -> None:
+def test_all_agents_land_though_the_truth_cannot_be_known(lab: Lab) -> None:
     lab.spoil("transport", "truth", BOOM, FLYING)
     lab.fly()
     assert brought_down(lab)
@@ -390,15 +390,17 @@ def corrections(position: float, agent: int = 1) -> Corrections:
     return Corrections(np.array([agent]), np.full((1, 3), position), attitude, one, one)
 
 
-def test_what_a_localizer_corrects_reaches_the_transport_and_nobody_else_is_told(lab: Lab) -> None:
+def test_a_localizers_corrections_reach_the_transport_and_no_other_plugin(
+    lab: Lab,
+) -> None:
     lab.spoil("localizer", "locate", change(corrections=corrections(0.5)), ONCE)
     assert lab.fly()["outcome"] == "completed"
-    (told,) = lab.robots.corrected
-    assert (told.agent.tolist(), told.position.tolist()) == ([1], [[0.5, 0.5, 0.5]])
+    (reported,) = lab.robots.corrected
+    assert (reported.agent.tolist(), reported.position.tolist()) == ([1], [[0.5, 0.5, 0.5]])
 
 
 @pytest.mark.parametrize("wrong", [corrections(np.nan), corrections(0.5, agent=2)])
-def test_a_correction_of_nobody_or_to_nowhere_names_the_localizer(
+def test_a_correction_of_no_agent_or_to_nowhere_names_the_localizer(
     lab: Lab, wrong: Corrections
 ) -> None:
     lab.spoil("localizer", "locate", change(corrections=wrong), ONCE)

@@ -25,9 +25,9 @@ def test_nothing_is_blamed_when_nothing_is_raised() -> None:
     assert answer == 42
 
 
-def test_what_a_plugin_raises_is_told_with_its_kind_and_its_place() -> None:
-    told = str(blamed(ZeroDivisionError("by nought")))
-    assert told.startswith(f"{WHOM}: ZeroDivisionError: by nought ({__file__}:")
+def test_what_a_plugin_raises_is_reported_with_its_kind_and_its_place() -> None:
+    reported = str(blamed(ZeroDivisionError("by nought")))
+    assert reported.startswith(f"{WHOM}: ZeroDivisionError: by nought ({__file__}:")
 
 
 def test_the_place_is_that_of_the_innermost_call() -> None:
@@ -72,7 +72,7 @@ def test_the_error_itself_stays_at_hand() -> None:
     assert blamed(error).__cause__ is error
 
 
-def test_the_traceback_is_logged_for_who_wants_it(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_traceback_is_logged_on_demand(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.DEBUG, logger="star_core.plugin_guard")
     blamed(KeyError("gain"))
     (record,) = caplog.records
@@ -85,6 +85,6 @@ def test_one_problem_may_be_given_as_text() -> None:
     assert str(InputError(["a", "b"])) == "a [invalid-input]\nb [invalid-input]"
 
 
-def test_an_error_of_many_lines_is_told_on_one() -> None:
+def test_an_error_of_many_lines_is_reported_on_one() -> None:
     with pytest.raises(PluginError, match="whoever: ValueError: a b "), PluginGuard("whoever"):
         raise ValueError("a\nb")

@@ -146,7 +146,7 @@ def test_a_hook_that_does_not_exist_is_refused_with_a_hint(registry: Registry) -
     )
 
 
-def test_a_hook_that_asks_for_what_nobody_tells_is_refused(registry: Registry) -> None:
+def test_a_hook_that_asks_for_what_no_agent_tells_is_refused(registry: Registry) -> None:
     class Wrong:
         @hookimpl
         def star_ticked(self, tock: Tick) -> None: ...
@@ -163,7 +163,7 @@ def test_a_plugin_that_is_added_twice_is_refused_and_stays(registry: Registry) -
     assert registry.manager.has_plugin("my-dist:mine")
 
 
-def test_modules_that_are_given_are_told_apart() -> None:
+def test_modules_that_are_given_are_distinguished() -> None:
     first, second = ModuleType("first"), ModuleType("second")
     first.star_planners = hookimpl(lambda: [offer("mine")])  # type: ignore[attr-defined]
     second.star_planners = hookimpl(lambda: [offer("yours")])  # type: ignore[attr-defined]
@@ -211,7 +211,7 @@ def test_an_unknown_name_that_is_like_none_is_answered_with_all(registry: Regist
     )
 
 
-def test_a_name_of_a_kind_that_nobody_offers_is_refused_plainly(registry: Registry) -> None:
+def test_a_name_of_a_kind_without_plugins_is_refused_plainly(registry: Registry) -> None:
     with pytest.raises(PluginError) as caught:
         registry.find("planner", "stay")
     assert str(caught.value) == "no planner named 'stay' [unknown-plugin]"

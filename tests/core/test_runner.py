@@ -1,4 +1,4 @@
-"""Flights: what is sent to whom, and everybody down at the end."""
+"""Flights: what is sent to which agent, and all agents down at the end."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_mission_that_goes_well_is_completed(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("realtime", [False, True])
-def test_every_part_is_told_whether_time_goes_on_by_itself(lab: Lab, *, realtime: bool) -> None:
+def test_every_part_receives_whether_time_goes_on_by_itself(lab: Lab, *, realtime: bool) -> None:
     lab.realtime = realtime
     lab.registry = Registry(installed=False)
     lab.registry.add(lab, Source("their-dist:lab"))
@@ -128,13 +128,13 @@ def test_a_landing_that_begins_in_a_climb_is_given_the_time_from_where_the_plan_
     assert landing.duration[1] == pytest.approx(LANDING + 0.6 * CONTROLLER_LAG / LAND_SPEED)
 
 
-def test_agents_that_never_left_the_ground_are_not_told_to_land(lab: Lab) -> None:
+def test_agents_that_never_left_the_ground_are_not_commanded_to_land(lab: Lab) -> None:
     lab.fly("\n  - climb: {agents: cf1}\n  - wait: {seconds: 1}")
     assert lab.ordered(Order.LAND) == [0]
     assert lab.went("cf2") == []
 
 
-def test_a_dead_transport_is_closed_though_nobody_could_be_landed(lab: Lab) -> None:
+def test_a_dead_transport_is_closed_though_no_agent_could_be_landed(lab: Lab) -> None:
     for method, calls in (("wait", FLYING), ("send", FLYING), ("command", range(1, 10**6))):
         lab.spoil("transport", method, BOOM, calls)
     summary = lab.fly()
@@ -149,13 +149,13 @@ def test_a_dead_transport_is_closed_though_nobody_could_be_landed(lab: Lab) -> N
     assert lab.closed["transport"] == 1
 
 
-def test_a_transport_that_obeys_orders_lands_everybody_though_it_sends_nothing(lab: Lab) -> None:
+def test_a_transport_that_obeys_orders_lands_all_agents_though_it_sends_nothing(lab: Lab) -> None:
     lab.spoil("transport", "send", BOOM, FLYING)
     lab.fly()
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
 
 
-def test_everybody_lands_without_a_localizer_that_is_broken(lab: Lab) -> None:
+def test_all_agents_land_without_a_localizer_that_is_broken(lab: Lab) -> None:
     lab.spoil("localizer", "locate", BOOM, FLYING)
     lab.fly()
     blind = [tick for tick in lab.ticks if tick.time > 2.0]
@@ -241,7 +241,7 @@ def test_an_agent_that_reboots_when_it_has_landed_does_not_fail_the_mission(lab:
     assert lab.fly(steps)["outcome"] == "completed"
 
 
-def test_why_a_mission_failed_is_told_before_what_went_wrong_on_the_way_down(lab: Lab) -> None:
+def test_why_a_mission_failed_is_reported_before_what_went_wrong_on_the_way_down(lab: Lab) -> None:
     lab.spoil("transport", "receive", bits(1, Supervisor.FLYING))
     summary = lab.fly(f"{IN_THE_AIR}\n  - wait: {{seconds: 9, limit: 1}}")
     why, _, then = summary["reason"].partition("; ")
@@ -354,7 +354,7 @@ def test_rows_that_the_avoider_adds_are_not_sent(lab: Lab) -> None:
     assert not any(sent.active[1] for _, sent in lab.robots.sent)
 
 
-def test_who_flies_and_is_left_out_by_the_planner_is_told_to_brake(lab: Lab) -> None:
+def test_an_agent_that_flies_and_is_left_out_by_the_planner_is_commanded_to_brake(lab: Lab) -> None:
     lab.spoil("planner", "plan", lambda right, *args: only_first(right(*args)))
     lab.fly(PLACES)
     both = [sent for _, sent in lab.robots.sent if sent.active.all()]
@@ -366,14 +366,14 @@ def only_first(plan: Plan) -> Plan:
     return replace(plan, setpoint=replace(plan.setpoint, active=plan.setpoint.active & FIRST))
 
 
-def test_who_flies_and_is_left_out_by_the_avoider_is_told_to_brake(lab: Lab) -> None:
+def test_an_agent_that_flies_and_is_left_out_by_the_avoider_is_commanded_to_brake(lab: Lab) -> None:
     lab.spoil("avoider", "avoid", lambda _right, _now, wanted: replace(wanted, active=[False] * 2))
     lab.fly(IN_THE_AIR)
     assert any(sent.active.all() for _, sent in lab.robots.sent)
     assert not any(sent.velocity.any() for _, sent in lab.robots.sent)
 
 
-def test_nobody_is_sent_faster_than_the_limit(lab: Lab) -> None:
+def test_no_agent_is_sent_faster_than_the_limit(lab: Lab) -> None:
     lab.fly(PLACES)
     speeds = np.array([np.linalg.norm(sent.velocity, axis=1) for _, sent in lab.robots.sent])
     assert speeds.max() == pytest.approx(0.5)
@@ -388,7 +388,7 @@ def test_an_avoider_that_is_too_fast_is_limited_and_keeps_its_direction(lab: Lab
     assert sent.velocity == pytest.approx(np.array([[0.3, 0.0, 0.4]] * 2))
 
 
-def test_what_the_core_corrects_is_told_once_and_counted(lab: Lab) -> None:
+def test_what_the_core_corrects_is_reported_once_and_counted(lab: Lab) -> None:
     def rush(avoid: Any, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         answer: Setpoint = avoid(estimate, wanted)
         return replace(answer, velocity=answer.velocity + np.array([3.0, 0.0, 0.0]))
@@ -417,7 +417,7 @@ def test_ticks_that_are_missed_are_left_out(lab: Lab) -> None:
     assert np.diff(asked).min() == pytest.approx(0.1)
 
 
-def test_who_is_located_no_more_is_told_to_land_at_a_height_that_is_a_number(
+def test_an_agent_that_is_located_no_more_is_commanded_to_land_at_a_height_that_is_a_number(
     lab: Lab,
 ) -> None:
     lab.spoil("localizer", "locate", lambda right, *args: nowhere(right(*args)), FLYING)
@@ -455,7 +455,7 @@ def test_whose_height_is_not_known_is_given_time_to_land_from_the_greatest(lab: 
     assert duration >= mission.scene.limits.height[1] / LAND_SPEED - 1e-9
 
 
-def test_everybody_is_told_to_land_when_python_itself_is_interrupted(lab: Lab) -> None:
+def test_all_agents_are_commanded_to_land_when_python_itself_is_interrupted(lab: Lab) -> None:
     lab.spoil("planner", "plan", KeyboardInterrupt(), FLYING)
     with pytest.raises(KeyboardInterrupt):
         lab.fly()
@@ -463,7 +463,7 @@ def test_everybody_is_told_to_land_when_python_itself_is_interrupted(lab: Lab) -
     assert lab.closed["transport"] == 1
 
 
-def test_observers_are_told_of_the_end_when_python_itself_is_interrupted(lab: Lab) -> None:
+def test_observers_are_called_at_the_end_when_python_itself_is_interrupted(lab: Lab) -> None:
     lab.spoil("planner", "plan", KeyboardInterrupt(), FLYING)
     with pytest.raises(KeyboardInterrupt):
         lab.fly()

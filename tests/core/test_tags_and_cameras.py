@@ -1,4 +1,4 @@
-"""Tags in the world and cameras on agents, from the files to what plugins are told."""
+"""Tags in the world and cameras on agents, from the files to what plugins receive."""
 
 from __future__ import annotations
 

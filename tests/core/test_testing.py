@@ -1,4 +1,4 @@
-"""The checks that authors of plugins run: parts that ship pass them, and breaches are told."""
+"""The checks that authors of plugins run: parts that ship pass them, and violations are refused."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Careless:
         return replace(answer, valid=np.ones(3, np.bool_), position=telemetry.position)
 
 
-def test_breaches_are_told() -> None:
+def test_violations_are_refused() -> None:
     with pytest.raises(ContractError, match=r"Setpoint.velocity of row 1 is \[nan"):
         check_avoider(Careless())
     with pytest.raises(ContractError, match="returned NoneType, expected Plan"):

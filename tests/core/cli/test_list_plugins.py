@@ -87,9 +87,9 @@ def test_plugins_stand_below_their_kind_with_their_distribution() -> None:
     ]
 
 
-def test_an_option_is_told_with_its_description_and_its_default() -> None:
-    told = with_options({"gain": {"description": "Push, 1/s.", "default": 2.5}})
-    assert told == ["gain: Push, 1/s. (default 2.5)"]
+def test_an_option_is_reported_with_its_description_and_its_default() -> None:
+    reported = with_options({"gain": {"description": "Push, 1/s.", "default": 2.5}})
+    assert reported == ["gain: Push, 1/s. (default 2.5)"]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_an_option_that_must_be_given_says_so() -> None:
     assert with_options(options, required=["file"]) == ["file: It. (must be given)", "laps: Laps."]
 
 
-def test_two_plugins_of_one_name_are_both_told() -> None:
+def test_two_plugins_of_one_name_are_both_listed() -> None:
     both = registry({"shy": {}})
     both.add(Shelf({"shy": {}}), Source("my-dist:shelf"))
     text = as_text(both)
@@ -114,13 +114,13 @@ def test_two_plugins_of_one_name_are_both_told() -> None:
     assert "[my-dist:shelf]" in text
 
 
-def test_a_plugin_that_was_left_out_is_told_last_with_the_reason() -> None:
+def test_a_plugin_that_was_left_out_is_reported_last_with_the_reason() -> None:
     some = registry({"shy": {}})
     some.broken[Source("bad-dist:bad", "0.1")] = "ImportError: no torch"
     assert as_text(some).splitlines()[-1] == "left out: bad-dist 0.1:bad: ImportError: no torch"
 
 
-def test_an_option_that_may_be_anything_is_told() -> None:
+def test_an_option_that_may_be_anything_is_reported() -> None:
     assert with_options({"any": True}) == ["any:"]
 
 
@@ -155,9 +155,9 @@ def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
 # What is installed
 
 
-def test_every_built_in_plugin_is_told_in_the_order_of_the_kinds() -> None:
-    told = json.loads(as_json(Registry()))
-    found = [(plugin["kind"], plugin["name"]) for plugin in told["plugins"]]
+def test_every_built_in_plugin_is_reported_in_the_order_of_the_kinds() -> None:
+    reported = json.loads(as_json(Registry()))
+    found = [(plugin["kind"], plugin["name"]) for plugin in reported["plugins"]]
     assert found == sorted(found, key=lambda one: (KINDS.index(one[0]), one[1]))
     assert {
         ("transport", "sim"),
@@ -275,7 +275,7 @@ class Greeter:
     def star_commands(self) -> Iterable[CommandSpec]:
         def greet(arguments: Sequence[str]) -> int:
             if not arguments:
-                raise InputError(["nobody to greet; name somebody"])
+                raise InputError(["no name to greet; give one"])
             return [0, 1, 2, 3][len(arguments)]
 
         return [CommandSpec(name="greet", summary="Greets.", make=greet)]
@@ -293,7 +293,7 @@ def test_what_a_command_of_a_plugin_refuses_exits_with_2(
 ) -> None:
     with_plugin(Greeter())
     assert main(["greet"]) == 2
-    assert said.readouterr().err == "nobody to greet; name somebody [invalid-input]\n"
+    assert said.readouterr().err == "no name to greet; give one [invalid-input]\n"
 
 
 def test_a_command_of_a_plugin_that_raises_names_the_plugin(
@@ -301,11 +301,11 @@ def test_a_command_of_a_plugin_that_raises_names_the_plugin(
 ) -> None:
     with_plugin(Greeter())
     assert main(["greet", "cf1", "cf2", "cf3", "cf4"]) == 2
-    told = "command 'greet' (their-dist 1.2:theirs): IndexError: list index out of range ("
-    assert said.readouterr().err.startswith(told)
+    reported = "command 'greet' (their-dist 1.2:theirs): IndexError: list index out of range ("
+    assert said.readouterr().err.startswith(reported)
 
 
-def test_an_unknown_command_is_told_of_those_that_plugins_add(
+def test_an_unknown_command_is_refused_with_those_that_plugins_add(
     said: Said, with_plugin: Callable[[object], None]
 ) -> None:
     with_plugin(Greeter())

@@ -61,7 +61,7 @@ def flown(console: Console, *plugins: object) -> list[str]:
 
 
 def lines(summary: Mapping[str, Any]) -> list[str]:
-    """The events of a flight as they should be told."""
+    """The events of a flight as they should be printed."""
     return [f"{event['time']:8.2f} s  {event['text']}" for event in summary["events"]]
 
 
@@ -205,7 +205,7 @@ def test_json_is_shown_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == ""
 
 
-def test_a_summary_is_printed_though_nobody_reads_the_events() -> None:
+def test_a_summary_is_printed_though_no_one_reads_the_events() -> None:
     code = "import sys; from star_core.cli.main import main; sys.exit(main())"
     with subprocess.Popen(
         [sys.executable, "-c", code, "run", "hop.yaml", "--no-record"],
@@ -293,7 +293,7 @@ def test_what_cannot_be_known_is_left_out() -> None:
         ({"position_rmse_m": 0.0321}, "  position error    0.032 m RMS"),
     ],
 )
-def test_what_is_known_is_told_with_its_unit(changes: Mapping[str, Any], line: str) -> None:
+def test_what_is_known_is_reported_with_its_unit(changes: Mapping[str, Any], line: str) -> None:
     assert line in format_summary(summary(**changes), None).splitlines()
 
 

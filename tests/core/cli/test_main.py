@@ -19,7 +19,7 @@ from star_core.cli import main as cli
 from star_core.cli.main import main, run
 from star_core.registry import Registry, Source
 
-LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # nobody is up by then
+LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # no agent is up by then
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 ENTER = "import sys; from star_core.cli.main import main; sys.exit(main())"
 Said: TypeAlias = pytest.CaptureFixture[str]
@@ -63,7 +63,7 @@ def test_a_mission_that_completes_exits_with_0(said: Said) -> None:
     assert said.readouterr().out.startswith("hop: completed\n")
 
 
-def test_a_mission_that_fails_exits_with_1_and_tells_the_reason(said: Said) -> None:
+def test_a_mission_that_fails_exits_with_1_and_prints_the_reason(said: Said) -> None:
     assert main(["run", "hop.yaml", *LATE]) == 1
     assert said.readouterr().out.startswith("hop: failed: hop.yaml:13:5: takeoff failed: timed out")
 
@@ -93,13 +93,13 @@ def test_without_arguments_the_words_of_the_command_line_are_taken(
 # star check
 
 
-def test_a_mission_that_can_be_flown_is_told_so_in_a_line(said: Said) -> None:
+def test_a_mission_that_can_be_flown_is_confirmed_in_a_line(said: Said) -> None:
     assert main(["check", "hop.yaml"]) == 0
     assert said.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
 
 
 @pytest.mark.parametrize(
-    ("steps", "told"),
+    ("steps", "reported"),
     [
         (
             "name: s\nmission: [land: {}]",
@@ -112,10 +112,10 @@ def test_a_mission_that_can_be_flown_is_told_so_in_a_line(said: Said) -> None:
         ),
     ],
 )
-def test_a_file_of_steps_is_said_to_be_one(said: Said, steps: str, told: str) -> None:
+def test_a_file_of_steps_is_said_to_be_one(said: Said, steps: str, reported: str) -> None:
     Path("steps.yaml").write_text(f"star: 1\n{steps}\n")
     assert main(["check", "steps.yaml"]) == 0
-    assert said.readouterr() == (f"steps.yaml: {told}\n", "")
+    assert said.readouterr() == (f"steps.yaml: {reported}\n", "")
 
 
 def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
@@ -147,13 +147,13 @@ CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [(WORLD, "'hall', a world that can be flown in"), (CAMERA, "'mine', a camera for missions")],
 )
-def test_a_file_that_missions_name_is_said_to_be_one(said: Said, text: str, told: str) -> None:
+def test_a_file_that_missions_name_is_said_to_be_one(said: Said, text: str, reported: str) -> None:
     Path("file.yaml").write_text(text)
     assert main(["check", "file.yaml"]) == 0
-    assert said.readouterr() == (f"file.yaml: {told}\n", "")
+    assert said.readouterr() == (f"file.yaml: {reported}\n", "")
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_a_file_that_missions_name_is_said_to_be_one(said: Said, text: str, told
         (CAMERA.replace("640", "160"), "3:8: the principal point [169.27, 160.6] is outside"),
     ],
 )
-def test_what_is_wrong_with_a_file_that_missions_name_is_told(
+def test_what_is_wrong_with_a_file_that_missions_name_is_reported(
     said: Said, text: str, fault: str
 ) -> None:
     Path("file.yaml").write_text(text)
@@ -244,7 +244,7 @@ def test_a_speed_changes_the_pace_and_nothing_else(said: Said) -> None:
     assert flown(said, "--speed", "1e6") == flown(said)
 
 
-def test_a_speed_limit_that_nobody_reaches_is_flown(said: Said) -> None:
+def test_a_speed_limit_that_no_agent_reaches_is_flown(said: Said) -> None:
     assert flown(said, "--set", "limits.speed=10")["outcome"] == "completed"
 
 
@@ -265,7 +265,7 @@ class Signaller:
             signal.raise_signal(self._numbers.pop())
 
 
-def test_being_asked_to_terminate_lands_everybody(
+def test_being_asked_to_terminate_lands_all_agents(
     said: Said, with_plugin: Callable[[object], None]
 ) -> None:
     with_plugin(Signaller(signal.SIGTERM))
@@ -293,7 +293,7 @@ def test_after_a_flight_signals_do_what_they_did_before(
     assert all(signal.getsignal(number) == handler for number, handler in before.items())
 
 
-def test_a_terminal_that_is_closed_lands_everybody(with_plugin: Callable[[object], None]) -> None:
+def test_a_terminal_that_is_closed_lands_all_agents(with_plugin: Callable[[object], None]) -> None:
     with_plugin(watcher := Signaller())
     main(["run", "hop.yaml", "--json", "--no-record"])
     assert watcher.handlers[signal.SIGHUP] == watcher.handlers[signal.SIGTERM]
@@ -334,11 +334,11 @@ def refused(said: Said) -> Callable[..., list[str]]:
     return star
 
 
-def test_a_rate_at_which_nobody_can_fly_is_refused(refused: Callable[..., list[str]]) -> None:
+def test_a_rate_at_which_no_agent_can_fly_is_refused(refused: Callable[..., list[str]]) -> None:
     assert len(refused("check", "hop.yaml", "--set", "rate=1e-300")) == 1
 
 
-def test_an_option_that_is_set_again_and_misspelt_is_told_which_was_meant(
+def test_an_option_that_is_set_again_and_misspelt_is_refused_with_a_suggestion(
     refused: Callable[..., list[str]],
 ) -> None:
     (line,) = refused("run", "hop.yaml", "--set", "avoider.radius=0.3", "--set", "avoider.radus=1")
@@ -365,7 +365,7 @@ def test_an_option_that_is_set_again_and_misspelt_is_told_which_was_meant(
         ("seed=[1", "not YAML: expected ',' or ']', but got '<stream end>'"),
     ],
 )
-def test_a_value_that_cannot_be_set_is_told_with_the_assignment(
+def test_a_value_that_cannot_be_set_is_reported_with_the_assignment(
     refused: Callable[..., list[str]], given: str, line: str
 ) -> None:
     (found,) = refused("run", "hop.yaml", "--set", given)
@@ -399,7 +399,7 @@ def test_a_seed_or_a_speed_that_is_none_is_refused(
         ("", "there are: ablate, bench, calibrate, check, "),
     ],
 )
-def test_an_unknown_command_is_told_what_there_is(
+def test_an_unknown_command_is_refused_with_a_list(
     refused: Callable[..., list[str]], command: str, hint: str
 ) -> None:
     (line,) = refused(command, "hop.yaml")
@@ -423,7 +423,7 @@ def test_what_the_command_line_has_too_much_or_lacks_is_named(
     assert named in refused(*arguments)[-1]
 
 
-def test_an_option_of_a_command_that_is_misspelt_is_told_which_was_meant(
+def test_an_option_of_a_command_that_is_misspelt_is_refused_with_a_suggestion(
     refused: Callable[..., list[str]],
 ) -> None:
     assert "did you mean '--seed'?" in refused("run", "hop.yaml", "--sed", "3")[-1]

@@ -102,8 +102,8 @@ def test_a_broken_plugin_is_reported_each_time(
     star: Callable[..., subprocess.CompletedProcess[str]], install: Callable[[str], None]
 ) -> None:
     install("1 / 0")
-    told = "star: plugin greeter 1.0:greeter is left out: ZeroDivisionError: division by zero\n"
-    assert [star().stderr, star().stderr] == [told, told]
+    reported = "star: plugin greeter 1.0:greeter is left out: ZeroDivisionError: division by zero\n"
+    assert [star().stderr, star().stderr] == [reported, reported]
 
 
 def test_a_cache_that_cannot_be_written_or_read_is_done_without(

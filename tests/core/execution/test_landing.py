@@ -1,4 +1,4 @@
-"""Landings: from rest, and where nobody and nothing is below."""
+"""Landings: from rest, and where nothing is below."""
 
 from __future__ import annotations
 
@@ -86,7 +86,9 @@ mission:
     assert landed(summary) == ["a lands 0.45 m aside: its position is not free"]
 
 
-def test_who_lands_over_an_agent_on_the_ground_comes_down_beside_it(tmp_path: Path) -> None:
+def test_an_agent_that_lands_over_one_on_the_ground_comes_down_beside_it(
+    tmp_path: Path,
+) -> None:
     mission = """
 swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
 mission:
@@ -114,7 +116,7 @@ mission:
     assert [text[:8] for text in landed(summary)] == ["a lands "]
 
 
-def test_nobody_lands_on_a_table(tmp_path: Path) -> None:
+def test_no_agent_lands_on_a_table(tmp_path: Path) -> None:
     mission = """
 swarm: {a: {start: [0, 0, 0]}}
 mission:
@@ -141,7 +143,7 @@ mission:
     assert len(landed(summary)) == 1
 
 
-def test_agents_at_rest_with_nobody_below_land_where_they_are(tmp_path: Path) -> None:
+def test_agents_at_rest_with_none_below_land_where_they_are(tmp_path: Path) -> None:
     mission = """
 swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
 mission:
@@ -151,9 +153,9 @@ mission:
     assert landed(flown(tmp_path, mission)) == []
 
 
-def test_who_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None:
+def test_an_agent_that_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None:
     """The lower one is not located: it lands at once, where it is, and the other makes way."""
-    told: list[str] = []
+    reported: list[str] = []
     landed: list[list[int]] = []
     helm: Any = SimpleNamespace(
         time=0.0,
@@ -161,7 +163,7 @@ def test_who_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None
         release=lambda _rows: None,
         land=lambda rows, _estimate, _takes: landed.append(rows.tolist()),
     )
-    observers: Any = SimpleNamespace(event=lambda _kind, text, _agent: told.append(text))
+    observers: Any = SimpleNamespace(event=lambda _kind, text, _agent: reported.append(text))
     descent = LandingManager(
         scene(2), helm, observers, lambda places: np.zeros(len(places), np.bool_)
     )
@@ -169,4 +171,4 @@ def test_who_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None
     descent.land([0, 1])
     descent.step(replace(stacked, valid=np.array([True, False])), GoalBuffer(2, 0.5))
     assert landed == [[1]]
-    assert told == ["cf1 lands 0.35 m aside: its position is not free"]
+    assert reported == ["cf1 lands 0.35 m aside: its position is not free"]

@@ -1,4 +1,4 @@
-"""Reserves: who takes over from whom, and when."""
+"""Reserves: which agent takes over from which, and when."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def agents(lab: Lab, verb: str) -> list[list[str]]:
     return [step["agents"] for step in summary["steps"] if step["verb"] == verb]
 
 
-def test_a_reserve_stays_down_while_nobody_needs_it(lab: Lab) -> None:
+def test_a_reserve_stays_down_while_no_agent_needs_it(lab: Lab) -> None:
     assert lab.fly(TOUR)["outcome"] == "completed"
     assert lab.went("cf3") == []
     assert agents(lab, "descend") == [["cf1", "cf2"]]
@@ -61,10 +61,12 @@ def test_a_reserve_takes_over_from_one_whose_battery_is_low(lab: Lab) -> None:
     assert sorted(agents(lab, "descend")[0]) == ["cf2", "cf3"]
 
 
-def test_who_is_relieved_goes_only_when_the_other_is_there_and_lands_at_home(lab: Lab) -> None:
+def test_a_relieved_agent_goes_only_when_the_other_is_there_and_lands_at_home(
+    lab: Lab,
+) -> None:
     lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
     lab.fly(TOUR)
-    when = {(who, phase): time for time, who, phase in lab.phases}
+    when = {(agent, phase): time for time, agent, phase in lab.phases}
     assert when["cf1", "landing"] >= when["cf3", "flying"]
     assert when["cf1", "landed"] < when["cf2", "landing"]
     assert lab.ticks[-1].truth is not None
@@ -103,7 +105,7 @@ def test_a_reserve_fills_the_place_of_one_that_a_rule_took_out(lab: Lab) -> None
     assert sorted(agents(lab, "descend")[0]) == ["cf2", "cf3"]
 
 
-def test_nobody_takes_off_under_another(lab: Lab) -> None:
+def test_no_agent_takes_off_under_another(lab: Lab) -> None:
     lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
     lab.fly(TOUR.replace("wait: {seconds: 12}", "visit: {agents: cf2, to: [0, 2, 1]}").replace(
         "  - descend", "  - wait: {seconds: 9}\n  - descend"
@@ -111,7 +113,7 @@ def test_nobody_takes_off_under_another(lab: Lab) -> None:
     assert lab.said("relief") == []
 
 
-def test_everybody_is_down_when_the_mission_ends_while_a_reserve_climbs(lab: Lab) -> None:
+def test_all_agents_are_down_when_the_mission_ends_while_a_reserve_climbs(lab: Lab) -> None:
     lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
     lab.fly(TOUR.replace("seconds: 12", "seconds: 2.2"))
     down = {AgentPhase.GROUNDED, AgentPhase.LANDED}
@@ -130,7 +132,7 @@ def test_a_reserve_that_comes_when_the_other_has_landed_goes_home(lab: Lab) -> N
     assert agents(lab, "wait")[-1] == ["cf1", "cf2"]
 
 
-def test_who_does_not_get_home_lands_where_it_is(lab: Lab) -> None:
+def test_an_agent_that_does_not_get_home_lands_where_it_is(lab: Lab) -> None:
     def stuck(right: Callable[..., Plan], now: Estimate, goals: Goals) -> Plan:
         plan = right(now, goals)
         velocity = np.where(now.time > 6.0, 0.0, plan.setpoint.velocity)
@@ -143,7 +145,7 @@ def test_who_does_not_get_home_lands_where_it_is(lab: Lab) -> None:
     ))  # fmt: skip
     assert "cf1 does not reach its pad and lands at its position" in lab.said("relief")
     assert lab.went("cf1")[-1] == "landed"
-    when = {(who, phase): time for time, who, phase in lab.phases}
+    when = {(agent, phase): time for time, agent, phase in lab.phases}
     assert when["cf1", "landed"] < when["cf2", "landing"]
 
 
@@ -157,22 +159,22 @@ def test_a_mission_whose_agents_are_all_in_reserve_is_refused(lab: Lab) -> None:
         lab.load(TOUR.replace("[cf3]", "[cf1, cf2, cf3]"))
 
 
-def test_a_reserve_that_is_nobody_is_refused(lab: Lab) -> None:
+def test_a_reserve_that_is_no_agent_is_refused(lab: Lab) -> None:
     with pytest.raises(Exception, match="no agent named 'cf4'; did you mean 'cf3'"):
         lab.load(TOUR.replace("[cf3]", "[cf4]"))
 
 
-# Verbs that change who is in the mission, with the laboratory's own tasks under their names
+# Verbs that change the agents of the mission, with the laboratory's own tasks under their names
 
 
-def test_whoever_joins_is_in_the_steps_that_follow(lab: Lab) -> None:
+def test_an_agent_that_joins_is_in_the_steps_that_follow(lab: Lab) -> None:
     lab.fly(TOUR.replace("  - wait", "  - join: {agents: cf3}\n  - wait"))
     assert agents(lab, "climb") == [["cf1", "cf2"]]
     assert agents(lab, "join") == [["cf3"]]
     assert agents(lab, "wait") == [["cf1", "cf2", "cf3"]]
 
 
-def test_whoever_left_is_in_no_step_and_nobody_fills_its_place(lab: Lab) -> None:
+def test_an_agent_that_left_is_in_no_step_and_none_fills_its_slot(lab: Lab) -> None:
     lab.fly(TOUR.replace("  - wait", "  - leave: {agents: cf2}\n  - wait"))
     assert agents(lab, "wait") == [["cf1"]]
     assert lab.said("relief") == []

@@ -69,7 +69,7 @@ def test_an_answer_of_another_kind_is_refused(answer: object, message: str) -> N
     assert refused(require_type, answer, Estimate) == message
 
 
-def test_a_part_that_lacks_methods_is_told_which() -> None:
+def test_a_part_that_lacks_methods_is_refused_with_their_names() -> None:
     class Half:
         def connect(self) -> None: ...
         def wait(self, until: float) -> None: ...

@@ -47,9 +47,9 @@ def flown(
 
 
 def deadlocks(x: Track, seconds: float, goal: Track = lambda _time: 5.0, **options: Any) -> int:
-    """How often an agent at `x` that is to fly to `goal` is in a deadlock; nobody else is there."""
+    """Return how often a lone agent at `x` on its way to `goal` is in a deadlock."""
     found = flown([(x, goal)], seconds, **options)
-    assert found.waits == found.count  # who waits, waits for nobody
+    assert found.waits == found.count  # an agent that waits, waits for none
     return found.count
 
 
@@ -61,16 +61,16 @@ def crawls(x: float, goal: float) -> tuple[Track, Track]:
     return lambda time: x + 0.02 * time, lambda _time: goal
 
 
-def test_who_stands_far_from_its_goal_is_in_one_deadlock_however_long() -> None:
+def test_an_agent_that_stands_far_from_its_goal_is_in_one_deadlock_however_long() -> None:
     assert deadlocks(lambda _time: 1.0, 4.9) == 0
     assert deadlocks(lambda _time: 1.0, 60.0) == 1
 
 
-def test_who_dances_on_the_spot_is_in_a_deadlock() -> None:
+def test_an_agent_that_dances_on_the_spot_is_in_a_deadlock() -> None:
     assert deadlocks(lambda time: 1.0 + 0.5 * np.sin(4 * time), 20.0) == 1
 
 
-def test_who_made_room_and_comes_back_waits_until_it_stands_still_on_its_way() -> None:
+def test_an_agent_that_made_room_and_comes_back_waits_until_it_stands_still_on_its_way() -> None:
     def aside(stop: float) -> Track:
         """From 4 m back to 1 m, and forth again until `stop`."""
         return lambda time: max(4.0 - time, 0.5 * min(time, stop) - 0.5)
@@ -80,27 +80,27 @@ def test_who_made_room_and_comes_back_waits_until_it_stands_still_on_its_way() -
     assert flown([(aside(6.0), lambda _time: 5.0)], 12.0).count == 1
 
 
-def test_who_gets_on_slowly_is_in_none() -> None:
+def test_an_agent_that_gets_on_slowly_is_in_none() -> None:
     assert deadlocks(lambda time: 0.02 * time, 60.0) == 0
 
 
-def test_who_gets_on_again_and_is_stuck_again_is_in_two() -> None:
+def test_an_agent_that_gets_on_again_and_is_stuck_again_is_in_two() -> None:
     def steps(time: float) -> float:
         return 1.0 if time < 10 else min(2.0, time - 9.0)
 
     assert deadlocks(steps, 30.0) == 2
 
 
-def test_who_has_arrived_is_in_none() -> None:
+def test_an_agent_that_has_arrived_is_in_none() -> None:
     assert deadlocks(lambda _time: 4.8, 60.0) == 0
 
 
-def test_who_has_no_goal_or_does_not_fly_is_in_none() -> None:
+def test_an_agent_that_has_no_goal_or_does_not_fly_is_in_none() -> None:
     assert deadlocks(lambda _time: 1.0, 60.0, active=False) == 0
     assert deadlocks(lambda _time: 1.0, 60.0, phase=AgentPhase.LANDED) == 0
 
 
-def test_who_follows_a_goal_that_moves_is_in_none() -> None:
+def test_an_agent_that_follows_a_goal_that_moves_is_in_none() -> None:
     assert deadlocks(lambda _time: 1.0, 60.0, lambda time: 5.0 + 0.1 * time) == 0
 
 
@@ -111,12 +111,12 @@ def test_a_way_round_counts_by_what_is_left_of_it() -> None:
     assert deadlocks(lambda time: 4.8 - 0.05 * time, 20.0, paths=round_) == 0  # on a way round it
 
 
-def test_who_stands_behind_one_that_gets_on_waits() -> None:
+def test_an_agent_that_stands_behind_one_that_gets_on_waits() -> None:
     found = flown([stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
     assert (found.waits, found.count) == (1, 0)
 
 
-def test_who_stands_behind_one_that_stands_behind_one_that_gets_on_waits() -> None:
+def test_an_agent_that_stands_behind_one_that_stands_behind_one_that_gets_on_waits() -> None:
     found = flown([stands(-0.8, 5.0), stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
     assert (found.waits, found.count) == (2, 0)
 
@@ -126,12 +126,12 @@ def test_two_that_stand_face_to_face_are_in_a_deadlock_with_all_behind_them() ->
     assert (found.waits, found.count) == (3, 3)
 
 
-def test_that_one_behind_or_far_ahead_gets_on_helps_nobody() -> None:
+def test_that_one_behind_or_far_ahead_gets_on_helps_no_agent() -> None:
     assert flown([stands(0.0, 5.0), crawls(-0.9, 0.0)], 20.0).count == 1
     assert flown([stands(0.0, 5.0), crawls(1.6, 5.0)], 20.0).count == 1
 
 
-def test_who_stands_behind_one_that_has_arrived_is_in_a_deadlock() -> None:
+def test_an_agent_that_stands_behind_one_that_has_arrived_is_in_a_deadlock() -> None:
     found = flown([stands(0.0, 5.0), stands(0.5, 0.5)], 20.0)
     assert (found.waits, found.count) == (1, 1)
 
@@ -144,7 +144,7 @@ def test_a_wait_becomes_a_deadlock_when_the_last_that_got_on_stops() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_who_gets_on_counts_as_such_and_more_that_do_free_no_fewer(seed: int) -> None:
+def test_an_agent_that_gets_on_counts_as_such_and_more_that_do_free_no_fewer(seed: int) -> None:
     random = np.random.default_rng(seed)
     position, wanted = random.uniform(-1, 1, (2, 12, 3))
     few = random.random(12) < 0.2

@@ -30,8 +30,8 @@ def tick(time: float, seen: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tic
     """A tick of which only what is measured means anything."""
     position = np.array(seen, np.float64)
     n = len(position)
-    nobody = np.zeros(n, np.bool_)
-    nothing = Setpoint(np.zeros((n, 3)), np.zeros(n), nobody)
+    none = np.zeros(n, np.bool_)
+    nothing = Setpoint(np.zeros((n, 3)), np.zeros(n), none)
     attitude = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
     now = estimate(position, time=time)
     return Tick(
@@ -42,11 +42,11 @@ def tick(time: float, seen: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tic
         estimate=now,
         health=replace(health(n), phase=np.array(phase)),
         goals=Goals.none(n),
-        plan=Plan(nothing, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), nobody),
+        plan=Plan(nothing, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), none),
         sent=nothing,
         truth=None if truth is None else Truth(time, np.array(truth), now.velocity, attitude),
         doing="",
-        corrected=Corrected(nobody, nobody, nobody),
+        corrected=Corrected(none, none, none),
     )
 
 
@@ -118,7 +118,7 @@ def test_the_separation_is_in_space() -> None:
     assert measured([[[0, 0, 0], [2, 3, 6]]])["min_separation_m"] == pytest.approx(7.0)
 
 
-def test_one_agent_is_apart_from_nobody() -> None:
+def test_one_agent_is_apart_from_no_agent() -> None:
     summary = measured([[[0, 0, 1]], [[1, 0, 1]]])
     assert summary["min_separation_m"] is None
     assert summary["collisions"]["agent_agent"] == 0
@@ -152,7 +152,7 @@ def test_a_collision_goes_on_though_another_agent_is_nowhere(n: int) -> None:
     assert summary["collisions"]["agent_agent"] == 1
 
 
-def test_an_agent_that_is_nowhere_is_near_nobody() -> None:
+def test_an_agent_that_is_nowhere_is_near_no_agent() -> None:
     nowhere = [np.nan] * 3
     summary = measured([[[0, 0, 1], [0, 2, 1], nowhere]], known=False)
     assert summary["min_separation_m"] == pytest.approx(2.0)
@@ -195,7 +195,7 @@ def test_a_pair_at_just_twelve_centimetres_does_not_collide_beside_one_that_does
     assert measured([line])["collisions"]["agent_agent"] == 1
 
 
-def test_agents_that_are_nowhere_are_near_nobody_in_a_large_swarm() -> None:
+def test_agents_that_are_nowhere_are_near_no_agent_in_a_large_swarm() -> None:
     line = np.zeros((70, 3))
     line[:, 1] = 2.0 * np.arange(70)
     line[3:5] = np.nan

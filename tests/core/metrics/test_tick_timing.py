@@ -1,4 +1,4 @@
-"""Ticks that come late are counted, and told of now and then."""
+"""Ticks that come late are counted, and reported now and then."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_what_a_part_took_in_earlier_ticks_is_not_held_against_it() -> None:
     )
 
 
-def test_late_ticks_are_told_of_now_and_then_and_all_are_counted() -> None:
+def test_late_ticks_are_reported_now_and_then_and_all_are_counted() -> None:
     noted, took = lateness()
     format_summary = []
     for tick in range(1, 202):

@@ -38,7 +38,7 @@ def setpoint(velocity: Any, active: Any = None) -> Setpoint:
 
 
 def filtered(position: Any, velocity: Any, active: Any = None) -> tuple[Array, Corrected]:
-    """What is sent to agents that should fly so, and who was corrected."""
+    """What is sent to agents that should fly so, and the agents that were corrected."""
     wanted = setpoint(velocity, active)
     now = estimate(np.array(position, float))
     sent, corrected = apply(SafetyFilter(scene(len(wanted.yaw))), now, wanted, wanted)
@@ -51,7 +51,7 @@ def apply(
     return guard.filter(now, safe, wanted, Pairs.of(now.position, guard.reach))
 
 
-def nobody(corrected: Corrected) -> bool:
+def unchanged(corrected: Corrected) -> bool:
     return not (corrected.fence | corrected.speed | corrected.separation).any()
 
 
@@ -71,7 +71,7 @@ def flown(position: Any, wish: Any, seconds: float = 6.0) -> Array:
 
 
 @pytest.mark.parametrize("wish", [(1, 0, 0), (0, -1, 0), (0.6, 0.6, 0.4), (0, 0, -1), (0, 0, 1)])
-def test_nobody_leaves_the_fence(wish: tuple[float, float, float]) -> None:
+def test_no_agent_leaves_the_fence(wish: tuple[float, float, float]) -> None:
     path = flown([[0.0, 0.0, 1.0]], [wish])[:, 0]
     assert (path >= np.array(FENCE.low) - 0.01).all()
     assert (path <= np.array(FENCE.high) + 0.01).all()
@@ -82,16 +82,16 @@ def test_nobody_leaves_the_fence(wish: tuple[float, float, float]) -> None:
     )  # and it comes near
 
 
-def test_who_is_outside_the_fence_is_drawn_back_and_may_come_in() -> None:
+def test_an_agent_that_is_outside_the_fence_is_drawn_back_and_may_come_in() -> None:
     velocity, corrected = filtered([[3.5, 0.0, 1.0]], [[0.5, 0.2, 0.0]])
     assert velocity.tolist() == [[-0.2, 0.2, 0.0]]
     assert corrected.fence.tolist() == [True]
     back, corrected = filtered([[3.5, 0.0, 1.0]], [[-0.5, 0.2, 0.0]])
     assert back.tolist() == [[-0.5, 0.2, 0.0]]
-    assert nobody(corrected)
+    assert unchanged(corrected)
 
 
-def test_nobody_is_faster_than_the_limit() -> None:
+def test_no_agent_is_faster_than_the_limit() -> None:
     velocity, corrected = filtered([[0.0, 0.0, 1.0]], [[3.0, 0.0, 0.0]])
     assert velocity[0] == pytest.approx([1.0, 0.0, 0.0])
     assert corrected.speed.tolist() == [True]
@@ -132,7 +132,7 @@ def test_many_that_fly_at_one_place_stop_apart() -> None:
             assert np.linalg.norm(path[:, i] - path[:, j], axis=1).min() >= APART - 1e-6
 
 
-def test_who_is_in_the_way_and_not_steered_is_braked_for() -> None:
+def test_an_agent_that_is_in_the_way_and_not_steered_is_braked_for() -> None:
     velocity, corrected = filtered(
         [[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]], [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False]
     )
@@ -140,7 +140,7 @@ def test_who_is_in_the_way_and_not_steered_is_braked_for() -> None:
     assert corrected.separation.tolist() == [True, False]
 
 
-def test_who_is_in_the_way_and_says_nothing_of_its_velocity_is_braked_for() -> None:
+def test_an_agent_that_is_in_the_way_and_says_nothing_of_its_velocity_is_braked_for() -> None:
     wanted = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
     here = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
     silent = estimate(here, velocity=np.array([[0.0] * 3, [math.nan] * 3]))
@@ -156,15 +156,15 @@ def test_a_separation_of_zero_lets_agents_collide() -> None:
     free = replace(scene(2), limits=Limits(speed=SPEED, separation=0.0))
     sent, corrected = apply(SafetyFilter(free), now, wanted, wanted)
     assert sent.velocity.tolist() == wanted.velocity.tolist()
-    assert nobody(corrected)
+    assert unchanged(corrected)
 
 
-def test_who_flies_apart_or_side_by_side_is_left_alone() -> None:
+def test_an_agent_that_flies_apart_or_side_by_side_is_left_alone() -> None:
     position = [[0.0, 0.0, 1.0], [0.15, 0.0, 1.0], [0.3, 0.3, 1.0]]
     wish = [[-0.5, 0.1, 0.0], [0.5, 0.1, 0.0], [0.5, 0.5, 0.0]]
     velocity, corrected = filtered(position, wish)
     assert velocity.tolist() == wish
-    assert nobody(corrected)
+    assert unchanged(corrected)
 
 
 def test_two_in_one_place_part_along_x_or_not_at_all() -> None:
@@ -188,15 +188,15 @@ def test_inactive_rows_are_never_sent() -> None:
         SafetyFilter(scene(1)), estimate(np.array([[9.0, 0.0, 1.0]])), wanted, wanted
     )
     assert not sent.active.any()
-    assert nobody(corrected)
+    assert unchanged(corrected)
 
 
-def test_who_is_nowhere_is_in_nobodys_way() -> None:
+def test_an_agent_that_is_nowhere_is_in_no_agents_way() -> None:
     velocity, corrected = filtered(
         [[0.0, 0.0, 1.0], [math.nan] * 3], [[1.0, 0.0, 0.0]] * 2, [True, False]
     )
     assert velocity[0].tolist() == [1.0, 0.0, 0.0]
-    assert nobody(corrected)
+    assert unchanged(corrected)
 
 
 @given(st.integers(1, 12), st.integers(0, 10_000))

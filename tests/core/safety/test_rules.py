@@ -31,7 +31,7 @@ def judged(
     valid: bool = True,
     **changes: Any,
 ) -> list[tuple[float, int, SafetyAction]]:
-    """When, for whom and how rules fire if the first of two agents is in trouble from 1 s on."""
+    """Time, row and action of the rules that fire if the first agent is in trouble from 1 s on."""
     schema = load("mission")
     filled = fill_defaults(rules, schema["properties"]["safety"], schema["$defs"])
     watch = Rules(scene(2), filled)
@@ -95,14 +95,14 @@ def test_a_rule_fires_once_and_only_a_graver_answer_goes_over_it() -> None:
 # In flight
 
 
-def told(lab: Lab) -> list[str]:
+def reported(lab: Lab) -> list[str]:
     return [text for text in lab.said("safety") if ": " in text]
 
 
 def test_one_that_is_not_heard_any_more_lands_and_the_others_do_its_step(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, np.inf, age=0.7))
     summary = lab.fly(f"{TOUR}{{link_lost: {{after: 0.6}}}}")
-    assert told(lab) == ["cf2 lands: link_lost: not heard for 0.7 s"]
+    assert reported(lab) == ["cf2 lands: link_lost: not heard for 0.7 s"]
     assert [e["agent"] for e in summary["events"] if e["kind"] == "safety"] == ["cf2"]
     assert lab.went("cf2")[:4] == ["taking_off", "flying", "lost", "landing"]
     assert [step["outcome"] for step in summary["steps"]] == ["success"] * 3
@@ -121,7 +121,7 @@ def test_one_that_is_lost_for_a_while_only_flies_on(lab: Lab) -> None:
         "\n  - climb: {}\n  - parallel: [visit: {agents: cf1, to: [3, 0, 1]},"
         " visit: {agents: cf2, to: [3, 2, 1]}]\n  - descend: {}\nsafety: {link_lost: {after: 0.8}}"
     )
-    assert told(lab) == []
+    assert reported(lab) == []
     assert summary["outcome"] == "completed"
     assert lab.went("cf2") == ["taking_off", "flying", "lost", "flying", "landing", "landed"]
 
@@ -129,7 +129,7 @@ def test_one_that_is_lost_for_a_while_only_flies_on(lab: Lab) -> None:
 def test_one_that_holds_stays_where_it_is_until_the_end(lab: Lab) -> None:
     lab.spoil("transport", "receive", battery(1, 3.0, since=1.5))
     summary = lab.fly(f"{TOUR}{{battery_low: {{below: 3.4, then: hold}}}}")
-    assert told(lab) == ["cf2 holds its position: battery_low: battery at 3.00 V"]
+    assert reported(lab) == ["cf2 holds its position: battery_low: battery at 3.00 V"]
     assert summary["outcome"] == "completed"
     (held,) = {time for time, command in lab.robots.commands
                if command.order is Order.LAND and 1 in command.agent}  # fmt: skip
@@ -144,7 +144,7 @@ def test_motors_stop_where_a_rule_says_so(lab: Lab) -> None:
     assert 0 not in lab.ordered(Order.STOP)
 
 
-def test_a_mission_fails_when_the_rules_leave_nobody(lab: Lab) -> None:
+def test_a_mission_fails_when_the_rules_leave_no_agent(lab: Lab) -> None:
     def low(right: Callable[[], Telemetry]) -> Telemetry:
         telemetry = right()
         return replace(telemetry, battery=np.full(2, 3.0 if telemetry.time > 1.5 else 4.0))
@@ -167,12 +167,12 @@ def test_one_that_tumbles_is_left_to_itself(lab: Lab) -> None:
     assert lab.went("cf1") == ["taking_off", "flying", "landing", "landed"]
 
 
-def test_a_task_that_can_be_told_goes_on_and_another_is_begun_anew(lab: Lab) -> None:
+def test_a_task_that_has_the_methods_goes_on_and_another_is_made_again(lab: Lab) -> None:
     lab.spoil("transport", "receive", battery(1, 3.0, since=1.0))
     summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 4}\nsafety: {battery_low: {}}")
     (wait,) = (step for step in summary["steps"] if step["verb"] == "wait")
     assert wait["outcome"] == "success"
-    assert wait["ended_s"] - wait["begun_s"] > 4.5  # the laboratory's `wait` cannot be told
+    assert wait["ended_s"] - wait["begun_s"] > 4.5  # the laboratory's `wait` has no such methods
 
 
 def battery(row: int, volt: float, since: float) -> Callable[..., Telemetry]:
@@ -187,7 +187,7 @@ def battery(row: int, volt: float, since: float) -> Callable[..., Telemetry]:
     return wrong
 
 
-def test_who_is_not_located_is_excused_only_where_a_rule_says_what_becomes_of_it(
+def test_an_agent_that_is_not_located_is_excused_only_where_a_rule_says_what_becomes_of_it(
     lab: Lab,
 ) -> None:
     def blind(right: Callable[..., Estimate], *args: Any) -> Estimate:
@@ -197,4 +197,4 @@ def test_who_is_not_located_is_excused_only_where_a_rule_says_what_becomes_of_it
     lab.spoil("localizer", "locate", blind)
     summary = lab.fly(f"{TOUR}{{position_lost: {{after: 0.5}}}}")
     assert summary["outcome"] == "completed"
-    assert told(lab) == ["cf2 lands: position_lost: not located for 0.5 s"]
+    assert reported(lab) == ["cf2 lands: position_lost: not located for 0.5 s"]
