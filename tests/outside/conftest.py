@@ -6,17 +6,20 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from importlib.metadata import Distribution, PathDistribution, distribution
 from pathlib import Path
 from typing import TypeAlias
 from venv import EnvBuilder
 
 import pytest
+from packaging.requirements import Requirement
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 DISTRIBUTIONS = (*HERE.glob("star-*"), ROOT / "examples" / "star-gentle")
-OWN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")  # what would lead out of the fresh environment
+OWN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")  # not passed on to the fresh environment
+INTERPRETED = {"NUMBA_DISABLE_JIT": "1"}  # these flights are short; compiling takes longer
 PIP = (sys.executable, "-m", "pip", "--quiet")
 
 Run: TypeAlias = Callable[..., subprocess.CompletedProcess[str]]
@@ -25,7 +28,7 @@ collect_ignore_glob = ["star-*"]  # theirs: not importable from here
 
 
 def pip(*arguments: object) -> None:
-    """Run this environment's pip; what it says goes into the error if it fails."""
+    """Run this environment's pip; its output is in the error if it fails."""
     done = subprocess.run([*PIP, *map(str, arguments)], capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"pip {arguments[0]} failed: {done.stderr}")
@@ -44,9 +47,32 @@ def bin_folder(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory
     """The commands of the fresh environment, with this project and star-gentle."""
     home = tmp_path_factory.mktemp("environment")
     EnvBuilder(symlinks=True).create(home)
-    ours = (wheels["star-swarm"], f"{wheels['star-gentle']}[test]")
-    pip("--python", home, "install", "--no-compile", *ours)  # Python compiles what it imports
+    ours = (wheels["star-swarm"], wheels["star-gentle"])
+    pip("--python", home, "install", "--no-deps", "--no-compile", *ours)
+    (packages,) = home.glob("lib/*/site-packages")
+    (gentle,) = packages.glob("star_gentle-*.dist-info")
+    link_requirements(PathDistribution(gentle), ["test"], packages)
     return home / "bin"
+
+
+def link_requirements(of: Distribution, extras: Iterable[str], packages: Path) -> None:
+    """Link what a distribution requires, directly or not, from this environment into `packages`.
+
+    As installing does, but without a download; what is not required is not there.
+    """
+    for requirement in map(Requirement, of.requires or ()):
+        marker = requirement.marker
+        if marker and not any(marker.evaluate({"extra": extra}) for extra in ("", *extras)):
+            continue
+        if requirement.name == "star-swarm":
+            (ours,) = packages.glob("star_swarm-*.dist-info")
+            link_requirements(PathDistribution(ours), requirement.extras, packages)
+            continue
+        found = distribution(requirement.name)
+        for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+            if not (packages / top).exists():
+                (packages / top).symlink_to(str(found.locate_file(top)))
+        link_requirements(found, requirement.extras, packages)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +101,7 @@ def mission(tmp_path: Path) -> Path:
 @pytest.fixture
 def run(bin_folder: Path, mission: Path) -> Run:
     """Runs a command of the fresh environment in the mission's folder."""
-    environment = {key: value for key, value in os.environ.items() if key not in OWN}
+    environment = {key: value for key, value in os.environ.items() if key not in OWN} | INTERPRETED
 
     def command(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(

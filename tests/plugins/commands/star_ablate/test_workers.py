@@ -78,6 +78,16 @@ def test_ending_a_worker_ends_what_its_plugins_started(
     assert eventually(lambda: not alive(int(started)))
 
 
+@pytest.mark.parametrize("harm", ["raise", "quit"])
+def test_a_plugin_that_cannot_be_made_fails_its_run(
+    harm: str, hop: Callable[[str], Mission]
+) -> None:
+    result = flown(Task(hop(harm)), Registry())
+    assert (result.outcome, result.summary) == ("failed", None)
+    assert "wrecker" in result.reason
+    assert "harm" in result.reason
+
+
 def test_an_error_of_our_own_fails_its_run_and_is_logged(
     hop: Callable[[str], Mission], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1,0 +1,22 @@
+"""What tests of several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from star_ablate.flight import Result, Task, flown
+from star_core import Registry
+
+
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has `star ablate` fly in this process: a worker process needs a second to start."""
+
+    def fly_all(tasks: Sequence[Task], *_: object, **__: object) -> Iterator[tuple[int, Result]]:
+        registry = Registry()
+        for index, task in enumerate(tasks):
+            yield index, flown(task, registry)
+
+    monkeypatch.setattr("star_ablate.command.fly_all", fly_all)
