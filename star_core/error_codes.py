@@ -63,6 +63,10 @@ CATALOGUE: Final = {
         "Two things have the same name.",
         "Rename one of them.",
     ),
+    "duplicate-name": Entry(
+        "The same name is given twice.",
+        "Remove or rename one of the two.",
+    ),
     "duplicate-plugin": Entry(
         "Two installed plugins have the same name.",
         "Uninstall one of them.",
@@ -130,6 +134,10 @@ CATALOGUE: Final = {
     "invalid-outline": Entry(
         "The outline of an obstacle is not a simple polygon or line.",
         "Correct its points.",
+    ),
+    "invalid-path": Entry(
+        "A file is outside the folder that may be read.",
+        "Move it to the folder that the message names.",
     ),
     "invalid-polygon": Entry(
         "The corners of an outline do not enclose an area.",
@@ -280,8 +288,8 @@ CATALOGUE: Final = {
         "Use the version of STAR that the file was written for.",
     ),
     "unwritable-file": Entry(
-        "A file cannot be written, or must not be overwritten.",
-        "Name another file, in a folder that exists and is writable by you.",
+        "A file or folder cannot be written, or must not be overwritten.",
+        "Name another one, in a folder that exists and is writable by you.",
     ),
     "wrong-airborne-state": Entry(
         "A step needs its agents in the air or on the ground, where they are not.",

@@ -15,10 +15,9 @@ from types import FrameType
 from typing import Final
 
 from star_ablate import results
-from star_ablate.flight import Result, Task
+from star_ablate.flight import Job, Result
 from star_ablate.journal import Journal
-from star_ablate.measures import paths
-from star_ablate.progress import Progress
+from star_ablate.progress import StudyProgress
 from star_ablate.reading import read
 from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all
@@ -42,7 +41,8 @@ def main(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
-        raise InputError([f"{folder}: cannot be written: {error.strerror or error}"]) from error
+        wrong = f"{folder}: cannot be written: {error.strerror or error}"
+        raise InputError(wrong, "unwritable-file") from error
 
 
 def parser() -> argparse.ArgumentParser:
@@ -52,13 +52,10 @@ def parser() -> argparse.ArgumentParser:
         description="Fly missions x levels x seeds, and tabulate the measures.",
         allow_abbrev=False,
     )
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     star.add_argument("study", help="study file (YAML)")
     star.add_argument(
-        "--workers",
-        type=_positive,
-        default=_cores(),
-        metavar="N",
-        help="parallel runs: %(default)s",
+        "--workers", type=_positive, default=cores, metavar="N", help="parallel runs: %(default)s"
     )
     star.add_argument("--seeds", type=_positive, metavar="N", help="number of seeds")
     star.add_argument(
@@ -70,52 +67,41 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> int:
-    """Fly the runs that are missing in `folder`, and write the results.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    runs = list(study.runs())
+    """Fly the runs that are missing in `folder`, and write the results."""
     folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / "study.json", json.dumps(_about(study), indent=2) + "\n")
-    with Journal(folder / JOURNAL) as journal:
+    plugins = {str(part) for c in study.conditions for part in c.mission.parts.values()}
+    about = {"study": study.data, "seeds": study.seeds, "plugins": sorted(plugins)}
+    _write(folder / "study.json", json.dumps(about, indent=2) + "\n")
+    runs = list(study.runs())
+    with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:
         found = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
         missing = [run for run in runs if run.key not in found]
-        tasks = [
-            Task(run.mission(), _place(folder, run) if options.record else None) for run in missing
+        jobs = [
+            Job(run.mission(), _record(folder, run) if options.record else None) for run in missing
         ]
-        with _interrupts() as interrupts, Progress(study.name, len(runs), len(found)) as progress:
-            flying = fly_all(
-                tasks,
-                options.workers,
-                folder / "log.txt",
-                study.time_limit,
-                stopped=lambda: bool(interrupts),
-            )
-            with closing(flying):
-                for index, result in flying:
-                    found[missing[index].key] = result
-                    journal.add(missing[index], result)
-                    progress.add(missing[index], result)
-        interrupted = bool(interrupts)
+        log, limit = folder / "log.txt", study.time_limit
+        flights = fly_all(jobs, options.workers, log, limit, stopped=lambda: bool(interrupts))
+        progress = StudyProgress(study.name, len(runs), len(found))
+        with progress.bar, closing(flights):
+            for index, result in flights:
+                found[missing[index].key] = result
+                journal.add(missing[index], result)
+                progress.add(missing[index], result)
     done = [(run, found[run.key]) for run in runs if run.key in found]
     table = results.as_markdown(study, done)
     _write(folder / "results.csv", results.as_csv(study, done))
     _write(folder / "results.md", table)
-    sys.stderr.writelines(f"star: {line}\n" for line in _unknown(study, done))
-    if interrupted:
+    sys.stderr.writelines(f"star: {line}\n" for line in _unknown_measures(study, done))
+    if interrupts:
         sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
     if not options.quiet:
         sys.stdout.write(f"{table}\nresults: {folder}\n")
-    return INTERRUPTED if interrupted else DONE
+    return INTERRUPTED if interrupts else DONE
 
 
 @contextmanager
 def _interrupts() -> Iterator[list[int]]:
-    """Collect keyboard interrupts; the second one kills the process.
-
-    An exception could be raised anywhere, also in code that swallows it.
-    """
+    """Collect keyboard interrupts, since code may swallow exceptions; the second one kills."""
     caught: list[int] = []
 
     def note(number: int, _frame: FrameType | None) -> None:
@@ -130,43 +116,32 @@ def _interrupts() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _about(study: Study) -> dict[str, object]:
-    """Return a description of the study, for records."""
-    parts = {part for c in study.conditions for part in map(str, c.mission.parts.values())}
-    return {"study": study.data, "seeds": study.seeds, "plugins": sorted(parts)}
-
-
-def _unknown(study: Study, done: Sequence[tuple[Run, Result]]) -> list[str]:
-    """Return a line for each measure that no summary has, most likely a typing error."""
-    known = {path for _, result in done for path in paths(result.summary or {})}
-    lines = []
+def _unknown_measures(study: Study, done: Sequence[tuple[Run, Result]]) -> Iterator[str]:
+    """Yield a line for each measure that no summary has, most likely a typing error."""
+    known = {path for _, result in done for path in results.paths(result.summary or {})}
     for measure in study.measures if known else ():
         if measure not in known and measure not in COLUMNS:
             close = get_close_matches(measure, known, n=1)
             hint = f"; did you mean {close[0]!r}?" if close else ""
-            lines.append(f"no run has the measure {measure!r}{hint}")
-    return lines
+            yield f"no run has the measure {measure!r}{hint}"
 
 
-def _place(folder: Path, run: Run) -> Path:
+def _record(folder: Path, run: Run) -> Path:
     """Return the folder of a run's record."""
     levels = (f"{name}={level}" for name, level in run.condition.levels.items())
     return Path(folder, "runs", run.condition.file, *levels, f"seed={run.seed}")
 
 
 def _folder(out: str | None, name: str) -> Path:
-    """Return the output folder.
-
-    Raises:
-        InputError: It is not a folder, or contains files other than a study's.
-    """
+    """Return the output folder, which may contain the files of a study only."""
     if out is None:
         return new_folder(name)
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
-        raise InputError([f"--out {out}: is not a folder"])
+        raise InputError(f"--out {out}: is not a folder", "unwritable-file")
     if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
-        raise InputError([f"--out {out}: contains other files than a study; name another folder"])
+        wrong = f"--out {out}: contains other files than a study; name another folder"
+        raise InputError(wrong, "unwritable-file")
     return folder
 
 
@@ -185,8 +160,3 @@ def _positive(text: str) -> int:
 
 
 _positive.__name__ = "positive whole number"  # as argparse calls it
-
-
-def _cores() -> int:
-    """Return the number of cores available to this process."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -12,33 +12,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, NamedTuple
 
 from star_core import Mission, Registry, StarError
 
 log = logging.getLogger(__name__)
 
-THREADS: Final = (
-    "NUMBA_NUM_THREADS",
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "OPENCV_FOR_THREADS_NUM",
-)
-"""Thread limits of libraries. There are as many workers as cores, so more than one thread each
-would slow them down."""
 
-
-STREAMS: Final = (1, 2)  # standard output and standard error, as the system numbers them
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """A run for a worker.
-
-    Attributes:
-        mission: The mission, with its seed.
-        folder: Where to record; None keeps no record.
-    """
+class Job(NamedTuple):
+    """A run for a worker: the mission with its seed, and where to record it, if at all."""
 
     mission: Mission
     folder: Path | None = None
@@ -63,38 +45,34 @@ class Result:
 
 
 def serve(connection: Connection, output: Path) -> None:
-    """Fly tasks received over `connection` and send their results, until it is closed.
+    """Fly jobs received over `connection` and send their results, until it is closed.
 
     The process becomes the leader of a process group, which can be killed with all processes that
-    plugins started, and which does not receive keyboard interrupts.
-
-    Args:
-        connection: Receives a `Task` and sends a `Result`, in turn.
-        output: File for the output of the process and its plugins.
+    plugins started, and which does not receive keyboard interrupts. Its output goes to a file.
     """
     os.setsid()
     file = os.open(output, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-    for stream in STREAMS:
+    for stream in (1, 2):  # standard output and standard error
         os.dup2(file, stream)
     faulthandler.enable()
     logging.basicConfig(format=f"worker {os.getpid()}: %(message)s", stream=sys.stderr)
     registry = Registry()
     with suppress(EOFError, BrokenPipeError):  # the parent has closed the connection
         while True:
-            connection.send(flown(connection.recv(), registry))
+            connection.send(fly_job(connection.recv(), registry))
 
 
-def flown(task: Task, registry: Registry) -> Result:
-    """Fly a task, and return its result, also if it raises."""
+def fly_job(job: Job, registry: Registry) -> Result:
+    """Fly a job, and return its result, also if it raises."""
     from star_core import fly
 
     begun = time.perf_counter()
     try:
-        summary = fly(task.mission, registry, folder=task.folder)
+        summary = fly(job.mission, registry, folder=job.folder)
     except StarError as error:
         return Result("failed", str(error), time.perf_counter() - begun, None)
     except (Exception, SystemExit) as error:
-        log.exception("%s, seed %d, raised", task.mission.name, task.mission.scene.seed)
+        log.exception("%s, seed %d, raised", job.mission.name, job.mission.scene.seed)
         reason = f"{type(error).__name__}: {error}"
         return Result("failed", reason, time.perf_counter() - begun, None)
     return Result(summary["outcome"], summary["reason"], time.perf_counter() - begun, summary)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from star_ablate.flight import Result
 from star_ablate.study import Run
@@ -25,35 +23,24 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         text = path.read_text(encoding="utf-8") if path.exists() else ""
-        self.done = dict(kept for line in text.splitlines() if (kept := _kept(line)) is not None)
+        self.done = dict(run for line in text.splitlines() if (run := _parsed(line)) is not None)
         self._file = path.open("a", encoding="utf-8")
         if text and not text.endswith("\n"):  # a previous writer was killed in the middle of a line
             self._file.write("\n")
 
     def add(self, run: Run, result: Result) -> None:
         """Store the result of a run."""
-        about = {
-            "key": run.key,
-            "mission": run.condition.file,
-            "levels": dict(run.condition.levels),
-            "seed": run.seed,
-        }
-        self._file.write(json.dumps(about | asdict(result)) + "\n")
+        about = {"key": run.key, "mission": run.condition.file, "seed": run.seed}
+        levels = {"levels": dict(run.condition.levels)}
+        self._file.write(json.dumps(about | levels | asdict(result)) + "\n")
         self._file.flush()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
 
-def _kept(line: str) -> tuple[str, Result] | None:
+def _parsed(line: str) -> tuple[str, Result] | None:
     """Return the key and result of a run with a summary; None for any other line."""
     try:
         found = json.loads(line)

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
+    Progress,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.progress import Progress as Bar
 
 from star_ablate.flight import Result
 from star_ablate.study import Run
 
 
-class Progress:
+class StudyProgress:
     """Writes to standard error.
 
     Args:
@@ -30,15 +28,15 @@ class Progress:
         console: Output console.
 
     Attributes:
-        outcomes: Number of runs with each outcome since the start.
+        bar: The live bar, a context manager; it does nothing if piped.
     """
 
     def __init__(self, title: str, total: int, done: int, console: Console | None = None) -> None:
         self._console = console or Console(stderr=True)
         self._total = total
         self._done = done
-        self.outcomes: Counter[str] = Counter()
-        self._bar = Bar(
+        self._others: Counter[str] = Counter()  # outcomes other than completed
+        self.bar = Progress(
             TextColumn(title),
             BarColumn(),
             MofNCompleteColumn(),
@@ -49,32 +47,20 @@ class Progress:
             transient=True,
             disable=not self._console.is_terminal,
         )
-        self._task = self._bar.add_task("", total=total, completed=done, others="")
+        self._task = self.bar.add_task("", total=total, completed=done, others="")
 
     def add(self, run: Run, result: Result) -> None:
         """Report a completed run; with a bar, only if its mission did not complete."""
         self._done += 1
-        self.outcomes[result.outcome] += 1
         because = f": {result.reason}" if result.reason else ""
         line = f"{run}: {result.outcome}{because}"
         if not self._console.is_terminal:
             self._print(f"[{self._done}/{self._total}] {line}, in {result.wall_time:.1f} s")
         elif result.outcome != "completed":
+            self._others[result.outcome] += 1
             self._print(line)
-        others = (f"{n} {name}" for name, n in self.outcomes.items() if name != "completed")
-        self._bar.update(self._task, completed=self._done, others=", ".join(others))
+        others = ", ".join(f"{n} {outcome}" for outcome, n in self._others.items())
+        self.bar.update(self._task, completed=self._done, others=others)
 
     def _print(self, line: str) -> None:
         self._console.print(line, markup=False, highlight=False, soft_wrap=True)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._bar.stop()

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import combinations, count, islice, product
-from math import prod
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from star_ablate.study import COLUMNS, Condition, Study
-from star_core import InputError, Mission, Registry, load, read_as
+from star_core import InputError, Mission, Problem, Registry, load, read_as
 
 MEASURES: Final = (
     "collisions.agent_agent",
@@ -22,14 +21,9 @@ MEASURES: Final = (
     "flight_time_s",
 )
 SEEDS: Final = 10
-MOST: Final = 10_000
-"""Combinations of missions and levels, each of which is checked before the first flight."""
+OWN: Final = "own"  # seeds: each mission flies with its own
 
-OWN: Final = "own"
-"""Value of `seeds` for flying each mission with its own seed."""
-
-Locate: TypeAlias = Callable[[tuple[str | int, ...], str], str]
-"""Adds the location of a path in the study file to a message."""
+Factors: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]  # overrides by factor and level
 
 
 def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
@@ -47,25 +41,18 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
     """
     document = read_as(path, "study")
     data = document.data
-    factors: Mapping[str, Any] = data.get("factors", {})
-    files, problems = _files(path, data["missions"], document.problem)
-    problems += _clashes(factors, document.problem)
-    many = len(files) * prod(len(levels) for levels in factors.values())
-    if many > MOST:
-        why = f"they have {many} combinations with the missions, expected {MOST} at most"
-        problems.append(document.problem(("factors",), why))
+    factors: Factors = data.get("factors", {})
+    files = [path.parent / name for name in data["missions"]]
+    problems = [*_file_problems(path, files, data["missions"]), *_factor_problems(factors)]
     if seeds is not None and data.get("seeds") == OWN:
         why = f"each mission flies with its {OWN!r} seed, so --seeds {seeds} has no effect"
-        problems.append(document.problem(("seeds",), why))
+        problems.append(Problem(("seeds",), why, "option-conflict"))
     if problems:
-        raise InputError(problems)
-    conditions, problems = _conditions(files, factors, registry, document.problem)
-    if problems:
-        raise InputError(list(dict.fromkeys(problems)))  # a level may be wrong in every mission
+        raise InputError(document.located(problems))
     return Study(
         name=data["name"],
         factors=tuple(factors),
-        conditions=tuple(conditions),
+        conditions=tuple(_conditions(files, factors, registry, document)),
         seeds=_seeds(data.get("seeds", SEEDS), seeds),
         measures=tuple(data.get("measures", MEASURES)),
         time_limit=data.get("time_limit"),
@@ -73,129 +60,108 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
     )
 
 
-def _files(study: Path, names: list[str], locate: Locate) -> tuple[list[Path], list[str]]:
-    """Return the mission files, and their problems.
-
-    They must be inside the folder above the study's own, so that ``missions/studies/`` can name
-    files in ``missions/``, and no study can name files elsewhere.
-    """
-    files: list[Path] = []
-    problems = []
+def _file_problems(study: Path, files: Sequence[Path], names: Sequence[str]) -> Iterator[Problem]:
+    """Yield the problems of mission files: only files inside the folder above the study's own."""
     top = study.resolve().parent.parent
-    for i, name in enumerate(names):
-        file = study.parent / name
+    stems: dict[str, Path] = {}
+    for i, (file, name) in enumerate(zip(files, names, strict=True)):
         try:
-            within = file.resolve().is_relative_to(top)
+            within = not Path(name).is_absolute() and file.resolve().is_relative_to(top)
         except (OSError, RuntimeError):  # circular links
             within = False
-        if Path(name).is_absolute() or not within:
+        twin = stems.setdefault(file.stem, file)
+        if not within:
             wrong = f"{name!r} is outside the folder above the study's; name a file inside it"
+            yield Problem(("missions", i), wrong, "invalid-path")
         elif not file.is_file():
-            wrong = f"there is no file {name!r} from the study's folder{_meant(study, name)}"
-        elif (twin := next((f for f in files if f.stem == file.stem), None)) is not None:
+            beside = [str(Path(name).parent / other.name) for other in file.parent.glob("*.yaml")]
+            close = get_close_matches(name, beside, n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else ""
+            wrong = f"there is no file {name!r} from the study's folder{hint}"
+            yield Problem(("missions", i), wrong, "file-not-found")
+        elif twin is not file:
             wrong = f"{name!r} is indistinguishable from {str(twin)!r} in the results; rename one"
-        else:
-            files.append(file)
-            continue
-        problems.append(locate(("missions", i), wrong))
-    return files, problems
+            yield Problem(("missions", i), wrong, "duplicate-name")
 
 
-def _meant(study: Path, name: str) -> str:
-    """Suggest a similar file name in the same folder."""
-    beside = [
-        str(Path(name).parent / file.name) for file in (study.parent / name).parent.glob("*.yaml")
-    ]
-    return "".join(f"; did you mean {near!r}?" for near in get_close_matches(name, beside, 1))
-
-
-def _clashes(factors: Mapping[str, Any], locate: Locate) -> list[str]:
-    """Return the problems of factors, individually and in combination."""
-    problems = [
-        locate(
-            ("factors", name), f"a factor cannot be called {name!r}: the results have that column"
-        )
-        for name in factors
-        if name in COLUMNS
-    ]
+def _factor_problems(factors: Factors) -> Iterator[Problem]:
+    """Yield the problems of factors, individually and in combination."""
     for name, levels in factors.items():
-        problems += [
-            locate(("factors", name, level, "seed"), "the seed cannot be a level; set `seeds`")
-            for level, settings in levels.items()
-            if "seed" in settings
-        ]
+        if name in COLUMNS:
+            wrong = f"a factor cannot be called {name!r}: the results have that column"
+            yield Problem(("factors", name), wrong, "duplicate-name")
+        for level, settings in levels.items():
+            if "seed" in settings:
+                wrong = "the seed cannot be a level; set `seeds`"
+                yield Problem(("factors", name, level, "seed"), wrong, "option-conflict")
     for first, second in combinations(factors, 2):
         taken = {path for settings in factors[first].values() for path in settings}
         for level, settings in factors[second].items():
-            problems += [
-                locate(
-                    ("factors", second, level, path),
-                    f"{path!r} would undo what factor {first!r} sets; write {second!r} first or"
-                    " make one factor of both",
-                )
-                for path in settings
-                if any(f"{other}.".startswith(f"{path}.") for other in taken)
-            ]
-    return problems
+            for path in settings:
+                if any(f"{other}.".startswith(f"{path}.") for other in taken):
+                    wrong = (
+                        f"{path!r} would undo what factor {first!r} sets; write {second!r} first or"
+                        " make one factor of both"
+                    )
+                    yield Problem(("factors", second, level, path), wrong, "option-conflict")
 
 
 def _conditions(
-    files: list[Path], factors: Mapping[str, Any], registry: Registry, locate: Locate
-) -> tuple[list[Condition], list[str]]:
-    """Load every mission at every combination of levels; return them and their problems.
+    files: Sequence[Path], factors: Factors, registry: Registry, document: Any
+) -> list[Condition]:
+    """Load every mission at every combination of levels.
 
-    A problem of a mission at all its levels is reported once, and a problem at some of them with
-    the first of those.
+    A problem at all levels of a mission is reported once, one at some with the first of those.
     """
     conditions = []
-    problems = []
+    problems: list[str] = []
     combos = [dict(zip(factors, names, strict=True)) for names in product(*factors.values())]
     for file in files:
         found: dict[str, list[str]] = {}
         for levels in combos:
             try:
-                mission = _load(file, levels, factors, registry, locate)
+                mission = _load(file, levels, factors, registry, document)
                 conditions.append(Condition(file.stem, levels, mission))
             except InputError as error:
                 label = ", ".join(f"{name}: {level}" for name, level in levels.items())
                 for problem in dict.fromkeys(error.problems):
                     found.setdefault(problem, []).append(label)
-        for problem, labels in found.items():
-            text, _, code = problem.rpartition(" [")
-            only = len(labels) < len(combos)
-            problems.append(f"{text}; with {labels[0]} [{code}" if only else problem)
-    return conditions, problems
+        problems += [
+            problem if len(labels) == len(combos) else _with_level(problem, labels[0])
+            for problem, labels in found.items()
+        ]
+    if problems:
+        raise InputError(list(dict.fromkeys(problems)))  # a level may be wrong in every mission
+    return conditions
+
+
+def _with_level(problem: str, level: str) -> str:
+    """Name the level at which a problem occurs, before its code."""
+    text, _, code = problem.rpartition(" [")
+    return f"{text}; with {level} [{code}"
 
 
 def _load(
-    file: Path,
-    levels: Mapping[str, str],
-    factors: Mapping[str, Any],
-    registry: Registry,
-    locate: Locate,
+    file: Path, levels: Mapping[str, str], factors: Factors, registry: Registry, document: Any
 ) -> Mission:
-    """Load a mission with the overrides of its levels.
-
-    Raises:
-        InputError: It cannot be flown. Problems of overrides are located in the study.
-    """
-    places = {
+    """Load a mission with the overrides of its levels, whose problems are located in the study."""
+    settings = {
         f"{path}={json.dumps(value)}": ("factors", name, level, path)
         for name, level in levels.items()
         for path, value in factors[name][level].items()
     }
     try:
-        return load(file, registry, list(places))
+        return load(file, registry, list(settings))
     except InputError as error:
-        problems = []
-        for problem in error.problems:
-            for assignment, place in places.items():
-                start = f"--set {assignment}: "
-                if problem.startswith(start):
-                    problems.append(locate(place, problem.removeprefix(start)))
-                    break
-            else:
-                problems.append(problem)
+        problems = list(error.problems)
+        for assignment, path in settings.items():
+            start = f"--set {assignment}: "
+            problems = [
+                document.problem(path, problem.removeprefix(start))
+                if problem.startswith(start)
+                else problem
+                for problem in problems
+            ]
         raise InputError(problems) from None
 
 
@@ -204,13 +170,11 @@ def _seeds(
 ) -> tuple[int, ...] | None:
     if isinstance(given, str):
         return None
-    if isinstance(given, list):
-        own = given
-    else:
-        first, number = (
-            (0, given) if isinstance(given, int) else (given.get("first", 0), given["count"])
-        )
-        own = list(range(first, first + number))
+    if isinstance(given, int):
+        given = {"count": given}
+    if isinstance(given, Mapping):
+        first = given.get("first", 0)
+        given = list(range(first, first + given["count"]))
     if wanted is None:
-        return tuple(own)
-    return (*own[:wanted], *islice(count(max(own) + 1), max(0, wanted - len(own))))
+        return tuple(given)
+    return (*given[:wanted], *islice(count(max(given) + 1), max(0, wanted - len(given))))

@@ -7,15 +7,81 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from io import StringIO
-from typing import Any, Final, TypeAlias
+from statistics import fmean, stdev
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from star_ablate.flight import Result
-from star_ablate.measures import CONFIDENCE, Spread, measured, numbers, spread
 from star_ablate.study import COLUMNS, Run, Study
 
 Results: TypeAlias = Sequence[tuple[Run, Result]]
 
-NOTHING: Final = "-"  # in a cell
+CONFIDENCE: Final = 0.95
+MISSING: Final = "-"  # in a cell
+
+
+class Statistics(NamedTuple):
+    """Statistics of a sample.
+
+    Attributes:
+        n: Sample size.
+        mean: Mean.
+        std: Standard deviation of the sample (n - 1); NaN if n is 1.
+        half_width: Half the width of the 95 % interval of the mean; NaN if n is 1.
+    """
+
+    n: int
+    mean: float
+    std: float
+    half_width: float
+
+
+def statistics(values: Sequence[float]) -> Statistics:
+    """Return the statistics of a sample that is not empty.
+
+    The interval is Student's (Biometrika 6(1), 1908): the mean ± t s/√n, with t the 97.5 % point
+    of the t distribution with n - 1 degrees of freedom.
+
+    >>> round(statistics([1.0, 2.0, 3.0]).half_width, 4)
+    2.4841
+    """
+    n = len(values)
+    if n == 1:
+        return Statistics(1, float(values[0]), math.nan, math.nan)
+    from scipy.special import stdtrit  # scipy.stats takes a second to import
+
+    std = stdev(values)
+    t = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2))
+    return Statistics(n, fmean(values), std, t * std / math.sqrt(n))
+
+
+def value_at(summary: Mapping[str, Any] | None, path: str) -> Any:
+    """Return the value at `path`, keys joined by dots; None if there is none.
+
+    >>> value_at({"position_mse_m2": {"mean": 0.2}}, "position_mse_m2.mean")
+    0.2
+    """
+    value: Any = summary
+    for key in path.split("."):
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return value
+
+
+def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    """Yield every path in a summary.
+
+    >>> list(paths({"collisions": {"agent_agent": 0}, "reason": ""}))
+    ['collisions', 'collisions.agent_agent', 'reason']
+    """
+    for key, value in summary.items():
+        yield f"{above}{key}"
+        if isinstance(value, Mapping):
+            yield from paths(value, f"{above}{key}.")
+
+
+def finite(values: Sequence[Any]) -> list[float]:
+    """Return the finite numbers among some values; booleans count as 0 or 1."""
+    numbers = (float(value) for value in values if isinstance(value, int | float))
+    return [value for value in numbers if math.isfinite(value)]
 
 
 def as_csv(study: Study, results: Results) -> str:
@@ -25,27 +91,20 @@ def as_csv(study: Study, results: Results) -> str:
     """
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
-    measures = _further(study)
+    measures = _measures(study)
     table.writerow(
         ["mission", *study.factors, "seed", "outcome", "reason", *measures, "wall_time_s"]
     )
     for run, result in results:
-        table.writerow(
-            [
-                *run.condition.names,
-                run.seed,
-                result.outcome,
-                result.reason,
-                *(_cell(measured(result.summary, measure)) for measure in measures),
-                f"{result.wall_time:.3f}",
-            ]
-        )
+        values = (_cell(value_at(result.summary, measure)) for measure in measures)
+        about = (*run.condition.names, run.seed, result.outcome, result.reason)
+        table.writerow([*about, *values, f"{result.wall_time:.3f}"])
     return text.getvalue()
 
 
 def as_markdown(study: Study, results: Results) -> str:
     """Return a page with a table of one row per condition, and the runs that did not complete."""
-    measures = _further(study)
+    measures = _measures(study)
     total = len(study.conditions) * study.each
     many = "seed" if study.each == 1 else "seeds"
     with_seeds = "own seeds" if study.seeds is None else f"{study.each} {many} each"
@@ -69,34 +128,33 @@ def as_markdown(study: Study, results: Results) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _further(study: Study) -> list[str]:
+def _measures(study: Study) -> list[str]:
     """Return the measures that are not columns already."""
     return [measure for measure in study.measures if measure not in COLUMNS]
 
 
 def _rows(study: Study, results: Results, measures: Sequence[str]) -> Iterator[list[str]]:
-    """The cells of each condition."""
-    of: dict[tuple[str, ...], list[Result]] = {}
+    """Yield the cells of each condition."""
+    by_condition: dict[tuple[str, ...], list[Result]] = {}
     for run, result in results:
-        of.setdefault(run.condition.names, []).append(result)
+        by_condition.setdefault(run.condition.names, []).append(result)
     for condition in study.conditions:
-        flown = of.get(condition.names, [])
+        flown = by_condition.get(condition.names, [])
         n = len(flown)
         completed = sum(result.outcome == "completed" for result in flown)
-        cells = [*condition.names, str(n), f"{completed / n:.0%}" if n else NOTHING]
+        cells = [*condition.names, str(n), f"{completed / n:.0%}" if n else MISSING]
         for measure in measures:
-            values = numbers([measured(result.summary, measure) for result in flown])
-            cells.append(_shown(spread(values), n) if values else NOTHING)
+            values = finite([value_at(result.summary, measure) for result in flown])
+            cells.append(_formatted(statistics(values), n) if values else MISSING)
         yield cells
 
 
-def _shown(found: Spread, runs: int) -> str:
+def _formatted(found: Statistics, runs: int) -> str:
     fewer = f" (n {found.n})" if found.n < runs else ""
-    if math.isnan(found.sd):
+    if math.isnan(found.std):
         return f"{_short(found.mean)}{fewer}"
-    low, high = found.mean - found.half, found.mean + found.half
-    interval = f"[{_short(low)}, {_short(high)}]"
-    return f"{_short(found.mean)} ± {_short(found.sd)} {interval}{fewer}"
+    low, high = found.mean - found.half_width, found.mean + found.half_width
+    return f"{_short(found.mean)} ± {_short(found.std)} [{_short(low)}, {_short(high)}]{fewer}"
 
 
 def _short(value: float) -> str:

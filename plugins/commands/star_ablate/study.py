@@ -16,17 +16,11 @@ COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One mission at one level of every factor.
+    """One mission at one level of every factor."""
 
-    Attributes:
-        file: Name of the mission's file, without its suffix.
-        levels: Level of each factor, by the factor's name.
-        mission: The mission, without its seed.
-    """
-
-    file: str
-    levels: Mapping[str, str]
-    mission: Mission
+    file: str  # name of the mission's file, without its suffix
+    levels: Mapping[str, str]  # of each factor, by name
+    mission: Mission  # without its seed
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -16,64 +16,66 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Final
 
-from star_ablate.flight import THREADS, Result, Task, serve
+from star_ablate.flight import Job, Result, serve
 
 SPAWN: Final = get_context("spawn")
-LOOK: Final = 0.2  # s, interval of checks whether to stop
-PATIENCE: Final = 5.0
-"""Time a process gets to end by itself, s."""
+POLL_INTERVAL: Final = 0.2  # s, between checks whether to stop
+EXIT_TIMEOUT: Final = 5.0  # s, in which a process ends by itself
+ONE_THREAD: Final = dict.fromkeys(  # there are as many workers as cores
+    ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1"
+)
 
 
 def fly_all(
-    tasks: Sequence[Task],
+    jobs: Sequence[Job],
     workers: int,
     output: Path,
     time_limit: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Generator[tuple[int, Result]]:
-    """Yield the index and result of every task, in order of completion.
+    """Yield the index and result of every job, in order of completion.
 
     All processes have ended when the iterator is exhausted or closed.
 
     Args:
-        tasks: Tasks to fly.
+        jobs: Runs to fly.
         workers: Number of processes.
         output: File for the output of the processes.
-        time_limit: Wall time limit of a task, s.
-        stopped: Polled; whether to skip the remaining tasks.
+        time_limit: Wall time limit of a run, s.
+        stopped: Polled; whether to skip the remaining jobs.
     """
-    waiting = iter(enumerate(tasks))
-    crew = [Worker(output, time_limit) for _ in range(min(workers, len(tasks)))]
+    waiting = iter(enumerate(jobs))
+    pool = [Worker(output, time_limit) for _ in range(min(workers, len(jobs)))]
     try:
-        for worker in crew:
-            worker.give(*next(waiting))
-        while busy := {worker.connection: worker for worker in crew if worker.busy}:
+        for worker in pool:
+            worker.begin(*next(waiting))
+        while busy := {worker.connection: worker for worker in pool if worker.busy}:
             if stopped():
                 return
-            soonest = min(LOOK, *(worker.left() for worker in busy.values()))
+            soonest = min(POLL_INTERVAL, *(worker.remaining() for worker in busy.values()))
             ready = connection.wait(list(busy), soonest)
             for worker in busy.values():
-                if worker.connection not in ready and worker.left() > 0:
+                if worker.connection not in ready and worker.remaining() > 0:
                     continue
-                done = worker.take()
+                done = worker.finish()
                 if (following := next(waiting, None)) is not None:
-                    worker.give(*following)
+                    worker.begin(*following)
                 yield done
     finally:
-        for worker in crew:
+        for worker in pool:
             worker.end()
 
 
 class Worker:
-    """A process that flies one task after the other; it is replaced when it dies.
+    """A process that flies one job after the other; it is replaced when it dies.
 
     Args:
         output: File for its output.
-        time_limit: Wall time limit of a task, s.
+        time_limit: Wall time limit of a job, s.
 
     Attributes:
-        connection: Readable when a task is done or the process has ended.
-        busy: Whether a task is running.
+        connection: Readable when a job is done or the process has ended.
+        busy: Whether a job is running.
     """
 
     def __init__(self, output: Path, time_limit: float | None) -> None:
@@ -84,36 +86,36 @@ class Worker:
         self.busy = False
         self._process: BaseProcess | None = None
 
-    def give(self, index: int, task: Task) -> None:
-        """Start a task."""
+    def begin(self, index: int, job: Job) -> None:
+        """Start a job."""
         if self._process is None:
             self._start()
         try:
-            self.connection.send(task)
-        except OSError:  # it died after the previous task; this task did not cause it
+            self.connection.send(job)
+        except OSError:  # it died after the previous job; this job did not cause it
             self._kill()
             self._start()
-            self.connection.send(task)
+            self.connection.send(job)
         self._index, self._begun, self.busy = index, time.monotonic(), True
 
-    def take(self) -> tuple[int, Result]:
-        """Return the index of the task and its result.
+    def finish(self) -> tuple[int, Result]:
+        """Return the index of the job and its result.
 
         Call it when `connection` is readable or the time is up; in that case the process is killed.
         """
         self.busy = False
-        if self.left() > 0 or self.connection.poll():
-            try:
-                result: Result = self.connection.recv()
-            except (EOFError, OSError):
-                self._join()
-                result = self._crashed("its process ended with {}")
-        else:
-            result = self._crashed(f"took longer than {self._limit:g} s")
+        if self.remaining() <= 0 and not self.connection.poll():
+            return self._index, self._crashed(f"took longer than {self._limit:g} s")
+        try:
+            result: Result = self.connection.recv()
+        except (EOFError, OSError):
+            if self._process is not None:
+                self._process.join(EXIT_TIMEOUT)
+            result = self._crashed("its process ended with {}")
         return self._index, result
 
-    def left(self) -> float:
-        """Remaining time of the task, s."""
+    def remaining(self) -> float:
+        """Remaining time of the job, s."""
         return max(0.0, self._begun + self._limit - time.monotonic())
 
     def end(self) -> None:
@@ -122,22 +124,17 @@ class Worker:
             return
         if not self.busy:
             self.connection.close()
-            self._join()
+            self._process.join(EXIT_TIMEOUT)
         if self._process.exitcode is None:
             self._kill()
 
     def _start(self) -> None:
         self.connection, theirs = SPAWN.Pipe()
         self._process = process = SPAWN.Process(target=serve, args=(theirs, self._output))
-        for name in THREADS:  # read when a library is loaded, so set before the process starts
-            os.environ.setdefault(name, "1")
+        for name, value in ONE_THREAD.items():  # libraries read it when they are loaded
+            os.environ.setdefault(name, value)
         process.start()
         theirs.close()  # so that this end reads EOF when the process ends
-
-    def _join(self) -> None:
-        """Wait for the process to end by itself."""
-        if self._process is not None:
-            self._process.join(PATIENCE)
 
     def _crashed(self, why: str) -> Result:
         wall_time = time.monotonic() - self._begun

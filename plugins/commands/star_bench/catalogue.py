@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
 
-from star_bench.among_walls import blocks, corridor, doorway, polygons
-from star_bench.in_the_open import circle, crossing, disc, stack
+from star_bench.obstacles import blocks, corridor, doorway, polygons
+from star_bench.open_space import circle, crossing, disc, stack
 from star_bench.scenario import Scenario
 from star_core import InputError
 
-FEWEST: Final = 2  # agents: a single one has no other to avoid
-MOST: Final = 256
-"""Greatest number of agents, up to which tests cover the layout."""
+MIN_AGENTS: Final = 2  # a single one has no other to avoid
+MAX_AGENTS: Final = 256  # up to which tests cover the layout
+MAX_WIDTH: Final = 10  # m, of a corridor, a door or a street
 
 CATALOGUE: Final[Mapping[str, Callable[..., Scenario]]] = {
     draw.__name__: draw
@@ -31,9 +31,9 @@ class Case:
 
     Attributes:
         scenario: Its name in the catalogue.
-        options: Its options, such as the width of a corridor, m.
         agents: Number of agents.
         seed: Seed of the scenario and of the flight.
+        options: Its options, such as the width of a corridor, m.
     """
 
     scenario: str
@@ -68,21 +68,14 @@ def checked_options(scenario: str, given: Mapping[str, Any]) -> Mapping[str, flo
     Raises:
         InputError: It has no option of that name, or the value is not a valid length.
     """
-    known = [
-        name
-        for name, parameter in inspect.signature(CATALOGUE[scenario]).parameters.items()
-        if parameter.kind is parameter.KEYWORD_ONLY
-    ]
+    known = inspect.getfullargspec(CATALOGUE[scenario]).kwonlyargs
     for name, value in given.items():
         if name not in known:
             there = f"there is {', '.join(known)}" if known else "it has none"
-            raise InputError([f"--scenarios: {scenario!r} has no option {name!r}; {there}"])
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= WIDEST:
-            raise InputError(
-                [f"--scenarios: {scenario} {name}: {value!r}, expected m, more than 0, {WIDEST} at"
-                 " most"]
-            )  # fmt: skip
+            wrong = f"--scenarios: {scenario!r} has no option {name!r}; {there}"
+            raise InputError(wrong, "invalid-argument")
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and 0 < value <= MAX_WIDTH):
+            wrong = f"{value!r}, expected m, more than 0, {MAX_WIDTH} at most"
+            raise InputError(f"--scenarios: {scenario} {name}: {wrong}", "out-of-range")
     return {name: float(value) for name, value in given.items()}
-
-
-WIDEST: Final = 10  # m, of a corridor, a door or a street

@@ -10,12 +10,18 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
 
-from star_bench.campaign import NOISE, STUDY, Campaign, write
-from star_bench.catalogue import CATALOGUE, FEWEST, MOST, Case, checked_options, numbers
-from star_bench.figures import Figures, figures
-from star_bench.mission_file import SPEED
+from star_bench.arguments import levels, named
+from star_bench.catalogue import (
+    CATALOGUE,
+    MAX_AGENTS,
+    MIN_AGENTS,
+    Case,
+    checked_options,
+    numbers,
+)
+from star_bench.files import NOISE, SPEED, STUDY, Campaign, write
+from star_bench.metrics import Metrics, metrics
 from star_bench.table import Key, as_csv, as_markdown, rows
-from star_bench.words import levels, named
 from star_core import InputError, PluginError, Registry, new_folder
 
 FLOWN: Final = "flown"  # folder of the study's results
@@ -50,7 +56,8 @@ def main(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
-        raise InputError([f"{folder}: cannot be written: {error.strerror or error}"]) from error
+        wrong = f"{folder}: cannot be written: {error.strerror or error}"
+        raise InputError(wrong, "unwritable-file") from error
     sys.stdout.write(f"{table}\nresults: {folder}\n")
     return status
 
@@ -74,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
         nargs="+",
         type=int,
         metavar="N",
-        help=f"numbers of agents, {FEWEST} to {MOST} (each scenario's own)",
+        help=f"numbers of agents, {MIN_AGENTS} to {MAX_AGENTS} (each scenario's own)",
     )
     star.add_argument(
         "--seeds", type=_positive, default=SEEDS, metavar="N", help="seeds 0 to N-1: %(default)s"
@@ -91,52 +98,41 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _cases(options: argparse.Namespace) -> Iterator[Case]:
-    """Yield every case in the order of the table.
-
-    Raises:
-        InputError: There is no such scenario, or it has no such option or number of agents.
-    """
+    """Yield every case in the order of the table."""
     seen = set()
     for word in options.scenarios or CATALOGUE:
         name, given = named("--scenarios", word)
         if name not in CATALOGUE:
             close = get_close_matches(name, CATALOGUE, n=1)
             hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(CATALOGUE)}"
-            raise InputError([f"--scenarios: no scenario named {name!r}; {hint}"])
+            wrong = f"--scenarios: no scenario named {name!r}; {hint}"
+            raise InputError(wrong, "invalid-argument")
         chosen = checked_options(name, given)
         for agents in dict.fromkeys(options.agents or numbers(name)):
-            if not FEWEST <= agents <= MOST:
-                wrong = f"--agents {agents}: expected a number from {FEWEST} to {MOST}"
-                raise InputError([wrong])
+            if not MIN_AGENTS <= agents <= MAX_AGENTS:
+                wrong = f"--agents {agents}: expected a number from {MIN_AGENTS} to {MAX_AGENTS}"
+                raise InputError(wrong, "out-of-range")
             for seed in range(options.seeds):
                 case = Case(name, agents, seed, chosen)
                 if case.name in seen:
-                    raise InputError([f"--scenarios: {word!r} is given twice"])
+                    raise InputError(f"--scenarios: {word!r} is given twice", "duplicate-name")
                 seen.add(case.name)
                 yield case
 
 
 def _flown(study: Path, folder: Path, workers: int | None, registry: Registry) -> int:
-    """Fly a study with `star ablate`; return its exit status.
-
-    Raises:
-        InputError: There is no such command, or it refuses.
-    """
+    """Fly a study with `star ablate`; return its exit status."""
     try:
         ablate = registry.find("command", "ablate").offer
     except PluginError as error:
-        raise InputError([f"`star ablate` flies the scenarios: {error}"]) from None
+        raise InputError(f"`star ablate` flies the scenarios: {error}") from None
     at_once = () if workers is None else ("--workers", str(workers))
     status: int = ablate.make([str(study), "--out", str(folder), "--quiet", *at_once])
     return status
 
 
-def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Figures]]:
-    """Yield the figures of every flight of a study, in the order of the table.
-
-    Raises:
-        OSError: Its results cannot be read.
-    """
+def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Metrics]]:
+    """Yield the metrics of every flight of a study, in the order of the table."""
     with results.open(encoding="utf-8", newline="") as file:
         flown = {
             (row["mission"], row["avoider"], row["noise"]): row for row in csv.DictReader(file)
@@ -147,22 +143,19 @@ def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Figures]]:
             for case in campaign.cases:
                 if (row := flown.get((case.name, avoider, noise))) is not None:
                     key = Key(avoider, case.title, str(case.agents), noise)
-                    yield key, figures(row, drawn[case.name], SPEED)
+                    yield key, metrics(row, drawn[case.name], SPEED)
 
 
 def _folder(out: str | None) -> Path:
-    """Return the output folder.
-
-    Raises:
-        InputError: It is not a folder, or contains other files.
-    """
+    """Return the output folder, which may contain the files of a campaign only."""
     if out is None:
         return new_folder("bench")
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
-        raise InputError([f"--out {out}: is not a folder"])
+        raise InputError(f"--out {out}: is not a folder", "unwritable-file")
     if folder.exists() and any(folder.iterdir()) and not (folder / STUDY).is_file():
-        raise InputError([f"--out {out}: contains other files; name another folder"])
+        wrong = f"--out {out}: contains other files; name another folder"
+        raise InputError(wrong, "unwritable-file")
     return folder
 
 

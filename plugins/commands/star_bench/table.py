@@ -8,9 +8,9 @@ from io import StringIO
 from statistics import fmean
 from typing import Final, NamedTuple, TypeAlias
 
-from star_bench.figures import PARTS, Figures
+from star_bench.metrics import COMPUTED, Metrics
 
-NOTHING: Final = "-"  # in a cell
+MISSING: Final = "-"  # in a cell
 ALL: Final = "all"
 
 
@@ -24,39 +24,23 @@ class Key(NamedTuple):
 
 
 Cell: TypeAlias = float | None
-Column: TypeAlias = Callable[[Sequence[Figures]], Cell]
 
-
-def _known(sum_up: Callable[[list[float]], float], get: Callable[[Figures], Cell]) -> Column:
-    """Return a column that aggregates the known values of some flights; None if there are none."""
-
-    def column(of: Sequence[Figures]) -> Cell:
-        known = [value for one in of if (value := get(one)) is not None]
-        return sum_up(known) if known else None
-
-    return column
-
-
-def _compute(part: str) -> Column:
-    return _known(fmean, lambda one: one.compute[part])
-
-
-COLUMNS: Final[Mapping[str, tuple[Column, str | None]]] = {
-    "runs": (len, ".0f"),
-    "success": (lambda of: fmean(one.success for one in of), ".1%"),
-    "agent-agent collisions": (_known(sum, lambda one: one.agent_agent), ".0f"),
-    "agent-obstacle collisions": (_known(sum, lambda one: one.agent_obstacle), ".0f"),
-    "deadlocks": (_known(sum, lambda one: one.deadlocks), ".0f"),
-    "waits": (_known(sum, lambda one: one.waits), ".0f"),
-    "min separation (m)": (_known(min, lambda one: one.separation), ".2f"),
-    "min clearance (m)": (_known(min, lambda one: one.clearance), ".2f"),
-    "time ratio": (_known(fmean, lambda one: one.time_ratio), ".2f"),
-    "path ratio": (_known(fmean, lambda one: one.path_ratio), ".2f"),
-    "corrected": (_known(sum, lambda one: one.corrected), ".0f"),
-    "avoider (us)": (_compute("avoider"), ".3g"),
-    **{f"{part} (us)": (_compute(part), None) for part in PARTS if part != "avoider"},
+COLUMNS: Final[Mapping[str, tuple[Callable[[list[float]], float], str | None]]] = {
+    "runs": (sum, ".0f"),
+    "success": (fmean, ".1%"),
+    "agent-agent collisions": (sum, ".0f"),
+    "agent-obstacle collisions": (sum, ".0f"),
+    "deadlocks": (sum, ".0f"),
+    "waits": (sum, ".0f"),
+    "min separation (m)": (min, ".2f"),
+    "min clearance (m)": (min, ".2f"),
+    "time ratio": (fmean, ".2f"),
+    "path ratio": (fmean, ".2f"),
+    "corrected": (sum, ".0f"),
+    **{f"{plugin} (us)": (fmean, ".3g" if plugin == "avoider" else None) for plugin in COMPUTED},
 }
-"""Function and number format of each column; columns without a format are in the CSV only."""
+"""How each column sums up the flights that have the metric, and its number format; columns without
+a format are in the CSV only."""
 
 LEGEND: Final = """\
 Success: all agents arrived and landed without collisions. A wait is an agent with a goal that makes
@@ -72,17 +56,20 @@ along each axis, correlated over 1 s.
 """
 
 
-def rows(flown: Iterable[tuple[Key, Figures]]) -> list[tuple[Key, list[Cell]]]:
+def rows(flown: Iterable[tuple[Key, Metrics]]) -> list[tuple[Key, list[Cell]]]:
     """Return a row for each key, in order of appearance, then one for each avoider."""
-    groups: dict[Key, list[Figures]] = {}
-    pooled: dict[Key, list[Figures]] = {}
-    for key, one in flown:
-        groups.setdefault(key, []).append(one)
-        pooled.setdefault(Key(key.avoider, ALL, ALL, key.noise), []).append(one)
-    return [
-        (key, [column(of) for column, _ in COLUMNS.values()])
-        for key, of in [*groups.items(), *pooled.items()]
-    ]
+    groups: dict[Key, list[Metrics]] = {}
+    pooled: dict[Key, list[Metrics]] = {}
+    for key, metrics in flown:
+        groups.setdefault(key, []).append(metrics)
+        pooled.setdefault(Key(key.avoider, ALL, ALL, key.noise), []).append(metrics)
+    return [(key, [*_cells(of)]) for key, of in [*groups.items(), *pooled.items()]]
+
+
+def _cells(flights: Sequence[Metrics]) -> Iterator[Cell]:
+    for name, (sum_up, _) in COLUMNS.items():
+        known = [v for one in flights if (v := one.get(name)) is not None]
+        yield sum_up(known) if known else None
 
 
 def as_csv(found: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
@@ -108,7 +95,7 @@ def as_markdown(found: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
 def _shown(cells: Sequence[Cell]) -> Iterator[str]:
     for (_, how), cell in zip(COLUMNS.values(), cells, strict=True):
         if how is not None:
-            yield NOTHING if cell is None else format(cell, how)
+            yield MISSING if cell is None else format(cell, how)
 
 
 def _line(cells: Sequence[str]) -> str:

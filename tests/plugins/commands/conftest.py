@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 
-from star_ablate.flight import Result, Task, flown
+from star_ablate.flight import Job, Result, fly_job
 from star_core import Registry
 
 
@@ -14,9 +14,9 @@ from star_core import Registry
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Has `star ablate` fly in this process: a worker process needs a second to start."""
 
-    def fly_all(tasks: Sequence[Task], *_: object, **__: object) -> Iterator[tuple[int, Result]]:
+    def fly_all(jobs: Sequence[Job], *_: object, **__: object) -> Iterator[tuple[int, Result]]:
         registry = Registry()
-        for index, task in enumerate(tasks):
-            yield index, flown(task, registry)
+        for index, job in enumerate(jobs):
+            yield index, fly_job(job, registry)
 
     monkeypatch.setattr("star_ablate.command.fly_all", fly_all)

@@ -202,7 +202,7 @@ def test_results_do_not_go_where_something_else_is(
     make(out := tmp_path / "out")
     with pytest.raises(InputError) as caught:
         main([str(study(HOP)), "--out", str(out)])
-    assert caught.value.problems == (f"--out {out}: {why} [invalid-input]",)
+    assert caught.value.problems == (f"--out {out}: {why} [unwritable-file]",)
 
 
 def test_a_folder_that_cannot_be_made_is_told(study: Study, tmp_path: Path) -> None:
@@ -210,7 +210,9 @@ def test_a_folder_that_cannot_be_made_is_told(study: Study, tmp_path: Path) -> N
     out = tmp_path / "file" / "out"
     with pytest.raises(InputError) as caught:
         main([str(study(HOP)), "--out", str(out)])
-    assert caught.value.problems == (f"{out}: cannot be written: Not a directory [invalid-input]",)
+    assert caught.value.problems == (
+        f"{out}: cannot be written: Not a directory [unwritable-file]",
+    )
 
 
 @pytest.mark.parametrize("arguments", [["--workers", "0"], ["--seeds", "-1"], ["--seeds", "x"]])

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from star_ablate.flight import Result
-from star_ablate.progress import Progress
+from star_ablate.progress import StudyProgress
 from star_ablate.study import Condition, Run
 
 NO_MISSION: Any = None
@@ -22,7 +22,8 @@ CRASHED = Result("crashed", "its process ended with [SIGSEGV]", 2.0, None)
 def shown(request: pytest.FixtureRequest) -> str:
     text = StringIO()
     console = Console(file=text, force_terminal=request.param, width=120, color_system=None)
-    with Progress("study", 5, 2, console) as progress:
+    progress = StudyProgress("study", 5, 2, console)
+    with progress.bar:
         progress.add(RUN, COMPLETED)
         progress.add(RUN, CRASHED)
     return text.getvalue()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -14,8 +15,7 @@ from scipy import stats
 
 from star_ablate.flight import Result
 from star_ablate.journal import Journal
-from star_ablate.measures import measured, numbers, spread
-from star_ablate.results import as_csv, as_markdown
+from star_ablate.results import as_csv, as_markdown, finite, statistics, value_at
 from star_ablate.study import Condition, Run, Study
 
 NO_MISSION: Any = None
@@ -38,28 +38,28 @@ def results(*summaries: Any) -> list[tuple[Run, Result]]:
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=20).filter(lambda x: len(set(x)) > 1))
 def test_the_interval_is_that_of_students_t(values: list[float]) -> None:
-    found = spread(values)
+    found = statistics(values)
     expected = stats.ttest_1samp(values, 0).confidence_interval(0.95)
-    assert found.mean - found.half == pytest.approx(expected.low, rel=1e-6, abs=1e-6)
-    assert found.mean + found.half == pytest.approx(expected.high, rel=1e-6, abs=1e-6)
+    assert found.mean - found.half_width == pytest.approx(expected.low, rel=1e-6, abs=1e-6)
+    assert found.mean + found.half_width == pytest.approx(expected.high, rel=1e-6, abs=1e-6)
 
 
 def test_a_single_value_has_no_deviation() -> None:
-    found = spread([3.0])
+    found = statistics([3.0])
     assert (found.n, found.mean) == (1, 3.0)
-    assert math.isnan(found.sd)
-    assert math.isnan(found.half)
+    assert math.isnan(found.std)
+    assert math.isnan(found.half_width)
 
 
 def test_what_is_no_number_is_not_summed_up() -> None:
-    assert numbers([1, 2.5, True, None, "x", math.nan, math.inf]) == [1.0, 2.5, 1.0]
+    assert finite([1, 2.5, True, None, "x", math.nan, math.inf]) == [1.0, 2.5, 1.0]
 
 
 @pytest.mark.parametrize(
     ("path", "value"), [("a.b", 3), ("a", {"b": 3}), ("a.c", None), ("a.b.c", None), ("d", None)]
 )
 def test_a_measure_is_found_by_its_path(path: str, value: object) -> None:
-    assert measured({"a": {"b": 3}}, path) == value
+    assert value_at({"a": {"b": 3}}, path) == value
 
 
 # results.csv
@@ -126,29 +126,29 @@ def test_a_reason_cannot_break_the_table() -> None:
 
 def test_a_journal_gives_back_what_left_a_summary(tmp_path: Path) -> None:
     ((first, flew), (second, _)) = results({"a": 0.1}, {"a": 2})
-    with Journal(tmp_path / "runs.jsonl") as journal:
+    with closing(Journal(tmp_path / "runs.jsonl")) as journal:
         journal.add(first, flew)
         journal.add(second, Result("crashed", "gone", 1.0, None))
-    with Journal(tmp_path / "runs.jsonl") as journal:
+    with closing(Journal(tmp_path / "runs.jsonl")) as journal:
         assert journal.done == {"key-0": flew}
 
 
 def test_a_line_that_was_not_finished_costs_its_own_run_only(tmp_path: Path) -> None:
     path = tmp_path / "runs.jsonl"
     ((first, flew), (second, flew_too)) = results({"a": 1}, {"a": 2})
-    with Journal(path) as journal:
+    with closing(Journal(path)) as journal:
         journal.add(first, flew)
         journal.add(second, flew_too)
     path.write_text(path.read_text()[:-9])
-    with Journal(path) as journal:
+    with closing(Journal(path)) as journal:
         assert list(journal.done) == ["key-0"]
         journal.add(second, flew_too)
-    with Journal(path) as journal:
+    with closing(Journal(path)) as journal:
         assert list(journal.done) == ["key-0", "key-1"]
 
 
 @given(st.text())
 def test_any_text_is_a_journal(text: str) -> None:
-    from star_ablate.journal import _kept
+    from star_ablate.journal import _parsed
 
-    assert _kept(text) is None or cast(Any, _kept(text))[0]
+    assert _parsed(text) is None or cast(Any, _parsed(text))[0]

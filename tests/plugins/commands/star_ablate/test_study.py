@@ -114,7 +114,7 @@ def test_a_number_of_seeds_does_not_go_with_own_seeds(
         read(path, registry, 3)
     assert caught.value.problems == (
         f"{path}:4:8: each mission flies with its 'own' seed, so --seeds 3 has no effect"
-        " [invalid-option]",
+        " [option-conflict]",
     )
 
 
@@ -184,47 +184,32 @@ def test_another_version_of_a_plugin_changes_the_key(
 
 
 @pytest.mark.parametrize(
-    ("text", "found"),
+    ("text", "where", "code"),
     [
-        (
-            "missions: [../hip.yaml]\n",
-            "3:12: there is no file '../hip.yaml' from the study's folder; did you mean"
-            " '../hop.yaml'? [invalid-option]",
-        ),
-        (
-            "missions: [../../x.yaml]\n",
-            "3:12: '../../x.yaml' is outside the folder above the study's; name a file inside it"
-            " [invalid-option]",
-        ),
-        (
-            "missions: [/etc/hosts]\n",
-            "3:12: '/etc/hosts' is outside the folder above the study's; name a file inside it"
-            " [invalid-option]",
-        ),
-        (
-            HOP + "factors: {seed: {a: {}}}\n",
-            "4:17: a factor cannot be called 'seed': the results have that column [invalid-option]",
-        ),
-        (
-            HOP + "factors: {noise: {a: {seed: 3}}}\n",
-            "4:29: the seed cannot be a level; set `seeds` [invalid-option]",
-        ),
+        ("missions: [../hip.yaml]\n", "3:12", "file-not-found"),
+        ("missions: [../../x.yaml]\n", "3:12", "invalid-path"),
+        ("missions: [/etc/hosts]\n", "3:12", "invalid-path"),
+        (HOP + "factors: {seed: {a: {}}}\n", "4:17", "duplicate-name"),
+        (HOP + "factors: {noise: {a: {seed: 3}}}\n", "4:29", "option-conflict"),
         (
             HOP + "factors: {a: {b: {avoider.radius: 1}}, c: {d: {avoider: none}}}\n",
-            "4:57: 'avoider' would undo what factor 'a' sets; write 'c' first or make one factor"
-            " of both [invalid-option]",
+            "4:57",
+            "option-conflict",
         ),
-        (
-            HOP + "factors: {a: {b: {rate: 1}}, c: {d: {rate: 2}}}\n",
-            "4:44: 'rate' would undo what factor 'a' sets; write 'c' first or make one factor"
-            " of both [invalid-option]",
-        ),
+        (HOP + "factors: {a: {b: {rate: 1}}, c: {d: {rate: 2}}}\n", "4:44", "option-conflict"),
     ],
 )
-def test_what_makes_no_sense_is_refused_with_its_place(
-    text: str, found: str, study: Callable[[str], Path], registry: Registry
+def test_a_mistake_is_refused_at_its_location(
+    text: str, where: str, code: str, study: Callable[[str], Path], registry: Registry
 ) -> None:
-    assert problems(study(text), registry) == [found]
+    (found,) = problems(study(text), registry)
+    assert found.startswith(f"{where}: ")
+    assert found.endswith(f"[{code}]")
+
+
+def test_a_similar_file_is_suggested(study: Callable[[str], Path], registry: Registry) -> None:
+    (found,) = problems(study("missions: [../hip.yaml]\n"), registry)
+    assert "did you mean '../hop.yaml'?" in found
 
 
 def test_a_link_does_not_lead_out_of_the_folder(
@@ -245,7 +230,7 @@ def test_two_missions_of_one_name_cannot_be_told_apart(
     first = path.parent / "../hop.yaml"
     assert problems(path, registry) == [
         f"3:25: 'hop.yaml' is indistinguishable from {str(first)!r} in the results; rename one"
-        " [invalid-option]"
+        " [duplicate-name]"
     ]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from star_ablate.flight import Task, flown
+from star_ablate.flight import Job, fly_job
 from star_ablate.workers import Worker, fly_all
 from star_core import Mission, Registry, load
 
@@ -55,14 +55,14 @@ def eventually(question: Callable[[], Any], patience: float = 20.0) -> Any:
 
 
 def test_a_worker_that_died_idle_is_replaced(worker: Worker, hop: Callable[[str], Mission]) -> None:
-    worker.give(0, Task(hop("raise")))
-    assert worker.take()[1].outcome == "failed"
+    worker.begin(0, Job(hop("raise")))
+    assert worker.finish()[1].outcome == "failed"
     (process,) = [worker._process]
     assert process is not None
     os.kill(process.pid or 0, signal.SIGKILL)
     process.join()
-    worker.give(1, Task(hop("raise")))
-    index, result = worker.take()
+    worker.begin(1, Job(hop("raise")))
+    index, result = worker.finish()
     assert (index, result.outcome) == (1, "failed")
 
 
@@ -71,7 +71,7 @@ def test_ending_a_worker_ends_what_its_plugins_started(
     worker: Worker, hop: Callable[[str], Mission], tmp_path: Path
 ) -> None:
     log = tmp_path / "log.txt"
-    worker.give(0, Task(hop("breed")))
+    worker.begin(0, Job(hop("breed")))
     started = eventually(lambda: log.exists() and log.read_text().strip())
     assert alive(int(started))
     worker.end()
@@ -82,7 +82,7 @@ def test_ending_a_worker_ends_what_its_plugins_started(
 def test_a_plugin_that_cannot_be_made_fails_its_run(
     harm: str, hop: Callable[[str], Mission]
 ) -> None:
-    result = flown(Task(hop(harm)), Registry())
+    result = fly_job(Job(hop(harm)), Registry())
     assert (result.outcome, result.summary) == ("failed", None)
     assert "wrecker" in result.reason
     assert "harm" in result.reason
@@ -95,7 +95,7 @@ def test_an_error_of_our_own_fails_its_run_and_is_logged(
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr("star_core.fly", broken)
-    result = flown(Task(hop("")), Registry())
+    result = fly_job(Job(hop("")), Registry())
     assert (result.outcome, result.summary) == ("failed", None)
     assert result.reason == "ZeroDivisionError: division by zero"
     assert "Traceback" in caplog.text

@@ -12,10 +12,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import MultiPolygon, Point, Polygon, union_all
 
-from star_bench.catalogue import CATALOGUE, MOST, Case, numbers
-from star_bench.mission_file import mission_text, world_text
-from star_bench.scenario import CLEAR, GAP, Scenario
-from star_bench.spots import PITCH, apart, place, scattered, shuffled
+from star_bench.catalogue import CATALOGUE, MAX_AGENTS, Case, numbers
+from star_bench.files import mission_text, world_text
+from star_bench.scenario import (
+    MIN_CLEARANCE,
+    MIN_SEPARATION,
+    PITCH,
+    Scenario,
+    grid_slot,
+    permutation,
+    random_points,
+    separated,
+)
 from star_core import Registry, load
 from star_core.mission_file.obstacles import obstacle, obstacle_faults
 
@@ -43,22 +51,26 @@ def walls(scenario: Scenario) -> MultiPolygon | Polygon:
 def test_agents_start_and_end_apart(case: Case) -> None:
     for places in spots(case.draw()):
         nearest = min(math.dist(a, b) for a, b in combinations(places, 2))
-        assert nearest >= GAP - ROUNDING > 2 * RADIUS
+        assert nearest >= MIN_SEPARATION - ROUNDING > 2 * RADIUS
 
 
 @given(cases)
 def test_agents_land_apart(case: Case) -> None:
     last = [goal[:2] for goal in case.draw().legs[-1]]
-    assert min(math.dist(a, b) for a, b in combinations(last, 2)) >= GAP - ROUNDING
+    assert min(math.dist(a, b) for a, b in combinations(last, 2)) >= MIN_SEPARATION - ROUNDING
 
 
 @given(cases)
 def test_agents_start_and_end_well_inside_the_fence(case: Case) -> None:
     scenario = case.draw()
     for places in spots(scenario):
-        for place_ in places:
+        for point in places:
             for axis in (0, 1):
-                assert scenario.low[axis] + CLEAR <= place_[axis] <= scenario.high[axis] - CLEAR
+                assert (
+                    scenario.low[axis] + MIN_CLEARANCE
+                    <= point[axis]
+                    <= scenario.high[axis] - MIN_CLEARANCE
+                )
 
 
 @given(cases)
@@ -67,7 +79,7 @@ def test_agents_start_and_end_clear_of_obstacles(case: Case) -> None:
     if scenario.obstacles:
         built = walls(scenario)
         for places in spots(scenario):
-            assert min(built.distance(Point(*p[:2])) for p in places) >= CLEAR - ROUNDING
+            assert min(built.distance(Point(*p[:2])) for p in places) >= MIN_CLEARANCE - ROUNDING
 
 
 @given(cases)
@@ -93,7 +105,7 @@ def test_the_same_seed_gives_the_same_files_and_another_seed_others(case: Case) 
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-@pytest.mark.parametrize("agents", [2, 7, 32, pytest.param(MOST, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("agents", [2, 7, 32, pytest.param(MAX_AGENTS, marks=pytest.mark.campaign)])
 def test_every_scenario_is_a_mission_that_can_be_flown(
     name: str, agents: int, tmp_path: Path
 ) -> None:
@@ -197,17 +209,17 @@ def test_in_a_stack_two_and_two_meet_above_each_other_and_change_heights_and_sid
 def test_a_field_that_is_too_small_has_no_room() -> None:
     from random import Random
 
-    assert scattered(100, 1.0, Random(0)) is None  # noqa: S311 -- no secret
+    assert random_points(100, 1.0, Random(0)) is None  # noqa: S311 -- no secret
 
 
 @given(st.integers(1, 50), st.integers(1, 9))
 def test_places_in_rows_are_a_pitch_apart(n: int, lanes: int) -> None:
-    places = [(row * PITCH, aside) for row, aside in (place(i, lanes) for i in range(n))]
-    assert all(apart(p, places[:i], PITCH - ROUNDING) for i, p in enumerate(places))
+    places = [(row * PITCH, aside) for row, aside in (grid_slot(i, lanes) for i in range(n))]
+    assert all(separated(p, places[:i], PITCH - ROUNDING) for i, p in enumerate(places))
 
 
 @given(st.integers(0, 50), st.integers(0, 99))
 def test_shuffling_loses_nobody(n: int, seed: int) -> None:
     from random import Random
 
-    assert sorted(shuffled(n, Random(seed))) == list(range(n))  # noqa: S311 -- no secret
+    assert sorted(permutation(n, Random(seed))) == list(range(n))  # noqa: S311 -- no secret

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from star_bench.figures import PARTS, Figures, figures, path_ratio, time_ratio
+from star_bench.metrics import Metrics, metrics, path_ratio, time_ratio
 from star_bench.scenario import Scenario, level
 from star_bench.table import COLUMNS, LEGEND, Key, as_csv, as_markdown, rows
 from star_core.metrics.conflicts import MAX_WAIT, WAITING_DISTANCE
@@ -38,18 +38,21 @@ def row(**more: Any) -> dict[str, str]:
     return {name: v if isinstance(v, str) else json.dumps(v) for name, v in texts}
 
 
-def flight(**more: Any) -> Figures:
-    unknown = dict.fromkeys(PARTS)
-    known: dict[str, Any] = dict.fromkeys(Figures.__slots__) | {"success": True, "compute": unknown}
-    return Figures(**(known | more))
+def flight(**known: float | None) -> Metrics:
+    """The metrics of a flight; their names are the first words of columns."""
+    metrics: dict[str, float | None] = {"runs": 1, "success": 1.0}
+    for name, value in known.items():
+        words = name.replace("agent_agent", "agent-agent").replace("_", " ")
+        metrics[next(column for column in COLUMNS if column.startswith(words))] = value
+    return metrics
 
 
-def cells(*flights: Figures) -> dict[str, float | None]:
+def cells(*flights: Metrics) -> dict[str, float | None]:
     ((_, found), _) = rows([(KEY, one) for one in flights])
     return dict(zip(COLUMNS, found, strict=True))
 
 
-# Figures of one flight
+# Metrics of one flight
 
 
 def test_the_time_ratio_is_that_of_the_last_to_arrive() -> None:
@@ -101,11 +104,11 @@ def test_a_flight_succeeds_if_it_completes_and_nothing_is_hit(
     changes: dict[str, Any],
     success: bool,  # noqa: FBT001 -- what is expected
 ) -> None:
-    assert figures(row(**changes), TWO, 0.5).success is success
+    assert metrics(row(**changes), TWO, 0.5)["success"] == success
 
 
 def test_figures_are_read_from_a_row() -> None:
-    found = figures(
+    found = metrics(
         row(
             deadlocks=2,
             waits=7,
@@ -118,24 +121,30 @@ def test_figures_are_read_from_a_row() -> None:
         TWO,
         0.5,
     )
-    assert (found.deadlocks, found.waits) == (2, 7)
-    assert (found.separation, found.clearance) == (0.4, 0.25)
-    assert (found.time_ratio, found.path_ratio) == (2.0, 1.0)
-    assert found.corrected == 5
-    assert found.compute == {"avoider": 12.5, "planner": 3.0, "localizer": None, "safety": None}
+    assert (found["deadlocks"], found["waits"]) == (2, 7)
+    assert (found["min separation (m)"], found["min clearance (m)"]) == (0.4, 0.25)
+    assert (found["time ratio"], found["path ratio"]) == (2.0, 1.0)
+    assert found["corrected"] == 5
+    times = [found[f"{plugin} (us)"] for plugin in ("avoider", "planner", "localizer", "safety")]
+    assert times == [12.5, 3.0, None, None]
 
 
 def test_what_a_row_does_not_have_is_not_known() -> None:
-    found = figures(row(), TWO, 0.5)
-    unknown = (found.deadlocks, found.waits, found.clearance, found.time_ratio, found.path_ratio)
-    assert unknown == (None,) * 5
-    assert found.corrected is None
+    found = metrics(row(), TWO, 0.5)
+    known = {name for name, value in found.items() if value is not None}
+    assert known == {
+        "runs",
+        "success",
+        "agent-agent collisions",
+        "agent-obstacle collisions",
+        "min separation (m)",
+    }
 
 
 def test_a_flight_that_did_not_complete_has_no_path_ratio() -> None:
     lengths = {"d1": 7.0, "d2": 3.0}
-    found = figures(row(outcome="failed", path_length_m__per_agent=lengths), TWO, 0.5)
-    assert found.path_ratio is None
+    found = metrics(row(outcome="failed", path_length_m__per_agent=lengths), TWO, 0.5)
+    assert found["path ratio"] is None
 
 
 # The table
@@ -143,8 +152,22 @@ def test_a_flight_that_did_not_complete_has_no_path_ratio() -> None:
 
 def test_counts_are_sums_distances_least_and_ratios_means() -> None:
     found = cells(
-        flight(agent_agent=1, deadlocks=2, waits=4, separation=0.3, time_ratio=1.5, path_ratio=1.2),
-        flight(agent_agent=3, deadlocks=0, waits=1, separation=0.2, time_ratio=2.5, path_ratio=1.4),
+        flight(
+            agent_agent_collisions=1,
+            deadlocks=2,
+            waits=4,
+            min_separation=0.3,
+            time_ratio=1.5,
+            path_ratio=1.2,
+        ),
+        flight(
+            agent_agent_collisions=3,
+            deadlocks=0,
+            waits=1,
+            min_separation=0.2,
+            time_ratio=2.5,
+            path_ratio=1.4,
+        ),
     )
     assert found["runs"] == 2
     assert (found["agent-agent collisions"], found["deadlocks"], found["waits"]) == (4, 2, 5)
@@ -157,15 +180,14 @@ def test_success_is_the_share_of_flights() -> None:
 
 
 def test_what_some_flights_lack_is_summed_up_over_the_others() -> None:
-    found = cells(flight(time_ratio=1.5, separation=None), flight(time_ratio=None))
+    found = cells(flight(time_ratio=1.5, min_separation=None), flight(time_ratio=None))
     assert found["time ratio"] == 1.5
     assert found["min separation (m)"] is None
 
 
 def test_compute_is_a_mean_for_each_part() -> None:
-    parts = dict.fromkeys(PARTS, 1.0)
-    found = cells(flight(compute=parts), flight(compute=parts | {"avoider": 3.0}))
-    assert (found["avoider (us)"], found["planner (us)"]) == (2.0, 1.0)
+    found = cells(flight(avoider=1.0, planner=2.0), flight(avoider=3.0))
+    assert (found["avoider (us)"], found["planner (us)"]) == (2.0, 2.0)
 
 
 def test_flights_are_grouped_and_pooled_for_each_avoider_and_noise() -> None:
@@ -175,7 +197,7 @@ def test_flights_are_grouped_and_pooled_for_each_avoider_and_noise() -> None:
         Key("none", "disc", "2", "on"),
         Key("orca", "circle", "2", "off"),
     ]
-    found = rows([(key, flight(agent_agent=1)) for key in keys])
+    found = rows([(key, flight(agent_agent_collisions=1)) for key in keys])
     pooled = {
         tuple(key): line[list(COLUMNS).index("agent-agent collisions")]
         for key, line in found[len(keys) :]
@@ -189,7 +211,7 @@ def test_flights_are_grouped_and_pooled_for_each_avoider_and_noise() -> None:
 
 
 def test_the_page_shows_what_is_not_known_as_a_dash() -> None:
-    page = as_markdown(rows([(KEY, flight(agent_agent=0, separation=0.4))]))
+    page = as_markdown(rows([(KEY, flight(agent_agent_collisions=0, min_separation=0.4))]))
     assert (
         "| orca | circle | 2 | off | 1 | 100.0% | 0 | - | - | - | 0.40 | - | - | - | - | - |"
         in page
@@ -210,7 +232,7 @@ def test_the_page_tells_of_waits_with_the_numbers_that_they_are_counted_by() -> 
 
 
 def test_the_csv_has_numbers_in_full_and_nothing_for_what_is_not_known() -> None:
-    (first, _) = csv.DictReader(StringIO(as_csv(rows([(KEY, flight(separation=1 / 3))]))))
+    (first, _) = csv.DictReader(StringIO(as_csv(rows([(KEY, flight(min_separation=1 / 3))]))))
     assert first["min separation (m)"] == "0.3333333333333333"
     assert first["min clearance (m)"] == ""
     assert first["planner (us)"] == ""

@@ -1,15 +1,15 @@
-"""Values of the flags ``--avoiders`` and ``--scenarios``: a name and its options."""
+"""Arguments of the options ``--avoiders`` and ``--scenarios``: a name and its options."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from star_core import InputError, PluginError, Registry
 
-LABEL = re.compile(r"[^A-Za-z0-9 _.+-]")
+NOT_IN_LABELS: Final = re.compile(r"[^A-Za-z0-9 _.+-]")
 
 
 def named(flag: str, word: str) -> tuple[str, dict[str, Any]]:
@@ -27,7 +27,7 @@ def named(flag: str, word: str) -> tuple[str, dict[str, Any]]:
         key, colon, value = part.partition(":")
         if not (name and key and colon and value):
             wrong = f"{flag} {word!r}: expected NAME or NAME=OPTION:VALUE,OPTION:VALUE"
-            raise InputError([wrong])
+            raise InputError(wrong, "invalid-argument")
         try:
             options[key.strip()] = json.loads(value)
         except ValueError:
@@ -51,14 +51,16 @@ def levels(words: list[str], registry: Registry) -> dict[str, Any]:
         try:
             registry.find("avoider", name)
         except PluginError as error:
-            raise InputError([f"--avoiders: {error}"]) from None
+            raise InputError(f"--avoiders: {error}", "unknown-plugin") from None
         label = label_of(name, options)
         if label in found:
-            raise InputError([f"--avoiders: {label!r} is given twice"])
+            raise InputError(f"--avoiders: {label!r} is given twice", "duplicate-name")
         found[label] = {"use": name, **options} if options else name
     return found
 
 
 def label_of(name: str, options: Mapping[str, Any]) -> str:
     """Return the label of a plugin with its options in tables: ``orca radius 0.25``."""
-    return LABEL.sub("_", " ".join([name, *(f"{key} {value}" for key, value in options.items())]))
+    return NOT_IN_LABELS.sub(
+        "_", " ".join([name, *(f"{key} {value}" for key, value in options.items())])
+    )

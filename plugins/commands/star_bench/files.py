@@ -1,0 +1,161 @@
+"""Files of a campaign: a mission and a world for each case, and the study that flies them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from star_bench.catalogue import Case
+from star_bench.scenario import CEILING, HIGH, LOW, Scenario
+
+NOISE: Final[Mapping[str, Mapping[str, Any]]] = {
+    "off": {},
+    "on": {"localizer": {"use": "flow", "error_std": 0.03, "error_time_constant": 1.0}},
+}
+"""Estimation error: none, or 3 cm along each axis with a correlation time of 1 s."""
+
+MEASURES: Final = (
+    "collisions.agent_agent",
+    "collisions.agent_obstacle",
+    "deadlocks",
+    "waits",
+    "min_separation_m",
+    "min_clearance_m",
+    "flight_time_s",
+    "corrected",
+    "compute_us",
+    "steps",
+    "path_length_m.per_agent",
+)
+STUDY: Final = "study.yaml"
+MISSIONS: Final = "missions"
+
+SPEED: Final = 0.5  # m/s
+ACCELERATION: Final = 2.0  # m/s²: the limits of the repository's missions
+RATE: Final = 20  # Hz
+TIMEOUT_FACTOR: Final = 4.0  # of a leg, times its longest straight flight
+TIMEOUT_MARGIN: Final = 20.0  # s: the last agent has waited for all others
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """Every case with every avoider, with and without noise.
+
+    Attributes:
+        cases: The missions.
+        avoiders: Overrides for each avoider, by label.
+        noises: Keys of `NOISE`.
+    """
+
+    cases: Sequence[Case]
+    avoiders: Mapping[str, Any]
+    noises: Sequence[str]
+
+    @property
+    def runs(self) -> int:
+        """Number of flights."""
+        return len(self.cases) * len(self.avoiders) * len(self.noises)
+
+
+def write(campaign: Campaign, folder: Path) -> Path:
+    """Write the files of a campaign into `folder` and return the study's.
+
+    Raises:
+        OSError: They cannot be written.
+    """
+    worlds = folder / MISSIONS / "worlds"
+    worlds.mkdir(parents=True, exist_ok=True)
+    for case in campaign.cases:
+        scenario = case.draw()
+        file = f"{case.name}.yaml"
+        (folder / MISSIONS / file).write_text(mission_text(case, scenario), encoding="utf-8")
+        (worlds / file).write_text(world_text(case, scenario), encoding="utf-8")
+    study = folder / STUDY
+    study.write_text(_lines(_study(campaign)), encoding="utf-8")
+    return study
+
+
+def mission_text(case: Case, scenario: Scenario) -> str:
+    """Return the mission of a case and its scenario; its world is ``worlds/NAME``."""
+    return _lines(_mission(case, scenario))
+
+
+def world_text(case: Case, scenario: Scenario) -> str:
+    """Return the world of a case and its scenario."""
+    return _lines(_world(case, scenario))
+
+
+def _study(campaign: Campaign) -> Iterator[str]:
+    yield "# Written by `star bench`; `star ablate` flies it."
+    yield "star: 1"
+    yield "name: bench"
+    yield "seeds: own"
+    yield "missions:"
+    yield from (f"  - {MISSIONS}/{case.name}.yaml" for case in campaign.cases)
+    yield "factors:"
+    yield "  avoider:"
+    for label, given in campaign.avoiders.items():
+        yield f"    {json.dumps(label)}: {json.dumps({'avoider': given})}"
+    yield "  noise:"
+    yield from (f'    "{noise}": {json.dumps(NOISE[noise])}' for noise in campaign.noises)
+    yield f"measures: [{', '.join(MEASURES)}]"
+
+
+def _mission(case: Case, scenario: Scenario) -> Iterator[str]:
+    names = [f"d{i + 1}" for i in range(len(scenario.starts))]
+    yield f"# {scenario.about} Written by `star bench`, seed {case.seed}."
+    yield "star: 1"
+    yield f"name: {case.name}"
+    yield f"world: worlds/{case.name}.yaml"
+    yield f"seed: {case.seed}"
+    yield f"rate: {RATE}"
+    yield f"limits: {{speed: {SPEED}, acceleration: {ACCELERATION}, height: [{LOW}, {HIGH}]}}"
+    yield "swarm:"
+    for name, start in zip(names, scenario.starts, strict=True):
+        yield f"  {name}: {{start: {_flow([*start, 0.0])}}}"
+    yield "transport: {use: sim, noise: false}"
+    yield "localizer: flow"
+    yield f"planner: {'visibility' if scenario.obstacles else 'straight'}"
+    yield "avoider: orca"
+    yield "mission:"
+    if len(set(scenario.heights)) == 1:
+        yield f"  - takeoff: {{height: {_flow(scenario.heights[0])}}}"
+    else:
+        yield "  - parallel:"
+        for height in sorted(set(scenario.heights)):
+            agents = [n for n, z in zip(names, scenario.heights, strict=True) if z == height]
+            yield f"      - takeoff: {{agents: {_flow(agents)}, height: {_flow(height)}}}"
+    for goals, distances in zip(scenario.legs, scenario.straight(), strict=True):
+        timeout = math.ceil(TIMEOUT_FACTOR * max(distances) / SPEED + TIMEOUT_MARGIN)
+        yield "  - parallel:"
+        for name, goal in zip(names, goals, strict=True):
+            yield f"      - goto: {{agents: {name}, to: {_flow(goal)}, timeout: {timeout}}}"
+    yield "  - land: {}"
+
+
+def _world(case: Case, scenario: Scenario) -> Iterator[str]:
+    low, high = _flow([*scenario.low, 0.0]), _flow([*scenario.high, CEILING])
+    yield f"# {scenario.about} Written by `star bench`, seed {case.seed}."
+    yield "star: 1"
+    yield f"name: {case.name}"
+    yield f"fence: {{low: {low}, high: {high}}}"
+    if scenario.obstacles:
+        yield "obstacles:"
+        yield from (f"  {name}: {_flow(shape)}" for name, shape in scenario.obstacles.items())
+
+
+def _flow(value: Any) -> str:
+    """Return a value as one line of YAML, lengths rounded to a millimeter."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_flow(inner) for inner in value) + "]"
+    return str(round(float(value), 3) + 0.0) if isinstance(value, int | float) else str(value)
+
+
+def _lines(lines: Iterable[str]) -> str:
+    return "\n".join(lines) + "\n"

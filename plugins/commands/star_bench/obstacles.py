@@ -1,0 +1,173 @@
+"""Scenarios with obstacles: corridor, doorway, blocks and polygons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from random import Random
+from typing import Any, Final
+
+from star_bench.scenario import (
+    CEILING,
+    MARGIN,
+    MIN_CLEARANCE,
+    PITCH,
+    PointXY,
+    Scenario,
+    block,
+    grid_slot,
+    jittered,
+    level,
+    permutation,
+    random_points,
+    separated,
+    uniform,
+)
+
+LANES: Final = 3  # in which agents wait before a corridor or a door
+CORRIDOR_LENGTH: Final = 4.0  # m
+CORRIDOR_QUEUE: Final = MIN_CLEARANCE + 0.3  # m, from the first row of agents to the corridor
+WALL_THICKNESS: Final = 0.2  # m
+DOOR_QUEUE: Final = MIN_CLEARANCE + 0.6  # m, from the first row of agents to the wall
+BLOCKS: Final = 3  # in a row
+BLOCK_SIDE: Final = 1.0  # m
+STREET: Final = 1.6  # m, eight radii of 0.2 m
+CORNERS: Final = (3, 6)  # of a polygon, least and greatest number
+POLYGON_RADIUS: Final = (0.3, 0.6)  # m, from a polygon's center to its corners
+POLYGON_SEPARATION: Final = 1.0  # m, least distance between polygons
+
+
+def corridor(n: int, rng: Random, *, width: float = 1.6) -> Scenario:
+    """Agents at the two ends of a corridor, `width` m wide, swap ends: they meet head on."""
+    sides = [-1 if i % 2 == 0 else 1 for i in range(n)]
+    slots = [grid_slot(i // 2, LANES) for i in range(n)]
+    about = f"{n} drones swap the ends of a corridor {width:g} m wide."
+    return _passage(sides, slots, rng, about, width, CORRIDOR_LENGTH, CORRIDOR_QUEUE)
+
+
+def doorway(n: int, rng: Random, *, width: float = 1.0) -> Scenario:
+    """Agents in one room fly to the next through a door, `width` m wide."""
+    slots = [grid_slot(i, LANES) for i in range(n)]
+    about = f"{n} drones fly through a door {width:g} m wide."
+    return _passage([-1] * n, slots, rng, about, width, WALL_THICKNESS, DOOR_QUEUE)
+
+
+def _passage(
+    sides: Sequence[int],
+    slots: Sequence[tuple[int, float]],
+    rng: Random,
+    about: str,
+    width: float,
+    length: float,
+    queue: float,
+) -> Scenario:
+    """Return agents in front of a passage, on either side, that fly through it to the other.
+
+    Args:
+        sides: Side of each agent: -1 west, 1 east.
+        slots: Row and lateral offset, m, of each agent.
+        rng: Random number generator.
+        about: Description.
+        width: Of the passage, m.
+        length: Of the passage, m.
+        queue: Distance of the first row from it, m.
+    """
+    rows = 1 + max(row for row, _ in slots)
+    entry = length / 2 + queue
+    starts, goals = [], []
+    for side, (row, offset) in zip(sides, slots, strict=True):
+        starts.append(jittered((side * (entry + row * PITCH), offset), rng))
+        goals.append(jittered((-side * (entry + (rows - 1 - row) * PITCH), offset), rng))
+    far = entry + (rows - 1) * PITCH + MARGIN
+    wide = max(width / 2 + WALL_THICKNESS, (LANES - 1) / 2 * PITCH + MARGIN)
+    return level(
+        starts,
+        goals,
+        about=about,
+        low=(-far, -wide),
+        high=(far, wide),
+        obstacles={
+            "south": block((-length / 2, -wide), (length / 2, -width / 2)),
+            "north": block((-length / 2, width / 2), (length / 2, wide)),
+        },
+    )
+
+
+def blocks(n: int, rng: Random, *, street: float = STREET) -> Scenario:
+    """Agents cross a town of square blocks, from west to east and from south to north.
+
+    The streets are `street` m wide. Goals on the other side are assigned at random.
+    """
+    half = (BLOCKS * BLOCK_SIDE + (BLOCKS - 1) * street) / 2
+    most = int(2 * half / PITCH)  # agents side by side
+    edge = half + MIN_CLEARANCE + 0.3
+    starts, goals = [], []
+    last_row = 0
+    for side in (0, 1):  # from the west, from the south
+        count = (n + 1 - side) // 2
+        lanes = min(most, max(1, count))
+        for i, other in enumerate(permutation(count, rng)):
+            (row, lane), (goal_row, goal_lane) = divmod(i, lanes), divmod(other, lanes)
+            start = -edge - row * PITCH, half * ((2 * lane + 1) / lanes - 1)
+            goal = edge + goal_row * PITCH, half * ((2 * goal_lane + 1) / lanes - 1)
+            starts.append(jittered(start if side == 0 else start[::-1], rng))
+            goals.append(jittered(goal if side == 0 else goal[::-1], rng))
+            last_row = max(last_row, row)
+    far = edge + last_row * PITCH + MARGIN
+    corner = [-half + i * (BLOCK_SIDE + street) for i in range(BLOCKS)]
+    return level(
+        starts,
+        goals,
+        about=f"{n} drones cross a town of blocks with streets {street:g} m wide.",
+        low=(-far, -far),
+        high=(far, far),
+        obstacles={
+            f"block {BLOCKS * j + i + 1}": block((x, y), (x + BLOCK_SIDE, y + BLOCK_SIDE))
+            for j, y in enumerate(corner)
+            for i, x in enumerate(corner)
+        },
+    )
+
+
+def polygons(n: int, rng: Random) -> Scenario:
+    """Agents fly between random points, among random polygons."""
+    number = 4 + n // 4
+    half = 2 + 0.4 * math.sqrt(n + number)  # m, half the side of the field
+    while (drawn := _field(n, number, half, rng)) is None:
+        half *= 1.1
+    starts, goals, shapes = drawn
+    return level(
+        starts,
+        goals,
+        about=f"{n} drones fly anywhere among {number} polygons.",
+        low=(-half - MARGIN, -half - MARGIN),
+        high=(half + MARGIN, half + MARGIN),
+        obstacles={f"polygon {i + 1}": shape for i, shape in enumerate(shapes)},
+    )
+
+
+def _field(
+    n: int, number: int, half: float, rng: Random
+) -> tuple[list[PointXY], list[PointXY], list[dict[str, Any]]] | None:
+    """Draw starts, goals and polygons in a square; None if it is too small for them."""
+    radius = POLYGON_RADIUS[1]
+    centers = random_points(number, half - radius, rng, separation=2 * radius + POLYGON_SEPARATION)
+    if centers is None:
+        return None
+
+    def free(point: PointXY) -> bool:
+        return separated(point, centers, radius + MIN_CLEARANCE)
+
+    starts, goals = (random_points(n, half, rng, free=free) for _ in range(2))
+    if starts is None or goals is None:
+        return None
+    return starts, goals, [_polygon(center, rng) for center in centers]
+
+
+def _polygon(center: PointXY, rng: Random) -> dict[str, Any]:
+    """Draw a convex polygon around a point: its corners are on a circle."""
+    corners = CORNERS[0] + int((CORNERS[1] + 1 - CORNERS[0]) * rng.random())
+    radius, turn = uniform(rng, *POLYGON_RADIUS), math.tau * rng.random()
+    angles = [turn + math.tau * (i + uniform(rng, -0.3, 0.3)) / corners for i in range(corners)]
+    points = [[center[0] + radius * math.cos(a), center[1] + radius * math.sin(a)] for a in angles]
+    return {"polygon": points, "height": [0.0, CEILING]}
