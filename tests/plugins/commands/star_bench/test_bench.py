@@ -171,10 +171,8 @@ def test_without_the_command_that_flies_studies_it_says_so(
 ) -> None:
     lonely = Registry(star_bench, Idle(), installed=False)
     monkeypatch.setattr("star_bench.command.Registry", lambda: lonely)
-    assert refused(*QUICK, "--avoiders", "idle", "--out", str(tmp_path / "out")) == (
-        "`star ablate` flies the scenarios: no command named 'ablate'; there are: bench"
-        " [plugin-failed]"
-    )
+    problem = refused(*QUICK, "--avoiders", "idle", "--out", str(tmp_path / "out"))
+    assert problem.startswith("`star ablate` flies the scenarios: no command named 'ablate'")
 
 
 class Idle:
