@@ -63,10 +63,6 @@ CATALOGUE: Final = {
         "Two things have the same name.",
         "Rename one of them.",
     ),
-    "duplicate-name": Entry(
-        "The same name is given twice.",
-        "Remove or rename one of the two.",
-    ),
     "duplicate-plugin": Entry(
         "Two installed plugins have the same name.",
         "Uninstall one of them.",
