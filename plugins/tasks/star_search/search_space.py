@@ -57,10 +57,10 @@ class SearchSpace:
         scene: Scene,
         rows: tuple[int, ...],
         *,
-        area: Area | None,
+        area: Area | None = None,
         height: float,
         speed: float,
-        lane_spacing: float | None,
+        lane_spacing: float | None = None,
         clearance: float,
     ) -> None:
         self.scene = scene

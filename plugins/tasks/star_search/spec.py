@@ -28,40 +28,27 @@ CORNER: Final = {
 }
 
 
-def make(  # noqa: PLR0913 -- a mission's own options
+def make(
     scene: Scene,
     rows: tuple[int, ...],
     *,
-    area: Area | None = None,
     pattern: str,
-    height: float,
-    speed: float,
-    lane_spacing: float | None = None,
-    clearance: float,
     on_found: str,
     mark_duration: float,
     targets: int | Sequence[str] | None = None,
     coverage: float,
+    **options: Any,
 ) -> Task:
-    """Return the task."""
+    """Return the task; other options are those of `SearchSpace`."""
     from star_search.search import Search
     from star_search.search_space import SearchSpace
     from star_search.target_visits import TargetVisits
 
     scouts = tuple(row for row in rows if scene.agents[row].camera is not None)
     if not scouts:
-        raise PluginError(
-            f"no agent with a camera remains to search: {scene.named(rows)}", code="missing-camera"
-        )
-    space = SearchSpace(
-        scene,
-        scouts,
-        area=area,
-        height=height,
-        speed=speed,
-        lane_spacing=lane_spacing,
-        clearance=clearance,
-    )
+        message = f"no agent with a camera remains to search: {scene.named(rows)}"
+        raise PluginError(message, code="missing-camera")
+    space = SearchSpace(scene, scouts, **options)
     visits = TargetVisits(space, on_found=on_found, mark_duration=mark_duration)
     wanted = len(visits.names) if targets is None else targets
     return Search(space, make_pattern(pattern, space), visits, targets=wanted, coverage=coverage)

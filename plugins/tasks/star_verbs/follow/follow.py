@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from star_core import (
 )
 from star_verbs.follow.files import read_trajectory
 from star_verbs.follow.routes import Polyline, route, route_faults
-from star_verbs.follow.trajectory import Samples, position_faults
+from star_verbs.follow.trajectory import PolynomialPath, Samples, position_faults
 from star_verbs.positions import Point, offsets
 from star_verbs.step_agents import StepAgents, assign, lag_factor
 
@@ -37,25 +37,13 @@ YAW_TOLERANCE: Final = math.radians(15)  # of the initial heading when a flight 
 MIN_HORIZONTAL: Final = 1e-6  # of a path's unit direction: less of it defines no heading
 
 
-class Line(Protocol):
-    """A line, parameterized by how much of it is flown: a distance, m, or a time, s."""
-
-    def at(self, flown: Array) -> tuple[Array, Array]:
-        """Return (K, 3) points, m, and (K, 3) their derivatives, at (K,) parameters."""
-        ...
-
-    def yaw(self, flown: Array) -> Array | None:
-        """Return (K,) headings at (K,) parameters, rad; None if the line has none."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Reference:
     """A line, and how a number of agents fly along it.
 
     Attributes:
-        line: The line.
-        length: Parameter range that each agent flies: m, or s of its own time.
+        line: The line, parameterized by the distance flown, m, or by its own time, s.
+        length: Range of the parameter that each agent flies.
         pace: Parameter flown in a second.
         approach_speed: Speed on the way to its beginning, m/s.
         max_speed: Speed limit of an agent that lags behind, m/s.
@@ -65,7 +53,7 @@ class Reference:
         on_board: The line as flown on board; None steers the agents along it.
     """
 
-    line: Line
+    line: Polyline | PolynomialPath
     length: float
     pace: float
     approach_speed: float

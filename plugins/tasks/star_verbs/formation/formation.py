@@ -3,37 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 
 from star_core import Array, Estimate, Health, Scene, Status, TaskOutput, timeout
-from star_verbs.formation.shapes import Shape, position_faults
+from star_verbs.formation.shapes import position_faults, shape
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign, lag_factor
 
 SLOW_LAG: Final = 0.15  # m: position error of an agent from which on the formation slows down
 STOP_LAG: Final = 0.4  # m: position error of an agent at which the formation waits
 CATCH_UP: Final = 1.5  # times the formation's speed: the speed limit of an agent that lags behind
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
-    """Motion parameters of a formation.
-
-    Attributes:
-        speed: Speed on the way to the positions, m/s.
-        move_speed: Speed of the moving formation, m/s.
-        yaw: Heading of the agents, rad; None keeps each agent's own.
-        within: Distance to its position that each agent must reach, m.
-        hold: Time to hold the formation once it is formed, s.
-    """
-
-    speed: float
-    move_speed: float
-    yaw: float | None
-    within: float
-    hold: float
 
 
 class Formation:
@@ -46,21 +27,21 @@ class Formation:
     Args:
         scene: The mission's scene.
         rows: Rows of the agents.
-        shape: The positions.
-        motion: Motion parameters.
+        options: Options of the verb.
     """
 
-    def __init__(self, scene: Scene, rows: tuple[int, ...], shape: Shape, motion: Motion) -> None:
+    def __init__(self, scene: Scene, rows: tuple[int, ...], options: Mapping[str, Any]) -> None:
+        limit = scene.limits.speed
         self._agents = StepAgents(scene, rows)
-        self._shape = shape
-        self._motion = motion
-        self._max_speed = min(CATCH_UP * motion.move_speed, scene.limits.speed)
+        self._shape = shape(len(rows), options)
+        self._options = options
+        self._speed = min(options.get("speed", limit), limit)  # m/s, on the way to the positions
+        self._move_speed = min(options.get("move", {}).get("speed", limit), limit)  # m/s
+        self._max_speed = min(CATCH_UP * self._move_speed, limit)
         # Checked again: fewer agents than at the mission's check form other shapes.
-        self._fault = "; ".join(position_faults(scene, shape))
-        self._move = np.array(shape.move)
-        self._position: Array | None = (
-            None  # (K, 3) each agent's position before the formation moves
-        )
+        self._fault = "; ".join(position_faults(scene, self._shape))
+        self._move = np.array(self._shape.move)
+        self._position: Array | None = None  # (K, 3) assigned positions before the move
         self._yaw: Array = np.zeros(len(rows))
         self._formed = math.inf  # s, time at which it is formed
         self._flown = 0.0  # m, distance that the formation has moved
@@ -69,8 +50,8 @@ class Formation:
     def begin(self, estimate: Estimate, health: Health) -> float:
         self._assign(estimate)
         travel = self._agents.travel_distance(estimate, self._position)
-        takes = travel / self._motion.speed + self._shape.move_distance / self._motion.move_speed
-        return timeout(takes + self._motion.hold)
+        takes = travel / self._speed + self._shape.move_distance / self._move_speed
+        return timeout(takes + self._options["for"])
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._fault:
@@ -81,18 +62,18 @@ class Formation:
             return TaskOutput()
         elapsed, self._time = estimate.time - self._time, estimate.time
         lag = self._agents.max_distance(estimate, self._position + self._moved())
-        there = lag <= self._motion.within and self._agents.at_rest(estimate)
+        there = lag <= self._options["within"] and self._agents.at_rest(estimate)
         if there:
             self._formed = min(self._formed, estimate.time)
-        held = estimate.time - self._formed >= self._motion.hold - DURATION_ERROR
-        pace = self._motion.move_speed * lag_factor(lag, SLOW_LAG, STOP_LAG) if held else 0.0
+        held = estimate.time - self._formed >= self._options["for"] - DURATION_ERROR
+        pace = self._move_speed * lag_factor(lag, SLOW_LAG, STOP_LAG) if held else 0.0
         over = held and self._flown >= self._shape.move_distance
         self._flown = min(self._flown + pace * elapsed, self._shape.move_distance)
         moving = held and self._flown < self._shape.move_distance
         goals = self._agents.goals(
             self._position + self._moved(),
             self._yaw,
-            self._max_speed if held and self._shape.move_distance else self._motion.speed,
+            self._max_speed if held and self._shape.move_distance else self._speed,
             self._move * (pace / self._shape.move_distance) if moving else np.zeros(3),
         )
         done = over and (there or not self._shape.move_distance)
@@ -113,8 +94,8 @@ class Formation:
             return
         rows, position = self._agents.rows, np.array(self._shape.position)
         self._position = position[assign(estimate.position[rows], position)]
-        yaw = self._motion.yaw
-        self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), yaw)
+        yaw = self._options.get("yaw_deg")
+        self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), math.radians(yaw))
         self._time = estimate.time
 
     def _moved(self) -> Array:

@@ -95,18 +95,9 @@ def make(
     **options: Any,
 ) -> Task:
     """Return the task."""
-    from star_verbs.formation.formation import Formation, Motion
+    from star_verbs.formation.formation import Formation
 
-    limit = scene.limits.speed
-    yaw_deg = options.get("yaw_deg")
-    motion = Motion(
-        speed=min(options.get("speed", limit), limit),
-        move_speed=min(options.get("move", {}).get("speed", limit), limit),
-        yaw=None if yaw_deg is None else math.radians(yaw_deg),
-        within=options["within"],
-        hold=options["for"],
-    )
-    return Formation(scene, rows, shape(len(rows), options), motion)
+    return Formation(scene, rows, options)
 
 
 def check(scene: Scene, rows: tuple[int, ...], /, **options: Any) -> Iterator[Problem]:
