@@ -129,12 +129,15 @@ def inside(folder: Path, name: str) -> Path:
         within = path.resolve().is_relative_to(folder.resolve())
         there, is_file = path.exists(), path.is_file()
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL in the name
-        raise InputError([f"{name!r} is no path of a file: {error}"]) from error
+        raise InputError(f"{name!r} is no path of a file: {error}", "unreadable-file") from error
     if Path(name).is_absolute() or not within:
-        raise InputError([f"{name!r} is outside the mission's folder; name a file inside it"])
+        text = f"{name!r} is outside the mission's folder; name a file inside it"
+        raise InputError(text, "file-not-found")
     if is_file:
         return path
     if there:
-        raise InputError([f"{name!r} is no file; name a file in the mission's folder"])
+        text = f"{name!r} is no file; name a file in the mission's folder"
+        raise InputError(text, "unreadable-file")
     beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
-    raise InputError([f"no file {name!r} in the mission's folder{suggestion(name, beside)}"])
+    hint = suggestion(name, beside)
+    raise InputError(f"no file {name!r} in the mission's folder{hint}", "file-not-found")

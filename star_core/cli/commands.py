@@ -91,7 +91,7 @@ def _parse(command: str, arguments: Sequence[str]) -> argparse.Namespace:
     if unknown:
         known = re.findall("--[a-z-]+", line.format_usage())
         hint = suggestion(unknown[0], known, "there are")
-        raise StarError(f"unknown option {unknown[0]!r}{hint}")
+        raise StarError(f"unknown option {unknown[0]!r}{hint}", "unknown-option")
     return options
 
 
@@ -166,7 +166,8 @@ def _schema(arguments: Sequence[str]) -> int:
         try:
             Path(options.out).write_text(text + "\n", encoding="utf-8")
         except OSError as error:
-            raise StarError(f"{options.out}: cannot be written: {error.strerror}") from error
+            text = f"{options.out}: cannot be written: {error.strerror}"
+            raise StarError(text, "unwritable-file") from error
     else:
         print(text)
     return 0

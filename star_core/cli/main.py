@@ -69,7 +69,7 @@ def _main(arguments: list[str]) -> int:
             raise StarError(f"{USAGE}\nname a COMMAND; `star --help` lists them")
         case [option, *_]:
             hint = suggestion(option, ("--help", "--version"), "there are")
-            raise StarError(f"{USAGE}\nunknown option {option!r}{hint}")
+            raise StarError(f"{USAGE}\nunknown option {option!r}{hint}", "unknown-option")
     return 0
 
 

@@ -142,12 +142,15 @@ def _folder(out: str | None, name: str) -> Path:
         return new_folder(name)
     folder = Path(out)
     if not out or (folder.exists() and not folder.is_dir()):
-        raise InputError([f"--out {out}: is a file; name a folder" if out else "--out: is empty"])
+        text = f"--out {out}: is a file; name a folder" if out else "--out: is empty"
+        raise InputError(text, "invalid-argument")
     above = next(path for path in (folder, *folder.parents) if path.exists())
     if not (above.is_dir() and os.access(above, os.W_OK)):
-        raise InputError([f"--out {out}: cannot be made: nothing can be written in '{above}'"])
+        text = f"--out {out}: cannot be made: nothing can be written in '{above}'"
+        raise InputError(text, "unwritable-file")
     if (folder / "manifest.json").exists():
-        raise InputError([f"--out {out}: holds the record of a run already; name another folder"])
+        text = f"--out {out}: holds the record of a run already; name another folder"
+        raise InputError(text, "unwritable-file")
     return folder
 
 

@@ -245,7 +245,7 @@ def test_a_link_that_leads_out_of_the_folder_is_refused(
     change("worlds/room.yaml", "link.yaml")
     assert refused("run", "m.yaml") == [
         "m.yaml:3:8: 'link.yaml' is outside the mission's folder; name a file inside it"
-        " [invalid-input]"
+        " [file-not-found]"
     ]
 
 
@@ -255,7 +255,7 @@ def test_a_world_that_is_a_socket_is_not_waited_for(refused: Callable[..., list[
         change("worlds/room.yaml", "plug.yaml")
         assert refused("run", "m.yaml") == [
             "m.yaml:3:8: 'plug.yaml' is no file; name a file in the mission's folder"
-            " [invalid-input]"
+            " [unreadable-file]"
         ]
 
 

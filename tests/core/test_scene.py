@@ -26,7 +26,7 @@ def missions(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", ["../path.csv", "inner/../../path.csv", "/etc/hostname"])
 def test_a_path_out_of_the_folder_is_refused(missions: Path, name: str) -> None:
-    expected = f"{name!r} is outside the mission's folder; name a file inside it [invalid-input]"
+    expected = f"{name!r} is outside the mission's folder; name a file inside it [file-not-found]"
     assert refusal(missions, name) == expected
 
 
@@ -49,18 +49,18 @@ def test_a_link_inside_the_folder_is_followed(missions: Path) -> None:
 def test_a_file_that_is_not_there_is_named_with_what_was_perhaps_meant(missions: Path) -> None:
     (missions / "round.csv").touch()
     expected = (
-        "no file 'ronud.csv' in the mission's folder; did you mean 'round.csv'? [invalid-input]"
+        "no file 'ronud.csv' in the mission's folder; did you mean 'round.csv'? [file-not-found]"
     )
     assert refusal(missions, "ronud.csv") == expected
     assert refusal(missions, "far/off.csv") == (
-        "no file 'far/off.csv' in the mission's folder [invalid-input]"
+        "no file 'far/off.csv' in the mission's folder [file-not-found]"
     )
 
 
 def test_a_folder_is_no_file(missions: Path) -> None:
     assert (
         refusal(missions, "inner")
-        == "'inner' is no file; name a file in the mission's folder [invalid-input]"
+        == "'inner' is no file; name a file in the mission's folder [unreadable-file]"
     )
 
 

@@ -123,7 +123,7 @@ def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
     assert main(["check", "steps.yaml", "--set", "parameters.b=-1"]) == 2
     fault = (
         "--set parameters.b=-1: steps.yaml:3:23: hold: for: -1 is less than the minimum of 0"
-        " [invalid-option]\n"
+        " [out-of-range]\n"
     )
     assert said.readouterr() == ("", fault)
 
@@ -181,15 +181,15 @@ def test_what_is_wrong_with_a_file_that_missions_name_is_reported(
     [
         (
             "star: 1\nparameters: {}\nmission: [land: {}]\n",
-            "holds steps for missions to include: name a mission that includes it [invalid-input]",
+            "holds steps for missions to include: name a mission that includes it [wrong-file]",
         ),
         (
             "star: 1\nname: m\nmission: [land: {}]\n",
             "holds steps for missions to include: name a mission that includes it; as a mission "
-            "it lacks world, swarm, transport, localizer, planner, avoider [invalid-input]",
+            "it lacks world, swarm, transport, localizer, planner, avoider [wrong-file]",
         ),
-        (WORLD, "is a world: name a mission that is flown in it [invalid-input]"),
-        (CAMERA, "is a camera: name a mission that has it [invalid-input]"),
+        (WORLD, "is a world: name a mission that is flown in it [wrong-file]"),
+        (CAMERA, "is a camera: name a mission that has it [wrong-file]"),
     ],
 )
 @pytest.mark.parametrize("command", ["run", "explain"])
@@ -342,7 +342,7 @@ def test_an_option_that_is_set_again_and_misspelt_is_refused_with_a_suggestion(
     refused: Callable[..., list[str]],
 ) -> None:
     (line,) = refused("run", "hop.yaml", "--set", "avoider.radius=0.3", "--set", "avoider.radus=1")
-    assert line.endswith("unknown option 'radus'; did you mean 'radius'? [invalid-option]")
+    assert line.endswith("unknown option 'radus'; did you mean 'radius'? [unknown-option]")
 
 
 @pytest.mark.parametrize(
