@@ -117,8 +117,8 @@ def test_a_study_goes_on_where_it_stopped(
 ) -> None:
     before = rows(flown("").parents[1] / "out")
     after = rows(ablate(flown(HOP + SLOW + "seeds: [0, 3, 1]\n"), "--record"))
-    (told,) = capsys.readouterr().err.splitlines()
-    assert told.startswith("[3/3] hop, rate: slow, seed 3: completed")
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if line[0] == "[")
+    assert line.startswith("[3/3] hop, rate: slow, seed 3: completed")
     assert [row["seed"] for row in after] == ["0", "3", "1"]
     assert [after[0], after[2]] == before  # even their wall times
 
