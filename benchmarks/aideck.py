@@ -33,7 +33,7 @@ def stream(decks: int, rate: float, *, jpeg: bool = False) -> tuple[float, float
     """Return the share of images lost, the greatest delay in ms and the share of one core used."""
     board = Switchboard()
     servers = [AideckServer(port=0, switchboard=board, jpeg=jpeg) for _ in range(decks)]
-    clients = [CameraClient(*server.address, latency=0.0) for server in servers]
+    clients = [CameraClient(*server.address) for server in servers]
     until(lambda: all(server.connected for server in servers))
     pictures = [np.full(SHAPE, value, np.uint8) for value in range(256)]
     sent, delays = 0, list[float]()

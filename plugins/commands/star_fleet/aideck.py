@@ -40,9 +40,6 @@ class AideckServer(TcpPort):
 
     Attributes:
         dropped: Number of images that a client has missed.
-
-    Raises:
-        PluginError: The port is not available.
     """
 
     def __init__(
@@ -65,9 +62,6 @@ class AideckServer(TcpPort):
         Args:
             image: (height, width) grey values.
             taken: Time of the exposure, s; the deck's format has no field for it.
-
-        Raises:
-            ContractError: The image has another shape or other values.
         """
         if image.shape != self._shape or image.dtype != np.uint8:
             raise ContractError(
@@ -92,9 +86,6 @@ class CrtpOverTcp(TcpPort):
         handle: Answers a CRTP packet with CRTP packets, in the switchboard's thread. If it raises,
             the client is disconnected.
         switchboard: Shared switchboard; the port has its own if not given.
-
-    Raises:
-        PluginError: The port is not available.
     """
 
     def __init__(

@@ -28,9 +28,6 @@ class Ports:
 
     Attributes:
         sockets: Of each agent; they do not block.
-
-    Raises:
-        PluginError: A port is not available; it is named.
     """
 
     def __init__(self, scene: Scene, host: str, numbers: Sequence[int]) -> None:
@@ -75,11 +72,7 @@ class Ports:
 
 
 def _opened(name: str, host: str, number: int) -> socket.socket:
-    """Return the socket of the agent of that name.
-
-    Raises:
-        PluginError: The port is not available.
-    """
+    """Return the socket of the agent of that name."""
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         made.setblocking(False)  # noqa: FBT003 -- it has no name

@@ -300,11 +300,7 @@ class Fleet:
 
 
 def _numbers(scene: Scene, port: int, ports: Sequence[int] | None) -> Sequence[int]:
-    """Return the number of each agent's port, 0 for a free one.
-
-    Raises:
-        PluginError: There are more or fewer `ports` than agents.
-    """
+    """Return the number of each agent's port, 0 for a free one."""
     if ports is None:
         return [port + row if port else 0 for row in range(len(scene.agents))]
     if len(ports) != len(scene.agents):

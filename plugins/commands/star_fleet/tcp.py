@@ -7,7 +7,6 @@ import logging
 import socket
 import threading
 from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
@@ -18,6 +17,7 @@ from star_fleet.cpx import Decoder, Packet, SyncError
 CHUNK: Final = 65_536  # bytes to read at a time
 SEND_BUFFER: Final = 80_000  # bytes, about an image, for the kernel to buffer (Linux doubles it)
 BACKLOG: Final = 8  # clients that may wait for the first one to disconnect
+CLOSE_TIMEOUT: Final = 1.0  # s
 MAX_PORT: Final = 65_535
 
 log = logging.getLogger(__name__)
@@ -49,8 +49,6 @@ class Switchboard:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        await asyncio.sleep(0)  # for transports to close their sockets
-        await asyncio.sleep(0)
 
 
 class TcpPort:
@@ -93,13 +91,12 @@ class TcpPort:
         self._max_waiting = max_waiting
         self._waiting: deque[bytes] = deque()
         self._lock = threading.Lock()  # for the queue and the client
-        self._client: asyncio.StreamWriter | None = None
+        self._client: socket.socket | None = None
         self._filled = asyncio.Event()
-        self._turn = asyncio.Lock()
-        self._served: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
-        self._server: asyncio.Server | None = asyncio.run_coroutine_threadsafe(
-            asyncio.start_server(self._accept, sock=listener), self._loop
-        ).result()
+        self._ended = threading.Event()
+        self._listener = listener
+        listener.setblocking(False)  # noqa: FBT003 -- a positional-only argument
+        self._serving = asyncio.run_coroutine_threadsafe(self._serve(), self._loop)
 
     @property
     def connected(self) -> bool:
@@ -123,24 +120,21 @@ class TcpPort:
             idle = not self._waiting
             self._waiting.append(message)
         if idle:
-            self._soon(self._filled.set)
+            with suppress(RuntimeError):  # the loop is closed
+                self._loop.call_soon_threadsafe(self._filled.set)
         return full
 
     def hang_up(self) -> None:
         """Disconnect the client."""
-        if (client := self._client) is not None:
-            self._soon(client.transport.abort)
+        with self._lock, suppress(OSError):  # it has disconnected
+            if self._client is not None:
+                self._client.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         """Disconnect the client and stop listening. Safe to call twice."""
-        server, self._server = self._server, None
-        if server is not None and not self._loop.is_closed():
-            closed = threading.Event()
-            self._soon(server.close)
-            for client in list(self._served.values()):
-                self._soon(client.transport.abort)
-            self._soon(closed.set)
-            closed.wait()
+        if self._serving.cancel():
+            self._ended.wait(CLOSE_TIMEOUT)
+        self._listener.close()
         if self._own is not None:
             self._own.close()
 
@@ -155,53 +149,47 @@ class TcpPort:
     ) -> None:
         self.close()
 
-    def _soon(self, act: Callable[[], object]) -> None:
-        with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(act)
-
-    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = self._loop.create_task(self._serve(reader, writer))
-        self._served[task] = writer
-        task.add_done_callback(lambda task: self._served.pop(task).transport.abort())
-
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve(self) -> None:
+        """Serve one client after the other."""
         try:
-            async with self._turn:
-                await self._converse(reader, writer)
+            while True:
+                client, _address = await self._loop.sock_accept(self._listener)
+                with client, suppress(OSError):
+                    await self._serve_one(client)
+        finally:
+            self._ended.set()
+
+    async def _serve_one(self, client: socket.socket) -> None:
+        client.setblocking(False)  # noqa: FBT003
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        with self._lock:
+            self._client = client
+        sending = self._loop.create_task(self._send(client))
+        decoder = Decoder()
+        try:
+            while data := await self._loop.sock_recv(client, CHUNK):
+                for packet in decoder.feed(data):
+                    self.heard(packet)
         except SyncError as error:
             log.warning("%s:%d: client disconnected: %s", *self.address, error)
         except OSError:
             pass
         except Exception:
             log.exception("%s:%d: client disconnected", *self.address)
-
-    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve a client until it disconnects."""
-        line: socket.socket = writer.get_extra_info("socket")
-        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        writer.transport.set_write_buffer_limits(0)
-        with self._lock:
-            self._client = writer
-        sending = self._loop.create_task(self._send(writer))
-        decoder = Decoder()
-        try:
-            while data := await reader.read(CHUNK):
-                for packet in decoder.feed(data):
-                    self.heard(packet)
         finally:
             with self._lock:
                 self._client = None
                 self._waiting.clear()
             sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
 
-    async def _send(self, writer: asyncio.StreamWriter) -> None:
-        with suppress(OSError):
-            while True:
-                await self._filled.wait()
-                self._filled.clear()
-                while message := self._next():
-                    writer.write(message)
-                    await writer.drain()
+    async def _send(self, client: socket.socket) -> None:
+        while True:
+            await self._filled.wait()
+            self._filled.clear()
+            while message := self._next():
+                await self._loop.sock_sendall(client, message)
 
     def _next(self) -> bytes | None:
         with self._lock:

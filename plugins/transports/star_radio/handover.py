@@ -67,10 +67,9 @@ class Handover:
         steered: Whether setpoints flew the drone before.
 
     Attributes:
-        packet: As given.
-        what: As given.
         confirmed: Time of the confirmation, s; None before that.
         over: Whether nothing needs to be repeated any more.
+        lands, stops: Whether the command is to land, or to stop the motors.
     """
 
     def __init__(self, packet: bytes, what: str, at: float, *, steered: bool) -> None:
@@ -78,23 +77,13 @@ class Handover:
         self._steered = steered
         self.confirmed: float | None = None
         self.over = False
-        self._command = packet[1]
+        self.lands, self.stops = packet[1] == orders.LAND, packet[1] == orders.STOP
         self._began = at
         self._due = at
         self._sent = False
         self._top = -float("inf")  # m, greatest height since the command
-        self._descends = self._command != orders.LAND
+        self._descends = not self.lands
         (self._duration,) = struct.unpack("<f", packet[-4:]) if not self._descends else (0.0,)
-
-    @property
-    def lands(self) -> bool:
-        """Whether the command is to land."""
-        return self._command == orders.LAND
-
-    @property
-    def stops(self) -> bool:
-        """Whether the command is to stop the motors."""
-        return self._command == orders.STOP
 
     def repeat(self, now: float, report: Report | None) -> Repeat:
         """Return the packet to send at `now`, s, given the newest report."""

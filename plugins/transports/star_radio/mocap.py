@@ -40,9 +40,6 @@ class MotionCapture:
         hostname: Its host.
         names: Rigid-body names by agent name; the agent's name if not given.
         timeout: For connecting, s.
-
-    Raises:
-        PluginError: The package is not installed, or the system cannot be reached.
     """
 
     def __init__(

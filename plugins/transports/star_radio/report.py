@@ -70,11 +70,7 @@ class Layout:
 
     @classmethod
     def of(cls, table: Table) -> Layout:
-        """Choose from a drone's log table.
-
-        Raises:
-            PluginError: The firmware lacks variables; the message names them.
-        """
+        """Choose from a drone's log table."""
         found = [[source for source in ways if source.name in table] for ways in SOURCES]
         lacking = [
             " or ".join(repr(source.name) for source in ways)

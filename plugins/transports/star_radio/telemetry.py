@@ -51,13 +51,7 @@ class TelemetryBuffer:
         self._newest = 0.0  # mission time, s
 
     def gather(self, began: float, frames: Frames, refusals: tuple[Refusal, ...] = ()) -> Telemetry:
-        """Return what arrived since the last call.
-
-        Args:
-            began: Mission time 0, s of the computer's clock.
-            frames: Images of the cameras.
-            refusals: Refused commands.
-        """
+        """Return what arrived since the last call; `began` is mission time 0 on the clock, s."""
         samples = self._read()
         if len(samples.agent):
             self.last[samples.agent] = samples.values  # the newest row of each drone is last

@@ -27,9 +27,6 @@ class TrajectoryMemory:
 
     Args:
         trajectories: All of them, without duplicates.
-
-    Raises:
-        PluginError: They do not fit.
     """
 
     def __init__(self, trajectories: Sequence[Trajectory] = ()) -> None:
@@ -65,11 +62,7 @@ class TrajectoryMemory:
             write(number, Trajectory(trajectory.duration, turned), at=self._at[number])
 
     def start(self, trajectory: Trajectory | None, duration: float, version: int) -> bytes:
-        """Return the packet that starts a trajectory of `duration`, s, at the current position.
-
-        Raises:
-            ContractError: It was not uploaded.
-        """
+        """Return the packet that starts a trajectory of `duration`, s, at the current position."""
         if trajectory is None or trajectory not in self:
             raise ContractError("Command.trajectory was not uploaded")
         stretch = duration / float(trajectory.duration.sum())
@@ -99,11 +92,7 @@ def rotation_error(yaw: float, heading: float) -> str:
 
 
 def packed(trajectory: Trajectory) -> bytes:
-    """Return a trajectory's pieces in the uncompressed format of the trajectory memory.
-
-    Raises:
-        ContractError: There are more than fit.
-    """
+    """Return a trajectory's pieces in the uncompressed format of the trajectory memory."""
     count = len(trajectory.duration)
     if count > MAX_PIECES:
         raise ContractError(f"a trajectory has 1 to {MAX_PIECES} pieces, got {count}")

@@ -232,11 +232,7 @@ class Radio:
                 self.vehicles[row].correct(corrections.position[i].tolist(), attitude)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
-        """Send the active rows that are connected; only these are active in the return value.
-
-        Raises:
-            ContractError: A velocity or yaw of an active row is not finite.
-        """
+        """Send the active rows that are connected; only these are active in the return value."""
         finite = np.isfinite(setpoint.velocity).all(axis=1) & np.isfinite(setpoint.yaw)
         if not finite[setpoint.active].all():
             rows = np.flatnonzero(setpoint.active & ~finite)

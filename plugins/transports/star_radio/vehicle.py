@@ -15,9 +15,8 @@ from star_radio.connection import log_blocks, packets
 from star_radio.connection.clock import Clock
 from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
 from star_radio.connection.link import Link
-from star_radio.connection.parameters import set_now
 from star_radio.connection.questions import Question
-from star_radio.connection.tables import Table, Tables
+from star_radio.connection.tables import Table, Tables, set_now
 from star_radio.handover import Handover, Repeat, Report
 from star_radio.options import RadioOptions
 from star_radio.report import BLOCK, STATE, Layout, Z, stamp
@@ -42,12 +41,7 @@ _ERRORS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: 
 
 
 class CommandFailure(NamedTuple):
-    """A packet that a drone refused or did not confirm.
-
-    Attributes:
-        text: Message, to be preceded by the drone's name.
-        refused: Whether it is a command that the drone refused.
-    """
+    """A packet that a drone refused or did not confirm: message, and whether it was refused."""
 
     text: str
     refused: bool
@@ -105,9 +99,6 @@ class Vehicle:
 
         Commands are addressed to these groups, a bit each: a drone that reboots leaves them and
         ignores commands.
-
-        Raises:
-            PluginError: It cannot be reached, its firmware is too old, or it refuses.
         """
         self._deadline = time.monotonic() + options.connect_timeout
         self._response_timeout = options.response_timeout
@@ -166,12 +157,8 @@ class Vehicle:
         """Send a high-level command and make sure that it takes over from setpoints.
 
         It is repeated until it is confirmed, and longer: see `Handover`. Unless it stops the
-        motors, it is delayed until the last setpoint has arrived. A newer command replaces it.
-
-        Args:
-            packet: The command, for all groups unless it has been broadcast.
-            what: Its name, for messages.
-            sent: Whether this packet has just been broadcast.
+        motors, it is delayed until the last setpoint has arrived. A newer command replaces it. It
+        is for all groups, unless it has just been broadcast (`sent`).
         """
         now = time.monotonic()
         self._stopped = packet[1] == orders.STOP
@@ -202,9 +189,6 @@ class Vehicle:
         """Set the standard deviations of the corrections that follow, m and rad.
 
         An infinite value means that no such correction follows.
-
-        Raises:
-            PluginError: The firmware lacks the parameters.
         """
         try:
             for question in self._noise.changed(self.parameters, position_std, attitude_std):
@@ -213,12 +197,7 @@ class Vehicle:
             raise PluginError(f"{self.name}: {error.message}", error.code) from error
 
     def correct(self, position: Sequence[float], attitude: Sequence[float] | None) -> None:
-        """Send the estimator a measured position or pose in the odometry frame.
-
-        Args:
-            position: m.
-            attitude: Unit quaternion x, y, z, w, if measured.
-        """
+        """Send the estimator a measured position, m, or pose with a unit quaternion x, y, z, w."""
         at = (
             orders.measured_position(position)
             if attitude is None
@@ -227,12 +206,7 @@ class Vehicle:
         self.link.post(at)
 
     def upload(self, number: int, trajectory: Trajectory, *, at: int = 0) -> None:
-        """Upload a trajectory to byte `at` of the memory; this blocks: not for use in a tick.
-
-        Raises:
-            ContractError: It does not fit.
-            PluginError: The drone refuses or does not answer.
-        """
+        """Upload a trajectory to byte `at` of the memory; this blocks: not for use in a tick."""
         self._deadline = math.inf
         upload(number, trajectory, self._ask, at=at)
 

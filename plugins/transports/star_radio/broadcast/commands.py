@@ -35,10 +35,6 @@ class BroadcastCommands:
 
     Attributes:
         masks: Group mask of each drone with a radio link, by its row.
-
-    Raises:
-        PluginError: There is no such dongle, it cannot be used, or two drones share the last byte
-            of their address.
     """
 
     def __init__(self, scene: Scene, dongle: int) -> None:

@@ -53,9 +53,6 @@ class Broadcaster:
 
     Attributes:
         broken: Whether the dongle has failed; then nothing more is sent.
-
-    Raises:
-        PluginError: There is no such dongle, or it cannot be used.
     """
 
     def __init__(self, dongle: int, on: Sequence[RadioAddress]) -> None:
@@ -81,12 +78,8 @@ class Broadcaster:
     def order(self, packet: bytes, rows: AbstractSet[int] = frozenset()) -> bool:
         """Queue a packet for repeated transmission to all drones, without blocking.
 
-        Args:
-            packet: Packet to send.
-            rows: Rows of the drones it is for, for `void`.
-
-        Returns:
-            Whether it was queued; not if the dongle has failed or the queue is too long.
+        Returns whether it was queued; not if the dongle has failed or the queue is too long. For
+        `void`, `rows` are the drones it is for.
         """
         with self._changed:
             duration = REPEATS * REPEAT_PERIOD * len(self._on)  # s, at least
@@ -109,12 +102,9 @@ class Broadcaster:
             self._changed.wait_for(lambda: self.broken or not self._orders)
 
     def show(self, kind: PackedPoses, last: int, entry: bytes) -> None:
-        """Queue a pose correction for one transmission; it replaces one that is still queued.
+        """Queue a pose correction, made by `orders.pose_entry`, for one transmission.
 
-        Args:
-            kind: Type of packet.
-            last: Last byte of the drone's address.
-            entry: Entry made by `orders.pose_entry`.
+        It replaces one that is still queued. The drone is that whose address ends with `last`.
         """
         with self._changed:
             self._shown[kind][last] = entry
@@ -181,11 +171,7 @@ class Broadcaster:
 
 
 def _dongle(number: int) -> Any:
-    """Return a Crazyradio's USB device.
-
-    Raises:
-        PluginError: There is no dongle of this number.
-    """
+    """Return a Crazyradio's USB device."""
     usb = import_module("usb.core")
     backend = import_module("libusb_package").get_libusb1_backend()
     found = list(usb.find(idVendor=_VENDOR, idProduct=_PRODUCT, find_all=True, backend=backend))

@@ -22,20 +22,25 @@ class AiDecks:
     A deck that is unreachable, disconnects or sends images of the wrong size causes one warning,
     and another only after an image of it has arrived again.
 
+    The stock streamer sends no timestamps. An exposure is assumed to be `latency` before the
+    arrival of the image's first packet: the second half of the exposure, the read-out and, with
+    JPEG, the compression. The duration of the transfer is measured.
+
     Args:
         scene: The agents with their cameras.
         addresses: host or host:port, by the agent's name.
-        latency: From the exposure to the first packet of an image, s.
+        latency: From the middle of the exposure to the first packet of an image, s.
     """
 
     def __init__(self, scene: Scene, addresses: Mapping[str, str], latency: float) -> None:
+        self._latency = latency
         self._decks: dict[int, _AiDeck] = {}
         for row, agent in enumerate(scene.agents):
             if agent.name in addresses:
                 host, port = place(addresses[agent.name])
                 camera = agent.camera
                 shape = (camera.height, camera.width) if camera else SHAPE
-                client = CameraClient(host, port, shape=shape, latency=latency)
+                client = CameraClient(host, port, shape=shape)
                 self._decks[row] = _AiDeck(agent.name, shape, client)
 
     def connect(self, timeout: float) -> None:
@@ -65,7 +70,7 @@ class AiDecks:
             return Frames.none()
         return Frames(
             agent=np.array([row for row, _shot in shots]),
-            taken=np.array([shot.taken - began for _row, shot in shots]),
+            taken=np.array([shot.began - self._latency - began for _row, shot in shots]),
             arrived=np.array([shot.arrived - began for _row, shot in shots]),
             image=tuple(shot.image for _row, shot in shots),
         )

@@ -10,13 +10,11 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, Self
 
-from star_core import Image
 from star_radio.camera.address import PORT
-from star_radio.camera.stream import Arrival, Counts, Stream
+from star_radio.camera.stream import Counts, Shot, Stream
 
-LATENCY: Final = 0.15  # s, of images in the original STAR
 SHAPE: Final = (244, 324)  # height and width of an HM01B0 image, px
 CHUNK: Final = 65_536  # bytes per read
 CONNECT_TIMEOUT: Final = 0.5  # s; with the pause, a deck is reconnected within 1 s
@@ -26,33 +24,13 @@ MAX_WAITING: Final = 8  # images: 1 s of a deck's stream
 CLOSE_TIMEOUT: Final = 2.0  # s, for the thread to end
 
 
-class Shot(NamedTuple):
-    """An image and its times.
-
-    Attributes:
-        image: (height, width) grey values, read-only.
-        arrived: Arrival of its last packet, s.
-        taken: Estimated time of the exposure, s.
-    """
-
-    image: Image
-    arrived: float
-    taken: float
-
-
 class CameraClient:
     """Reads one deck's stream, and reconnects within a second when it is lost.
-
-    The stock streamer sends no timestamps. An exposure is assumed to be `latency` before the
-    arrival of the image's first packet. So the duration of the transfer, from the first packet to
-    the last, is measured, and `latency` covers what precedes it: the second half of the exposure,
-    the read-out and, with JPEG, the compression.
 
     Args:
         host: The deck's host.
         port: Its port.
         shape: Height and width of its images, px.
-        latency: From the middle of the exposure to the first packet, s.
         clock: Clock for timestamps, s.
         silence: Time without a byte after which to reconnect, s.
         waiting: Maximum number of buffered images; older ones are dropped.
@@ -64,13 +42,12 @@ class CameraClient:
         port: int = PORT,
         *,
         shape: tuple[int, int] = SHAPE,
-        latency: float = LATENCY,
         clock: Callable[[], float] = time.monotonic,
         silence: float = SILENCE_TIMEOUT,
         waiting: int = MAX_WAITING,
     ) -> None:
         self._host, self._port = host, port
-        self._shape, self._latency, self._clock = shape, latency, clock
+        self._shape, self._clock = shape, clock
         self._silence, self._most = silence, waiting
         self._counts = Counts()
         self._lock = threading.Lock()  # for `_waiting`
@@ -155,19 +132,17 @@ class CameraClient:
                     if not data:
                         return "closed by the deck"
                     heard = time.monotonic()
-                    for arrival in stream.feed(data, self._clock()):
-                        self._keep(arrival)
+                    for shot in stream.feed(data, self._clock()):
+                        self._keep(shot)
                 if time.monotonic() - heard > self._silence:
                     return f"silent for {self._silence:g} s"
             return "closed"
         finally:
             stream.end()
 
-    def _keep(self, arrival: Arrival) -> None:
+    def _keep(self, shot: Shot) -> None:
         with self._lock:
             if len(self._waiting) >= self._most:
                 self._waiting.popleft()
                 self._counts.dropped += 1
-            self._waiting.append(
-                Shot(arrival.image, arrival.arrived, arrival.began - self._latency)
-            )
+            self._waiting.append(shot)

@@ -37,13 +37,13 @@ _SIZE: Final = re.compile(rb"\xff[\xc0-\xc2]\x00[\x0b\x11]\x08(....)", re.DOTALL
 _OVERLAP: Final = 4  # bytes at the end of a chunk that may be an incomplete `_BEGINNING`
 
 
-class Arrival(NamedTuple):
+class Shot(NamedTuple):
     """One complete image.
 
     Attributes:
         image: (height, width) grey values, read-only.
-        began: Arrival of its first packet, s.
-        arrived: Arrival of its last packet, s.
+        began: Shot of its first packet, s.
+        arrived: Shot of its last packet, s.
     """
 
     image: Image
@@ -97,12 +97,12 @@ class Stream:
         self._body = bytearray()
         self._began = 0.0
 
-    def feed(self, data: bytes, now: float) -> list[Arrival]:
+    def feed(self, data: bytes, now: float) -> list[Shot]:
         """Return the images completed by `data`, which arrived at `now`, s.
 
         After an invalid length, decoding resumes at the start of the next image.
         """
-        stream, at, arrivals = self._rest + data, 0, list[Arrival]()
+        stream, at, arrivals = self._rest + data, 0, list[Shot]()
         view = memoryview(stream)
         while True:
             if self._lost:
@@ -136,7 +136,7 @@ class Stream:
         self._lost = found is None
         return max(at, len(stream) - _OVERLAP) if found is None else found.start()
 
-    def _take(self, data: memoryview, now: float, arrivals: list[Arrival]) -> None:
+    def _take(self, data: memoryview, now: float, arrivals: list[Shot]) -> None:
         head = _head(data)
         if head is not None:
             self._abandon()
@@ -156,7 +156,7 @@ class Stream:
         size = head.size == pixels if head.form == RAW else 0 < head.size <= pixels
         return size and (head.height, head.width) == self._shape
 
-    def _finish(self, head: _Head, now: float, arrivals: list[Arrival]) -> None:
+    def _finish(self, head: _Head, now: float, arrivals: list[Shot]) -> None:
         body = bytes(self._body)
         self._head, self._body = None, bytearray()
         image = _raw(body, self._shape) if head.form == RAW else _jpeg(body, self._shape)
@@ -165,7 +165,7 @@ class Stream:
             return
         image.flags.writeable = False
         self._counts.images += 1
-        arrivals.append(Arrival(image, self._began, now))
+        arrivals.append(Shot(image, self._began, now))
 
     def _abandon(self) -> None:
         if self._head is not None:

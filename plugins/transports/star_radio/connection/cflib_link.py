@@ -41,9 +41,6 @@ class CflibLink:
         name: Name of the agent.
         listener: Receiver of packets and errors.
         timeout: For opening, s; over TCP cflib would wait for minutes.
-
-    Raises:
-        PluginError: There is no driver for the address, no dongle, or no answer.
     """
 
     def __init__(self, uri: str, name: str, listener: LinkListener, timeout: float) -> None:

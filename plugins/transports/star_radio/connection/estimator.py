@@ -11,9 +11,8 @@ from typing import Final
 
 from star_core import PluginError
 from star_radio.connection import log_blocks, packets
-from star_radio.connection.parameters import set_now, setting
 from star_radio.connection.questions import Ask, Question
-from star_radio.connection.tables import Table
+from star_radio.connection.tables import Table, set_now, setting
 
 RESET: Final = "kalman.resetEstimation"
 RESET_DURATION: Final = 0.1  # s, for which the parameter stays set, as in Bitcraze's tools
@@ -110,9 +109,6 @@ class EstimatorNoise:
             table: The drone's parameters.
             position: Standard deviation of positions, m.
             attitude: Standard deviation of attitudes, rad; infinite if none are sent.
-
-        Raises:
-            PluginError: The firmware has no such parameter.
         """
         for name, std in zip(NOISE, (position, attitude), strict=True):
             if math.isfinite(std) and abs(std - self._sent[name]) > TOLERANCE * self._sent[name]:

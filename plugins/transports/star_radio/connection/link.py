@@ -56,11 +56,7 @@ class Link:
         self._closing = False
 
     def open(self, timeout: float) -> None:
-        """Open the link within `timeout`, s.
-
-        Raises:
-            PluginError: The address cannot be used, or nothing answers there.
-        """
+        """Open the link within `timeout`, s."""
         if self._udp_links is not None and self.uri.startswith(SCHEME):
             try:
                 self._driver = self._udp_links.open(self.uri, self)
@@ -101,9 +97,6 @@ class Link:
 
         Returns:
             The payload of each accepted answer.
-
-        Raises:
-            PluginError: There is no answer.
         """
         waiting = deque(questions)
         begun: dict[Question, float] = {}  # s, when each open question was asked first
