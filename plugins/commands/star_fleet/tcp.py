@@ -153,11 +153,22 @@ class TcpPort:
         """Serve one client after the other."""
         try:
             while True:
-                client, _address = await self._loop.sock_accept(self._listener)
-                with client, suppress(OSError):
-                    await self._serve_one(client)
+                await self._called()
+                with suppress(OSError):  # gone again
+                    client, _address = self._listener.accept()
+                    with client:
+                        await self._serve_one(client)
         finally:
             self._ended.set()
+
+    async def _called(self) -> None:
+        """Wait for a client; `loop.sock_accept` may leave one unclosed when it is cancelled."""
+        called = asyncio.Event()
+        self._loop.add_reader(self._listener, called.set)
+        try:
+            await called.wait()
+        finally:
+            self._loop.remove_reader(self._listener)
 
     async def _serve_one(self, client: socket.socket) -> None:
         client.setblocking(False)  # noqa: FBT003
