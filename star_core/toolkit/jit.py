@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import sys
 import threading
@@ -36,7 +37,8 @@ def compiled(function: Function, **options: Any) -> Function:
             only when the argument is given.
         options: Of `numba.njit`.
     """
-    kernel = njit(error_model="numpy", **options)(function)
+    bare: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
+    kernel = njit(error_model="numpy", **bare)(function)
     kernel._cache = _KernelCache(kernel)  # noqa: SLF001 -- what `cache=True` does
     return cast("Function", kernel)
 
@@ -159,9 +161,13 @@ class _Progress(Listener):
         self._functions: dict[FunctionType, None] = {}
         self._done: set[FunctionType] = set()
         self._finished = threading.Event()
+        self._collects = True
 
     def on_start(self, event: Any) -> None:
         dispatcher = event.data["dispatcher"]
+        if not self._compiling:
+            self._collects = gc.isenabled()
+            gc.disable()  # saves a tenth of the time
         if not self._compiling and isinstance(dispatcher._cache, _KernelCache):  # noqa: SLF001
             kernel = dispatcher.py_func
             self._functions, self._done, self._finished = {}, set(), threading.Event()
@@ -177,6 +183,8 @@ class _Progress(Listener):
             self._done.add(function)
         if not self._compiling:
             self._finished.set()
+            if self._collects:
+                gc.enable()
 
     def _keep_reporting(self, kernel: str, finished: threading.Event) -> None:
         while not finished.wait(REPORT_PERIOD):

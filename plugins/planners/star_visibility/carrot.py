@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, compiled
+from star_core import Array, Mask, Rows, compiled, subroutine
 from star_visibility.sight import covered, sees
 from star_visibility.walls import Walls
 
@@ -95,21 +95,21 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     return target, lost
 
 
-@compiled
+@subroutine
 def _put(table: Array, row: int, point: Array) -> None:
     """Write a point into a table, element by element, which compiles seconds faster."""
     for k in range(3):
         table[row, k] = point[k]
 
 
-@compiled
+@subroutine
 def _leads_out(walls: Walls, start: Array, out: Array, at: Array) -> bool:
     """Whether a path's first point is the exit from the walls, and still is from `at`."""
     begins_within = covered(walls, start[0], start[1], start[2])
     return begins_within and _apart(at, out) <= _apart(start, out) + ASTRAY
 
 
-@compiled
+@subroutine
 def _enters(walls: Walls, start: Array, path: Array, leg: int, last: int, at: Array) -> bool:
     """Whether an agent is on the last segment of its path, or at its beginning."""
     if leg < last - 1:
@@ -120,7 +120,7 @@ def _enters(walls: Walls, start: Array, path: Array, leg: int, last: int, at: Ar
     return _apart(at, goal) <= most and sees(walls, at, goal)
 
 
-@compiled
+@subroutine
 def _is_past(walls: Walls, at: Array, path: Array, leg: int) -> bool:
     """Whether an agent has rounded a corner, close to it or as far off as others pushed it."""
     corner, following = path[leg], path[leg + 1]
@@ -132,7 +132,7 @@ def _is_past(walls: Walls, at: Array, path: Array, leg: int) -> bool:
     return sees(walls, at, following)
 
 
-@compiled
+@subroutine
 def _along(path: Array, leg: int, last: int, distance: float) -> Array:
     """Return the point of a path at a distance beyond one of its corners."""
     while leg < last:
@@ -148,7 +148,7 @@ def _along(path: Array, leg: int, last: int, distance: float) -> Array:
     return end
 
 
-@compiled
+@subroutine
 def _apart(a: Array, b: Array) -> float:
     """Return the distance between two points, m."""
     return math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, compiled
+from star_core import Array, Mask, compiled, subroutine
 from star_visibility.sight import band_of, covered, nearest_on, sees, within
 from star_visibility.walls import Walls
 
@@ -55,7 +55,7 @@ def way_out(walls: Walls, passable: Walls, point: Array, low: Array, high: Array
         failed[edge] = True
 
 
-@compiled
+@subroutine
 def _nearest(
     walls: Walls,
     band: int,

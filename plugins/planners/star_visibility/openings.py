@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from star_core import Array, compiled
+from star_core import Array, compiled, subroutine
 from star_visibility.sight import LEVEL, meeting, meets, on_outline, within
 from star_visibility.walls import Walls
 
 
-@compiled
+@subroutine
 def openings(
     parts: Walls,
     span: Array,
@@ -65,7 +65,7 @@ def openings(
     return answer
 
 
-@compiled
+@subroutine
 def strictly(parts: Walls, part: int, x: float, y: float) -> bool:
     """Whether a point is inside a block, and not on its outline within rounding."""
     return within(parts, part, x, y) and not on_outline(parts, part, x, y)

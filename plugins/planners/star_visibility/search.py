@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from star_core import Array, Mask, Rows, compiled
+from star_core import Array, Mask, Rows, compiled, subroutine
 from star_visibility.openings import openings
 from star_visibility.tangents import Corners, Graph, passes
 from star_visibility.walls import Walls
@@ -143,7 +143,7 @@ def advance(
     return MORE, -1, left
 
 
-@compiled
+@subroutine
 def _go_on(net: Net, places: Places, search: Search, goal: Goal, i: int) -> int:
     """Queue the segments that leave a state, and return how many points were examined.
 
@@ -168,7 +168,7 @@ def _go_on(net: Net, places: Places, search: Search, goal: Goal, i: int) -> int:
     return count - begin
 
 
-@compiled
+@subroutine
 def _look(net: Net, places: Places, search: Search, goal: Goal, i: int, to: int) -> int:
     """Examine the segment from a state to a point; return an upper bound of its work."""
     p, n = places.of[i], len(net.corner.place)
@@ -183,7 +183,7 @@ def _look(net: Net, places: Places, search: Search, goal: Goal, i: int, to: int)
     return 2 * len(net.parts.box)
 
 
-@compiled
+@subroutine
 def _offer(places: Places, search: Search, goal: Goal, i: int, to: int, by: int) -> None:
     """Queue the segment from a state to a point if it may lead to a shorter path."""
     a, b = places.place[places.of[i]], places.place[to]
@@ -197,7 +197,7 @@ def _offer(places: Places, search: Search, goal: Goal, i: int, to: int, by: int)
         _push(search, key, i, to, by)
 
 
-@compiled
+@subroutine
 def _beaten(places: Places, search: Search, to: int, key: float) -> bool:
     """Whether no state of a point has a path longer than this, m."""
     for j in range(places.first[to], places.first[to + 1]):
@@ -206,7 +206,7 @@ def _beaten(places: Places, search: Search, to: int, key: float) -> bool:
     return True
 
 
-@compiled
+@subroutine
 def _come(
     places: Places, search: Search, goal: Goal, ends: tuple[int, int], heights: Array
 ) -> None:
@@ -237,7 +237,7 @@ def _come(
             _push(search, total, j, -1, -1)
 
 
-@compiled
+@subroutine
 def _ends(places: Places, goal: Goal, j: int) -> bool:
     """Whether a state is not at the goal's point, or is the one that reaches the goal."""
     return places.of[j] != goal.point or bool(
@@ -245,7 +245,7 @@ def _ends(places: Places, goal: Goal, j: int) -> bool:
     )
 
 
-@compiled
+@subroutine
 def _push(search: Search, key: float, who: int, to: int, by: int) -> None:
     k = search.size[0]
     search.size[0] += 1
@@ -258,7 +258,7 @@ def _push(search: Search, key: float, who: int, to: int, by: int) -> None:
     search.key[k], search.who[k], search.to[k], search.by[k] = key, who, to, by
 
 
-@compiled
+@subroutine
 def _pop(search: Search) -> tuple[float, int, int, int]:
     """Remove the entry with the smallest bound from the queue."""
     top = search.key[0], search.who[0], search.to[0], search.by[0]
@@ -276,7 +276,7 @@ def _pop(search: Search) -> tuple[float, int, int, int]:
     return top
 
 
-@compiled
+@subroutine
 def _move(search: Search, one: int, other: int) -> None:
     search.key[other], search.who[other] = search.key[one], search.who[one]
     search.to[other], search.by[other] = search.to[one], search.by[one]

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, compiled
+from star_core import Array, Mask, Rows, compiled, subroutine
 from star_visibility.walls import Walls
 
 TOUCH = 1e-10  # m; nearer than this is on the line
 LEVEL = 1e-9  # m; heights that differ by less are equal
 
 
-@compiled
+@subroutine
 def meets(walls: Walls, band: int, ax: float, ay: float, bx: float, by: float) -> bool:
     """Whether the segment from a to b, excluding its ends, meets an outline of a band.
 
@@ -22,7 +22,7 @@ def meets(walls: Walls, band: int, ax: float, ay: float, bx: float, by: float) -
     return meeting(walls, band, ax, ay, bx, by, True) < math.inf  # noqa: FBT003
 
 
-@compiled
+@subroutine
 def meeting(
     walls: Walls,
     band: int,
@@ -71,7 +71,7 @@ def meeting(
     return float(nearest)
 
 
-@compiled
+@subroutine
 def within(walls: Walls, band: int, x: float, y: float) -> bool:
     """Whether a point is inside the forbidden region of a band; on its outline it may be either."""
     odd = False
@@ -90,7 +90,7 @@ def within(walls: Walls, band: int, x: float, y: float) -> bool:
     return odd
 
 
-@compiled
+@subroutine
 def on_outline(walls: Walls, band: int, x: float, y: float) -> bool:
     """Whether a point is on an outline of a band, within rounding."""
     near = 10 * TOUCH
@@ -110,7 +110,7 @@ def on_outline(walls: Walls, band: int, x: float, y: float) -> bool:
     return False
 
 
-@compiled
+@subroutine
 def nearest_on(
     px: float, py: float, qx: float, qy: float, x: float, y: float
 ) -> tuple[float, float]:
@@ -121,7 +121,7 @@ def nearest_on(
     return px + share * ux, py + share * uy
 
 
-@compiled
+@subroutine
 def band_of(walls: Walls, z: float) -> int:
     """Return the band that contains a height; on a level it is the one above."""
     band = 0
@@ -146,7 +146,7 @@ def covered(walls: Walls, x: float, y: float, z: float) -> bool:
     return True
 
 
-@compiled
+@subroutine
 def open_in(walls: Walls, band: int, ax: float, ay: float, bx: float, by: float) -> bool:
     """Whether no block of a band is on the segment from a to b."""
     if within(walls, band, (ax + bx) / 2, (ay + by) / 2):

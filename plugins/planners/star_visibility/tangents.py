@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from star_core import Array, Fence, Rows, compiled
+from star_core import Array, Fence, Rows, compiled, subroutine
 from star_visibility.openings import openings
 from star_visibility.sight import TOUCH
 from star_visibility.walls import Walls
@@ -110,7 +110,7 @@ def graph(parts: Walls, span: Array, corner: Corners) -> Graph:
     return Graph(first, to, heights)
 
 
-@compiled
+@subroutine
 def passes(point: Array, corner: Array, before: Array, after: Array) -> bool:
     """Whether the line from a point through a convex corner leaves its outline on one side."""
     ux, uy = corner[0] - point[0], corner[1] - point[1]
