@@ -41,7 +41,10 @@ def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
         u = before = math.nan
         for _ in range(MAX_ITERATIONS):
             camera_at(shot, mount, row_time(lens, v), pose)
-            x, y, z = inside(pose, points[k, 0], points[k, 1], points[k, 2])
+            a, b, c = points[k, 0] - pose[9], points[k, 1] - pose[10], points[k, 2] - pose[11]
+            x = pose[0] * a + pose[3] * b + pose[6] * c
+            y = pose[1] * a + pose[4] * b + pose[7] * c
+            z = pose[2] * a + pose[5] * b + pose[8] * c
             if z < NEAR or math.hypot(x, y) > lens.reach * z:
                 u = v = math.nan
                 break
@@ -54,18 +57,7 @@ def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
 
 
 @compiled
-def inside(pose: Record, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return a point of the map in a camera's frame, m."""
-    x, y, z = x - pose[9], y - pose[10], z - pose[11]
-    return (
-        pose[0] * x + pose[3] * y + pose[6] * z,
-        pose[1] * x + pose[4] * y + pose[7] * z,
-        pose[2] * x + pose[5] * y + pose[8] * z,
-    )
-
-
-@compiled
-def touch(corners: Record, exposure: Exposure, region: Record) -> None:
+def touch(corners: Record, exposure: Exposure, region: Record) -> None:  # noqa: C901 -- one function compiles faster
     """Extend a region of the image by the pixels of a flat quadrangle.
 
     The quadrangle is clipped to the camera's field (Sutherland and Hodgman, Communications of the
@@ -76,61 +68,52 @@ def touch(corners: Record, exposure: Exposure, region: Record) -> None:
         exposure: The image.
         region: (4,) first column and row and the ones past the last, extended in place.
     """
-    poses = exposure.poses
-    _touch(corners, poses[0, 0], exposure.lens, exposure.field, region)
-    _touch(corners, poses[-1, -1], exposure.lens, exposure.field, region)
-
-
-@compiled
-def _touch(
-    corners: Record,
-    pose: Record,
-    lens: Optics,
-    field: tuple[float, float, float, float],
-    region: Record,
-) -> None:
-    left, top, right, bottom = field
+    poses, lens = exposure.poses, exposure.lens
+    left, top, right, bottom = exposure.field
     kept, cut = np.empty((10, 3)), np.empty((10, 3))
-    count = 4
-    for k in range(4):
-        x, y, z = inside(pose, corners[k, 0], corners[k, 1], corners[k, 2])
-        kept[k, 0], kept[k, 1], kept[k, 2] = x, y, z
-    for a, b, c, d in (
-        (0.0, 0.0, 1.0, -NEAR),
-        (1.0, 0.0, -left, 0.0),
-        (-1.0, 0.0, right, 0.0),
-        (0.0, 1.0, -top, 0.0),
-        (0.0, -1.0, bottom, 0.0),
-    ):
-        clipped = 0
+    for end in range(2):
+        pose = poses[-end, -end]
+        count = 4
+        for k in range(4):
+            x, y, z = corners[k, 0] - pose[9], corners[k, 1] - pose[10], corners[k, 2] - pose[11]
+            for axis in range(3):
+                kept[k, axis] = pose[axis] * x + pose[3 + axis] * y + pose[6 + axis] * z
+        for a, b, c, d in (
+            (0.0, 0.0, 1.0, -NEAR),
+            (1.0, 0.0, -left, 0.0),
+            (-1.0, 0.0, right, 0.0),
+            (0.0, 1.0, -top, 0.0),
+            (0.0, -1.0, bottom, 0.0),
+        ):
+            clipped = 0
+            for k in range(count):
+                after = (k + 1) % count
+                here = a * kept[k, 0] + b * kept[k, 1] + c * kept[k, 2] + d
+                there = a * kept[after, 0] + b * kept[after, 1] + c * kept[after, 2] + d
+                if here >= 0.0:
+                    for axis in range(3):
+                        cut[clipped, axis] = kept[k, axis]
+                    clipped += 1
+                if (here >= 0.0) != (there >= 0.0):
+                    share = here / (here - there)
+                    for axis in range(3):
+                        step = kept[after, axis] - kept[k, axis]
+                        cut[clipped, axis] = kept[k, axis] + share * step
+                    clipped += 1
+            count = clipped
+            kept, cut = cut, kept
         for k in range(count):
-            x, y, z = kept[k, 0], kept[k, 1], kept[k, 2]
             after = (k + 1) % count
-            here = a * x + b * y + c * z + d
-            there = a * kept[after, 0] + b * kept[after, 1] + c * kept[after, 2] + d
-            if here >= 0.0:
-                cut[clipped, 0], cut[clipped, 1], cut[clipped, 2] = x, y, z
-                clipped += 1
-            if (here >= 0.0) != (there >= 0.0):
-                share = here / (here - there)
-                cut[clipped, 0] = x + share * (kept[after, 0] - x)
-                cut[clipped, 1] = y + share * (kept[after, 1] - y)
-                cut[clipped, 2] = z + share * (kept[after, 2] - z)
-                clipped += 1
-        count = clipped
-        kept, cut = cut, kept
-    for k in range(count):
-        after = (k + 1) % count
-        for piece in range(PIECES):
-            share = piece / PIECES
-            x = kept[k, 0] + share * (kept[after, 0] - kept[k, 0])
-            y = kept[k, 1] + share * (kept[after, 1] - kept[k, 1])
-            z = kept[k, 2] + share * (kept[after, 2] - kept[k, 2])
-            u, v = pixel(lens, x / z, y / z)
-            region[0] = min(region[0], max(0, math.floor(u) - MARGIN))
-            region[1] = min(region[1], max(0, math.floor(v) - MARGIN))
-            region[2] = max(region[2], min(int(lens.width), math.ceil(u) + MARGIN + 1))
-            region[3] = max(region[3], min(int(lens.height), math.ceil(v) + MARGIN + 1))
+            for piece in range(PIECES):
+                share = piece / PIECES
+                x = kept[k, 0] + share * (kept[after, 0] - kept[k, 0])
+                y = kept[k, 1] + share * (kept[after, 1] - kept[k, 1])
+                z = kept[k, 2] + share * (kept[after, 2] - kept[k, 2])
+                u, v = pixel(lens, x / z, y / z)
+                region[0] = min(region[0], max(0, math.floor(u) - MARGIN))
+                region[1] = min(region[1], max(0, math.floor(v) - MARGIN))
+                region[2] = max(region[2], min(int(lens.width), math.ceil(u) + MARGIN + 1))
+                region[3] = max(region[3], min(int(lens.height), math.ceil(v) + MARGIN + 1))
 
 
 @compiled

@@ -112,7 +112,7 @@ def _draw(canvas: Canvas, exposure: Exposure, frame: Record, cells: Record, regi
                 continue
             column, row = math.floor(left), math.floor(top)
             if left >= 0.0 and top >= 0.0 and right < column + 1 and bottom < row + 1:
-                light[v, u] += gap[v, u] * cells[int(row), int(column)]
+                light[v, u] += gap[v, u] * cells[row, column]
                 gap[v, u] = 0.0
                 continue
             covered, shade = _sample(path, s_right, s_down, t_right, t_down, cells)
