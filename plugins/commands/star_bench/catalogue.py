@@ -8,9 +8,17 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
 
-from star_bench.obstacles import blocks, corridor, doorway, polygons
-from star_bench.open_space import circle, crossing, disc, stack
 from star_bench.scenario import Scenario
+from star_bench.scenarios import (
+    blocks,
+    circle,
+    corridor,
+    crossing,
+    disc,
+    doorway,
+    polygons,
+    stack,
+)
 from star_core import InputError
 
 MIN_AGENTS: Final = 2  # a single one has no other to avoid

@@ -11,17 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from star_bench.arguments import levels, named
-from star_bench.catalogue import (
-    CATALOGUE,
-    MAX_AGENTS,
-    MIN_AGENTS,
-    Case,
-    checked_options,
-    numbers,
-)
+from star_bench.catalogue import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
 from star_bench.files import NOISE, SPEED, STUDY, Campaign, write
-from star_bench.metrics import Metrics, metrics
-from star_bench.table import Key, as_csv, as_markdown, rows
+from star_bench.table import Key, Metrics, as_csv, as_markdown, metrics, rows
 from star_core import InputError, PluginError, Registry, new_folder
 
 FLOWN: Final = "flown"  # folder of the study's results

@@ -9,9 +9,19 @@ from typing import Any
 
 import pytest
 
-from star_bench.metrics import Metrics, metrics, path_ratio, time_ratio
 from star_bench.scenario import Scenario, level
-from star_bench.table import COLUMNS, LEGEND, Key, as_csv, as_markdown, rows
+from star_bench.table import (
+    COLUMNS,
+    LEGEND,
+    Key,
+    Metrics,
+    as_csv,
+    as_markdown,
+    metrics,
+    path_ratio,
+    rows,
+    time_ratio,
+)
 from star_core.metrics.conflicts import MAX_WAIT, WAITING_DISTANCE
 
 TWO = level([(0, 0), (0, 5)], [(3, 4), (1, 5)], about="Two go 5 m and 1 m.")
