@@ -30,8 +30,8 @@ class Craft:
     def state(self) -> tuple[Array, Array]:
         """What the estimator believes: (4,) x, y, z, m, and yaw, rad; (4,) its rate of change."""
         drone = self._drone
-        place = np.append(drone["believed_position"], drone["believed_yaw"])
-        return place, np.append(drone["believed_velocity"], 0.0)
+        pose = np.append(drone["believed_position"], drone["believed_yaw"])
+        return pose, np.append(drone["believed_velocity"], 0.0)
 
     @property
     def tumbled(self) -> bool:

@@ -26,9 +26,9 @@ from star_sim.commander import ending_at_rest
 from star_sim.pieces import Piece
 
 SET_GROUPS, STOP, DEFINE = 0, 3, 6  # commands; the others are for a group, and move
-MOST_FIELD: Final = float(1 << 32)  # of a number in a command
+MAX_FIELD: Final = float(1 << 32)  # of a number in a command
 DEFINITIONS: Final = 10  # trajectories that can be defined at once
-IN_MEMORY: Final = 1  # the only place of trajectories
+IN_MEMORY: Final = 1  # the only location of trajectories
 PLAIN, COMPRESSED = 0, 1  # their types
 REFUSED: Final = 1  # a plan is in the way
 LONGEST: Final = 3600.0  # s, of a plan
@@ -57,7 +57,7 @@ class HighLevel:
         self._stage = Stage.IDLE
         self._pieces: list[Piece] = []
         self._begins: list[float] = []  # s, of each piece
-        self._defined: dict[int, tuple[int, int, int, int]] = {}  # place, type, offset, pieces
+        self._defined: dict[int, tuple[int, int, int, int]] = {}  # location, type, offset, pieces
         self._commands: dict[int, tuple[str, Callable[..., int]]] = {
             SET_GROUPS: ("B", self._set_groups),
             1: ("Bff", self._takeoff),
@@ -117,7 +117,7 @@ class HighLevel:
             return errno.ENOEXEC
         form, act = self._commands[command]
         values = read(form, payload, 1)
-        if values is None or not sound(values, MOST_FIELD):
+        if values is None or not sound(values, MAX_FIELD):
             return errno.ENOEXEC
         if command in {SET_GROUPS, DEFINE}:
             return act(now, *values)
@@ -132,14 +132,14 @@ class HighLevel:
         return self._begins[-1] + self._pieces[-1].duration
 
     def _reference(self, now: float) -> tuple[Array, Array, Array]:
-        """Return place, rate and acceleration, (4,) each, that a plan starts from."""
+        """Return pose, rate and acceleration, (4,) each, that a plan starts from."""
         if (current := self.piece(now)) is None:
-            place, rate = self._craft.state
-            return place, rate, np.zeros(4)
+            pose, rate = self._craft.state
+            return pose, rate, np.zeros(4)
         piece, began, *_ = current
-        place, rate, acceleration = piece.at(now - began)
+        pose, rate, acceleration = piece.at(now - began)
         over = self.finished(now)
-        return (place, np.zeros(4), np.zeros(4)) if over else (place, rate, acceleration)
+        return (pose, np.zeros(4), np.zeros(4)) if over else (pose, rate, acceleration)
 
     def _plan(self, stage: Stage, pieces: list[Piece], now: float) -> int:
         self._stage, self._pieces = stage, pieces
@@ -202,10 +202,12 @@ class HighLevel:
         piece = _smooth(start, rate, acceleration, end, duration)
         return self._plan(Stage.FLYING, [piece], now)
 
-    def _define(self, _now: float, number: int, place: int, kind: int, offset: int, n: int) -> int:
+    def _define(
+        self, _now: float, number: int, location: int, kind: int, offset: int, n: int
+    ) -> int:
         if number >= DEFINITIONS:
             return errno.ENOEXEC
-        self._defined[number] = place, kind, offset, n
+        self._defined[number] = location, kind, offset, n
         return 0
 
     def _start_old(self, now: float, relative: int, rest: int, number: int, scale: float) -> int:
@@ -214,8 +216,8 @@ class HighLevel:
     def _start(
         self, now: float, relative: int, turned: int, backwards: int, number: int, scale: float
     ) -> int:
-        place, kind, offset, count = self._defined.get(number, (0, 0, 0, 0))
-        if place != IN_MEMORY or kind not in {PLAIN, COMPRESSED}:
+        location, kind, offset, count = self._defined.get(number, (0, 0, 0, 0))
+        if location != IN_MEMORY or kind not in {PLAIN, COMPRESSED}:
             return 0
         memory = bytes(self._memory)
         if kind == PLAIN:

@@ -33,8 +33,8 @@ class Fix:
 def fixes(channel: int, payload: bytes) -> Iterator[Fix]:
     """Yield the positions and poses in a packet, those of other vehicles among them."""
     if channel == POSITION:
-        if (place := read("fff", payload)) is not None and sound(place):
-            yield Fix(None, (place[0], place[1], place[2]))
+        if (position := read("fff", payload)) is not None and sound(position):
+            yield Fix(None, (position[0], position[1], position[2]))
     elif channel == PACKED:
         for name, x, y, z in _each("Bhhh", payload):
             yield Fix(name, (x / 1000, y / 1000, z / 1000))

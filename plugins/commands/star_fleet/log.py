@@ -13,7 +13,7 @@ from star_fleet.packet import Port, join, read
 from star_fleet.toc import Contents
 from star_fleet.variables import FORMAT, VARIABLES, Readings, held_one
 
-BLOCKS, VARIABLES_AT_ONCE, MOST_BYTES = 16, 128, 26
+BLOCKS, VARIABLES_AT_ONCE, MAX_BYTES = 16, 128, 26
 DELETE, START, STOP, RESET, CREATE, APPEND, START_MS = 2, 3, 4, 5, 6, 7, 8  # commands
 CONTROL, DATA = 1, 2  # channels
 TICK: Final = 10  # ms, of START's period
@@ -125,7 +125,7 @@ class Log:
             form = FORMAT.get(code & 0x0F)
             if form is None or number >= len(VARIABLES):
                 return errno.ENOENT
-            if block.size + struct.calcsize(form) > MOST_BYTES:
+            if block.size + struct.calcsize(form) > MAX_BYTES:
                 return errno.E2BIG
             if sum(len(one.variables) for one in self._blocks.values()) >= VARIABLES_AT_ONCE:
                 return errno.ENOMEM

@@ -11,7 +11,7 @@ from star_fleet.packet import read
 EEPROM, TRAJECTORY = 0x00, 0x12  # types
 TRAJECTORY_BYTES: Final = 4096  # 31 pieces of poly4d
 EEPROM_BYTES: Final = 112
-MOST_READ: Final = 24  # bytes in an answer
+MAX_READ: Final = 24  # bytes in an answer
 
 COUNT, DETAILS = 1, 2  # commands of the channel 0
 INFO, READ, WRITE = 0, 1, 2  # channels
@@ -32,9 +32,9 @@ class Memories:
         )
 
     def answer(self, channel: int, payload: bytes) -> bytes | None:
-        """Return the answer to a question or an order; None if it is none."""
+        """Return the answer to a question or an order; None for other packets."""
         if channel == INFO:
-            return self._tell(payload)
+            return self._info(payload)
         head = read("BI", payload)
         if head is None or (channel == READ and len(payload) <= 5):  # noqa: PLR2004 -- no length
             return None
@@ -42,7 +42,7 @@ class Memories:
         memory = self._memories[number][1] if number < len(self._memories) else bytearray()
         if channel == READ:
             count = payload[5]
-            fits = count <= MOST_READ and start + count <= len(memory)
+            fits = count <= MAX_READ and start + count <= len(memory)
             data = bytes(memory[start : start + count]) if fits else b""
         elif channel == WRITE:
             data = payload[5:]
@@ -54,7 +54,7 @@ class Memories:
             return None
         return payload[:5] + bytes([0 if fits else errno.EIO]) + data
 
-    def _tell(self, payload: bytes) -> bytes | None:
+    def _info(self, payload: bytes) -> bytes | None:
         if payload[:1] == bytes([COUNT]):
             return bytes([COUNT, len(self._memories)])
         if payload[:1] == bytes([DETAILS]) and len(payload) > 1:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from star_core import Array
 
-MOST_PAYLOAD: Final = 30  # bytes
+MAX_PAYLOAD: Final = 30  # bytes
 NULL: Final = b"\xff"  # sent by a radio to poll, and by a client to find vehicles
-MOST_VALUE: Final = 1e4  # of any number that steers a vehicle: m, m/s, °; beyond it is no flight
+MAX_VALUE: Final = 1e4  # of any number that steers a vehicle: m, m/s, °; beyond it is no flight
 
 _RESERVED: Final = 0x0C  # bits of the header that clients set and the firmware does not
 _HALF: Final = math.sqrt(0.5)
@@ -49,7 +49,7 @@ def join(port: int, channel: int, payload: bytes) -> bytes:
 
 def split(packet: bytes) -> tuple[int, int, bytes] | None:
     """Return port, channel and payload; None for what is no packet (empty, or too long)."""
-    if not 1 <= len(packet) <= 1 + MOST_PAYLOAD:
+    if not 1 <= len(packet) <= 1 + MAX_PAYLOAD:
         return None
     return packet[0] >> 4, packet[0] & 3, packet[1:]
 
@@ -65,7 +65,7 @@ def read(form: str, payload: bytes, at: int = 0) -> tuple[Any, ...] | None:
     return layout.unpack_from(payload, at) if len(payload) >= at + layout.size else None
 
 
-def sound(values: Iterable[float], most: float = MOST_VALUE) -> bool:
+def sound(values: Iterable[float], most: float = MAX_VALUE) -> bool:
     """Whether all values are numbers that a vehicle can be steered with."""
     return all(abs(value) <= most for value in values)  # what is not a number compares false
 

@@ -27,7 +27,7 @@ from star_sim.transport import Simulator
 
 PORT: Final = 19850  # where clients look first
 ADDRESS: Final = 0xE7E7E7E700  # of the radio of the vehicle in row -1
-MOST_LATE: Final = 0.25  # s, that are caught up with; of more the clock lets go
+MAX_LATE: Final = 0.25  # s, that are caught up with; of more the clock lets go
 BOOT_TIME: Final = 1.0  # s
 BOOT: Final = range(3)  # updates of a supervisor until a vehicle that stands well is ready to fly
 DRAIN: Final = 0.5  # s, after which unread packets are discarded
@@ -209,7 +209,7 @@ class Fleet:
             woke = time.monotonic()
             while not self._stopped.is_set() and (until is None or self.simulator.time < until):
                 behind = woke - began - self.simulator.time / self._speed
-                if behind > MOST_LATE:
+                if behind > MAX_LATE:
                     began += behind
                     self.slipped += behind
                 elif behind * self._speed >= CYCLE:

@@ -20,9 +20,9 @@ from star_sim.drone import FREE, PLACE, SPEED
 Three = tuple[float, float, float]
 NOTHING: Final[Three] = (0.0, 0.0, 0.0)
 
-LEAST_THRUST, MOST_THRUST = 1000, 60000  # of 65535, ``crtp_commander_rpyt.c``
+MIN_THRUST, MAX_THRUST = 1000, 60000  # of 65535, ``crtp_commander_rpyt.c``
 FULL_THRUST: Final = 65535
-MOST_CLIMB: Final = 32767.0  # of thrust per m/s in ``flightmode.althold``
+MAX_CLIMB: Final = 32767.0  # of thrust per m/s in ``flightmode.althold``
 STICK: Final = 30.0  # degrees per m/s in ``flightmode.poshold``
 
 
@@ -111,9 +111,9 @@ class Sticks:
         high = FREE
         climb = lift = 0.0
         if mode["althold"]:
-            high, climb = SPEED, (thrust - MOST_CLIMB) / MOST_CLIMB
-        elif not self._locked and thrust >= LEAST_THRUST:
-            lift = _lift(min(thrust, MOST_THRUST))
+            high, climb = SPEED, (thrust - MAX_CLIMB) / MAX_CLIMB
+        elif not self._locked and thrust >= MIN_THRUST:
+            lift = _lift(min(thrust, MAX_THRUST))
         turn = math.radians(yaw)
         if mode["poshold"]:
             velocity = (pitch / STICK, roll / STICK, climb)
@@ -134,67 +134,32 @@ def _stop(_payload: bytes, _kind: int) -> Demand:
     return STOP
 
 
-def _four(payload: bytes) -> tuple[float, ...] | None:
+def _four(payload: bytes, kind: int) -> Demand | None:
+    """Formats of four numbers; angles and turns in degrees.
+
+    1, 8: velocity in the odometry frame, turn. 2, 9: roll, pitch, turn, height. 4: roll, pitch,
+    turn, vertical velocity. 5, 10: velocity ahead and aside, turn, height. 7: position, heading.
+    """
     values = read("ffff", payload, 1)
-    return values if values is not None and sound(values) else None
-
-
-def _velocity(payload: bytes, kind: int) -> Demand | None:
-    """Vx, vy, vz in the odometry frame, and a turn."""
-    if (values := _four(payload)) is None:
+    if values is None or not sound(values):
         return None
-    *velocity, turn = values
-    return Demand(
-        (SPEED, SPEED, SPEED), velocity=_three(velocity), turn_rate=_turn(turn, kind in _LEGACY)
-    )
-
-
-def _distance(payload: bytes, kind: int) -> Demand | None:
-    """Roll, pitch, turn, height."""
-    if (values := _four(payload)) is None:
-        return None
-    roll, pitch, turn, height = values
-    return Demand(
-        (FREE, FREE, PLACE),
-        (0.0, 0.0, height),
-        tilt=(math.radians(roll), -math.radians(pitch)),
-        turn_rate=_turn(turn, kind in _LEGACY),
-    )
-
-
-def _climb(payload: bytes, _kind: int) -> Demand | None:
-    """Roll, pitch, turn, vertical velocity."""
-    if (values := _four(payload)) is None:
-        return None
-    roll, pitch, turn, climb = values
-    return Demand(
-        (FREE, FREE, SPEED),
-        velocity=(0.0, 0.0, climb),
-        tilt=(math.radians(roll), -math.radians(pitch)),
-        turn_rate=math.radians(turn),
-    )
-
-
-def _hover(payload: bytes, kind: int) -> Demand | None:
-    """Velocity ahead and aside, turn, height."""
-    if (values := _four(payload)) is None:
-        return None
-    ahead, aside, turn, height = values
-    return Demand(
-        (SPEED, SPEED, PLACE),
-        (0.0, 0.0, height),
-        (ahead, aside, 0.0),
-        in_body=True,
-        turn_rate=_turn(turn, kind in _LEGACY),
-    )
-
-
-def _place(payload: bytes, _kind: int) -> Demand | None:
-    """X, y, z, and yaw in degrees."""
-    if (values := _four(payload)) is None:
-        return None
-    *position, yaw = values
-    return Demand((PLACE, PLACE, PLACE), _three(position), yaw=math.radians(yaw))
+    x, y, z, last = values
+    sign = -1 if kind in _CLOCKWISE else 1
+    tilt, turn = (math.radians(x), -math.radians(y)), sign * math.radians(z)
+    match kind:
+        case 1 | 8:
+            turn = sign * math.radians(last)
+            return Demand((SPEED, SPEED, SPEED), velocity=(x, y, z), turn_rate=turn)
+        case 2 | 9:
+            return Demand((FREE, FREE, PLACE), (0.0, 0.0, last), tilt=tilt, turn_rate=turn)
+        case 4:
+            axes = (FREE, FREE, SPEED)
+            return Demand(axes, velocity=(0.0, 0.0, last), tilt=tilt, turn_rate=turn)
+        case 5 | 10:
+            axes, velocity = (SPEED, SPEED, PLACE), (x, y, 0.0)
+            return Demand(axes, (0.0, 0.0, last), velocity, in_body=True, turn_rate=turn)
+        case _:
+            return Demand((PLACE, PLACE, PLACE), (x, y, z), yaw=math.radians(last))
 
 
 def _full_state(payload: bytes, _kind: int) -> Demand | None:
@@ -234,19 +199,12 @@ def _manual(payload: bytes, _kind: int) -> Demand | None:
     )
 
 
-_LEGACY: Final = frozenset({1, 2, 5})  # they turn clockwise
+_CLOCKWISE: Final = frozenset({1, 2, 5})  # formats of old firmware
 
 _READERS: Final[Mapping[int, Callable[[bytes, int], Demand | None]]] = {
     0: _stop,
-    1: _velocity,
-    2: _distance,
-    4: _climb,
-    5: _hover,
+    **dict.fromkeys((1, 2, 4, 5, 7, 8, 9, 10), _four),
     6: _full_state,
-    7: _place,
-    8: _velocity,
-    9: _distance,
-    10: _hover,
     11: _manual,
 }
 
@@ -254,10 +212,6 @@ _READERS: Final[Mapping[int, Callable[[bytes, int], Demand | None]]] = {
 def _lift(thrust: int) -> float:
     """Return the thrust of all motors, N."""
     return 4 * THRUST_MAX * thrust / FULL_THRUST
-
-
-def _turn(degrees: float, clockwise: bool) -> float:  # noqa: FBT001
-    return math.radians(-degrees if clockwise else degrees)
 
 
 def _three(values: list[float]) -> Three:

@@ -26,7 +26,7 @@ class Contents:
 
     Args:
         salt: Keeps the checksums of two tables apart, by which clients remember them.
-        entries: The variables; their place is their number.
+        entries: The variables; their index is their number.
         tail: What the answer about the whole ends with.
     """
 
@@ -39,7 +39,7 @@ class Contents:
         self._items = [struct.pack("<BH", ITEM, i) + text for i, text in enumerate(texts)]
 
     def answer(self, payload: bytes) -> bytes | None:
-        """Return the answer to a question; None if it is none."""
+        """Return the answer to a question; None for other packets."""
         if not payload:
             return None
         if payload[0] == INFO:

@@ -19,7 +19,7 @@ from star_sim.pieces import ORDER, Piece
 
 PIECE_BYTES: Final = 33 * 4
 CONTROL_POINTS: Final = (0, 1, 3, 7)  # that are stored of an axis, by its two bits of type
-MOST: Final = 1e6  # of a coefficient, so that nothing overflows
+MAX_COEFFICIENT: Final = 1e6  # of a coefficient, so that nothing overflows
 
 
 def plain(memory: bytes, offset: int, count: int) -> list[Piece] | None:
@@ -93,6 +93,8 @@ def _unit(axis: int) -> float:
 
 def _flyable(pieces: list[Piece]) -> list[Piece] | None:
     """Return the pieces; None if there are none, or one has no finite coefficients."""
-    if not pieces or not all((np.abs(piece.coefficients) <= MOST).all() for piece in pieces):
+    if not pieces or not all(
+        (np.abs(piece.coefficients) <= MAX_COEFFICIENT).all() for piece in pieces
+    ):
         return None
     return pieces

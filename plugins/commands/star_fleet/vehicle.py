@@ -17,7 +17,7 @@ from star_fleet.guidance import Guidance
 from star_fleet.highlevel import HighLevel, Stage
 from star_fleet.localisation import Fix, fixes
 from star_fleet.memory import Memories
-from star_fleet.packet import MOST_PAYLOAD, NULL, Port, is_null, join, sound, split
+from star_fleet.packet import MAX_PAYLOAD, NULL, Port, is_null, join, sound, split
 from star_fleet.setpoints import Sticks, decode
 from star_fleet.supervisor import Conditions, State, Supervisor
 from star_fleet.variables import Readings
@@ -37,7 +37,7 @@ BITS: Final = 0x0C
 VERSION, FIRMWARE_NAME, DEVICE_NAME = 0, 1, 2
 LOC_EMERGENCY_STOP, LOC_KEEP_ALIVE = 3, 4
 
-LEAST_DEVIATION: Final = 1e-4  # m and rad: a fix is never without error
+MIN_DEVIATION: Final = 1e-4  # m and rad: a fix is never without error
 
 CONSOLE_MESSAGES: Final = {
     State.LOCKED: b"SUP: Locked, reboot required\n",
@@ -115,8 +115,8 @@ class Vehicle:
             text = b"".join(self._console)
             self._console.clear()
             packets += [
-                join(Port.CONSOLE, 0, text[at : at + MOST_PAYLOAD])
-                for at in range(0, len(text), MOST_PAYLOAD)
+                join(Port.CONSOLE, 0, text[at : at + MAX_PAYLOAD])
+                for at in range(0, len(text), MAX_PAYLOAD)
             ]
         return packets
 
@@ -187,15 +187,15 @@ class Vehicle:
                 self._correct(fix)
 
     def _correct(self, fix: Fix) -> None:
-        place = self._deviation("locSrv.extPosStdDev")
+        position_std = self._deviation("locSrv.extPosStdDev")
         if fix.attitude is None:
-            self._craft.correct(fix.position, place)
+            self._craft.correct(fix.position, position_std)
         else:
-            turn = self._deviation("locSrv.extQuatStdDev")
-            self._craft.correct(fix.position, place, fix.attitude, turn)
+            attitude_std = self._deviation("locSrv.extQuatStdDev")
+            self._craft.correct(fix.position, position_std, fix.attitude, attitude_std)
 
     def _deviation(self, name: str) -> float:
-        return max(abs(self._parameters[name]), LEAST_DEVIATION)
+        return max(abs(self._parameters[name]), MIN_DEVIATION)
 
     def _on_supervisor(self, channel: int, payload: bytes, now: float) -> bytes | None:
         if not payload:
@@ -242,7 +242,7 @@ class Vehicle:
     def _on_link(self, channel: int, payload: bytes, _now: float) -> bytes | None:
         if channel == ECHO:
             return payload
-        return MAGIC.ljust(MOST_PAYLOAD, b"\0") if channel == SOURCE else None
+        return MAGIC.ljust(MAX_PAYLOAD, b"\0") if channel == SOURCE else None
 
     def _written(self, name: str) -> None:
         """Apply the immediate effect of a written parameter."""

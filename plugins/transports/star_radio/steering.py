@@ -11,7 +11,7 @@ import numpy as np
 
 from star_core import Array, Mask, Setpoint, wrap_angle
 from star_radio import orders, report
-from star_radio.connection.packets import FARTHEST
+from star_radio.connection.packets import MAX_COORDINATE
 
 GAIN: Final = 3.0  # 1/s; well below the bandwidth of the firmware's yaw-rate loop
 MAX_YAW_RATE: Final = 2.0  # rad/s
@@ -96,7 +96,7 @@ class WholeStates:
     ) -> dict[int, bytes]:
         rates = self._advance(setpoint, reported)
         packed = self._velocities.packets(setpoint, reported, versions)
-        fits = np.isfinite(self._yaw) & (abs(self._position) <= FARTHEST).all(axis=1)
+        fits = np.isfinite(self._yaw) & (abs(self._position) <= MAX_COORDINATE).all(axis=1)
         self._flown = setpoint.active & fits
         for row in np.flatnonzero(self._flown).tolist():
             half = float(self._yaw[row]) / 2

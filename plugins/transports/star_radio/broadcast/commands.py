@@ -19,7 +19,7 @@ from star_core import Corrections, PluginError, Scene
 from star_radio import orders
 from star_radio.address import RadioAddress
 from star_radio.broadcast.dongle import Broadcaster
-from star_radio.connection.packets import FARTHEST
+from star_radio.connection.packets import MAX_COORDINATE
 from star_radio.orders import POSES, POSITIONS, pose_entry
 
 MAX_GROUPS: Final = 8  # bits of the firmware's mask; the first is for all drones of the mission
@@ -96,12 +96,12 @@ class BroadcastCommands:
     def correct(self, corrections: Corrections) -> Sequence[int]:
         """Broadcast corrections to drones with radio links; return their rows.
 
-        A packet holds two poses or four positions. Positions beyond ±`FARTHEST` do not fit its
-        millimetres and are left to the link.
+        A packet holds two poses or four positions. Positions beyond ±`MAX_COORDINATE` do not fit
+        its millimetres and are sent over the link.
         """
         if self._radio.broken:
             return ()
-        near = (abs(corrections.position) <= FARTHEST).all(axis=1)
+        near = (abs(corrections.position) <= MAX_COORDINATE).all(axis=1)
         sent = []
         for i in np.flatnonzero(near).tolist():
             row = int(corrections.agent[i])

@@ -12,10 +12,10 @@ PORT: Final = 5000  # of an AI-deck's ESP32
 LAST_PORT: Final = 65535
 
 
-def place(address: str) -> tuple[str, int]:
+def host_and_port(address: str) -> tuple[str, int]:
     """Return the host and the port of a deck's address.
 
-    >>> place("192.168.4.1"), place("192.168.4.1:5001")
+    >>> host_and_port("192.168.4.1"), host_and_port("192.168.4.1:5001")
     (('192.168.4.1', 5000), ('192.168.4.1', 5001))
     """
     host, _, port = address.partition(":")
@@ -35,7 +35,7 @@ def faults(scene: Scene, cameras: Mapping[str, str]) -> Iterator[Problem]:
         if agent.uri and agent.uri.startswith("tcp://") and fault(agent.uri) is None
     }
     for name, address in cameras.items():
-        host, port = where = place(address)
+        host, port = where = host_and_port(address)
         if name not in agents:
             yield Problem(("cameras", name), f"no agent is named {name!r}", "unknown-agent")
         elif agents[name].camera is None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from star_core import Frames, Scene
-from star_radio.camera.address import place
+from star_radio.camera.address import host_and_port
 from star_radio.camera.client import SHAPE, CameraClient
 
 log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ class AiDecks:
         self._decks: dict[int, _AiDeck] = {}
         for row, agent in enumerate(scene.agents):
             if agent.name in addresses:
-                host, port = place(addresses[agent.name])
+                host, port = host_and_port(addresses[agent.name])
                 camera = agent.camera
                 shape = (camera.height, camera.width) if camera else SHAPE
                 client = CameraClient(host, port, shape=shape)

@@ -18,7 +18,7 @@ from star_radio.connection.questions import Ask, Question
 
 MAX_TRIES: Final = 2  # for a block that is refused or not reported
 REBOOT: Final = "reboot"  # topic of `restart`
-_VARIABLES: Final = (packets.MOST - 2) // 3 * 3  # bytes of variables per packet, 3 for each
+_VARIABLES: Final = (packets.MAX_PAYLOAD - 2) // 3 * 3  # bytes of variables per packet, 3 for each
 _TOO_LARGE, _EXISTS = errno.E2BIG, errno.EEXIST
 _ERRORS: Final = {
     errno.ENOENT: "no such variable",

@@ -10,8 +10,8 @@ from __future__ import annotations
 import struct
 from typing import Final
 
-MOST: Final = 30  # bytes of payload, at most
-FARTHEST: Final = 32.767  # largest value in 16 bits of thousandths: m along each axis, etc.
+MAX_PAYLOAD: Final = 30  # bytes of payload, at most
+MAX_COORDINATE: Final = 32.767  # largest value in 16 bits of thousandths: m along each axis, etc.
 
 CONSOLE, PARAMETER, MEMORY, LOG = 0, 2, 4, 5  # ports
 LOCALISATION, HIGH_LEVEL, SUPERVISOR, PLATFORM, LINK = 6, 8, 9, 13, 15
@@ -38,8 +38,8 @@ def packet(port: int, channel: int, payload: bytes = b"") -> bytes:
     Raises:
         ValueError: The payload is too long.
     """
-    if len(payload) > MOST:
-        raise ValueError(f"expected at most {MOST} bytes of payload, got {len(payload)}")
+    if len(payload) > MAX_PAYLOAD:
+        raise ValueError(f"expected at most {MAX_PAYLOAD} bytes of payload, got {len(payload)}")
     return bytes([port << 4 | _LEGACY | channel]) + payload
 
 
