@@ -14,13 +14,11 @@ from star_core.messages.arrays import Array, Mask
 from star_core.messages.rotations import Pose, rotation_from_quaternion
 from star_core.world.camera import Camera
 
-WIDEST: Final = (
-    10.0  # tangent of the angle off the axis, 84 degrees, up to which a lens is examined
-)
-LEAST_SLOPE: Final = 0.25  # of the distorted radius over the ray's: with less the model folds back
-LEAST_CONVERGENCE: Final = 0.1  # by which OpenCV's fixed point shrinks an error in one iteration
+MAX_RAY: Final = 10.0  # tangent of the angle off the axis, 84 degrees, up to which it is examined
+MIN_SLOPE: Final = 0.25  # of the distorted radius over the ray's: with less the model folds back
+MIN_CONVERGENCE: Final = 0.1  # by which OpenCV's fixed point shrinks an error in one iteration
 ITERATIONS: Final = 200  # of that, at most
-SETTLED: Final = 1e-7  # px: a point that projects so near to its pixel is undistorted
+TOLERANCE: Final = 1e-7  # px between a pixel and the projection of its undistorted point
 
 Number = TypeVar("Number", float, Array)
 
@@ -34,7 +32,7 @@ class CameraModel:
     pixel is at (0, 0).
 
     A polynomial that was fitted to the middle of the image can fold back before its corners. The
-    model is used up to the ray of length `reach`, where its slope falls to `LEAST_SLOPE`, or where
+    model is used up to the ray of length `reach`, where its slope falls to `MIN_SLOPE`, or where
     OpenCV's inverse no longer converges; no ray belongs to pixels beyond.
 
     Attributes:
@@ -64,12 +62,12 @@ class CameraModel:
     def reach(self) -> float:
         """Greatest length of a ray at which the model is used; infinite if it never folds back."""
         k1, k2, _, _, k3 = self.camera.distortion
-        radius = np.linspace(0.0, WIDEST, 10_000)
+        radius = np.linspace(0.0, MAX_RAY, 10_000)
         radial = 1 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6
         slope = 1 + 3 * k1 * radius**2 + 5 * k2 * radius**4 + 7 * k3 * radius**6
         with np.errstate(divide="ignore", invalid="ignore"):
-            converges = np.abs(1 - slope / radial) <= 1 - LEAST_CONVERGENCE
-        return float(radius[~(converges & (slope >= LEAST_SLOPE))].min(initial=math.inf))
+            converges = np.abs(1 - slope / radial) <= 1 - MIN_CONVERGENCE
+        return float(radius[~(converges & (slope >= MIN_SLOPE))].min(initial=math.inf))
 
     @cached_property
     def rays(self) -> NDArray[np.float32]:
@@ -109,8 +107,7 @@ class CameraModel:
 
         Args:
             pixels: px, inside the image or not.
-            clip: Whether pixels beyond `reach` have the ray of the last ones within, in place of
-                NaN.
+            clip: Whether pixels beyond `reach` have the ray of the last ones within instead of NaN.
         """
         import cv2
 
@@ -131,7 +128,7 @@ class CameraModel:
         return np.where(beyond & ~np.bool_(clip), np.nan, found).reshape(pixels.shape)
 
     def magnification(self, rays: Array) -> Array:
-        """Return how many pixels one unit of a ray is worth at (..., 2) rays: (...,).
+        """Return the number of pixels per unit of a ray at (..., 2) rays: (...,).
 
         It is the geometric mean over the directions, with the radial distortion only: towards the
         corners of a wide image a pixel covers more.
@@ -145,7 +142,7 @@ class CameraModel:
         return scale
 
     def row_delay(self, pixels: Array) -> Array:
-        """Return when the rows of (..., 2) pixels were read, after the middle row, s: (...,)."""
+        """Return the delay of the rows of (..., 2) pixels after the middle row, s: (...,)."""
         rows = self.camera.height - 1
         delay: Array = (pixels[..., 1] / rows - 0.5) * self.camera.readout
         return delay
@@ -162,7 +159,7 @@ class CameraModel:
 def distort(
     x: Number, y: Number, k1: float, k2: float, p1: float, p2: float, k3: float
 ) -> tuple[Number, Number]:
-    """Return a ray as the lens bends it: OpenCV's radial and tangential distortion.
+    """Return a distorted ray, by OpenCV's radial and tangential distortion.
 
     The model is that of Brown, "Decentering distortion of lenses" (Photogrammetric Engineering 32,
     1966). It is plain arithmetic: numba compiles it, and it takes numbers as well as arrays.
@@ -199,4 +196,4 @@ def perspective(points: Array) -> tuple[Array, Array]:
 
 
 _ROWS, _LAST_ROW = np.eye(3)[:2], np.eye(3)[2]
-_CRITERIA = (3, ITERATIONS, SETTLED)  # cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS
+_CRITERIA = (3, ITERATIONS, TOLERANCE)  # cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS

@@ -1,4 +1,4 @@
-"""Velocities and headings that lead to points and come to rest there: what planners share."""
+"""Position control for planners: velocities and headings that lead to points."""
 
 from __future__ import annotations
 
@@ -17,17 +17,15 @@ NOWHERE = 1e-9  # m: nearer than this there is no direction to the goal
 
 
 class PositionController:
-    """Flies each agent towards a point, at the speed of a point that moves and what closes in.
+    """Controls each agent's position by its velocity.
 
-    Towards a point at distance ``d`` the speed is ``min(speed, gain d, sqrt(2 a d))``: that of the
-    goal, or what a proportional controller says, or what a deceleration ``a`` of half the scene's
-    greatest brings to rest there, whichever is least. The point's own velocity is added, and the
-    sum shortened to the goal's speed and the scene's. A point beyond the scene's heights is flown
-    to at the nearest height within, and no vertical speed leads out of them faster than ``gain``
-    times what is left.
+    The speed towards a point at distance ``d`` is ``min(speed, gain d, sqrt(2 a d))``: the least of
+    the goal's speed, of a proportional controller, and of the speed from which a deceleration ``a``
+    of half the scene's limit stops there. The point's own velocity is added, and the sum limited to
+    the goal's speed and the scene's. Goals outside the scene's heights are moved to the nearest
+    height within, and no vertical speed leads out of them faster than ``gain`` times the distance.
 
-    The heading turns from where the agent looks to the goal's heading the shorter way round, no
-    faster than a limit.
+    The heading turns towards the goal's heading the shorter way, no faster than a limit.
 
     Args:
         scene: The mission's scene.
@@ -53,7 +51,7 @@ class PositionController:
         Args:
             estimate: Where the agents are.
             goals: The points to fly towards now.
-            beyond: (N,) how far behind its point each agent is to come to rest, along a path, m.
+            beyond: (N,) distance behind its point at which each agent stops, along a path, m.
         """
         if beyond is None:
             beyond = np.zeros(len(goals.speed))
@@ -76,10 +74,10 @@ class PositionController:
         return velocity
 
     def heading(self, estimate: Estimate, goals: Goals, active: Mask) -> Array:
-        """Return the (N,) yaw to ask for, rad; 0 where not `active`.
+        """Return the (N,) yaw of the setpoint, rad; 0 where not `active`.
 
-        It goes on from what was asked for last, not from where the agent looks: an agent that
-        always trails a little would else turn slower than the limit.
+        It continues from the previous setpoint, not from the agent's yaw: an agent that trails a
+        little would otherwise turn slower than the limit.
         """
         start = np.where(self._flown, self._yaw, estimate.yaw)
         error = wrap_angle(goals.yaw - start)
@@ -103,18 +101,18 @@ def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     low: float,
     high: float,
 ) -> None:
-    """Write down velocities that lead to points, as `PositionController` says.
+    """Compute velocities that lead to points, as described in `PositionController`.
 
     Args:
-        velocity: (N, 3) the answer, m/s.
-        position: (N, 3) where the agents are, m.
-        point: (N, 3) where they go, m.
-        moves: (N, 3) how fast that moves, m/s.
-        fast: (N,) how fast to fly, m/s.
-        beyond: (N,) how far behind the point to come to rest, m.
+        velocity: (N, 3) the result, m/s.
+        position: (N, 3) of the agents, m.
+        point: (N, 3) of the goals, m.
+        moves: (N, 3) velocities of the goals, m/s.
+        fast: (N,) speeds of the goals, m/s.
+        beyond: (N,) distances behind the points to stop at, m.
         gain: Speed by distance, 1/s.
         limit: Of any speed, m/s.
-        brakes: Deceleration to come to rest with, m/s².
+        brakes: Deceleration, m/s².
         low: Least height, m.
         high: Greatest height, m.
     """
