@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cached_property, update_wrapper
+from pickle import UnpicklingError
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, TypeVar, cast
 
@@ -89,6 +90,13 @@ class _KernelCache(FunctionCache):
     @cached_property
     def _digest(self) -> str:
         return hashlib.sha256("\n".join(_sources(self._kernel, {})).encode()).hexdigest()
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except (ImportError, AttributeError, EOFError, UnpicklingError):
+            self.flush()  # type: ignore[no-untyped-call]  # modules of its types were renamed
+            return None
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         key = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]

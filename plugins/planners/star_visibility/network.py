@@ -11,16 +11,16 @@ from typing import TypeAlias
 import numpy as np
 
 from star_core import Array, Fence, Mask, Rows
-from star_visibility.doors import doors
+from star_visibility.line_of_sight import sees
+from star_visibility.nodes import joined, nodes
 from star_visibility.openings import entered
-from star_visibility.places import joined, places
+from star_visibility.portals import portals
 from star_visibility.profile import profile
-from star_visibility.search import FOUND, FULL, MORE, Goal, Net, Places, Search, advance
-from star_visibility.sight import sees
+from star_visibility.regions import Block, Regions, apart
+from star_visibility.search import FOUND, FULL, MORE, Goal, Net, Nodes, Search, advance
 from star_visibility.tangents import corners, graph
-from star_visibility.walls import Block, Walls, apart
 
-DETOUR = 1.2  # times the straight distance: doors are tried too for paths longer than this
+DETOUR = 1.2  # times the straight distance: portals are tried too for paths longer than this
 STEEP = 1.02  # times the estimated length: a path longer than this is searched again
 BEGIN = 5000  # cost of starting a search, in the unit of `Work`
 STRAIGHT = 1e-9  # m; a point nearer than this to the line between its neighbours is not a turn
@@ -51,7 +51,7 @@ class Network:
     A path is a polyline in the plane that turns at corners of obstacles, and heights along it: the
     smallest that clear what the polyline passes over and under, climbing as evenly as possible. It
     can change from passing over to passing under where the straight line, or a line between two
-    corners of the path, meets an obstacle; and if that gives no path, or a long one, at doors on
+    corners of the path, meets an obstacle; and if that gives no path, or a long one, at portals on
     all outlines. The shortest of the paths found is returned.
 
     Args:
@@ -62,7 +62,7 @@ class Network:
     """
 
     def __init__(
-        self, blocks: list[Block], planned: Walls, height: tuple[float, float], fence: Fence
+        self, blocks: list[Block], planned: Regions, height: tuple[float, float], fence: Fence
     ) -> None:
         self._planned = planned
         self._height = height
@@ -72,9 +72,9 @@ class Network:
         corner = corners(self._parts, fence)
         tangents = graph(self._parts, self._span, corner)
         self._net = Net(self._parts, self._span, corner, tangents)
-        self._plain = self._places(corner.place, corner.block)
-        door = doors(blocks, height, fence)
-        self._doors = self._places(door) if len(door) else None
+        self._plain = self._nodes(corner.position, corner.block)
+        portal = portals(blocks, height, fence)
+        self._portals = self._nodes(portal) if len(portal) else None
         low, high = (np.array([*end[:2], z]) for end, z in
                      zip((fence.low, fence.high), height, strict=True))  # fmt: skip
         self._warm_up(low.astype(np.float64), high.astype(np.float64))
@@ -93,9 +93,9 @@ class Network:
     def _path(self, start: Array, end: Array, work: Work) -> Generator[None, None, Array | None]:
         met = self._met(np.array([start[:2], end[:2]]))
         found = yield from self._tried(self._plain, start, end, met, math.inf, work)
-        if self._doors is None or (found and found[0] <= DETOUR * math.dist(start, end)):
+        if self._portals is None or (found and found[0] <= DETOUR * math.dist(start, end)):
             return found[1] if found else None
-        every, least = joined(self._plain, self._doors), found[0] if found else math.inf
+        every, least = joined(self._plain, self._portals), found[0] if found else math.inf
         other = yield from self._tried(every, start, end, met, least, work)
         while other and other[0] < least - STRAIGHT:
             found, least = other, other[0]
@@ -106,7 +106,7 @@ class Network:
         return found[1] if found else None
 
     def _tried(
-        self, base: Places, start: Array, end: Array, more: Array, most: float, work: Work
+        self, base: Nodes, start: Array, end: Array, more: Array, most: float, work: Work
     ) -> Generator[None, None, Found | None]:
         """Search for the shortest path, also by extra points; None if none is below `most`, m.
 
@@ -128,7 +128,7 @@ class Network:
 
     def _flat(
         self,
-        base: Places,
+        base: Nodes,
         ends: tuple[Array, Array],
         more: Array,
         most: float,
@@ -138,8 +138,8 @@ class Network:
     ) -> Generator[None, None, tuple[Flat, float] | None]:
         """Search for the shortest polyline, and return it with the length the search assumes."""
         start, end = ends
-        known = joined(base, self._places(np.concatenate([[start[:2], end[:2]], more])))
-        first, z = len(base.place), min(max(float(end[2]), self._height[0]), self._height[1])
+        known = joined(base, self._nodes(np.concatenate([[start[:2], end[:2]], more])))
+        first, z = len(base.position), min(max(float(end[2]), self._height[0]), self._height[1])
         goal = Goal(first + 1, float(end[0]), float(end[1]), z, most, steep)
         search = self._begin(known, first, start, end)
         work.left -= BEGIN
@@ -150,14 +150,14 @@ class Network:
             if how == FULL:
                 search = _longer(search)
             elif how == FOUND:
-                line = _line(known, search, int(state), len(self._net.corner.place))
+                line = _line(known, search, int(state), len(self._net.corner.position))
                 return line, float(search.total[state])
             elif how != MORE:
                 return None
 
-    def _begin(self, known: Places, first: int, start: Array, end: Array) -> Search:
+    def _begin(self, known: Nodes, first: int, start: Array, end: Array) -> Search:
         states, z = len(known.of), float(np.clip(start[2], *self._height))
-        most = int(np.diff(self._net.graph.first).max(initial=0)) + len(known.place) + states
+        most = int(np.diff(self._net.graph.first).max(initial=0)) + len(known.position) + states
         zero, count = np.zeros(states), np.array([0, most])
         search = Search(
             zero, zero.copy(), zero.copy(), np.full(states, np.inf), np.full(states, -1),
@@ -185,9 +185,9 @@ class Network:
         below = [end[None]] if end[2] != high else []
         return np.concatenate([*above, way, *below])
 
-    def _places(self, place: Array, block: Rows | None = None) -> Places:
-        own: Rows = np.full(len(place), -1) if block is None else block
-        return places(self._parts, self._span, self._height, place, own)
+    def _nodes(self, position: Array, block: Rows | None = None) -> Nodes:
+        own: Rows = np.full(len(position), -1) if block is None else block
+        return nodes(self._parts, self._span, self._height, position, own)
 
     def _met(self, line: Array) -> Array:
         """(K, 2) points where a line enters or leaves what it can fly over or under, m."""
@@ -210,13 +210,13 @@ class Network:
         profile(self._parts, self._span, flat, low[2:], (low[2], low[2]))
 
 
-def _line(known: Places, search: Search, state: int, corner_count: int) -> Flat:
+def _line(known: Nodes, search: Search, state: int, corner_count: int) -> Flat:
     chain = [state]
     while search.came[chain[-1]] >= 0:
         chain.append(int(search.came[chain[-1]]))
     chain.reverse()
     at = known.of[chain]
-    return known.place[at], search.z[chain[1:]], at < corner_count
+    return known.position[at], search.z[chain[1:]], at < corner_count
 
 
 def _longer(search: Search) -> Search:

@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from star_core import Array, compiled, subroutine
-from star_visibility.sight import LEVEL, meeting, meets, on_outline, within
-from star_visibility.walls import Walls
+from star_visibility.line_of_sight import LEVEL, meeting, meets, on_outline, within
+from star_visibility.regions import Regions
 
 
 @subroutine
 def openings(
-    parts: Walls,
+    parts: Regions,
     span: Array,
     a: Array,
     b: Array,
@@ -46,11 +46,11 @@ def openings(
         if meets(parts, part, ax, ay, bx, by) or (
             part not in touches and strictly(parts, part, (ax + bx) / 2, (ay + by) / 2)
         ):
-            place = found  # in ascending order of their lower bounds
-            while place > 0 and begin[place - 1] > foot:
-                begin[place], end[place] = begin[place - 1], end[place - 1]
-                place -= 1
-            begin[place], end[place] = foot, top
+            index = found  # in ascending order of their lower bounds
+            while index > 0 and begin[index - 1] > foot:
+                begin[index], end[index] = begin[index - 1], end[index - 1]
+                index -= 1
+            begin[index], end[index] = foot, top
             found += 1
     begin[found] = np.inf
     free = np.empty((found + 1, 2))
@@ -66,13 +66,13 @@ def openings(
 
 
 @subroutine
-def strictly(parts: Walls, part: int, x: float, y: float) -> bool:
+def strictly(parts: Regions, part: int, x: float, y: float) -> bool:
     """Whether a point is inside a block, and not on its outline within rounding."""
     return within(parts, part, x, y) and not on_outline(parts, part, x, y)
 
 
 @compiled
-def entered(parts: Walls, part: int, ax: float, ay: float, bx: float, by: float) -> Array:
+def entered(parts: Regions, part: int, ax: float, ay: float, bx: float, by: float) -> Array:
     """Return the interval of distances from a in which the segment to b is in a block: (2,) m.
 
     Gaps between several crossings count as inside; the interval begins at infinity if there is

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from star_core import Array, Estimate, Goals, Mask, Plan, PositionController, Rows, Scene, Setpoint
-from star_visibility.carrot import steer
+from star_visibility.line_of_sight import all_see
+from star_visibility.lookahead import steer
 from star_visibility.network import Work
 from star_visibility.routes import THERE, Routes
-from star_visibility.sight import all_see
-from star_visibility.trips import Trips
+from star_visibility.tracked_paths import TrackedPaths
 
 TURNING = 0.5  # share of the acceleration limit for turns and braking, as `PositionController`
 
@@ -85,7 +85,7 @@ class Visibility:
             scene, clearance=clearance, vertical_clearance=vertical_clearance, margin=margin
         )
         turning = TURNING * scene.limits.acceleration
-        self._trips = Trips(n, look_ahead=look_ahead, acceleration=turning)
+        self._tracked = TrackedPaths(n, look_ahead=look_ahead, acceleration=turning)
         self._look_ahead = float(look_ahead)
         self._replan_distance = replan_distance
         self._hold_distance = hold_distance
@@ -108,28 +108,28 @@ class Visibility:
         self._goal = np.where(goals.active[:, None], goals.position, np.nan)
         self._allow_staying(here, aim, changed & ~goals.velocity.any(axis=1))
         direct = self._direct = self._sees_goal(here, aim, active & ~off)
-        trips, on = self._trips, active & ~direct
-        trips.forget(~on)
-        known = on & (trips.count > 0)
-        moved = _far(aim, trips.goal)
-        trips.aim(known & (moved <= self._replan_distance), aim)
+        tracked, on = self._tracked, active & ~direct
+        tracked.forget(~on)
+        known = on & (tracked.count > 0)
+        moved = _far(aim, tracked.goal)
+        tracked.aim(known & (moved <= self._replan_distance), aim)
         target, lost = self._steer(here, known)
         fresh = (moved <= self._replan_distance) & np.where(
-            known, ~lost, _far(here, trips.start) <= self._replan_distance
+            known, ~lost, _far(here, tracked.start) <= self._replan_distance
         )
         fresh &= ~self._doubtful(aim, on & changed)
         asked = self._ask(here, aim, on & ~fresh)
-        again, still_lost = self._steer(here, asked & (trips.count > 0))
+        again, still_lost = self._steer(here, asked & (tracked.count > 0))
         target[asked], lost[asked] = again[asked], still_lost[asked]
-        moved = _far(aim, trips.goal)
-        on &= (trips.count > 0) & ~lost & (moved <= self._hold_distance)
+        moved = _far(aim, tracked.goal)
+        on &= (tracked.count > 0) & ~lost & (moved <= self._hold_distance)
         stuck = np.zeros(len(active), np.bool_)
-        stuck[list(trips.fault)] = True
+        stuck[list(tracked.fault)] = True
         return Plan(
             self._setpoint(estimate, goals, direct, on, target),
-            trips.paths(here, direct, aim, on),
+            tracked.paths(here, direct, aim, on),
             unreachable=stuck & (moved <= self._replan_distance),
-            reasons=dict(trips.fault),
+            reasons=dict(tracked.fault),
         )
 
     def _allow_staying(self, here: Array, aim: Array, rows: Mask) -> None:
@@ -142,7 +142,7 @@ class Visibility:
         """Whether goals that moved, however little, may now be refused, or accepted: (N,)."""
         doubtful = np.zeros(len(rows), np.bool_)
         for row in np.flatnonzero(rows).tolist():
-            stuck = row in self._trips.fault
+            stuck = row in self._tracked.fault
             doubtful[row] = stuck or self._routes.refusal(aim[row]) is not None
         return doubtful
 
@@ -157,7 +157,7 @@ class Visibility:
         return answer
 
     def _steer(self, here: Array, rows: Mask) -> tuple[Array, Mask]:
-        trips = self._trips
+        tracked = self._tracked
         return steer(
             self._routes.planned,
             self._routes.kept,
@@ -165,10 +165,10 @@ class Visibility:
             self._routes.solid,
             here,
             np.flatnonzero(rows),
-            trips.start,
-            trips.path,
-            trips.count,
-            trips.leg,
+            tracked.start,
+            tracked.path,
+            tracked.count,
+            tracked.leg,
             self._look_ahead,
         )
 
@@ -188,7 +188,7 @@ class Visibility:
                 self._jobs[row] = job
             except StopIteration as end:
                 self._jobs.pop(row, None)
-                self._trips.put(row, job.here, job.goal, end.value)
+                self._tracked.put(row, job.here, job.goal, end.value)
                 done[row] = True
             left -= share - job.work.left
             self._next = (row + 1) % len(wanting)
@@ -201,7 +201,7 @@ class Visibility:
     def _setpoint(
         self, estimate: Estimate, goals: Goals, direct: Mask, on: Mask, target: Array
     ) -> Setpoint:
-        left, pace = self._trips.left(estimate.position)
+        left, pace = self._tracked.left(estimate.position)
         point = np.where(on[:, None], target, estimate.position)
         beyond = left - np.sqrt(((point - estimate.position) ** 2).sum(axis=1))
         now = replace(

@@ -8,12 +8,14 @@ import numpy as np
 
 from star_core import Array, compiled
 from star_visibility.openings import entered
-from star_visibility.walls import Walls
+from star_visibility.regions import Regions
 
 SAME = 1e-9  # m; points nearer than this are equal
 
 
-def profile(parts: Walls, span: Array, flat: Array, leg: Array, ends: tuple[float, float]) -> Array:
+def profile(
+    parts: Regions, span: Array, flat: Array, leg: Array, ends: tuple[float, float]
+) -> Array:
     """Return the points of the shortest path over a polyline in the plane: (K, 3) m.
 
     It passes above blocks where the polyline's free height is above them, and below the others;
@@ -117,7 +119,7 @@ def _next_turn(
 
 
 @compiled
-def crossed(parts: Walls, span: Array, flat: Array, leg: Array) -> Array:
+def crossed(parts: Regions, span: Array, flat: Array, leg: Array) -> Array:
     """Return where a polyline passes over or under a block, and its free heights there.
 
     Returns:

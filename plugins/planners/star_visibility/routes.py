@@ -10,10 +10,10 @@ import numpy as np
 
 from star_core import Array, Mask, Scene
 from star_visibility.escape import way_out
+from star_visibility.line_of_sight import covered, sees
 from star_visibility.network import Network, Work
 from star_visibility.refusals import refusal
-from star_visibility.sight import covered, sees
-from star_visibility.walls import blocks, walls
+from star_visibility.regions import blocks, regions
 
 SAME = 1e-9  # m; points nearer than this are equal
 THERE = 0.1  # m; an agent nearer than this to its goal, or horizontally to its start, is there
@@ -60,11 +60,11 @@ class Routes:
         self._low = np.array([*world.fence.low[:2], height[0]], np.float64)
         self._high = np.array([*world.fence.high[:2], height[1]], np.float64)
         avoided = blocks(world, height, clearance + margin, vertical_clearance + margin)
-        self.planned = walls(avoided, height)
-        self.kept = walls(blocks(world, height, clearance, vertical_clearance), height)
+        self.planned = regions(avoided, height)
+        self.kept = regions(blocks(world, height, clearance, vertical_clearance), height)
         grazed = (max(one - GRAZED, 0.0) for one in (clearance, vertical_clearance))
-        self.shunned = walls(blocks(world, height, *grazed), height)
-        self.solid = walls(blocks(world, height, 0.0, 0.0), height)
+        self.shunned = regions(blocks(world, height, *grazed), height)
+        self.solid = regions(blocks(world, height, 0.0, 0.0), height)
         self._network = Network(avoided, self.planned, height, world.fence)
         covered(self.planned, *self._low)  # compiles it before take-off
         way_out(self.planned, self.kept, self._low, self._low, self._high)

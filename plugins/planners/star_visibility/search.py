@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from star_core import Array, Mask, Rows, compiled, subroutine
 from star_visibility.openings import openings
+from star_visibility.regions import Regions
 from star_visibility.tangents import Corners, Graph, passes
-from star_visibility.walls import Walls
 
 MORE, FOUND, NONE, FULL = 0, 1, 2, 3
 """Status of a search: incomplete, path found, no path exists, queue too short."""
@@ -17,20 +17,20 @@ SHORTER = 1e-12  # m; a smaller improvement is ignored
 SAME = 1e-9  # m; heights that differ by less are equal
 
 
-class Places(NamedTuple):
+class Nodes(NamedTuple):
     """Points at which paths turn or change their height.
 
     Each point has one or more ranges of free heights; each range is a separate state.
 
     Attributes:
-        place: (P, 2) the corners of a `Corners`, then other points, m.
+        position: (P, 2) the corners of a `Corners`, then other points, m.
         first: (P + 1,) first state of each point, and one past the last.
         open: (S, 2) least and greatest height reachable there without horizontal motion, m.
         come: (S, 2) least and greatest height at which to arrive, m: those of the point's block.
         of: (S,) the point.
     """
 
-    place: Array
+    position: Array
     first: Rows
     open: Array
     come: Array
@@ -47,7 +47,7 @@ class Net(NamedTuple):
         graph: The tangents between those.
     """
 
-    parts: Walls
+    parts: Regions
     span: Array
     corner: Corners
     graph: Graph
@@ -57,7 +57,7 @@ class Goal(NamedTuple):
     """The goal of a search.
 
     Attributes:
-        point: Its row in `Places`.
+        point: Its row in `Nodes`.
         x: m.
         y: m.
         z: m.
@@ -105,9 +105,7 @@ class Search(NamedTuple):
 
 
 @compiled
-def advance(
-    net: Net, places: Places, search: Search, goal: Goal, left: int
-) -> tuple[int, int, int]:
+def advance(net: Net, nodes: Nodes, search: Search, goal: Goal, left: int) -> tuple[int, int, int]:
     """Continue a search; return its status, the goal's state if found, and the remaining work.
 
     This is A* (Hart, Nilsson and Raphael, IEEE SSC 4(2), 1968). A path that is h long in the plane
@@ -116,7 +114,7 @@ def advance(
 
     Args:
         net: Blocks, corners and tangents.
-        places: Corners and other points.
+        nodes: Corners and other points.
         search: State; updated.
         goal: Goal.
         left: Work allowed: number of boxes around rings, and of points, that may be examined.
@@ -132,94 +130,92 @@ def advance(
             if search.done[i]:
                 continue
             search.done[i] = True
-            if places.of[i] == goal.point:
+            if nodes.of[i] == goal.point:
                 return FOUND, i, left
-            left -= _go_on(net, places, search, goal, i)
-        elif not _beaten(places, search, to, key):
+            left -= _go_on(net, nodes, search, goal, i)
+        elif not _beaten(nodes, search, to, key):
             if by < 0:
-                left -= _look(net, places, search, goal, i, to)
+                left -= _look(net, nodes, search, goal, i, to)
             else:
-                _come(places, search, goal, (i, to), net.graph.open[by])
+                _come(nodes, search, goal, (i, to), net.graph.open[by])
     return MORE, -1, left
 
 
 @subroutine
-def _go_on(net: Net, places: Places, search: Search, goal: Goal, i: int) -> int:
+def _go_on(net: Net, nodes: Nodes, search: Search, goal: Goal, i: int) -> int:
     """Queue the segments that leave a state, and return how many points were examined.
 
     Corners are connected by the tangents of the graph; other points by all segments that leave a
     corner on one side.
     """
-    corner, n, p = net.corner, len(net.corner.place), places.of[i]
-    at = places.place[p]
-    begin, count = 0, len(places.place)
+    corner, n, p = net.corner, len(net.corner.position), nodes.of[i]
+    at = nodes.position[p]
+    begin, count = 0, len(nodes.position)
     if p < n:
         begin = n
         for k in range(net.graph.first[p], net.graph.first[p + 1]):
-            _offer(places, search, goal, i, net.graph.to[k], k)
+            _offer(nodes, search, goal, i, net.graph.to[k], k)
             count += 1
-    for q in range(begin, len(places.place)):
+    for q in range(begin, len(nodes.position)):
         if q < n:
-            tangent = passes(at, places.place[q], corner.before[q], corner.after[q])
+            tangent = passes(at, nodes.position[q], corner.before[q], corner.after[q])
         else:
-            tangent = p >= n or passes(places.place[q], at, corner.before[p], corner.after[p])
+            tangent = p >= n or passes(nodes.position[q], at, corner.before[p], corner.after[p])
         if tangent and q != p:
-            _offer(places, search, goal, i, q, -1)
+            _offer(nodes, search, goal, i, q, -1)
     return count - begin
 
 
 @subroutine
-def _look(net: Net, places: Places, search: Search, goal: Goal, i: int, to: int) -> int:
+def _look(net: Net, nodes: Nodes, search: Search, goal: Goal, i: int, to: int) -> int:
     """Examine the segment from a state to a point; return an upper bound of its work."""
-    p, n = places.of[i], len(net.corner.place)
+    p, n = nodes.of[i], len(net.corner.position)
     touches = (
         net.corner.block[p] if p < n else -1,
         net.corner.block[to] if to < n else -1,
     )
-    heights = (places.open[i, 0], places.open[i, 1])
-    free = openings(net.parts, net.span, places.place[p], places.place[to], heights, touches)
+    heights = (nodes.open[i, 0], nodes.open[i, 1])
+    free = openings(net.parts, net.span, nodes.position[p], nodes.position[to], heights, touches)
     for k in range(len(free)):
-        _come(places, search, goal, (i, to), free[k])
+        _come(nodes, search, goal, (i, to), free[k])
     return 2 * len(net.parts.box)
 
 
 @subroutine
-def _offer(places: Places, search: Search, goal: Goal, i: int, to: int, by: int) -> None:
+def _offer(nodes: Nodes, search: Search, goal: Goal, i: int, to: int, by: int) -> None:
     """Queue the segment from a state to a point if it may lead to a shorter path."""
-    a, b = places.place[places.of[i]], places.place[to]
+    a, b = nodes.position[nodes.of[i]], nodes.position[to]
     flat = search.flat[i] + math.hypot(b[0] - a[0], b[1] - a[1])
     ahead = flat - search.flat[i] + math.hypot(goal.x - b[0], goal.y - b[1])
     if goal.steep:
         key = search.flat[i] + math.hypot(ahead, search.z[i] - goal.z)
     else:
         key = math.hypot(search.flat[i] + ahead, search.climb[i] + abs(search.z[i] - goal.z))
-    if key < goal.most and not _beaten(places, search, to, key):
+    if key < goal.most and not _beaten(nodes, search, to, key):
         _push(search, key, i, to, by)
 
 
 @subroutine
-def _beaten(places: Places, search: Search, to: int, key: float) -> bool:
+def _beaten(nodes: Nodes, search: Search, to: int, key: float) -> bool:
     """Whether no state of a point has a path longer than this, m."""
-    for j in range(places.first[to], places.first[to + 1]):
+    for j in range(nodes.first[to], nodes.first[to + 1]):
         if not search.done[j] and search.total[j] > key + SHORTER:
             return False
     return True
 
 
 @subroutine
-def _come(
-    places: Places, search: Search, goal: Goal, ends: tuple[int, int], heights: Array
-) -> None:
+def _come(nodes: Nodes, search: Search, goal: Goal, ends: tuple[int, int], heights: Array) -> None:
     """Record the segment from a state to a point, which is free at some heights."""
     i, to = ends
-    a, b = places.place[places.of[i]], places.place[to]
+    a, b = nodes.position[nodes.of[i]], nodes.position[to]
     away = math.hypot(b[0] - a[0], b[1] - a[1])
     flat = search.flat[i] + away
     rest = math.hypot(goal.x - b[0], goal.y - b[1])
-    for j in range(places.first[to], places.first[to + 1]):
-        least = max(heights[0], places.open[i, 0], places.come[j, 0])
-        greatest = min(heights[1], places.open[i, 1], places.come[j, 1])
-        if search.done[j] or least > greatest or not _ends(places, goal, j):
+    for j in range(nodes.first[to], nodes.first[to + 1]):
+        least = max(heights[0], nodes.open[i, 0], nodes.come[j, 0])
+        greatest = min(heights[1], nodes.open[i, 1], nodes.come[j, 1])
+        if search.done[j] or least > greatest or not _ends(nodes, goal, j):
             continue
         z = min(max(search.z[i], least), greatest)
         climb = search.climb[i] + abs(z - search.z[i])
@@ -238,10 +234,10 @@ def _come(
 
 
 @subroutine
-def _ends(places: Places, goal: Goal, j: int) -> bool:
+def _ends(nodes: Nodes, goal: Goal, j: int) -> bool:
     """Whether a state is not at the goal's point, or is the one that reaches the goal."""
-    return places.of[j] != goal.point or bool(
-        places.open[j, 0] - SAME <= goal.z <= places.open[j, 1] + SAME
+    return nodes.of[j] != goal.point or bool(
+        nodes.open[j, 0] - SAME <= goal.z <= nodes.open[j, 1] + SAME
     )
 
 

@@ -8,22 +8,22 @@ from typing import NamedTuple
 import numpy as np
 
 from star_core import Array, Fence, Rows, compiled, subroutine
+from star_visibility.line_of_sight import TOUCH
 from star_visibility.openings import openings
-from star_visibility.sight import TOUCH
-from star_visibility.walls import Walls
+from star_visibility.regions import Regions
 
 
 class Corners(NamedTuple):
     """Corners at which a shortest path can turn.
 
     Attributes:
-        place: (C, 2) m.
+        position: (C, 2) m.
         before: (C, 2) previous corner on its outline, m.
         after: (C, 2) next corner, m.
         block: (C,) block that it belongs to.
     """
 
-    place: Array
+    position: Array
     before: Array
     after: Array
     block: Rows
@@ -43,7 +43,7 @@ class Graph(NamedTuple):
     open: Array
 
 
-def corners(parts: Walls, fence: Fence) -> Corners:
+def corners(parts: Regions, fence: Fence) -> Corners:
     """Return the corners of all blocks at which paths turn.
 
     A shortest path among polygons turns only where they are convex (Lozano-Pérez and Wesley, CACM
@@ -64,7 +64,7 @@ def corners(parts: Walls, fence: Fence) -> Corners:
 
 
 @compiled
-def graph(parts: Walls, span: Array, corner: Corners) -> Graph:
+def graph(parts: Regions, span: Array, corner: Corners) -> Graph:
     """Return the reduced visibility graph of blocks.
 
     A shortest path touches a block at a corner without cutting it, and only at heights at which the
@@ -75,14 +75,14 @@ def graph(parts: Walls, span: Array, corner: Corners) -> Graph:
         span: (G, 2) least and greatest height of each, m.
         corner: Their corners.
     """
-    n = len(corner.place)
+    n = len(corner.position)
     count = np.zeros(n + 1, np.int64)
     one, other = [0 for _ in range(0)], [0 for _ in range(0)]
     least, greatest = [0.0 for _ in range(0)], [0.0 for _ in range(0)]
     for i in range(n):
-        a, block = corner.place[i], corner.block[i]
+        a, block = corner.position[i], corner.block[i]
         for j in range(i):
-            b, its = corner.place[j], corner.block[j]
+            b, its = corner.position[j], corner.block[j]
             if (
                 passes(b, a, corner.before[i], corner.after[i])
                 and passes(a, b, corner.before[j], corner.after[j])
@@ -100,13 +100,13 @@ def graph(parts: Walls, span: Array, corner: Corners) -> Graph:
                         count[j + 1] += 1
     for i in range(n):
         count[i + 1] += count[i]
-    first, place = count, count.copy()
+    first, slot = count, count.copy()
     to, heights = np.empty(2 * len(one), np.int64), np.empty((2 * len(one), 2))
     for k in range(len(one)):
         for i, j in ((one[k], other[k]), (other[k], one[k])):
-            to[place[i]] = j
-            heights[place[i], 0], heights[place[i], 1] = least[k], greatest[k]
-            place[i] += 1
+            to[slot[i]] = j
+            heights[slot[i], 0], heights[slot[i], 1] = least[k], greatest[k]
+            slot[i] += 1
     return Graph(first, to, heights)
 
 

@@ -98,6 +98,22 @@ def test_compilation_is_reported_on_stderr_and_loading_is_not(
     assert not run()[2]
 
 
+def test_machine_code_whose_types_were_in_another_module_is_compiled_again(tmp_path: Path) -> None:
+    kernel = (
+        "import sys\nfrom star_core import compiled\nfrom before import Pair\n\n\n"
+        "@compiled\ndef first(pair):\n    return pair.one\n\n\n"
+        "sys.stdout.write(str(first(Pair(1.0))))"
+    )
+    pair = "from typing import NamedTuple\n\n\nclass Pair(NamedTuple):\n    one: float\n"
+    (tmp_path / "before.py").write_text(pair)
+    (tmp_path / "kernel.py").write_text(kernel)
+    command = [sys.executable, "-B", str(tmp_path / "kernel.py")]
+    assert subprocess.run(command, capture_output=True, check=True).stdout == b"1.0"
+    (tmp_path / "before.py").rename(tmp_path / "after.py")
+    edit(tmp_path / "kernel.py", "from before", "from after")
+    assert subprocess.run(command, capture_output=True, check=True).stdout == b"1.0"
+
+
 def test_editing_an_option_recompiles_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "star_voronoi"
     shutil.copytree(

@@ -1,4 +1,4 @@
-"""The carrot: the point each agent steers to, so that it rounds corners without cutting them."""
+"""The point that each agent steers to, so that it rounds corners without cutting them."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import math
 import numpy as np
 
 from star_core import Array, Mask, Rows, compiled, subroutine
-from star_visibility.sight import covered, sees
-from star_visibility.walls import Walls
+from star_visibility.line_of_sight import covered, sees
+from star_visibility.regions import Regions
 
-TRIES = 5  # carrots tried, each nearer to the next corner than the one before
+MAX_TRIES = 5  # lookahead points tried, each nearer to the next corner than the one before
 ASTRAY = 0.1  # m farther from the exit point than before: the agent was pushed away
 ENTERED = 0.05  # m from the beginning of the last segment: the agent is on that segment
 
 
 @compiled
 def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
-    planned: Walls,
-    kept: Walls,
-    shunned: Walls,
-    solid: Walls,
+    planned: Regions,
+    kept: Regions,
+    shunned: Regions,
+    solid: Regions,
     here: Array,
     rows: Rows,
     start: Array,
@@ -29,9 +29,9 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     leg: Rows,
     look_ahead: float,
 ) -> tuple[Array, Mask]:
-    """Return the carrot of each agent, and whether it lost sight of its path; advance its leg.
+    """Return each agent's lookahead point, and whether it lost sight of its path; advance its leg.
 
-    The carrot is the point of the path `look_ahead` ahead along the path, or nearer if that point
+    It is the point of the path `look_ahead` ahead along the path, or nearer if that point
     is not visible: so the line to it is free, and its direction changes evenly as the agent comes
     to a corner. An agent inside the avoided region flies to the first point of a path that begins
     there, which leads out. It has lost its path if it has none, is past that point, or is pushed
@@ -51,15 +51,15 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
         path: (N, M, 3) remaining points when the path was planned, m.
         count: (N,) their numbers.
         leg: (N,) index of the point that each agent flies to; updated.
-        look_ahead: Distance of the carrot along the path, m.
+        look_ahead: Distance of that point along the path, m.
 
     Returns:
-        (N, 3) carrots, m, 0 in other rows; and (N,) True where the next point is not visible.
+        (N, 3) points, m, 0 in other rows; and (N,) True where the next point of the path is hidden.
     """
     target = np.zeros(here.shape)
     lost = np.zeros(len(here), np.bool_)
     for i in rows:
-        at, last, walls = here[i], count[i] - 1, kept
+        at, last, region = here[i], count[i] - 1, kept
         goal = path[i, last]
         if covered(kept, goal[0], goal[1], goal[2]) and _enters(
             solid, start[i], path[i], leg[i], last, at
@@ -69,17 +69,17 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
             continue
         grazes = covered(kept, at[0], at[1], at[2])
         if grazes:
-            walls = shunned
+            region = shunned
         if grazes and covered(shunned, at[0], at[1], at[2]):
             _put(target, i, path[i, leg[i]])
-            lost[i] = leg[i] > 0 or not _leads_out(walls, start[i], path[i, 0], at)
+            lost[i] = leg[i] > 0 or not _leads_out(region, start[i], path[i, 0], at)
             continue
         while leg[i] < last and (
-            sees(planned, at, path[i, leg[i] + 1]) or _is_past(walls, at, path[i], leg[i])
+            sees(planned, at, path[i, leg[i] + 1]) or _is_past(region, at, path[i], leg[i])
         ):
             leg[i] += 1
         corner = path[i, leg[i]]
-        if not sees(walls, at, corner):
+        if not sees(region, at, corner):
             _put(target, i, corner)
             lost[i] = leg[i] > 0 or not grazes or not _leads_out(kept, start[i], corner, at)
             continue
@@ -87,10 +87,10 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
         room = look_ahead - _apart(at, corner)
         if room <= 0.0 or leg[i] == last:
             continue
-        for k in range(TRIES):
-            carrot = _along(path[i], leg[i], last, room * (TRIES - k) / TRIES)
-            if sees(walls, at, carrot):
-                _put(target, i, carrot)
+        for k in range(MAX_TRIES):
+            point = _along(path[i], leg[i], last, room * (MAX_TRIES - k) / MAX_TRIES)
+            if sees(region, at, point):
+                _put(target, i, point)
                 break
     return target, lost
 
@@ -103,25 +103,25 @@ def _put(table: Array, row: int, point: Array) -> None:
 
 
 @subroutine
-def _leads_out(walls: Walls, start: Array, out: Array, at: Array) -> bool:
-    """Whether a path's first point is the exit from the walls, and still is from `at`."""
-    begins_within = covered(walls, start[0], start[1], start[2])
+def _leads_out(region: Regions, start: Array, out: Array, at: Array) -> bool:
+    """Whether a path's first point is the exit from the region, and still is from `at`."""
+    begins_within = covered(region, start[0], start[1], start[2])
     return begins_within and _apart(at, out) <= _apart(start, out) + ASTRAY
 
 
 @subroutine
-def _enters(walls: Walls, start: Array, path: Array, leg: int, last: int, at: Array) -> bool:
+def _enters(region: Regions, start: Array, path: Array, leg: int, last: int, at: Array) -> bool:
     """Whether an agent is on the last segment of its path, or at its beginning."""
     if leg < last - 1:
         return False
     goal = path[last]
     stretch = _apart(path[last - 1] if last > 0 else start, goal)
     most = stretch + (ASTRAY if leg == last else ENTERED)
-    return _apart(at, goal) <= most and sees(walls, at, goal)
+    return _apart(at, goal) <= most and sees(region, at, goal)
 
 
 @subroutine
-def _is_past(walls: Walls, at: Array, path: Array, leg: int) -> bool:
+def _is_past(region: Regions, at: Array, path: Array, leg: int) -> bool:
     """Whether an agent has rounded a corner, close to it or as far off as others pushed it."""
     corner, following = path[leg], path[leg + 1]
     past = 0.0
@@ -129,7 +129,7 @@ def _is_past(walls: Walls, at: Array, path: Array, leg: int) -> bool:
         past += (at[k] - corner[k]) * (following[k] - corner[k])
     if past < -1e-9:  # noqa: PLR2004 -- m²: it is at the corner
         return False
-    return sees(walls, at, following)
+    return sees(region, at, following)
 
 
 @subroutine

@@ -8,22 +8,22 @@ import numpy as np
 import shapely
 
 from star_core import Array, Fence
-from star_visibility.walls import Block
+from star_visibility.regions import Block
 
-STEP = 1.0  # m, greatest distance between doors on an outline
+STEP = 1.0  # m, greatest distance between portals on an outline
 
 
-def doors(blocks: list[Block], height: tuple[float, float], fence: Fence) -> Array:
+def portals(blocks: list[Block], height: tuple[float, float], fence: Fence) -> Array:
     """Return points on the outlines of what agents can fly over or under: (D, 2) m.
 
     The outlines and the fence divide the plane into cells with the same obstacles. Two adjacent
-    cells between which an agent can cross share a door on their border: where outlines intersect
+    cells between which an agent can cross share a portal on their border: where outlines intersect
     each other or the fence, and along them. So two cells that share a free height are connected.
 
     Args:
         blocks: Forbidden regions.
         height: Lowest and highest flight height z, m.
-        fence: Doors are inside it.
+        fence: Portals are inside it.
     """
     inside = shapely.box(*fence.low[:2], *fence.high[:2])
     line = [shapely.MultiPolygon(block.ground).boundary for block in blocks]

@@ -16,7 +16,7 @@ from star_core import Array, Obstacle, Rows, World, footprint
 THIN = 1e-9  # m: a smaller height difference is not a band
 
 
-class Walls(NamedTuple):
+class Regions(NamedTuple):
     """Outlines of the forbidden regions, one set per band of heights between two levels.
 
     The forbidden region is the same at all heights of a band. Below the lowest and above the
@@ -45,7 +45,7 @@ class Block(NamedTuple):
         low: Lower bound, m.
         high: Upper bound, m.
         ground: Its area in the x-y plane, in pieces that do not touch.
-        rings: Rings of each piece, (K, 2) m, as in `Walls`.
+        rings: Rings of each piece, (K, 2) m, as in `Regions`.
     """
 
     low: float
@@ -79,7 +79,7 @@ def blocks(
     return found
 
 
-def walls(parts: list[Block], height: tuple[float, float]) -> Walls:
+def regions(parts: list[Block], height: tuple[float, float]) -> Regions:
     """Return forbidden regions in bands; blocks that overlap in a band are merged there.
 
     Args:
@@ -105,7 +105,7 @@ def walls(parts: list[Block], height: tuple[float, float]) -> Walls:
     return _tables(np.array(level, np.float64), bands)
 
 
-def apart(parts: Iterable[Block]) -> Walls:
+def apart(parts: Iterable[Block]) -> Regions:
     """Return the outlines of blocks, each block as if it were a band."""
     return _tables(np.empty(0), [[ring for some in part.rings for ring in some] for part in parts])
 
@@ -121,7 +121,7 @@ def _crowds(ground: list[shapely.Polygon]) -> Iterator[list[int]]:
         yield np.flatnonzero(label == crowd).tolist()
 
 
-def _tables(level: Array, bands: Iterable[list[Array]]) -> Walls:
+def _tables(level: Array, bands: Iterable[list[Array]]) -> Regions:
     first_ring, rings = [0], list[Array]()
     for some in bands:
         rings += some
@@ -132,7 +132,7 @@ def _tables(level: Array, bands: Iterable[list[Array]]) -> Walls:
     if rings:
         box[:, :2] = np.minimum.reduceat(corner, first_corner[:-1])
         box[:, 2:] = np.maximum.reduceat(corner, first_corner[:-1])
-    return Walls(level, np.array(first_ring), box, first_corner, corner)
+    return Regions(level, np.array(first_ring), box, first_corner, corner)
 
 
 def _rings(ground: shapely.Geometry) -> list[Array]:

@@ -6,25 +6,25 @@ import numpy as np
 
 from star_core import Array, Rows, compiled
 from star_visibility.openings import openings
-from star_visibility.search import Places
-from star_visibility.walls import Walls
+from star_visibility.regions import Regions
+from star_visibility.search import Nodes
 
 LEAST = 1e-9  # m; a smaller range of heights counts as empty
 
 
-def places(
-    parts: Walls, span: Array, height: tuple[float, float], place: Array, block: Rows
-) -> Places:
+def nodes(
+    parts: Regions, span: Array, height: tuple[float, float], position: Array, block: Rows
+) -> Nodes:
     """Return points and their states.
 
     Args:
         parts: Blocks.
         span: (G, 2) least and greatest height of each, m.
         height: Lowest and highest flight height z, m.
-        place: (P, 2) the points, m.
+        position: (P, 2) the points, m.
         block: (P,) block whose corner each point is; -1 for none.
     """
-    of, free = columns(parts, span, place, *height)
+    of, free = columns(parts, span, position, *height)
     come = free.copy()
     own = block[of] >= 0
     its = span[block[of[own]]] if own.any() else np.empty((0, 2))
@@ -32,14 +32,14 @@ def places(
     come[own, 1] = np.minimum(come[own, 1], its[:, 1])
     use = come[:, 1] - come[:, 0] > LEAST
     of, free, come = of[use], free[use], come[use]
-    return Places(place, np.searchsorted(of, np.arange(len(place) + 1)), free, come, of)
+    return Nodes(position, np.searchsorted(of, np.arange(len(position) + 1)), free, come, of)
 
 
-def joined(some: Places, others: Places) -> Places:
+def joined(some: Nodes, others: Nodes) -> Nodes:
     """Return the points of both tables."""
-    count = len(some.place)
-    return Places(
-        np.concatenate([some.place, others.place]),
+    count = len(some.position)
+    return Nodes(
+        np.concatenate([some.position, others.position]),
         np.concatenate([some.first, some.first[-1] + others.first[1:]]),
         np.concatenate([some.open, others.open]),
         np.concatenate([some.come, others.come]),
@@ -48,14 +48,16 @@ def joined(some: Places, others: Places) -> Places:
 
 
 @compiled
-def columns(parts: Walls, span: Array, place: Array, low: float, high: float) -> tuple[Rows, Array]:
+def columns(
+    parts: Regions, span: Array, position: Array, low: float, high: float
+) -> tuple[Rows, Array]:
     """Return the free height ranges at each point: (S,) its row, and (S, 2) the ranges.
 
     They are in ascending order of rows and heights.
     """
     rows, least, greatest = [0 for _ in range(0)], [0.0 for _ in range(0)], [0.0 for _ in range(0)]
-    for i in range(len(place)):
-        free = openings(parts, span, place[i], place[i], (low, high), (-1, -1))
+    for i in range(len(position)):
+        free = openings(parts, span, position[i], position[i], (low, high), (-1, -1))
         for k in range(len(free)):
             rows.append(i)
             least.append(free[k, 0])

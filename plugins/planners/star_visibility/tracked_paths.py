@@ -11,7 +11,7 @@ from star_core import Array, Mask, Paths, Rows
 SHARP = 1e-6  # rad; a smaller angle is not a turn
 
 
-class Trips:
+class TrackedPaths:
     """Paths of a whole swarm.
 
     Args:
@@ -89,10 +89,10 @@ class Trips:
         """Return the remaining paths: straight to the goal if `direct`, the path if `on`."""
         n, m = self.count.shape[0], self.path.shape[1]
         point = np.concatenate([here[:, None], self.path], axis=1)
-        place = np.arange(1, m + 1)
+        index = np.arange(1, m + 1)
         shown = np.zeros((n, m + 1), np.bool_)
         shown[:, 0] = direct | on
-        shown[:, 1:] = on[:, None] & (place > self.leg[:, None]) & (place <= self.count[:, None])
+        shown[:, 1:] = on[:, None] & (index > self.leg[:, None]) & (index <= self.count[:, None])
         point[direct, 1], shown[direct, 1] = goal[direct], True
         return Paths(agent=np.nonzero(shown)[0], point=point[shown])
 
