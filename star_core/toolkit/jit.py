@@ -39,8 +39,9 @@ def compiled(function: Function, **options: Any) -> Function:
         options: Of `numba.njit`.
     """
     bare: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
-    kernel = njit(error_model="numpy", **bare)(function)
-    kernel._cache = _KernelCache(kernel)  # noqa: SLF001 -- what `cache=True` does
+    kernel: Any = njit(error_model="numpy", **bare)(function)
+    if kernel is not function:  # as it is with NUMBA_DISABLE_JIT
+        kernel._cache = _KernelCache(kernel)  # noqa: SLF001 -- what `cache=True` does
     return cast("Function", kernel)
 
 

@@ -112,7 +112,7 @@ def test_a_record_that_was_not_written_is_not_told(
 
 
 def test_a_file_cannot_be_recorded_into(refused: Callable[[str], str]) -> None:
-    assert refused("hop.yaml") == "--out hop.yaml: is a file; name a folder [invalid-input]\n"
+    assert refused("hop.yaml").startswith("--out hop.yaml: is a file; name a folder [")
 
 
 def test_a_folder_that_holds_a_record_is_not_written_over(refused: Callable[[str], str]) -> None:
