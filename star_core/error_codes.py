@@ -147,6 +147,10 @@ CATALOGUE: Final = {
         "A file of waypoints or of a polynomial trajectory has invalid contents.",
         "Correct the line that the message names; `docs/missions.md` describes both formats.",
     ),
+    "invalid-value": Entry(
+        "A value is not one of the possible ones, or does not have the required form.",
+        "Use one of the values, or the form, that the message names.",
+    ),
     "invalid-yaml": Entry(
         "A file is not YAML, or has anchors, tags, dates or non-finite numbers.",
         "Correct the reported line; put text that looks like a number in quotes.",
@@ -198,6 +202,10 @@ CATALOGUE: Final = {
     "outdated-firmware": Entry(
         "The firmware of a drone lacks something that the mission needs.",
         "Update the firmware, or remove the option that needs it.",
+    ),
+    "outside-folder": Entry(
+        "A file is outside the mission's folder.",
+        "Move it into the folder of the mission, and name it relative to that.",
     ),
     "outside-geofence": Entry(
         "A position or a height is outside the geofence or the heights to fly at.",

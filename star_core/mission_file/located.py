@@ -103,74 +103,47 @@ class Value:
         """Return an error about this value."""
         return InputError(f"{self.mark}: {message}", code)
 
-    def map(self) -> Mapping[str, Value]:
-        """Return it as a map, empty if there is no value.
+    # The following raise an `InputError` if the value is of another type.
 
-        Raises:
-            InputError: It is not a map.
-        """
-        if self.data is None:
-            return {}
-        if not isinstance(self.data, dict):
-            raise self.wrong(f"is {shown(self.data)}, expected a map", "wrong-type")
-        return self.data
+    def map(self) -> Mapping[str, Value]:
+        """Return it as a map, empty if there is no value."""
+        if not isinstance(self.data, dict | None):
+            raise self._mistyped("a map")
+        return self.data or {}
 
     def list(self) -> list[Value]:
-        """Return it as a list, empty if there is no value.
-
-        Raises:
-            InputError: It is not a list.
-        """
-        if self.data is None:
-            return []
-        if not isinstance(self.data, list):
-            raise self.wrong(f"is {shown(self.data)}, expected a list", "wrong-type")
-        return self.data
+        """Return it as a list, empty if there is no value."""
+        if not isinstance(self.data, list | None):
+            raise self._mistyped("a list")
+        return self.data or []
 
     def text(self) -> str:
-        """Return it as text, numbers in Python's notation.
-
-        Raises:
-            InputError: It is not text.
-        """
+        """Return it as text, numbers in Python's notation."""
         if isinstance(self.data, bool) or not isinstance(self.data, str | int | float):
-            raise self.wrong(f"is {shown(self.data)}, expected text", "wrong-type")
+            raise self._mistyped("text")
         return str(self.data)
 
     def number(self) -> float:
-        """Return it as a finite number.
-
-        Raises:
-            InputError: It is not a number.
-        """
+        """Return it as a finite number."""
         if isinstance(self.data, bool) or not isinstance(self.data, int | float):
-            raise self.wrong(f"is {shown(self.data)}, expected a number", "wrong-type")
+            raise self._mistyped("a number")
         return float(self.data)
 
     def numbers(self) -> tuple[float, ...]:
-        """Return it as a list of finite numbers.
-
-        Raises:
-            InputError: It is not a list of numbers.
-        """
+        """Return it as a list of finite numbers."""
         return tuple(value.number() for value in self.list())
 
     def flag(self) -> bool:
-        """Return it as a boolean.
-
-        Raises:
-            InputError: It is not a boolean.
-        """
+        """Return it as a boolean."""
         if not isinstance(self.data, bool):
-            raise self.wrong(f"is {shown(self.data)}, expected true or false", "wrong-type")
+            raise self._mistyped("true or false")
         return self.data
 
-    def need(self, key: str) -> Value:
-        """Return the value of a key.
+    def _mistyped(self, expected: str) -> InputError:
+        return self.wrong(f"is {shown(self.data)}, expected {expected}", "wrong-type")
 
-        Raises:
-            InputError: It is not a map, or has no such key.
-        """
+    def need(self, key: str) -> Value:
+        """Return the value of a key, which must be there."""
         if key not in self.map():
             raise self.wrong(f"has no {key!r}", "missing-option")
         return self.map()[key]

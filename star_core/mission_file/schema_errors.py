@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 CODES = {
     "type": "wrong-type",
     "required": "missing-option",
+    "enum": "invalid-value",
+    "const": "invalid-value",
+    "pattern": "invalid-value",
     "minimum": "out-of-range",
     "maximum": "out-of-range",
     "exclusiveMinimum": "out-of-range",

@@ -72,7 +72,7 @@ def test_a_fault_is_told_on_its_line_and_nowhere_else(
         assert any(
             (error.file, error.line) == (expected.file, expected.line)
             and expected.words in error.words
-            and expected.code in {"", error.code}
+            and expected.code == error.code
             for errors in found
             for error in errors
         ), f"{expected} is not in:\n{err}"
@@ -81,6 +81,11 @@ def test_a_fault_is_told_on_its_line_and_nowhere_else(
         assert faulty & {(error.file, error.line) for error in errors}, err
     assert " raised " not in err
     assert sorted(Path().rglob("*")) == before
+
+
+def test_every_fault_has_a_code() -> None:
+    without = [str(case) for case in FAULTY for one in case.expected if not one.code]
+    assert without == []
 
 
 def test_there_are_many_files_and_none_is_there_twice() -> None:

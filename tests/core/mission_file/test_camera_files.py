@@ -88,14 +88,14 @@ def test_a_file_that_is_not_there_is_told_where_the_mission_names_it() -> None:
     Path("cameras/lens.yaml").unlink()
     line = len(Path("hop.yaml").read_text().splitlines())
     assert refusal() == (
-        f"hop.yaml:{line}:24: no file 'cameras/lens.yaml' in the mission's folder [invalid-input]"
+        f"hop.yaml:{line}:24: no file 'cameras/lens.yaml' in the mission's folder [file-not-found]"
     )
 
 
 def test_a_file_that_is_set_and_not_there_is_told_as_set() -> None:
     assert refusal("cameras.mine.file=cameras/lans.yaml") == (
         "--set cameras.mine.file=cameras/lans.yaml: no file 'cameras/lans.yaml' in the mission's"
-        " folder; did you mean 'cameras/lens.yaml'? [invalid-input]"
+        " folder; did you mean 'cameras/lens.yaml'? [file-not-found]"
     )
 
 

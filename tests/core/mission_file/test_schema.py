@@ -31,7 +31,7 @@ OFFERS = {
         "flow": offer(
             "flow",
             {"noise": {"$ref": "#/$defs/a~1b"}},
-            **{"$defs": {"a/b": {"description": "Deviation, m.", "type": "number"}}},
+            **{"$defs": {"a/b": {"description": "Deviation, m.", "type": "number [wrong-type]"}}},
         )
     },
     "avoider": {"none": offer("none"), "orca": offer("orca")},
@@ -94,8 +94,7 @@ def test_options_may_be_mappings_and_tuples_of_any_kind() -> None:
     x = TaskSpec(name="x", summary="", make=NEVER_MADE, options=options)
     made = compose({"avoider": {"x": sound("avoider", x)}})
     expected = (
-        "m.yaml:1:22: avoider 'x': a: 3 is not possible here; expected one of: 1, 2"
-        " [invalid-option]"
+        "m.yaml:1:22: avoider 'x': a: 3 is not possible here; expected one of: 1, 2 [invalid-value]"
     )
     assert expected in problems(document("avoider: {use: x, a: 3}"), made)
 
