@@ -313,7 +313,7 @@ def test_verbose_shows_where_a_plugin_raised() -> None:
 
 # What is refused
 
-FENCE = "is outside the fence, from [-2, -2, 0] to [2, 2, 2]"
+FENCE = "is outside the fence, from [-2, -2, 0] to [2, 2, 2] [outside-geofence]"
 
 
 @pytest.fixture

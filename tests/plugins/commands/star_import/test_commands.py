@@ -164,7 +164,7 @@ def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told
         ('"land", "wait", [], "", ""', "m.yaml:2:17: is a list, expected text [wrong-type]"),
         ('"goto", "wait", "cf1", "", "0 1 3 0"',
          "m.yaml:2:1: as STAR reads it: [0, 1, 3] is outside the heights to fly at, from 0.5 to 2 "
-         "m [invalid-option]"),
+         "m [unreachable-goal]"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_said_is_refused_with_its_place(

@@ -57,7 +57,7 @@ def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, tak
     [
         ("[-1.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]",
          "crazyflies.yaml:3:8: as STAR reads it: 'cf2' starts 0.00 m from 'cf1', closer than twice "
-         "avoider.radius (0.40 m) [invalid-option]"),
+         "avoider.radius (0.40 m) [too-close]"),
         ("initial_position: [-1.0, 0.0, 0.0]", "a: 1",
          "crazyflies.yaml:2:8: has no 'initial_position' [missing-option]"),
         ("[-1.0, 0.0, 0.0]", "[-1.0, 0.0]",
@@ -118,7 +118,7 @@ def test_a_trajectory_that_is_too_fast_is_refused_with_what_would_fit(
     (problem,) = raised.value.problems
     assert problem == (
         "eight.csv: as STAR reads it: eight.csv:2: 2.00 s after its start it flies 0.94 m/s, "
-        "faster than limits.speed of 0.5 m/s; timescale: 1.88 would fit [invalid-option]"
+        "faster than limits.speed of 0.5 m/s; timescale: 1.88 would fit [above-limit]"
     )
     take("eight.csv", "--agent", "cf1=0,0", "--timescale", "1.88")
 

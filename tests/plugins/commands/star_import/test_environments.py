@@ -179,7 +179,7 @@ def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import)
          "lab.yaml:5:15: obs0: expected z of the bottom and of the top, m [invalid-input]"),
         (OBSTACLE.format(offsets="true", points="[1, 1, 1, 0]").replace("[0.0, 1.5]", "[2, 1]"),
          "lab.yaml:4:7: as STAR reads it: obstacle 'obs0' has its foot at 2 m, not below its top "
-         "at 1 m [invalid-option]"),
+         "at 1 m [empty-range]"),
         (TAGS.format(tags="id1: {location: [1.0, 0.0], purpose: eliminate}"),
          "lab.yaml:5:10: 'id1', expected a tag 'id000' or a pair 'id000 id001' [invalid-input]"),
         (TAGS.format(tags=PAIR.replace("top-left", "middle")),
@@ -192,7 +192,7 @@ def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import)
          "their size: --tag-size 0.097 or less [invalid-input]"),
         (TAGS.format(tags="id600: {location: [1.0, 0.0], purpose: eliminate}"),
          "lab.yaml:5:12: as STAR reads it: targets.target_600.tags.0: 600 is greater than the "
-         "maximum of 586 [invalid-option]"),
+         "maximum of 586 [out-of-range]"),
         ("a: 1\n",
          "lab.yaml:1:1: contains none of 'command_sequence', 'environment', 'april_tags' (the "
          "original STAR) and 'robots' (Crazyswarm2) [invalid-input]"),
