@@ -203,10 +203,6 @@ CATALOGUE: Final = {
         "The firmware of a drone lacks something that the mission needs.",
         "Update the firmware, or remove the option that needs it.",
     ),
-    "outside-folder": Entry(
-        "A file is outside the mission's folder.",
-        "Move it into the folder of the mission, and name it relative to that.",
-    ),
     "outside-geofence": Entry(
         "A position or a height is outside the geofence or the heights to fly at.",
         "Move it inside the fence of the world and `limits.height`.",
