@@ -1,0 +1,68 @@
+"""Observer ``mcap``: writes ``flight.mcap``, a recording for robotics tools; ``star recover``."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from star_core import CommandSpec, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Event, Flight, Tick
+    from star_mcap.process import RecorderProcess
+
+log = logging.getLogger(__name__)
+
+PACKAGES = ("mcap", "rosbags")  # of the extra `record`
+
+_recorders: list[RecorderProcess] = []  # of the current flight, if it is recorded
+
+
+@hookimpl
+def star_mission_started(flight: Flight) -> None:
+    _recorders.clear()
+    if flight.folder is None:
+        return
+    if missing := [name for name in PACKAGES if find_spec(name) is None]:
+        log.debug("no flight.mcap without %s: pip install 'star-swarm[record]'", missing)
+        return
+    from star_mcap.process import RecorderProcess
+
+    _recorders.append(RecorderProcess(flight, flight.folder))
+
+
+@hookimpl
+def star_ticked(tick: Tick) -> None:
+    for recorder in _recorders:
+        recorder.add(tick)
+
+
+@hookimpl
+def star_event(event: Event) -> None:
+    for recorder in _recorders:
+        recorder.add_event(event)
+
+
+@hookimpl(tryfirst=True)
+def star_mission_ended(summary: Mapping[str, Any]) -> None:
+    for recorder in _recorders:
+        recorder.close(summary)
+    _recorders.clear()
+
+
+def _recover(arguments: list[str]) -> int:
+    from star_mcap.recovery import run
+
+    return run(arguments)
+
+
+@hookimpl
+def star_commands() -> Iterator[CommandSpec]:
+    yield CommandSpec(
+        name="recover",
+        summary="Complete the recording of an interrupted run.",
+        make=_recover,
+        group="Look back",
+    )

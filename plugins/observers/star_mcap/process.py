@@ -1,0 +1,117 @@
+"""Runs the recorder in a process of its own, so that recording costs a flight next to nothing.
+
+The process ends with the flight's program however that ends: also after a SIGKILL it writes what it
+was sent, and completes the file.
+"""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from queue import Queue
+from threading import Thread
+from typing import IO, Any, Final, cast
+
+from star_core import Event, Flight, Frames, Odometry, Tick
+
+BATCH_PERIOD: Final = 0.2  # s of wall time from one message to the next
+BATCH_SIZE: Final = 32  # ticks in a message, at most
+BACKLOG: Final = 32  # messages that wait in simulation; in real time the tick never waits
+CLOSE_TIMEOUT: Final = 30.0  # s
+
+
+class RecorderProcess:
+    """Sends every tick of a flight to a process that records it.
+
+    Args:
+        flight: The flight to record.
+        folder: Folder of the run; created if missing.
+    """
+
+    def __init__(self, flight: Flight, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._images = flight.save_frames
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "star_mcap"],
+            stdin=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the flight
+        )
+        self._errors = cast("IO[bytes]", self._process.stderr)
+        self._queue: Queue[bytes | None] = Queue(0 if flight.scene.realtime else BACKLOG)
+        self._batch: list[Tick | Event] = []
+        self._sent = time.monotonic()
+        self._thread = Thread(target=self._feed, daemon=True)
+        self._thread.start()
+        self._queue.put(pickle.dumps((flight, folder, time.time_ns())))
+
+    def add(self, tick: Tick) -> None:
+        """Record one tick.
+
+        Raises:
+            RuntimeError: The process has failed.
+        """
+        frames = tick.telemetry.frames if self._images else Frames.none()
+        telemetry = replace(tick.telemetry, odometry=Odometry.none(), frames=frames)
+        self._batch.append(replace(tick, telemetry=telemetry))
+        due = time.monotonic() - self._sent >= BATCH_PERIOD
+        if due or len(self._batch) >= BATCH_SIZE:
+            self._send()
+
+    def add_event(self, event: Event) -> None:
+        """Record an event."""
+        self._batch.append(event)
+
+    def close(self, summary: Mapping[str, Any]) -> None:
+        """Complete the file.
+
+        Raises:
+            RuntimeError: The process has failed.
+        """
+        self._send()
+        brief = {key: summary[key] for key in ("mission", "outcome", "reason", "seed")}
+        self._queue.put(pickle.dumps(brief))
+        self._queue.put(None)
+        self._thread.join(CLOSE_TIMEOUT)
+        self._process.wait(CLOSE_TIMEOUT)
+        self._check()
+        self._errors.close()
+
+    def _send(self) -> None:
+        self._check()
+        self._queue.put(pickle.dumps(self._batch))
+        self._batch = []
+        self._sent = time.monotonic()
+
+    def _check(self) -> None:
+        """Raise if the process has failed.
+
+        Raises:
+            RuntimeError: It has.
+        """
+        if self._process.poll():
+            self._queue.put(None)
+            self._thread.join(CLOSE_TIMEOUT)
+            with self._errors:
+                last = self._errors.read().decode(errors="replace").strip().splitlines()
+            raise RuntimeError(f"the recording failed: {last[-1] if last else 'no message'}")
+
+    def _feed(self) -> None:
+        """Write what is queued to the process."""
+        stream = cast("IO[bytes]", self._process.stdin)
+        try:
+            while (message := self._queue.get()) is not None:
+                stream.write(message)
+                stream.flush()
+        except OSError:  # the process has failed: `_check` reports it
+            while self._queue.get() is not None:
+                pass
+        finally:
+            with suppress(OSError):
+                stream.close()

@@ -1,0 +1,126 @@
+"""The world of a mission as markers for RViz and Foxglove."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+import shapely
+
+from star_core import Obstacle, Scene
+from star_mcap.messages import header, kind, point, pose, vector
+
+GREY, GREEN, BLUE, ORANGE = (0.5, 0.5, 0.5), (0.2, 0.6, 0.2), (0.1, 0.3, 0.8), (0.9, 0.5, 0.1)
+THICKNESS = 0.005  # m: of tags
+TEXT = 0.12  # m: height of letters
+LINE = 0.02  # m: width of lines
+OPACITY = 0.8
+
+
+def world_markers(scene: Scene, time: int) -> Any:
+    """Return the fence, obstacles, landmarks, targets and start poses as one MarkerArray."""
+    markers = [_marker(time, i, given) for i, given in enumerate(_markers(scene))]
+    return kind("visualization_msgs/MarkerArray")(markers)
+
+
+def _markers(scene: Scene) -> Iterator[dict[str, Any]]:
+    world, marker = scene.world, kind("visualization_msgs/Marker")
+    yield {
+        "ns": "fence",
+        "type": marker.LINE_LIST,
+        "scale": (LINE, 0.0, 0.0),
+        "points": _box_edges(world.fence.low, world.fence.high),
+        "color": GREEN,
+    }
+    for obstacle in world.obstacles:
+        yield {
+            "ns": "obstacles",
+            "type": marker.TRIANGLE_LIST,
+            "scale": (1.0, 1.0, 1.0),
+            "points": _triangles(obstacle),
+            "color": GREY,
+        }
+    for ns, tags, color in (
+        ("landmarks", world.landmarks, BLUE),
+        ("targets", world.targets, ORANGE),
+    ):
+        for tag in tags:
+            x, y, z = tag.position
+            yield {
+                "ns": ns,
+                "type": marker.CUBE,
+                "pose": pose(tag.position, tag.rotation),
+                "scale": (tag.size, tag.size, THICKNESS),
+                "color": color,
+            }
+            yield {
+                "ns": f"{ns}_names",
+                "type": marker.TEXT_VIEW_FACING,
+                "pose": pose((x, y, z + TEXT)),
+                "scale": (0.0, 0.0, TEXT),
+                "text": f"{tag.of} ({tag.id})",
+                "color": color,
+            }
+    for agent in scene.agents:
+        x, y, z = agent.start
+        yield {
+            "ns": "starts",
+            "type": marker.TEXT_VIEW_FACING,
+            "pose": pose((x, y, z + TEXT / 2)),
+            "scale": (0.0, 0.0, TEXT),
+            "text": agent.name,
+            "color": GREY,
+        }
+
+
+def _marker(time: int, number: int, given: Mapping[str, Any]) -> Any:
+    """Return a marker with the given fields; the others are empty."""
+    nothing = np.zeros(0, np.uint8)
+    return kind("visualization_msgs/Marker")(
+        header=header(time),
+        ns=given["ns"],
+        id=number,
+        type=given["type"],
+        action=0,  # add
+        pose=given.get("pose") or pose((0.0, 0.0, 0.0)),
+        scale=vector(given["scale"]),
+        color=kind("std_msgs/ColorRGBA")(*given["color"], OPACITY),
+        lifetime=kind("builtin_interfaces/Duration")(0, 0),  # until it is replaced
+        frame_locked=False,
+        points=given.get("points", []),
+        colors=[],
+        texture_resource="",
+        texture=kind("sensor_msgs/CompressedImage")(header(time), "", nothing),
+        uv_coordinates=[],
+        text=given.get("text", ""),
+        mesh_resource="",
+        mesh_file=kind("visualization_msgs/MeshFile")("", nothing),
+        mesh_use_embedded_materials=False,
+    )
+
+
+def _box_edges(low: Sequence[float], high: Sequence[float]) -> list[Any]:
+    """Return both ends of each of a box's twelve edges."""
+    corners = list(product(*zip(low, high, strict=True)))
+    return [
+        point(corner)
+        for i, a in enumerate(corners)
+        for b in corners[i + 1 :]
+        if sum(x != y for x, y in zip(a, b, strict=True)) == 1
+        for corner in (a, b)
+    ]
+
+
+def _triangles(obstacle: Obstacle) -> list[Any]:
+    """Return the corners of the triangles of an obstacle's sides and top."""
+    foot, top = obstacle.height
+    found: list[Any] = []
+    for polygon in obstacle.polygons:
+        for (ax, ay), (bx, by) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+            a, b, c, d = (ax, ay, foot), (bx, by, foot), (bx, by, top), (ax, ay, top)
+            found += [point(corner) for corner in (a, b, c, a, c, d)]
+        for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(polygon)).geoms:
+            found += [point((x, y, top)) for x, y in shapely.get_coordinates(triangle)[:3].tolist()]
+    return found

@@ -1,0 +1,153 @@
+"""A flight as an MCAP file: what robotics tools read from it, and what an interruption leaves."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from evo.core import metrics, sync
+from evo.tools import file_interface
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+
+from star_core.cli.main import main
+from star_mcap.messages import FILE
+from star_mcap.recovery import recover
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a flight with two drones past an obstacle."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "room.yaml").write_text(
+        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+        "obstacles:\n  pillar: {polygon: [[1, 1], [1.2, 1], [1.2, 1.2]], height: [0, 2]}\n"
+    )
+    (folder / "hop.yaml").write_text(
+        "star: 1\nname: hop\nworld: room.yaml\nseed: 7\n"
+        "swarm: {cf1: {start: [-0.5, 0, 0]}, cf2: {start: [0.5, 0, 0]}}\n"
+        "transport: sim\nlocalizer: flow\nplanner: straight\navoider: orca\n"
+        "mission:\n  - takeoff: {height: 0.4, speed: 0.5}\n"
+        "  - goto: {agents: cf1, by: [0.4, 0.3, 0]}\n  - land: {speed: 0.5}\n"
+    )
+    assert main(["run", str(folder / "hop.yaml"), "--out", str(folder / "run")]) == 0
+    return folder / "run"
+
+
+def test_ape_of_evo_is_the_position_error_of_the_summary(run: Path) -> None:
+    summary = json.loads((run / "summary.json").read_text())
+    with Reader(run / FILE) as bag:
+        for agent, mse in summary["position_mse_m2"]["per_agent"].items():
+            truth, estimate = (
+                file_interface.read_bag_trajectory(bag, f"/{agent}/{topic}")
+                for topic in ("ground_truth/in_flight", "estimate")
+            )
+            error = metrics.APE(metrics.PoseRelation.translation_part)
+            error.process_data(sync.associate_trajectories(truth, estimate))
+            rmse = error.get_statistic(metrics.StatisticsType.rmse)
+            assert rmse == pytest.approx(math.sqrt(mse), abs=1e-6)
+
+
+def test_every_message_is_readable_as_ros_2(run: Path) -> None:
+    count: Counter[str] = Counter()
+    with AnyReader([run / FILE]) as bag:
+        for connection, _time, data in bag.messages():
+            bag.deserialize(data, connection.msgtype)
+            count[connection.topic] += 1
+    ticks = len(np.load(run / "trajectory.npz")["time"])
+    for agent in ("cf1", "cf2"):
+        assert count[f"/{agent}/estimate"] == count[f"/{agent}/ground_truth"] == ticks
+        assert count[f"/{agent}/phase"] == 5
+        assert count[f"/{agent}/battery"] > 1
+    assert count["/tf"] == ticks
+    assert count["/cf1/setpoint/planned"] >= count["/cf1/setpoint/sent"] > 0
+    assert count["/world"] == count["/tf_static"] == 1
+    assert count["/rosout"] == len(json.loads((run / "summary.json").read_text())["events"])
+
+
+def test_an_estimate_has_the_covariance_and_the_velocity_of_the_body(run: Path) -> None:
+    kept = np.load(run / "trajectory.npz")
+    with AnyReader([run / FILE]) as bag:
+        wanted = [one for one in bag.connections if one.topic == "/cf1/estimate"]
+        found: list[Any] = [
+            bag.deserialize(data, one.msgtype) for one, _, data in bag.messages(connections=wanted)
+        ]
+    k = int(np.argmax(np.linalg.norm(kept["estimate_velocity"][:, 0], axis=1)))
+    odometry = found[k]
+    velocity = odometry.twist.twist.linear
+    speed = np.linalg.norm([velocity.x, velocity.y, velocity.z])
+    assert speed == pytest.approx(np.linalg.norm(kept["estimate_velocity"][k, 0]))
+    assert odometry.pose.pose.position.x == kept["estimate_position"][k, 0, 0]
+    assert odometry.pose.covariance[0] > 0
+    assert odometry.header.frame_id == "map"
+
+
+def test_a_recording_that_breaks_off_is_completed(run: Path, tmp_path: Path) -> None:
+    whole = (run / FILE).read_bytes()
+    broken = tmp_path / FILE
+    broken.write_bytes(whole[: len(whole) * 2 // 3])
+    messages, seconds = recover(broken)
+    with broken.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == messages > 100
+    assert seconds > 1
+    assert recover(broken)[0] == messages  # a complete one stays as it is
+
+
+def test_what_is_no_recording_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / FILE).write_text("no recording")
+    assert main(["recover", str(tmp_path)]) == 2
+    assert "cannot be recovered" in capsys.readouterr().err
+    assert (tmp_path / FILE).read_text() == "no recording"
+    assert main(["recover", str(tmp_path / "missing")]) == 2
+
+
+def test_a_killed_flight_leaves_a_complete_recording(run: Path, tmp_path: Path) -> None:
+    mission = run.parent / "hop.yaml"
+    star = Path(sys.executable).with_name("star")
+    options = ["--speed", "1", "--out", str(tmp_path / "run")]
+    command = [str(star), "run", str(mission), *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as flight:
+        assert flight.stderr is not None
+        line = next(line for line in flight.stderr if b"takeoff is done" in line)
+        os.kill(flight.pid, signal.SIGKILL)
+    path = tmp_path / "run" / FILE
+    deadline = time.monotonic() + 20
+    while True:
+        with path.open("rb") as stream:
+            summary = None
+            try:
+                summary = make_reader(stream).get_summary()
+            except Exception:  # noqa: BLE001 -- not complete yet
+                assert time.monotonic() < deadline
+        if summary is not None:
+            break
+        time.sleep(0.05)
+    assert summary.statistics is not None
+    takeoff = float(line.split()[0])
+    assert summary.statistics.message_end_time / 1e9 >= takeoff - 1.0
+
+
+def test_a_failing_recording_is_named(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run" / FILE).mkdir(parents=True)  # cannot be written
+    mission = run.parent / "hop.yaml"
+    assert main(["run", str(mission), "--out", str(tmp_path / "run")]) == 0
+    assert "mcap is dropped" in (errors := capsys.readouterr().err)
+    assert "IsADirectoryError" in errors
