@@ -1,0 +1,46 @@
+"""Command line of ``star report``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from star_core import InputError, read_run
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the page and return the exit status, 0.
+
+    Raises:
+        InputError: The folder holds no complete record, or the page cannot be written.
+    """
+    options = parser().parse_args(arguments)
+    if find_spec("plotly") is None:
+        text = "star report needs plotly: pip install 'star-swarm[report]'"
+        raise InputError(text, "missing-package")
+    from star_report.page import page
+
+    run = read_run(Path(options.run))
+    out = Path(options.out) if options.out else run.folder / "report.html"
+    try:
+        out.write_text(page(run), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written: {error.strerror}", "unwritable-file") from error
+    sys.stdout.write(f"{out}\n")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command-line parser; separate so that docs and tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star report",
+        description="Write a recorded flight as one HTML page that needs no network: outcome, "
+        "events, top view, 3-D replay, and error, separation, altitude and battery over time.",
+        allow_abbrev=False,
+    )
+    star.add_argument("run", help="folder of a run: runs/TIME-MISSION")
+    star.add_argument("-o", "--out", metavar="FILE", help="file to write (RUN/report.html)")
+    return star

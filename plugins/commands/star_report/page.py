@@ -1,0 +1,149 @@
+"""Assembles the page of a report: one HTML file without any request to a network."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any, Final
+
+from plotly.io.json import to_json_plotly
+
+from star_core import Run
+from star_report import figures
+from star_report.figures import Figure
+
+MAX_IMAGES: Final = 12
+IMAGE_WIDTH: Final = 240  # px
+
+
+def page(run: Run) -> str:
+    """Return the report of a run as HTML."""
+    summary = run.summary
+    sections = [_header(run), _figures_of_merit(summary)]
+    drawn: list[tuple[str, str, Figure]] = [
+        (
+            "Top view",
+            "Solid: ground truth (the estimate, if there is none). Dotted: estimate. Circle: start; "
+            "square: end.",
+            figures.top_view(run),
+        ),
+        ("Replay", "", figures.replay(run)),
+        *figures.over_time(run),
+        ("Steps", "When each agent executed which step.", figures.steps(run)),
+        ("Computing time", "In total, by plugin.", figures.compute(run)),
+    ]
+    sections += [_section(i, *drawn[i]) for i in range(len(drawn))]
+    sections += [*_images(run), _events(summary["events"])]
+    template = (files("star_report") / "template.html").read_text(encoding="utf-8")
+    for mark, text in (
+        ("{{title}}", escape(f"{summary['mission']}: {summary['outcome']}")),
+        ("{{body}}", "\n".join(sections)),
+        ("{{plotly}}", _plotly()),
+    ):
+        template = template.replace(mark, text)
+    return template
+
+
+def _plotly() -> str:
+    """Return Plotly's script, compressed, as base64: a browser decompresses it by itself."""
+    script = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    return base64.b64encode(gzip.compress(script, 9, mtime=0)).decode()
+
+
+def _header(run: Run) -> str:
+    summary = run.summary
+    outcome = escape(summary["outcome"])
+    reason = f"<p>{escape(summary['reason'])}</p>" if summary["reason"] else ""
+    plugins = ", ".join(
+        f"{kind} {plugin['name']}" for kind, plugin in run.manifest["plugins"].items()
+    )
+    return (
+        f'<h1>{escape(summary["mission"])} <span class="{outcome}">{outcome}</span></h1>{reason}'
+        f"<p class=quiet>{escape(run.manifest['mission_file'])} · seed {summary['seed']} · "
+        f"{escape(plugins)}</p>"
+    )
+
+
+def _figures_of_merit(summary: Mapping[str, Any]) -> str:
+    contacts = summary["collisions"]
+    by = "" if summary["distances_from"] == "ground_truth" else " (estimated positions)"
+    targets = summary["targets"]
+    rows = [
+        ("flight time", f"{summary['flight_time_s']:.1f} s"),
+        ("agents", str(len(summary["agents"]))),
+        ("collisions between agents", f"{contacts['agent_agent']}{by}"),
+        ("collisions with obstacles", f"{contacts['agent_obstacle']}{by}"),
+        ("closest approach", _metres(summary["min_separation_m"])),
+        ("least clearance", _metres(summary["min_clearance_m"])),
+        ("position error (RMS)", _metres(summary["position_rmse_m"], 3)),
+        ("largest position error", _metres(summary["position_worst_m"], 3)),
+        ("distance flown", _metres(summary["path_length_m"]["total"], 1)),
+        ("targets found", f"{targets['found']} of {targets['total']}" if targets["total"] else ""),
+        ("late ticks", str(summary["late_ticks"]) if summary["late_ticks"] else ""),
+    ]
+    cells = "".join(
+        f"<div><dt>{label}</dt><dd>{escape(text)}</dd></div>" for label, text in rows if text
+    )
+    return f"<dl>{cells}</dl>"
+
+
+def _section(number: int, title: str, caption: str, figure: Figure) -> str:
+    # `</` would end the script element
+    data = to_json_plotly(figure).replace("</", "<\\/")
+    controls = (
+        '<p class=controls><button id=play>Play</button> <input id=frame type=range min=0 value=0> '
+        '<span id=clock></span> <select id=speed><option value=1>1 ×<option value=4 selected>4 ×'
+        "<option value=16>16 ×</select></p>"
+        if "path" in figure
+        else ""
+    )
+    note = f"<p class=quiet>{escape(caption)}</p>" if caption else ""
+    height = figure["layout"]["height"]
+    return (
+        f'<section><h2>{title}</h2>{note}<div class=figure id=figure{number} '
+        f'style="height:{height}px"></div>{controls}'
+        f"<script type=application/json data-figure={number}>{data}</script></section>"
+    )
+
+
+def _images(run: Run) -> Iterator[str]:
+    """Yield a section with saved camera images, spread over the flight."""
+    saved = sorted(run.folder.glob("frames/*/*.png"), key=lambda path: path.stem)
+    if not saved:
+        return
+    import cv2
+
+    chosen = saved[:: max(1, len(saved) // MAX_IMAGES)][:MAX_IMAGES]
+    shown = []
+    for path in chosen:
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            continue
+        height = round(image.shape[0] * IMAGE_WIDTH / image.shape[1])
+        _, jpeg = cv2.imencode(".jpg", cv2.resize(image, (IMAGE_WIDTH, height)))
+        caption = f"{path.parent.name}, {int(path.stem) / 1000:.2f} s"
+        source = base64.b64encode(jpeg.tobytes()).decode()
+        shown.append(
+            f'<figure><img alt="" src="data:image/jpeg;base64,{source}">'
+            f"<figcaption>{escape(caption)}</figcaption></figure>"
+        )
+    yield f"<section><h2>Camera images</h2><div class=images>{''.join(shown)}</div></section>"
+
+
+def _events(events: Sequence[Mapping[str, Any]]) -> str:
+    rows = "".join(
+        f'<tr class="{escape(event["kind"])}"><td>{event["time"]:.2f} s<td>{escape(event["kind"])}'
+        f'<td>{escape(event.get("agent", ""))}<td>{escape(event["text"])}'
+        for event in events
+    )
+    return (
+        "<section><h2>Events</h2><div class=events><table><tr><th>time<th>kind<th>agent<th>event"
+        f"{rows}</table></div></section>"
+    )
+
+
+def _metres(value: float | None, digits: int = 2) -> str:
+    return "" if value is None else f"{value:.{digits}f} m"
