@@ -59,6 +59,8 @@ from star_core.messages.vision import Detections as Detections
 from star_core.messages.vision import Frames as Frames
 from star_core.messages.vision import Image as Image
 from star_core.messages.vision import Sightings as Sightings
+from star_core.metrics.records import Run as Run
+from star_core.metrics.records import read_run as read_run
 from star_core.mission import Mission as Mission
 from star_core.mission import load as load
 from star_core.mission_file.located import Value as Value

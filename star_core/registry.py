@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -21,6 +22,9 @@ ENTRY_POINT_GROUP: Final = "star.plugins"
 OWN: Final = "star-swarm:"
 """Prefix of the names of STAR's own plugins; their records are checked by a test, not when they
 are loaded."""
+
+BLOCK_PLUGINS: Final = "STAR_BLOCK_PLUGINS"
+"""Environment variable: names of entry points that are not loaded, separated by commas."""
 
 KINDS: Final = tuple(SPECS)
 
@@ -81,7 +85,10 @@ class Registry:
         self._sources: dict[str, Source] = {}
         self._results: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
         self._found: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
+        blocked = os.environ.get(BLOCK_PLUGINS, "").split(",")
         for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)) if installed else ():
+            if entry.name in blocked:
+                continue
             source = _source(entry)
             try:
                 self.add(entry.load(), source)

@@ -1,5 +1,6 @@
 """What every test may use."""
 
+import os
 from pathlib import Path
 from typing import Any, Final
 
@@ -7,6 +8,9 @@ import pytest
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+
+# Recording to MCAP starts a process for each flight: only the tests of it do that.
+os.environ["STAR_BLOCK_PLUGINS"] = "mcap"
 
 # Times are measured in benchmarks, not in tests. The default examples are the same in every run;
 # `--hypothesis-profile=campaign` tries more, and others each time.

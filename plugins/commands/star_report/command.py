@@ -28,7 +28,9 @@ def main(arguments: Sequence[str]) -> int:
     try:
         out.write_text(page(run), encoding="utf-8")
     except OSError as error:
-        raise InputError(f"{out}: cannot be written: {error.strerror}", "unwritable-file") from error
+        raise InputError(
+            f"{out}: cannot be written: {error.strerror}", "unwritable-file"
+        ) from error
     sys.stdout.write(f"{out}\n")
     return 0
 

@@ -65,14 +65,18 @@ def top_view(run: Run) -> Figure:
                     "mode": "markers+text",
                     "x": [tag.position[0] for tag in tags],
                     "y": [tag.position[1] for tag in tags],
-                    "text": [tag.of if tag.of != str(tag.id) else f"{tag.id}" for tag in tags],
+                    "text": [str(tag.id) for tag in tags],
+                    "hovertext": [f"{tag.of} ({tag.id})" for tag in tags],
                     "textposition": "top center",
                     "textfont": {"size": 9, "color": paint},
                     "marker": {"color": paint, "symbol": symbol, "size": 8},
                     "name": f"{label}s",
                 }
             )
-    for found, label in ((separation(run), "closest approach"), (clearance(run), "least clearance")):
+    for found, label in (
+        (separation(run), "closest approach"),
+        (clearance(run), "least clearance"),
+    ):
         if found.tick is not None:
             data.append(_mark(found, label, run))
     low, high = run.world.fence.low, run.world.fence.high
@@ -108,8 +112,8 @@ def top_view(run: Run) -> Figure:
 def replay(run: Run) -> Figure:
     """Return the flight in three dimensions; the page moves the agents.
 
-    ``path`` holds the positions at `REPLAY_RATE`, (frames, N, 3) in a row, and ``time`` their mission
-    times; the last traces are the trail of each agent, and all agents.
+    ``path`` holds the positions at `REPLAY_RATE`, (frames, N, 3) in a row, and ``time`` their
+    mission times; the last traces are the trail of each agent, and all agents.
     """
     time = run.arrays["time"]
     frames = np.arange(time[0], time[-1] + 1e-9, 1 / REPLAY_RATE)
@@ -126,7 +130,8 @@ def replay(run: Run) -> Figure:
                     "type": "scatter3d",
                     "mode": "markers+text",
                     **_xyz(place),
-                    "text": [tag.of for tag in tags],
+                    "text": [str(tag.id) for tag in tags],
+                    "hovertext": [f"{tag.of} ({tag.id})" for tag in tags],
                     "textfont": {"size": 9, "color": paint},
                     "marker": {"size": 3, "color": paint, "symbol": "square"},
                     "hoverinfo": "text",
@@ -172,9 +177,9 @@ def replay(run: Run) -> Figure:
                 },
                 "aspectmode": "manual",
                 "aspectratio": {
-                    axis: float(1.6 * size[k] / size.max()) for k, axis in enumerate("xyz")
+                    axis: float(1.5 * size[k] / size.max()) for k, axis in enumerate("xyz")
                 },
-                "camera": {"eye": {"x": -1.1, "y": -1.3, "z": 0.9}},
+                "camera": {"eye": {"x": -1.2, "y": -1.4, "z": 1.2}},
             },
         },
         "agents": len(run.agents),
@@ -191,7 +196,7 @@ def over_time(run: Run) -> Iterator[tuple[str, str, Figure]]:
         error, bound = found
         lines = [line for i, name in enumerate(run.agents) for line in (
             _line(time, error[:, i], name, colour(i), group=name),
-            _line(time, bound[:, i], f"{name}, 3σ", colour(i), group=name)
+            _line(time, bound[:, i], f"{name}, 3 std", colour(i), group=name)
             | {"line": {"color": colour(i), "dash": "dot", "width": 1}},
         )]  # fmt: skip
         yield (
@@ -216,7 +221,10 @@ def over_time(run: Run) -> Iterator[tuple[str, str, Figure]]:
     ):
         if nearest.tick is not None:
             figure = _over_time(
-                [_line(time, nearest.distance, name, colour(0)), _mark(nearest, "closest", run, time)],
+                [
+                    _line(time, nearest.distance, name, colour(0)),
+                    _mark(nearest, "closest", run, time),
+                ],
                 "distance (m)",
             )
             if title == "Separation":
@@ -231,7 +239,9 @@ def over_time(run: Run) -> Iterator[tuple[str, str, Figure]]:
                 _line(time, array[:, i], name, colour(i), group=name)
                 for i, name in enumerate(run.agents)
             ]
-            yield title, caption, _over_time(lines, axis)
+            figure = _over_time(lines, axis)
+            figure["layout"]["yaxis"]["rangemode"] = "normal" if title == "Battery" else "tozero"
+            yield title, caption, figure
 
 
 def steps(run: Run) -> Figure:
@@ -370,7 +380,7 @@ def _fence(low: Array, high: Array) -> Figure:
         "x": xs,
         "y": ys,
         "z": zs,
-        "line": {"color": FENCE, "width": 2, "dash": "dash"},
+        "line": {"color": FENCE, "width": 2},
         "hoverinfo": "skip",
     }
 

@@ -26,8 +26,8 @@ def page(run: Run) -> str:
     drawn: list[tuple[str, str, Figure]] = [
         (
             "Top view",
-            "Solid: ground truth (the estimate, if there is none). Dotted: estimate. Circle: start; "
-            "square: end.",
+            "Solid: ground truth (the estimate, if there is none). Dotted: estimate. "
+            "Circle: start; square: end.",
             figures.top_view(run),
         ),
         ("Replay", "", figures.replay(run)),
@@ -94,16 +94,16 @@ def _section(number: int, title: str, caption: str, figure: Figure) -> str:
     # `</` would end the script element
     data = to_json_plotly(figure).replace("</", "<\\/")
     controls = (
-        '<p class=controls><button id=play>Play</button> <input id=frame type=range min=0 value=0> '
-        '<span id=clock></span> <select id=speed><option value=1>1 ×<option value=4 selected>4 ×'
-        "<option value=16>16 ×</select></p>"
+        "<p class=controls><button id=play>Play</button> <input id=frame type=range min=0 value=0> "
+        "<span id=clock></span> <select id=speed><option value=1>1x<option value=4 selected>4x"
+        "<option value=16>16x</select></p>"
         if "path" in figure
         else ""
     )
     note = f"<p class=quiet>{escape(caption)}</p>" if caption else ""
     height = figure["layout"]["height"]
     return (
-        f'<section><h2>{title}</h2>{note}<div class=figure id=figure{number} '
+        f"<section><h2>{title}</h2>{note}<div class=figure id=figure{number} "
         f'style="height:{height}px"></div>{controls}'
         f"<script type=application/json data-figure={number}>{data}</script></section>"
     )
@@ -136,7 +136,7 @@ def _images(run: Run) -> Iterator[str]:
 def _events(events: Sequence[Mapping[str, Any]]) -> str:
     rows = "".join(
         f'<tr class="{escape(event["kind"])}"><td>{event["time"]:.2f} s<td>{escape(event["kind"])}'
-        f'<td>{escape(event.get("agent", ""))}<td>{escape(event["text"])}'
+        f"<td>{escape(event.get('agent', ''))}<td>{escape(event['text'])}"
         for event in events
     )
     return (

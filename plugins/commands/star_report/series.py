@@ -86,7 +86,7 @@ def clearance(run: Run) -> Nearest:
     if np.isnan(least).all():
         return Nearest(least, None, np.full(3, np.nan), "")
     tick = int(np.nanargmin(least))
-    k, i = np.unravel_index(int(np.nanargmin(distance[:, tick])), distance[:, tick].shape)
+    k, i = divmod(int(np.nanargmin(distance[:, tick])), distance.shape[2])
     return Nearest(least, tick, where[tick, i], f"{run.agents[i]} and {obstacles[k].name}")
 
 

@@ -19,14 +19,7 @@ log = logging.getLogger(__name__)
 class Recorder:
     """Keeps every tick in memory and writes it at the end; the manifest is written at the start.
 
-    ``trajectory.npz`` holds, for T ticks of N agents, in the map and SI units: ``agents`` (N,),
-    ``time`` (T,), ``truth_position`` (T, N, 3) and ``truth_attitude`` (T, N, 4; x, y, z, w) where
-    there is ground truth, ``estimate_position``, ``estimate_velocity``, ``goal_position`` and
-    ``setpoint_velocity`` (T, N, 3), ``estimate_yaw``, ``setpoint_yaw`` and ``battery`` (T, N),
-    ``goal_active``, ``setpoint_active`` and ``estimate_valid`` (T, N), and ``phase`` (T, N), the
-    values of `star_core.AgentPhase`. Ground truth is NaN in ticks where it is unknown. Over radio
-    there is ``signal`` (T, N), the received signal strength on board, dBm. Images are saved if the
-    flight requests it, and if the world has targets, ``targets.csv`` lists those found.
+    `docs/record.md` describes the files.
 
     Args:
         flight: The flight to record.
@@ -50,6 +43,9 @@ class Recorder:
             "estimate_velocity": tick.estimate.velocity,
             "estimate_yaw": tick.estimate.yaw,
             "estimate_valid": tick.estimate.valid,
+            "estimate_position_std": np.sqrt(
+                np.diagonal(tick.estimate.covariance, axis1=1, axis2=2)
+            ),
             "goal_position": tick.goals.position,
             "goal_active": tick.goals.active,
             "setpoint_velocity": tick.sent.velocity,

@@ -50,6 +50,7 @@ mission:
 TRUTH = {"truth_position": (3,), "truth_attitude": (4,)}
 COLUMNS: Mapping[str, tuple[int, ...]] = {  # what one row of each agent holds
     "estimate_position": (3,),
+    "estimate_position_std": (3,),
     "estimate_velocity": (3,),
     "estimate_yaw": (),
     "estimate_valid": (),

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,13 @@ from rosbags.rosbag2 import Reader
 from star_core.cli.main import main
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _loaded() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("STAR_BLOCK_PLUGINS")
+        yield
 
 
 @pytest.fixture(scope="module")

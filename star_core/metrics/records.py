@@ -1,0 +1,69 @@
+"""Reads the folder of a recorded flight."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from star_core.errors import InputError
+from star_core.messages.arrays import Array
+from star_core.mission_file import world_loader
+from star_core.mission_file.located import Document, parse
+from star_core.world.world import World
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recorded flight; `docs/record.md` describes its files.
+
+    Attributes:
+        folder: Where it is.
+        manifest: The mission and world as flown, plugins, seed, packages.
+        summary: Outcome, figures, steps and events.
+        arrays: The arrays of ``trajectory.npz`` by name, over ticks and agents, map frame, SI.
+        agents: Name of the agent in each row.
+        world: Geofence, obstacles, landmarks and targets.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    arrays: Mapping[str, Array]
+    agents: tuple[str, ...]
+    world: World
+
+
+def read_run(folder: Path | str) -> Run:
+    """Return a recorded flight.
+
+    Args:
+        folder: Of the run, such as ``runs/latest``.
+
+    Raises:
+        InputError: It holds no complete record.
+
+    Example:
+        >>> run = read_run("runs/latest")  # doctest: +SKIP
+        >>> run.arrays["estimate_position"][-1]  # doctest: +SKIP
+    """
+    folder = Path(folder)
+    try:
+        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        with np.load(folder / "trajectory.npz") as file:
+            arrays = {name: file[name] for name in file.files}
+    except FileNotFoundError as error:
+        what = "the record of an interrupted run" if (folder / "manifest.json").exists() else "none"
+        text = f"{folder}: expected the folder of a recorded run, found {what}"
+        raise InputError(f"{text}: no '{Path(error.filename).name}'", "no-record") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder}: the record cannot be read: {error}", "no-record") from error
+    agents = tuple(str(name) for name in arrays.pop("agents"))
+    source = folder / "manifest.json"
+    document = Document(parse(json.dumps(manifest["world"]), str(source)), source)
+    return Run(folder, manifest, summary, arrays, agents, world_loader.world(document))
