@@ -1,4 +1,4 @@
-"""Command ``star report``: shows a recorded flight on one page."""
+"""Command ``star report``: shows a recorded flight or a study on one page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from star_core import CommandSpec, hookimpl
 def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="report",
-        summary="Write a recorded flight as one HTML page.",
+        summary="Write a recorded flight or a study as one HTML page.",
         make=_report,
         group="Look back",
     )

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from star_core import InputError, read_run
+from star_report import study
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -21,12 +22,11 @@ def main(arguments: Sequence[str]) -> int:
     if find_spec("plotly") is None:
         text = "star report needs plotly: pip install 'star-swarm[report]'"
         raise InputError(text, "missing-package")
-    from star_report.page import page
-
-    run = read_run(Path(options.run))
-    out = Path(options.out) if options.out else run.folder / "report.html"
+    folder = Path(options.run)
+    out = Path(options.out) if options.out else folder / "report.html"
+    text = _page(folder)
     try:
-        out.write_text(page(run), encoding="utf-8")
+        out.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(
             f"{out}: cannot be written: {error.strerror}", "unwritable-file"
@@ -35,14 +35,28 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _page(folder: Path) -> str:
+    """Return the page of a run or of a study.
+
+    Raises:
+        InputError: The folder holds neither.
+    """
+    if (folder / study.FILE).is_file():
+        return study.page(folder)
+    from star_report.page import page
+
+    return page(read_run(folder))
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the command-line parser; separate so that docs and tests can read it."""
     star = argparse.ArgumentParser(
         prog="star report",
-        description="Write a recorded flight as one HTML page that needs no network: outcome, "
-        "events, top view, 3-D replay, and error, separation, altitude and battery over time.",
+        description="Write a recorded flight or a study as one HTML page that needs no network. "
+        "Of a flight: outcome, events, top view, 3-D replay, and error, separation, altitude and "
+        "battery over time. Of a study: each measure by condition, and differences to the first.",
         allow_abbrev=False,
     )
-    star.add_argument("run", help="folder of a run: runs/TIME-MISSION")
+    star.add_argument("run", help="folder of a run or of a study: runs/TIME-NAME")
     star.add_argument("-o", "--out", metavar="FILE", help="file to write (RUN/report.html)")
     return star

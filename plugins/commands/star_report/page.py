@@ -1,4 +1,4 @@
-"""Assembles the page of a report: one HTML file without any request to a network."""
+"""The page of a flight: one HTML file that makes no request to a network."""
 
 from __future__ import annotations
 
@@ -35,11 +35,16 @@ def page(run: Run) -> str:
         ("Steps", "When each agent executed which step.", figures.steps(run)),
         ("Computing time", "In total, by plugin.", figures.compute(run)),
     ]
-    sections += [_section(i, *drawn[i]) for i in range(len(drawn))]
+    sections += [section(i, *drawn[i]) for i in range(len(drawn))]
     sections += [*_images(run), _events(summary["events"])]
+    return render(f"{summary['mission']}: {summary['outcome']}", sections)
+
+
+def render(title: str, sections: Sequence[str]) -> str:
+    """Return a page with sections of HTML and, in them, figures."""
     template = (files("star_report") / "template.html").read_text(encoding="utf-8")
     for mark, text in (
-        ("{{title}}", escape(f"{summary['mission']}: {summary['outcome']}")),
+        ("{{title}}", escape(title)),
         ("{{body}}", "\n".join(sections)),
         ("{{plotly}}", _plotly()),
     ):
@@ -90,7 +95,8 @@ def _figures_of_merit(summary: Mapping[str, Any]) -> str:
     return f"<dl>{cells}</dl>"
 
 
-def _section(number: int, title: str, caption: str, figure: Figure) -> str:
+def section(number: int, title: str, caption: str, figure: Figure) -> str:
+    """Return a section with the figure of a number."""
     # `</` would end the script element
     data = to_json_plotly(figure).replace("</", "<\\/")
     controls = (
@@ -103,7 +109,7 @@ def _section(number: int, title: str, caption: str, figure: Figure) -> str:
     note = f"<p class=quiet>{escape(caption)}</p>" if caption else ""
     height = figure["layout"]["height"]
     return (
-        f"<section><h2>{title}</h2>{note}<div class=figure id=figure{number} "
+        f"<section><h2>{escape(title)}</h2>{note}<div class=figure id=figure{number} "
         f'style="height:{height}px"></div>{controls}'
         f"<script type=application/json data-figure={number}>{data}</script></section>"
     )

@@ -1,0 +1,66 @@
+"""The page of a study: measures by condition, differences by seed."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from star_core.cli.main import main
+from star_report.study import FILE, differences, figure, interval, read
+
+TABLE = """\
+mission,avoider,seed,outcome,reason,min_separation_m,targets.list,wall_time_s
+hop.yaml,none,0,completed,,0.1,[],1.0
+hop.yaml,none,1,failed,1 collision,0.2,[],1.0
+hop.yaml,none,2,completed,,,[],1.0
+hop.yaml,<orca>,0,completed,,0.4,[],1.0
+hop.yaml,<orca>,1,completed,,0.6,[],1.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / FILE).write_text(TABLE)
+    return tmp_path
+
+
+def test_differences_are_paired_by_seed(folder: Path) -> None:
+    study = read(folder)
+    assert list(study.conditions) == ["none", "<orca>"]
+    assert study.measures == ["min_separation_m"]
+    found = differences(study, "min_separation_m")["<orca>"]
+    assert found is not None
+    assert found.n == 2
+    assert found.mean == pytest.approx(0.35)
+    half = 12.706204736 * 0.05  # quantile of Student's t, standard error
+    assert found.high - found.mean == pytest.approx(half)
+
+
+def test_every_run_is_a_point_and_every_seed_a_line(folder: Path) -> None:
+    *lines, points, means = figure(read(folder), "min_separation_m")["data"]
+    assert sorted(points["y"]) == [0.1, 0.2, 0.4, 0.6]
+    assert [line["y"] for line in lines] == [[0.1, 0.4], [0.2, 0.6]]
+    assert means["y"] == pytest.approx([0.15, 0.5])
+
+
+def test_one_value_has_no_interval() -> None:
+    found = interval([2.0])
+    assert found is not None
+    assert math.isnan(found.low)
+    assert interval([]) is None
+
+
+def test_the_page_escapes_names_and_shows_the_share_of_completed_runs(folder: Path) -> None:
+    assert main(["report", str(folder)]) == 0
+    page = (folder / "report.html").read_text()
+    assert "<orca>" not in page.split("<script", 1)[0]
+    assert "67% [21%, 94%]" in page  # 2 of 3, by Wilson
+    assert "0.35 [-0.285, 0.985]" in page
+
+
+def test_another_table_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / FILE).write_text("a,b\n1,2\n")
+    assert main(["report", str(folder)]) == 2
+    assert "[no-record]" in capsys.readouterr().err
