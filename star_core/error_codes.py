@@ -191,6 +191,14 @@ CATALOGUE: Final = {
         "A world has no tags where some are needed.",
         "Add landmarks or targets to the world, or use another one.",
     ),
+    "missing-package": Entry(
+        "A package is needed that is not installed.",
+        "Install it; the message states the command.",
+    ),
+    "no-record": Entry(
+        "A folder does not hold the complete record of a flight or of a study.",
+        "Name the folder that `star run` or `star ablate` wrote; `docs/record.md` lists its files.",
+    ),
     "option-conflict": Entry(
         "Two options exclude each other, or one needs another.",
         "Remove or add the option that the message names.",
