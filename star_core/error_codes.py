@@ -176,8 +176,8 @@ CATALOGUE: Final = {
         "Add it.",
     ),
     "missing-package": Entry(
-        "An optional package is not installed.",
-        "Install it as the message states.",
+        "A package is needed that is not installed.",
+        "Install it; the message states the command.",
     ),
     "no-answer": Entry(
         "A device does not answer in time.",
@@ -187,17 +187,13 @@ CATALOGUE: Final = {
         "A plugin needs images, but no agent has a camera.",
         "Give agents a camera, or use another plugin.",
     ),
-    "no-tags": Entry(
-        "A world has no tags where some are needed.",
-        "Add landmarks or targets to the world, or use another one.",
-    ),
-    "missing-package": Entry(
-        "A package is needed that is not installed.",
-        "Install it; the message states the command.",
-    ),
     "no-record": Entry(
         "A folder does not hold the complete record of a flight or of a study.",
         "Name the folder that `star run` or `star ablate` wrote; `docs/record.md` lists its files.",
+    ),
+    "no-tags": Entry(
+        "A world has no tags where some are needed.",
+        "Add landmarks or targets to the world, or use another one.",
     ),
     "option-conflict": Entry(
         "Two options exclude each other, or one needs another.",
