@@ -79,9 +79,9 @@ CATALOGUE: Final = {
         "The state estimator of a drone has not converged.",
         "Attach the Flow deck, and do not move the drone while it connects.",
     ),
-    "fence-too-near": Entry(
-        "The safety rule `fence_near` would trigger at once.",
-        "Reduce `within`, or move the start or the height away from the fence.",
+    "file-exists": Entry(
+        "A file that would be written exists already.",
+        "Choose another name or folder, or remove the file.",
     ),
     "file-not-found": Entry(
         "There is no file of that name.",
@@ -122,6 +122,8 @@ CATALOGUE: Final = {
     "invalid-name": Entry(
         "A name has characters that are not allowed.",
         "Use the form that the message describes.",
+        "A name has characters that are not accepted.",
+        "Use what the message lists.",
     ),
     "invalid-option": Entry(
         "An option has a value that cannot be used in this mission.",

@@ -1,0 +1,84 @@
+"""What `star new` writes works at once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from star_core.cli.main import main
+from star_new.command import KINDS
+
+
+@pytest.fixture(autouse=True)
+def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_new_mission_is_checked_and_flies(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "mission", "patrol"]) == 0
+    assert capsys.readouterr().out == "patrol.yaml\npatrol_world.yaml\nnext: star run patrol.yaml\n"
+    assert main(["check", "patrol.yaml"]) == 0
+    assert main(["run", "patrol.yaml", "--no-record"]) == 0
+
+
+def test_a_new_world_is_checked() -> None:
+    assert main(["new", "world", "lab"]) == 0
+    assert main(["check", "lab.yaml"]) == 0
+
+
+def test_new_plugins_of_every_kind_pass_their_own_tests(tmp_path: Path) -> None:
+    folders = []
+    for kind in KINDS:
+        assert main(["new", "plugin", f"my-{kind}", "--kind", kind]) == 0
+        folder = tmp_path / f"star-my-{kind}"
+        _install(folder)
+        folders.append(folder)
+    path = os.pathsep.join(map(str, folders))
+    tests = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *map(str, folders)],
+        env={**os.environ, "PYTHONPATH": path},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert tests.returncode == 0, tests.stdout + tests.stderr
+    assert "11 passed" in tests.stdout
+
+
+def _install(folder: Path) -> None:
+    """Do what `pip install -e` does, without it."""
+    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    info = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    info.mkdir()
+    lines = [f"Name: {project['name']}", f"Version: {project['version']}", "Metadata-Version: 2.1"]
+    (info / "METADATA").write_text("\n".join(lines) + "\n")
+    points = project["entry-points"]["star.plugins"]
+    text = "".join(f"{name} = {value}\n" for name, value in points.items())
+    (info / "entry_points.txt").write_text(f"[star.plugins]\n{text}")
+
+
+def test_nothing_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "lab_world.yaml").write_text("mine")
+    assert main(["new", "mission", "lab"]) == 2
+    assert "lab_world.yaml: exists already" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["lab_world.yaml"]
+
+
+@pytest.mark.parametrize("name", ["Lab", "1st", "a b", "../up", "a--b", ""])
+def test_names_that_nothing_can_have_are_refused(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "world", name]) == 2
+    assert "[invalid-name]" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_plugin_needs_a_kind(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "plugin", "mine"]) == 2
+    assert "[missing-option]" in capsys.readouterr().err
