@@ -1,0 +1,76 @@
+"""Command line of ``star view``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from star_core import InputError, Mission, Registry, Run, fly, load, read_run
+
+PORT = 8080
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Serve the page until it is interrupted, and return the exit status, 0.
+
+    Raises:
+        InputError: There is neither a mission nor a record, or a package is missing.
+    """
+    options = parser().parse_args(arguments)
+    if find_spec("viser") is None:
+        text = "star view needs viser: pip install 'star-swarm[view]'"
+        raise InputError(text, "missing-package")
+    path = Path(options.path)
+    if path.is_dir():
+        run, mission = read_run(path), None
+    else:
+        mission = load(path, registry := Registry(), options.set)
+        if mission.scene.realtime:  # the page shows a simulation of it
+            mission = load(path, registry, [*options.set, "transport=sim"])
+        run = simulate(mission, registry)
+    from star_view.viewer import Viewer
+
+    viewer = Viewer(run, None if mission is None else mission.scene, port=options.port)
+    try:
+        sys.stdout.write(f"{viewer.address} shows {path}; Ctrl-C ends it\n")
+        sys.stdout.flush()
+        viewer.serve()
+    except KeyboardInterrupt:
+        sys.stdout.write("\n")
+    finally:
+        viewer.close()
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command-line parser; separate so that docs and tests can read it."""
+    star = argparse.ArgumentParser(
+        prog="star view",
+        description="Show a flight in 3-D in the browser: a recorded one, or a simulation of a "
+        "mission. The page is served on this machine only.",
+        allow_abbrev=False,
+    )
+    star.add_argument("path", help="mission file (YAML), or folder of a run")
+    star.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="set a value of the mission: avoider.radius=0.3",
+    )
+    star.add_argument(
+        "--port", type=int, default=PORT, help="port, or the next free one (%(default)s)"
+    )
+    return star
+
+
+def simulate(mission: Mission, registry: Registry) -> Run:
+    """Fly a mission in simulation and return its record, which is not kept."""
+    sys.stderr.write(f"star: simulating {mission.name} ...\n")
+    with TemporaryDirectory() as folder:
+        fly(mission, registry, folder=Path(folder))
+        return read_run(folder)
