@@ -122,8 +122,6 @@ CATALOGUE: Final = {
     "invalid-name": Entry(
         "A name has characters that are not allowed.",
         "Use the form that the message describes.",
-        "A name has characters that are not accepted.",
-        "Use what the message lists.",
     ),
     "invalid-option": Entry(
         "An option has a value that cannot be used in this mission.",
