@@ -1,0 +1,31 @@
+"""docs/record.md lists every array and every key that a flight records."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+
+from star_core.cli.main import main
+
+PAGE = Path(__file__).parents[1] / "docs" / "record.md"
+
+
+def test_every_array_and_key_is_described(hop: Path) -> None:
+    assert main(["run", "hop.yaml", "--out", "run"]) == 0
+    pattern = re.compile(r"^## `([a-z.]+)`\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+    sections = dict(pattern.findall(PAGE.read_text()))
+    described = {
+        name: {
+            word
+            for line in re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
+            for word in re.findall(r"`(\w+)`", line)
+        }
+        for name, text in sections.items()
+    }
+    arrays = set(np.load(hop / "run" / "trajectory.npz").files)
+    assert arrays == described["trajectory.npz"] - {"signal"}  # there is no radio
+    keys = set(json.loads((hop / "run" / "summary.json").read_text()))
+    assert keys == described["summary.json"]
