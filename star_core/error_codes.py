@@ -79,6 +79,10 @@ CATALOGUE: Final = {
         "The state estimator of a drone has not converged.",
         "Attach the Flow deck, and do not move the drone while it connects.",
     ),
+    "fence-too-near": Entry(
+        "The safety rule `fence_near` would trigger at once.",
+        "Reduce `within`, or move the start or the height away from the fence.",
+    ),
     "file-exists": Entry(
         "A file that would be written exists already.",
         "Choose another name or folder, or remove the file.",
