@@ -317,7 +317,7 @@ class CommandSpec(Spec):
     Attributes:
         make: ``make(arguments)`` runs it with the rest of the command line and returns its exit
             status.
-        group: Heading in ``star --help``: Fly, Author, Study, Hardware, Plugins or another.
+        group: Heading in ``star --help``: Fly, Review, Author, Study, Hardware, Plugins or another.
     """
 
     make: Callable[[list[str]], int]

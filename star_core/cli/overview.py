@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from star_core.registry import Registry
 
-GROUPS = ("Fly", "Author", "Study", "Hardware", "Plugins")
+GROUPS = ("Fly", "Review", "Author", "Study", "Hardware", "Plugins")
 FIRST_LINE = "star commands 1"  # version of the file's format
 
 

@@ -13,7 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
         name="report",
         summary="Write a recorded flight or a study as one HTML page.",
         make=_report,
-        group="Look back",
+        group="Review",
     )
 
 

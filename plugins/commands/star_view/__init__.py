@@ -13,7 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
         name="view",
         summary="Show a mission or a recorded flight in 3-D in the browser.",
         make=_view,
-        group="Look back",
+        group="Review",
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -35,6 +36,8 @@ def main(arguments: Sequence[str]) -> int:
     from star_view.viewer import Viewer
 
     viewer = Viewer(run, None if mission is None else mission.scene, port=options.port)
+    for number in (signal.SIGINT, signal.SIGTERM):  # a program that was started with & ignores both
+        signal.signal(number, signal.default_int_handler)
     try:
         sys.stdout.write(f"{viewer.address} shows {path}; Ctrl-C ends it\n")
         sys.stdout.flush()

@@ -64,5 +64,5 @@ def star_commands() -> Iterator[CommandSpec]:
         name="recover",
         summary="Complete the recording of an interrupted run.",
         make=_recover,
-        group="Look back",
+        group="Review",
     )

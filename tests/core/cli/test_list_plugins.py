@@ -228,8 +228,8 @@ def test_a_schema_that_cannot_be_written_says_why(said: Said) -> None:
     assert main(["schema", "--out", "."]) == 2
     assert said.readouterr() == (
         "",
-        "nowhere/x.json: cannot be written: No such file or directory [invalid-argument]\n"
-        ".: cannot be written: Is a directory [invalid-argument]\n",
+        "nowhere/x.json: cannot be written: No such file or directory [unwritable-file]\n"
+        ".: cannot be written: Is a directory [unwritable-file]\n",
     )
 
 

@@ -71,7 +71,14 @@ def test_every_command_is_listed_under_its_group(
     listed = {(group, line.split()[0]) for group, lines in groups for line in lines.splitlines()}
     offers = Registry().offers()["command"]
     assert listed == {(offer.group, name) for name, offer in offers.items()}
-    assert [group for group, _ in groups] == ["Fly", "Author", "Study", "Hardware", "Plugins"]
+    assert [group for group, _ in groups] == [
+        "Fly",
+        "Review",
+        "Author",
+        "Study",
+        "Hardware",
+        "Plugins",
+    ]
 
 
 def test_the_second_time_no_plugin_is_loaded(

@@ -31,7 +31,7 @@ OFFERS = {
         "flow": offer(
             "flow",
             {"noise": {"$ref": "#/$defs/a~1b"}},
-            **{"$defs": {"a/b": {"description": "Deviation, m.", "type": "number [wrong-type]"}}},
+            **{"$defs": {"a/b": {"description": "Deviation, m.", "type": "number"}}},
         )
     },
     "avoider": {"none": offer("none"), "orca": offer("orca")},

@@ -77,7 +77,10 @@ def test_ctrl_c_ends_it(tmp_path: Path) -> None:
         assert view.stdout is not None
         assert b"Ctrl-C" in view.stdout.readline()
         os.kill(view.pid, signal.SIGINT)
-        assert view.wait(10) == 0
+        try:
+            assert view.wait(10) == 0
+        finally:
+            view.kill()
         assert view.stderr is not None
         assert b"Traceback" not in view.stderr.read()
 
