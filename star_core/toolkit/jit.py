@@ -23,6 +23,7 @@ from numba.extending import typeof_impl
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+STACK_SIZE: Final = 2**16 + 2**10  # values of 8 bytes: just over half of a chunk of 1 MiB
 REPORT_PERIOD: Final = 1.5  # s, between two reports while a kernel is compiled
 
 
@@ -42,6 +43,7 @@ def compiled(function: Function, **options: Any) -> Function:
     kernel: Any = njit(error_model="numpy", **bare)(function)
     if kernel is not function:  # as it is with NUMBA_DISABLE_JIT
         kernel._cache = _KernelCache(kernel)  # noqa: SLF001 -- what `cache=True` does
+        kernel._compile_for_args = _with_large_stack(kernel._compile_for_args)  # noqa: SLF001
     return cast("Function", kernel)
 
 
@@ -49,7 +51,9 @@ def subroutine(function: Function, **options: Any) -> Function:
     """Return `function` for kernels to call; it is compiled, and kept on disk, as part of them.
 
     Called by Python it is interpreted: code that takes arguments from Python would be a sixth of
-    the compiler's work.
+    the compiler's work. It is inlined everywhere: otherwise the linker chooses among copies that
+    were optimized differently, and a flight that compiles kernels would differ in the last digits
+    from one that loads them.
 
     Args:
         function: Takes numbers, arrays and tuples of them.
@@ -62,7 +66,8 @@ class _Subroutine:
     """A function that is compiled where kernels call it, and interpreted elsewhere."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
-        bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options}
+        bare: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        bare |= {"forceinline": True, **options}
         self.dispatcher: Any = njit(error_model="numpy", **bare)(function)
         self.py_func = function
         update_wrapper(self, function)
@@ -79,6 +84,22 @@ def _type_of_subroutine(value: _Subroutine, _context: Any) -> Any:
 def compile_time() -> float:
     """Return how long numba has compiled in this process so far, s."""
     return _timer.duration if _timer.done else 0.0
+
+
+def _with_large_stack(function: Function) -> Function:
+    """Return `function`, called so that the calls below it share one chunk of Python's data stack.
+
+    Python allocates that stack in chunks of 16 KiB, by the operating system, and frees a chunk when
+    the last call in it returns. Numba's compiler is deeply nested and crosses the end of a chunk
+    again and again: half a million times, a third of the time of a first flight. For a frame that
+    does not fit into a chunk, Python allocates one of the next power of two.
+    """
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        return function(*arguments, **options)
+
+    call.__code__ = call.__code__.replace(co_stacksize=STACK_SIZE)
+    return cast("Function", call)
 
 
 class _KernelCache(FunctionCache):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import shutil
@@ -9,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -145,24 +147,32 @@ def test_editing_an_option_recompiles_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.campaign
-def test_a_first_flight_reports_what_it_compiles_and_the_next_compiles_nothing(
-    tmp_path: Path,
+@pytest.mark.parametrize("mission", ["first_flight", "around", "search"])
+def test_a_first_flight_reports_what_it_compiles_and_is_the_same_as_the_next(
+    mission: str, tmp_path: Path
 ) -> None:
-    def fly() -> list[str]:
+    star = Path(sys.executable).with_name("star")
+    path = ROOT / "missions" / f"{mission}.yaml"
+
+    def fly() -> tuple[list[str], dict[str, Any]]:
         done = subprocess.run(
-            [
-                str(Path(sys.executable).with_name("star-run")),
-                *(str(ROOT / "missions" / "first_flight.yaml"), "--no-record"),
-            ],
+            [str(star), "run", str(path), "--no-record", "--json"],
             env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
             capture_output=True,
             check=True,
             text=True,
         )
-        return [line for line in done.stderr.splitlines() if "compiling" in line]
+        summary: dict[str, Any] = json.loads(done.stdout)
+        for key in ("wall_time_s", "realtime_factor", "compute_us", "compute_s", "slow_ticks"):
+            del summary[key]
+        summary["events"] = [event for event in summary["events"] if event["kind"] != "slow"]
+        return [line for line in done.stderr.splitlines() if "compiling" in line], summary
 
-    assert fly()
-    assert not fly()
+    reports, first = fly()
+    later_reports, later = fly()
+    assert reports
+    assert not later_reports
+    assert first == later
 
 
 def test_a_division_by_zero_is_infinite() -> None:
