@@ -22,6 +22,8 @@ from star_core.errors import InputError as InputError
 from star_core.errors import PluginError as PluginError
 from star_core.errors import StarError as StarError
 from star_core.geometry.footprint import footprint as footprint
+from star_core.geometry.meshes import box_edges as box_edges
+from star_core.geometry.meshes import obstacle_meshes as obstacle_meshes
 from star_core.hookspecs import hookimpl as hookimpl
 from star_core.messages.arrays import Array as Array
 from star_core.messages.arrays import Mask as Mask

@@ -102,17 +102,17 @@ class RowCountError(ContractError):
     def __init__(self, table: str, count: Mapping[str, int], per: str) -> None:
         self._table, self._count, self._per = table, count, per
         *odd, most = sorted(_by_count(count), key=lambda group: len(group[0]))
-        said = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in odd)
-        text = f"{said}, but {_have(most[0])} {most[1]}; expected one row per {per}"
+        odd_ones = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in odd)
+        text = f"{odd_ones}, but {_have(most[0])} {most[1]}; expected one row per {per}"
         super().__init__(f"{table}.{text}")
 
     def among(self, agents: int) -> str:
-        """Return the message for a swarm of `agents`, which tells which fields are wrong."""
+        """Return the message for a swarm of `agents`, naming the wrong fields."""
         if self._per != "agent":
             return str(self)
         wrong = [group for group in _by_count(self._count) if group[1] != agents]
-        said = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in wrong)
-        return coded(f"{self._table}.{said}, expected {agents}, one per agent", self.code)
+        fields = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in wrong)
+        return coded(f"{self._table}.{fields}, expected {agents}, one per agent", self.code)
 
 
 def _by_count(count: Mapping[str, int]) -> list[tuple[list[str], int]]:

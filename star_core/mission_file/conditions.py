@@ -34,7 +34,7 @@ class ConditionContext:
         health: How everybody is.
         names: Of the agents, by row.
         targets: Names of those that were found.
-        events: Everything that was told, the newest last.
+        events: All events so far, the newest last.
     """
 
     rows: tuple[int, ...]
@@ -185,7 +185,7 @@ def _found(given: str | int, now: ConditionContext) -> bool:
 
 
 def _told(kind: str, now: ConditionContext) -> bool:
-    """Whether something of a kind was told since the step began."""
+    """Whether there was an event of a kind since the step began."""
     for event in reversed(now.events):
         if event.time < now.begun - ROUNDING:
             return False

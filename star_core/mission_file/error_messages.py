@@ -19,7 +19,7 @@ class Breach(NamedTuple):
     Attributes:
         path: Where the value is.
         keyword: The rule's keyword; empty where a schema is `False`.
-        wanted: What the rule says.
+        wanted: What the rule expects.
         value: What there is.
         rules: The schema that the rule is one of.
         of_key: Whether the value is a key of the map at `path`.

@@ -8,7 +8,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import shapely
 
-from star_core import Array, Obstacle, Run
+from star_core import Array, Obstacle, Run, box_edges, obstacle_meshes
 from star_report.series import Nearest, airborne, clearance, errors, positions, separation
 
 Figure: TypeAlias = dict[str, Any]
@@ -362,49 +362,25 @@ def _outline(polygon: Sequence[tuple[float, float]]) -> Figure:
 
 
 def _fence(low: Array, high: Array) -> Figure:
-    """Return the edges of the geofence."""
-    xs, ys, zs = (list[float | None]() for _ in range(3))
-    for k in range(3):
-        for a in (0, 1):
-            for b in (0, 1):
-                ends = np.tile(low, (2, 1))
-                ends[1, k] = high[k]
-                others = [axis for axis in range(3) if axis != k]
-                for axis, at_high in zip(others, (a, b), strict=True):
-                    ends[:, axis] = high[axis] if at_high else low[axis]
-                for values, column in zip((xs, ys, zs), ends.T, strict=True):
-                    values += [*map(float, column), None]
+    """Return the edges of the geofence: a line with gaps (NaN) between them."""
+    edges = np.pad(
+        box_edges(low.tolist(), high.tolist()), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan
+    )
     return {
         "type": "scatter3d",
         "mode": "lines",
-        "x": xs,
-        "y": ys,
-        "z": zs,
+        **_xyz(edges.reshape(-1, 3)),
         "line": {"color": FENCE, "width": 2},
         "hoverinfo": "skip",
     }
 
 
 def _prisms(obstacle: Obstacle) -> Iterator[Figure]:
-    bottom, top = obstacle.height
-    for polygon in obstacle.polygons:
-        n = len(polygon)
-        flat = np.array(polygon)
-        corners = np.vstack([np.c_[flat, np.full(n, bottom)], np.c_[flat, np.full(n, top)]])
-        sides = [(k, (k + 1) % n, n + k) for k in range(n)]
-        sides += [((k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
-        where = {(float(x), float(y)): n + k for k, (x, y) in enumerate(polygon)}
-        roof = [
-            [where[float(x), float(y)] for x, y in shapely.get_coordinates(triangle)[:3]]
-            for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(polygon)).geoms
-        ]
-        i, j, k = np.array([*sides, *roof]).T
+    for vertices, faces in obstacle_meshes(obstacle):
         yield {
             "type": "mesh3d",
-            **_xyz(corners),
-            "i": i,
-            "j": j,
-            "k": k,
+            **_xyz(vertices),
+            **dict(zip("ijk", faces.T, strict=True)),
             "color": OBSTACLE,
             "opacity": 0.6,
             "flatshading": True,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import combinations, product
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
 
-from star_core import Array, Obstacle, Tag, World
+from star_core import Tag, World, box_edges, obstacle_meshes
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -27,10 +26,10 @@ def add_world(scene: SceneApi, world: World) -> None:
     width, depth, _ = high - low
     centre = (low + high) / 2
     scene.add_grid("/floor", width=width, height=depth, cell_size=0.5, position=(*centre[:2], 0.0))
-    edges = np.array(list(_edges(low, high)))
+    edges = box_edges(world.fence.low, world.fence.high)
     scene.add_line_segments("/fence", points=edges, colors=FENCE, thickness=0.01)
     for obstacle in world.obstacles:
-        for i, (vertices, faces) in enumerate(prisms(obstacle)):
+        for i, (vertices, faces) in enumerate(obstacle_meshes(obstacle)):
             scene.add_mesh_simple(
                 f"/obstacles/{obstacle.name}/{i}", vertices, faces, color=OBSTACLE, opacity=0.7,
                 flat_shading=True, side="double", cast_shadow=False, receive_shadow=False,
@@ -42,24 +41,6 @@ def add_world(scene: SceneApi, world: World) -> None:
     _add_tags(scene, "targets", world.targets, TARGET)
 
 
-def prisms(obstacle: Obstacle) -> Iterator[tuple[Array, Array]]:
-    """Yield vertices (V, 3), m, and triangles (F, 3) of each piece of an obstacle."""
-    bottom, top = obstacle.height
-    for polygon in obstacle.polygons:
-        n, flat = len(polygon), np.array(polygon)
-        vertices = np.vstack([np.c_[flat, np.full(n, bottom)], np.c_[flat, np.full(n, top)]])
-        following = [*range(1, n), 0]
-        sides = [(k, f, n + k) for k, f in enumerate(following)]
-        sides += [(f, n + f, n + k) for k, f in enumerate(following)]
-        index = {(float(x), float(y)): k for k, (x, y) in enumerate(polygon)}
-        triangles = shapely.constrained_delaunay_triangles(shapely.Polygon(polygon))
-        roof = [
-            [n + index[float(x), float(y)] for x, y in shapely.get_coordinates(triangle)[:3]]
-            for triangle in triangles.geoms
-        ]
-        yield vertices, np.array([*sides, *roof])
-
-
 def _add_tags(scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int, int, int]) -> None:
     for tag in tags:
         x, y, z, w = tag.rotation
@@ -69,11 +50,3 @@ def _add_tags(scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int,
             wxyz=(w, x, y, z), position=tag.position, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
         scene.add_label(f"{name}/id", f"{tag.of} ({tag.id})", position=(0.0, 0.0, 0.05))
-
-
-def _edges(low: Array, high: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield both ends of each of a box's twelve edges."""
-    corners = [np.array(corner) for corner in product(*zip(low, high, strict=True))]
-    for a, b in combinations(corners, 2):
-        if (a != b).sum() == 1:
-            yield a, b

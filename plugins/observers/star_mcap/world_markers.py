@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import shapely
 
-from star_core import Obstacle, Scene
+from star_core import Array, Obstacle, Scene, box_edges, obstacle_meshes
 from star_mcap.messages import header, kind, point, pose, vector
 
 GREY, GREEN, BLUE, ORANGE = (0.5, 0.5, 0.5), (0.2, 0.6, 0.2), (0.1, 0.3, 0.8), (0.9, 0.5, 0.1)
@@ -31,7 +29,7 @@ def _markers(scene: Scene) -> Iterator[dict[str, Any]]:
         "ns": "fence",
         "type": marker.LINE_LIST,
         "scale": (LINE, 0.0, 0.0),
-        "points": _box_edges(world.fence.low, world.fence.high),
+        "points": _points(box_edges(world.fence.low, world.fence.high)),
         "color": GREEN,
     }
     for obstacle in world.obstacles:
@@ -39,7 +37,7 @@ def _markers(scene: Scene) -> Iterator[dict[str, Any]]:
             "ns": "obstacles",
             "type": marker.TRIANGLE_LIST,
             "scale": (1.0, 1.0, 1.0),
-            "points": _triangles(obstacle),
+            "points": _points(_triangles(obstacle)),
             "color": GREY,
         }
     for ns, tags, color in (
@@ -101,26 +99,10 @@ def _marker(time: int, number: int, given: Mapping[str, Any]) -> Any:
     )
 
 
-def _box_edges(low: Sequence[float], high: Sequence[float]) -> list[Any]:
-    """Return both ends of each of a box's twelve edges."""
-    corners = list(product(*zip(low, high, strict=True)))
-    return [
-        point(corner)
-        for i, a in enumerate(corners)
-        for b in corners[i + 1 :]
-        if sum(x != y for x, y in zip(a, b, strict=True)) == 1
-        for corner in (a, b)
-    ]
+def _triangles(obstacle: Obstacle) -> Array:
+    """Return the corners of an obstacle's triangles, (F, 3, 3) m."""
+    return np.concatenate([vertices[faces] for vertices, faces in obstacle_meshes(obstacle)])
 
 
-def _triangles(obstacle: Obstacle) -> list[Any]:
-    """Return the corners of the triangles of an obstacle's sides and top."""
-    foot, top = obstacle.height
-    found: list[Any] = []
-    for polygon in obstacle.polygons:
-        for (ax, ay), (bx, by) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
-            a, b, c, d = (ax, ay, foot), (bx, by, foot), (bx, by, top), (ax, ay, top)
-            found += [point(corner) for corner in (a, b, c, a, c, d)]
-        for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(polygon)).geoms:
-            found += [point((x, y, top)) for x, y in shapely.get_coordinates(triangle)[:3].tolist()]
-    return found
+def _points(corners: Array) -> list[Any]:
+    return [point(corner) for corner in corners.reshape(-1, 3).tolist()]

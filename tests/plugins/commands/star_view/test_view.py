@@ -10,16 +10,13 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from star_core import Registry, load, read_run
 from star_core.cli.main import main
 from star_view.command import simulate
 from star_view.viewer import LOOPBACK, Viewer
-from star_view.world_scene import prisms
 
 FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
 
@@ -57,15 +54,6 @@ def test_ellipsoids_are_two_standard_deviations(viewer: Viewer) -> None:
     viewer.show(300)
     std = viewer._run.arrays["estimate_position_std"][300, 1]
     assert viewer._ellipsoids[1].scale == pytest.approx(2 * std)
-
-
-def test_an_obstacle_is_a_closed_prism() -> None:
-    corner = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
-    obstacle = SimpleNamespace(polygons=(corner,), height=(0.0, 2.0))
-    ((vertices, faces),) = prisms(obstacle)  # type: ignore[arg-type]
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    assert area == pytest.approx(8 * 2 + 3)  # sides and roof
 
 
 def test_ctrl_c_ends_it(tmp_path: Path) -> None:
