@@ -164,6 +164,8 @@ def _other(document: Document) -> str:
             return "is a world: name a mission that is flown in it"
         case "camera":
             return "is a camera: name a mission that has it"
+        case "study":
+            return "is a study: `star ablate` flies it"
         case _:
             return ""
 

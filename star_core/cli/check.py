@@ -29,7 +29,7 @@ def check_file(path: Path, assignments: Sequence[str], registry: Registry) -> st
         InputError: Something is wrong with it.
     """
     document = read(path)
-    others = {"steps": _steps, "world": _world, "camera": _camera}
+    others = {"steps": _steps, "world": _world, "camera": _camera, "study": _study}
     if found := others.get(kind_of(document.data)):
         return f"{path}: {found(override(document, assignments), registry)}"
     mission = checked(document, registry, assignments)
@@ -63,3 +63,9 @@ def _camera(document: Document, _registry: Registry) -> str:
     ):
         raise InputError(found)
     return f"{document.data['name']!r}, a camera for missions"
+
+
+def _study(document: Document, _registry: Registry) -> str:
+    """Refuse a study: `star ablate` checks it, with its missions."""
+    text = f"{document.path}: is a study: `star ablate` checks and flies it"
+    raise InputError(text, "wrong-file")

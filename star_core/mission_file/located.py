@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 Location: TypeAlias = tuple[str | int, ...]
 """Keys and indices from the top of a document to a value."""
 Data: TypeAlias = "dict[str, Value] | list[Value] | str | float | bool | None"
-Kind: TypeAlias = Literal["mission", "steps", "world", "camera"]
+Kind: TypeAlias = Literal["mission", "steps", "world", "camera", "study"]
 
 _OWN: dict[Kind, set[str]] = {  # keys that only these files have
     "mission": {"world", "swarm", *PARTS},
+    "study": {"missions", "factors", "measures"},
     "world": {"fence", "obstacles", "landmarks", "targets"},
     "camera": {"width", "height", "matrix", "distortion", "position", "exposure", "readout"}
     | {"roll_deg", "pitch_deg", "yaw_deg"},
@@ -217,6 +218,8 @@ def kind_of(data: Mapping[str, Any]) -> Kind:
         return "steps"
     if "mission" in keys:
         return "mission"
+    if keys & _OWN["study"]:
+        return "study"
     others: tuple[Kind, ...] = ("world", "camera")
     for kind in others:
         if any(suggestion(key, _OWN[kind]) for key in more):

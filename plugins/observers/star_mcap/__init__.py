@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, InputError, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Event, Flight, Tick
@@ -25,7 +25,7 @@ def star_mission_started(flight: Flight) -> None:
     _recorders.clear()
     if flight.folder is None:
         return
-    if missing := [name for name in PACKAGES if find_spec(name) is None]:
+    if missing := _missing():
         log.debug("no flight.mcap without %s: pip install 'star-swarm[record]'", missing)
         return
     from star_mcap.process import RecorderProcess
@@ -52,7 +52,14 @@ def star_mission_ended(summary: Mapping[str, Any]) -> None:
     _recorders.clear()
 
 
+def _missing() -> list[str]:
+    return [name for name in PACKAGES if find_spec(name) is None]
+
+
 def _recover(arguments: list[str]) -> int:
+    if _missing():
+        text = "star recover needs mcap: pip install 'star-swarm[record]'"
+        raise InputError(text, "missing-package")
     from star_mcap.recovery import run
 
     return run(arguments)

@@ -143,6 +143,7 @@ def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
 
 
 WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+STUDY = "star: 1\nname: radii\nmissions: [hop.yaml]\nmeasures: [deadlocks]\n"
 CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
 
 
@@ -190,6 +191,7 @@ def test_what_is_wrong_with_a_file_that_missions_name_is_reported(
         ),
         (WORLD, "is a world: name a mission that is flown in it [wrong-file]"),
         (CAMERA, "is a camera: name a mission that has it [wrong-file]"),
+        (STUDY, "is a study: `star ablate` flies it [wrong-file]"),
     ],
 )
 @pytest.mark.parametrize("command", ["run", "explain"])
@@ -199,6 +201,13 @@ def test_a_file_that_is_no_mission_is_not_flown(
     Path("file.yaml").write_text(text)
     assert main([command, "file.yaml"]) == 2
     assert said.readouterr() == ("", f"file.yaml: {fault}\n")
+
+
+def test_a_study_is_checked_by_ablate(said: Said) -> None:
+    Path("study.yaml").write_text(STUDY)
+    assert main(["check", "study.yaml"]) == 2
+    wanted = "study.yaml: is a study: `star ablate` checks and flies it [wrong-file]\n"
+    assert said.readouterr() == ("", wanted)
 
 
 def test_checking_flies_nothing() -> None:

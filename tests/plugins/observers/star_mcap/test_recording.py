@@ -20,6 +20,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+import star_mcap
 from star_core.cli.main import main
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover
@@ -161,3 +162,11 @@ def test_a_failing_recording_is_named(
     assert main(["run", str(mission), "--out", str(tmp_path / "run")]) == 0
     assert "mcap is dropped" in (errors := capsys.readouterr().err)
     assert "IsADirectoryError" in errors
+
+
+def test_without_the_packages_recover_names_them(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(star_mcap, "PACKAGES", ("mcap", "no_such_package"))
+    assert main(["recover", str(tmp_path)]) == 2
+    assert "[missing-package]" in capsys.readouterr().err
