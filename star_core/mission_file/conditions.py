@@ -30,8 +30,8 @@ class ConditionContext:
         rows: The agents of the step.
         begun: When the step began, s.
         time: Mission time, s.
-        estimate: Where everybody is.
-        health: How everybody is.
+        estimate: Of all agents.
+        health: Of all agents.
         names: Of the agents, by row.
         targets: Names of those that were found.
         events: All events so far, the newest last.

@@ -21,9 +21,9 @@ RIM: Final = 1.25
 """Width of a tag with its white rim over that of its black square: ten modules over eight."""
 
 
-SEEN: Final = 100
-"""Sizes of a tag from which nobody makes it out: with an AI-deck's focal length, 180 px, its eight
-modules are less than two pixels."""
+MAX_VISIBLE_SIZES: Final = 100
+"""Distance at which no camera resolves a tag, in sizes of the tag: with an AI-deck's focal length,
+180 px, its eight modules are less than two pixels."""
 
 FACE: Final = 0.01
 """Distance from a face of an obstacle within which a tag is taken to be stuck on it, m."""
@@ -110,7 +110,7 @@ def _offsets(data: Mapping[str, Any]) -> Iterator[Problem]:
 
 
 def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Problem]:
-    """Tags that no camera inside the fence can make out, and targets that nobody can be at."""
+    """Tags that no camera inside the fence can make out, and targets that no agent can reach."""
     for kind in ("landmarks", "targets"):
         for (_, name, *_), tag in _sheets(data, kind):
             shown = "[" + ", ".join(f"{value:g}" for value in tag.position) + "]"
@@ -119,11 +119,11 @@ def _hidden(data: Mapping[str, Any], room: World) -> Iterator[Problem]:
             if inside is not None:
                 message = f"tag {tag.id} at {shown} is inside obstacle {inside!r}"
                 yield Problem((kind, name, "at"), message, "inside-obstacle")
-            elif away > SEEN * tag.size:
+            elif away > MAX_VISIBLE_SIZES * tag.size:
                 yield Problem(
                     (kind, name, "at"),
                     f"tag {tag.id} at {shown} is {away:.2f} m outside the fence, too far to be "
-                    f"made out: {SEEN} times its size of {tag.size:g} m",
+                    f"made out: {MAX_VISIBLE_SIZES} times its size of {tag.size:g} m",
                     "outside-geofence",
                 )
 

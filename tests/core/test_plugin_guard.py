@@ -10,28 +10,28 @@ import pytest
 from star_core import ContractError, InputError, PluginError
 from star_core.plugin_guard import PluginGuard
 
-WHOM = "planner 'mine' (my-dist 1.0:mine)"
+PLUGIN = "planner 'mine' (my-dist 1.0:mine)"
 
 
 def blamed(error: BaseException) -> PluginError:
-    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+    with pytest.raises(PluginError) as caught, PluginGuard(PLUGIN):
         raise error
     return caught.value
 
 
 def test_nothing_is_blamed_when_nothing_is_raised() -> None:
-    with PluginGuard(WHOM):
+    with PluginGuard(PLUGIN):
         answer = 42
     assert answer == 42
 
 
 def test_what_a_plugin_raises_is_reported_with_its_kind_and_its_place() -> None:
     reported = str(blamed(ZeroDivisionError("by nought")))
-    assert reported.startswith(f"{WHOM}: ZeroDivisionError: by nought ({__file__}:")
+    assert reported.startswith(f"{PLUGIN}: ZeroDivisionError: by nought ({__file__}:")
 
 
 def test_the_place_is_that_of_the_innermost_call() -> None:
-    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+    with pytest.raises(PluginError) as caught, PluginGuard(PLUGIN):
         int("three", base=99)  # raised in C: the line here is the innermost there is
     here = caught.value.__cause__
     assert here is not None
@@ -45,25 +45,25 @@ def test_the_place_is_inside_the_plugin_and_not_where_it_was_called() -> None:
     def plugin() -> None:
         raise RuntimeError("boom")
 
-    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+    with pytest.raises(PluginError) as caught, PluginGuard(PLUGIN):
         plugin()
     assert str(caught.value).endswith(f":{plugin.__code__.co_firstlineno + 1}) [plugin-failed]")
 
 
 @pytest.mark.parametrize("error", [ContractError("no rows"), InputError(["a", "b"])])
 def test_what_star_itself_says_needs_no_place(error: Exception) -> None:
-    assert str(blamed(error)) == f"{WHOM}: {error}"
+    assert str(blamed(error)) == f"{PLUGIN}: {error}"
 
 
 def test_a_plugin_that_ends_the_process_is_blamed() -> None:
-    with pytest.raises(PluginError) as caught, PluginGuard(WHOM):
+    with pytest.raises(PluginError) as caught, PluginGuard(PLUGIN):
         sys.exit("bye")
-    assert str(caught.value).startswith(f"{WHOM}: SystemExit: bye (")
+    assert str(caught.value).startswith(f"{PLUGIN}: SystemExit: bye (")
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), GeneratorExit()])
 def test_an_interrupt_is_nobodys_fault(error: BaseException) -> None:
-    with pytest.raises(type(error)), PluginGuard(WHOM):
+    with pytest.raises(type(error)), PluginGuard(PLUGIN):
         raise error
 
 
@@ -76,7 +76,7 @@ def test_the_traceback_is_logged_on_demand(caplog: pytest.LogCaptureFixture) -> 
     caplog.set_level(logging.DEBUG, logger="star_core.plugin_guard")
     blamed(KeyError("gain"))
     (record,) = caplog.records
-    assert record.getMessage() == f"{WHOM} raised"
+    assert record.getMessage() == f"{PLUGIN} raised"
     assert record.exc_info
 
 
@@ -86,5 +86,5 @@ def test_one_problem_may_be_given_as_text() -> None:
 
 
 def test_an_error_of_many_lines_is_reported_on_one() -> None:
-    with pytest.raises(PluginError, match="whoever: ValueError: a b "), PluginGuard("whoever"):
+    with pytest.raises(PluginError, match="a plugin: ValueError: a b "), PluginGuard("a plugin"):
         raise ValueError("a\nb")

@@ -1,4 +1,4 @@
-"""The geofence, the obstacles, and why nobody can be at a point."""
+"""The geofence, the obstacles, and why no agent can be at a point."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def test_a_wall_has_a_piece_for_every_stretch() -> None:
     assert len(wall([(0, 0), (1, 0), (1, 1), (2, 1)], 0.1)) == 3
 
 
-# Why nobody can be at a point
+# Why no agent can be at a point
 
 
 def test_nothing_is_wrong_with_a_free_point() -> None:

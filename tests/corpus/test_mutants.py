@@ -50,7 +50,7 @@ def faults(path: Path, registry: Registry) -> tuple[str, ...]:
     try:
         load(path, registry)
     except InputError as error:
-        return error.problems or ("refused, and nobody knows why",)
+        return error.problems or ("refused without a reason",)
     return ()
 
 

@@ -10,7 +10,7 @@ from threading import Timer
 from types import TracebackType
 from typing import Any, Final, Self
 
-PATIENCE: Final = 300.0  # s, after which a server is stopped, so that nobody waits for it for ever
+PATIENCE: Final = 300.0  # s after which a server that does not answer is stopped
 
 
 class LanguageServer:

@@ -62,7 +62,7 @@ Marked = Callable[[str], list[dict[str, Any]]]
 
 @pytest.fixture
 def names(folder: Path) -> Iterator[Path]:
-    """Names for files that nobody has opened."""
+    """Names for files that are not open."""
     return (folder / f"{folder.name}-{number}.yaml" for number in count(next(NUMBERS) * 1000))
 
 

@@ -162,7 +162,7 @@ class Language:
         return self._draw(st.integers(1, of)) == of
 
     def _step(self, who: list[str] | None, depth: int) -> Data:
-        """A step for some of these agents; with None it names nobody."""
+        """A step for some of these agents; with None it names no agents."""
         kinds = ["goto", "hold", "wait", "follow", "formation", "search", "takeoff", "land"]
         kinds += ["leave", "join", "include", "external"] if who is not None else []
         kinds += ["repeat", "parallel", "each"] * 2 if depth else []
@@ -274,7 +274,7 @@ class Language:
         return options
 
     def _external(self, _agents: int) -> Data:
-        """Nobody connects: the step fails after its response timeout."""
+        """No client connects: the step fails after its response timeout."""
         return {"port": 0, "response_timeout": 0.05, "lockstep": self._one(True, False)}  # noqa: FBT003
 
     def _search(self, _agents: int) -> Data:

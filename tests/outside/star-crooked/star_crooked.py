@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Bent:
-    """Avoids nobody."""
+    """Avoids nothing."""
 
     def __init__(self, scene: Scene) -> None: ...
 

@@ -1,4 +1,4 @@
-"""Agents that follow velocities with a lag, and fly what the avoiders answer: nobody collides."""
+"""Agents that follow velocities with a lag, and fly what the avoiders return: none collide."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_an_agent_that_takes_off_is_given_way_to(name: str) -> None:
 
 
 @everyone
-def test_one_that_stands_far_below_is_in_nobodys_way(name: str) -> None:
+def test_one_that_stands_far_below_is_in_nothings_way(name: str) -> None:
     now = estimate(np.array([[0.0, 0.0, 0.0], [-0.3, 0.0, 1.0]]))
     wish = np.array([[0.0, 0, 0], [0.4, 0.0, 0.0]])
     wanted = Setpoint(wish, np.zeros(2), np.array([False, True]))
@@ -178,9 +178,9 @@ def test_they_keep_the_contract(name: str, n: int) -> None:
 
 
 @everyone
-def test_a_swarm_of_nobody_is_no_trouble(name: str) -> None:
-    nobody = Setpoint(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.bool_))
-    assert len(made(name, room(0)).avoid(estimate(np.zeros((0, 3))), nobody).velocity) == 0
+def test_a_swarm_of_nothing_is_no_trouble(name: str) -> None:
+    nothing = Setpoint(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.bool_))
+    assert len(made(name, room(0)).avoid(estimate(np.zeros((0, 3))), nothing).velocity) == 0
 
 
 @everyone

@@ -1,4 +1,4 @@
-"""Neighbours out of cells are the neighbours one finds by looking at everybody."""
+"""Neighbours out of cells are the neighbours found by comparing all pairs."""
 
 from __future__ import annotations
 

@@ -41,17 +41,17 @@ def ask(  # noqa: PLR0913 -- the kernel has more
     kernel: Any = orca,
 ) -> Array:
     n = len(position)
-    everybody = np.ones(n, np.bool_) if avoids is None else avoids
+    avoiding = np.ones(n, np.bool_) if avoids is None else avoids
     limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
     speed = np.full(n, SPEED)
     tables = (position.copy(), velocity.copy(), wish.copy())
     hard = hard_planes(
-        *(*tables[:2], speed, everybody, around, np.array(fence)),
+        *(*tables[:2], speed, avoiding, around, np.array(fence)),
         horizon=HORIZON,
         clearance=RADIUS,
         virtual=virtual,
     )
-    return cast("Array", kernel(*tables, np.full(n, RADIUS), speed, everybody, *hard, *limits))
+    return cast("Array", kernel(*tables, np.full(n, RADIUS), speed, avoiding, *hard, *limits))
 
 
 def crowd(n: int, seed: int = 0) -> tuple[Array, Array, Array]:

@@ -144,7 +144,7 @@ def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
     assert (Orca(scene(1)).avoid(estimate(HEAD_ON[:1]), wish).velocity == wish.velocity).all()
 
 
-def test_nobody_is_sent_faster_than_the_scene_allows() -> None:
+def test_empty_is_sent_faster_than_the_scene_allows() -> None:
     wish = wanted(np.array([[3.0, 4.0, 0.0]]))
     safe = Orca(scene(1, limits=Limits(speed=0.7)), response=0.0).avoid(estimate(HEAD_ON[:1]), wish)
     assert np.linalg.norm(safe.velocity) == pytest.approx(0.7)
@@ -186,7 +186,7 @@ def test_a_row_that_is_not_valid_is_answered_as_it_came_and_given_way_to_in_full
     assert unknown.active.all()
 
 
-def test_a_row_whose_place_is_not_known_is_in_nobodys_way() -> None:
+def test_a_row_whose_place_is_not_known_is_in_emptys_way() -> None:
     position = HEAD_ON.copy()
     position[1] = np.nan
     now = replace(estimate(position), valid=np.array([True, False]))
@@ -205,9 +205,9 @@ def test_it_keeps_the_contract() -> None:
     check_avoider(Orca(scene(3)))
 
 
-def test_a_swarm_of_nobody_is_no_trouble() -> None:
-    nobody = np.zeros((0, 3))
-    assert len(Orca(scene(0)).avoid(estimate(nobody), wanted(nobody)).velocity) == 0
+def test_a_swarm_of_empty_is_no_trouble() -> None:
+    empty = np.zeros((0, 3))
+    assert len(Orca(scene(0)).avoid(estimate(empty), wanted(empty)).velocity) == 0
 
 
 def offer() -> AvoiderSpec:

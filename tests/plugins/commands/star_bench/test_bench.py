@@ -181,7 +181,7 @@ class Idle:
 
     @hookimpl
     def star_avoiders(self) -> list[AvoiderSpec]:
-        return [AvoiderSpec(name="idle", summary="Avoids nobody.", make=cast("Any", object))]
+        return [AvoiderSpec(name="idle", summary="Avoids nothing.", make=cast("Any", object))]
 
 
 def test_an_interrupted_campaign_leaves_a_table_and_says_that_it_is_not_done(
