@@ -129,7 +129,7 @@ CATALOGUE: Final = {
     ),
     "invalid-option": Entry(
         "An option has a value that cannot be used in this mission.",
-        "`star plugins` lists the options of all plugins with their meaning.",
+        "`star plugins NAME` describes the options of a plugin.",
     ),
     "invalid-outline": Entry(
         "The outline of an obstacle is not a simple polygon or line.",
@@ -263,9 +263,13 @@ CATALOGUE: Final = {
         "The world has no landmark or target of that name.",
         "Correct the name; the world's file lists its landmarks and targets.",
     ),
+    "unknown-mission": Entry(
+        "There is no file of that name, and no mission of that name comes with STAR.",
+        "Correct the path, or name one that `star missions` lists.",
+    ),
     "unknown-option": Entry(
         "A key or an option does not exist.",
-        "Correct its name; `star plugins` lists the options of plugins.",
+        "Correct its name; `star plugins NAME` describes the options of a plugin.",
     ),
     "unknown-parameter": Entry(
         "A parameter is not one of the included file.",

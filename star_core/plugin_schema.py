@@ -30,7 +30,7 @@ RESERVED: Final = {"task": SHARED}
 
 OWN: Final = {
     "task": ("parallel", "repeat", "each", "include"),
-    "command": ("run", "check", "errors", "plugins", "schema"),
+    "command": ("run", "check", "errors", "missions", "plugins", "schema"),
 }
 """Names that STAR uses itself."""
 

@@ -188,6 +188,10 @@ class Registry:
                         "contract-broken",
                     )
 
+    def source(self, plugin: str) -> Source:
+        """Return the origin of a plugin that `manager` holds under that name."""
+        return self._sources[plugin]
+
     def names(self, kind: str) -> tuple[str, ...]:
         """Return every name of a kind, in alphabetical order."""
         return tuple(sorted(self._found[kind]))

@@ -1,4 +1,4 @@
-"""STAR's own commands, as a plugin: ``run``, ``check``, ``errors``, ``plugins`` and ``schema``."""
+"""STAR's own commands, as a plugin: ``run``, ``check``, ``missions``, ``plugins`` and so on."""
 
 from __future__ import annotations
 
@@ -23,13 +23,19 @@ def star_commands() -> Iterator[CommandSpec]:
         group="Author",
     )
     yield CommandSpec(
+        name="missions",
+        summary="List the missions that come with STAR.",
+        make=_missions,
+        group="Author",
+    )
+    yield CommandSpec(
         name="errors", summary="Explain the code of an error.", make=_errors, group="Author"
     )
     yield CommandSpec(
         name="schema", summary="Write a schema for an editor.", make=_schema, group="Author"
     )
     yield CommandSpec(
-        name="plugins", summary="List what is installed.", make=_plugins, group="Plugins"
+        name="plugins", summary="List plugins, or describe one.", make=_plugins, group="Plugins"
     )
 
 
@@ -40,7 +46,9 @@ def parser(command: str) -> argparse.ArgumentParser:
     line = argparse.ArgumentParser(prog=f"star {command}", allow_abbrev=False)
     if command in {"run", "check"}:
         many = "; or steps, a world, a camera" * (command == "check")
-        line.add_argument("mission", help=f"mission file (YAML){many}")
+        line.add_argument(
+            "mission", help=f"mission file (YAML), or a name of `star missions`{many}"
+        )
         line.add_argument(
             "--set",
             action="append",
@@ -61,6 +69,9 @@ def parser(command: str) -> argparse.ArgumentParser:
     if command == "errors":
         line.add_argument("code", nargs="?", help="the code in brackets; all codes if not given")
     if command == "plugins":
+        line.add_argument(
+            "name", nargs="?", help="plugin, distribution or kind to describe; all if not given"
+        )
         line.add_argument("--json", action="store_true", help="as JSON, with option schemas")
     if command == "schema":
         line.add_argument(
@@ -137,12 +148,28 @@ def _errors(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _missions(arguments: Sequence[str]) -> int:
+    from star_core.cli.list_missions import as_text
+
+    _parse("missions", arguments)
+    print(as_text())
+    return 0
+
+
 def _plugins(arguments: Sequence[str]) -> int:
-    from star_core.cli.list_plugins import as_json, as_text
+    from star_core.cli.list_plugins import as_json, as_text, chosen
     from star_core.cli.main import installed
 
-    options = _parse("plugins", arguments)
-    print(as_json(installed()) if options.json else as_text(installed()))
+    options, registry = _parse("plugins", arguments), installed()
+    found = chosen(registry, options.name)
+    if options.json:
+        print(as_json(found, registry.broken))
+    elif options.name is None:
+        print(as_text(found, registry.broken))
+    else:
+        from star_core.cli.describe_plugin import describe
+
+        print("\n\n".join(describe(kind, one) for kind, one in found))
     return 0
 
 

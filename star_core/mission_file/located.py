@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from star_core.contracts import Problem
 from star_core.errors import InputError, coded, suggestion
+from star_core.mission_file.shipped import named
 from star_core.plugin_schema import PARTS
 
 if TYPE_CHECKING:
@@ -230,10 +231,14 @@ def kind_of(data: Mapping[str, Any]) -> Kind:
 def read(path: Path) -> Document:
     """Read a YAML file whose top level is a map.
 
+    Args:
+        path: The file, or the name of one that comes with STAR, such as ``first_flight``.
+
     Raises:
         InputError: It cannot be read, is not YAML, or contains what is not accepted; lists every
             reason with its location.
     """
+    path = named(path)
     root = read_yaml(path)
     if not isinstance(root.data, dict):
         raise root.wrong(

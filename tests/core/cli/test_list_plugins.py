@@ -16,7 +16,8 @@ import pytest
 
 from star_core import AvoiderSpec, CommandSpec, InputError, TaskSpec, hookimpl
 from star_core.cli import main as cli
-from star_core.cli.list_plugins import as_json, as_text
+from star_core.cli.describe_plugin import describe
+from star_core.cli.list_plugins import as_json, as_text, chosen
 from star_core.cli.main import main
 from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.registry import KINDS, Registry, Source
@@ -60,10 +61,19 @@ def registry(
     return only
 
 
+def table(plugins: Registry) -> str:
+    return as_text(chosen(plugins), plugins.broken)
+
+
+def listed(plugins: Registry) -> Any:
+    return json.loads(as_json(chosen(plugins), plugins.broken))
+
+
 def with_options(properties: Mapping[str, Any], **rules: Any) -> list[str]:
     """The lines about the options of an avoider."""
-    text = as_text(registry({"shy": {"properties": properties, **rules}}))
-    return [line.strip() for line in text.splitlines() if line.startswith(" " * 6)]
+    ((kind, shy),) = chosen(registry({"shy": {"properties": properties, **rules}}), "shy")
+    text = describe(kind, shy).partition("Options:\n")[2].partition("\n\n")[0]
+    return [line.strip() for line in text.splitlines()]
 
 
 @pytest.fixture
@@ -77,51 +87,118 @@ def said(capsys: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Said:
 
 
 def test_plugins_stand_below_their_kind_with_their_distribution() -> None:
-    assert as_text(registry({"shy": {}, "bold": {}}, {"wait": {}})).splitlines() == [
+    assert table(registry({"shy": {}, "bold": {}}, {"wait": {}})).splitlines() == [
         "avoiders",
-        "  bold         The bold.  [their-dist 1.2:shelf]",
-        "  shy          The shy.  [their-dist 1.2:shelf]",
+        "  bold  The bold.  [their-dist 1.2:shelf]",
+        "  shy   The shy.  [their-dist 1.2:shelf]",
         "",
         "tasks",
-        "  wait         The wait.  [their-dist 1.2:shelf]",
+        "  wait  The wait.  [their-dist 1.2:shelf]",
+        "",
+        "`star plugins NAME` describes a plugin and its options.",
     ]
-
-
-def test_an_option_is_reported_with_its_description_and_its_default() -> None:
-    reported = with_options({"gain": {"description": "Push, 1/s.", "default": 2.5}})
-    assert reported == ["gain: Push, 1/s. (default 2.5)"]
-
-
-@pytest.mark.parametrize(
-    ("default", "shown"), [(True, "true"), (None, "null"), ("left", '"left"'), ([1, 2], "[1, 2]")]
-)
-def test_a_default_is_shown_as_a_mission_would_write_it(default: object, shown: str) -> None:
-    assert with_options({"a": {"description": "It.", "default": default}}) == [
-        f"a: It. (default {shown})"
-    ]
-
-
-def test_an_option_that_must_be_given_says_so() -> None:
-    options = {"file": {"description": "It."}, "laps": {"description": "Laps."}}
-    assert with_options(options, required=["file"]) == ["file: It. (must be given)", "laps: Laps."]
 
 
 def test_two_plugins_of_one_name_are_both_listed() -> None:
     both = registry({"shy": {}})
     both.add(Shelf({"shy": {}}), Source("my-dist:shelf"))
-    text = as_text(both)
+    text = table(both)
     assert "[their-dist 1.2:shelf]" in text
     assert "[my-dist:shelf]" in text
+    assert len(chosen(both, "shy")) == 2
 
 
 def test_a_plugin_that_was_left_out_is_reported_last_with_the_reason() -> None:
     some = registry({"shy": {}})
     some.broken[Source("bad-dist:bad", "0.1")] = "ImportError: no torch"
-    assert as_text(some).splitlines()[-1] == "left out: bad-dist 0.1:bad: ImportError: no torch"
+    assert table(some).splitlines()[-1] == "left out: bad-dist 0.1:bad: ImportError: no torch"
 
 
-def test_an_option_that_may_be_anything_is_reported() -> None:
-    assert with_options({"any": True}) == ["any:"]
+# One plugin
+
+
+@pytest.mark.parametrize(
+    ("rules", "shown"),
+    [
+        ({"type": "number", "minimum": 0, "maximum": 1}, "number from 0 to 1"),
+        ({"type": "integer", "exclusiveMinimum": 0, "maximum": 9}, "integer > 0 and ≤ 9"),
+        ({"type": ["number", "null"], "minimum": 0}, "number ≥ 0, or null"),
+        ({"enum": ["hold", None, 3]}, "hold | null | 3"),
+        ({"type": "boolean"}, "true | false"),
+        ({"type": "string"}, "string"),
+        ({"type": "array", "items": {"type": "string"}}, "list of strings"),
+        ({"type": "array"}, "list of values"),
+        ({"type": "object", "additionalProperties": {"type": "number"}}, "map of names to numbers"),
+        ({"anyOf": [{"type": "number"}, {"const": "auto"}]}, "number, or auto"),
+        ({"$ref": "#/$defs/share"}, "number from 0 to 1"),
+    ],
+)
+def test_an_option_is_described_with_the_values_it_allows(rules: Any, shown: str) -> None:
+    share = {"type": "number", "minimum": 0, "maximum": 1}
+    assert with_options({"a": rules}, **{"$defs": {"share": share}}) == [f"a: {shown}"]
+
+
+def test_keys_of_maps_are_described_too() -> None:
+    camera = {
+        "type": "object",
+        "required": ["rate"],
+        "description": "The camera.",
+        "properties": {"rate": {"type": "number", "description": "Images, 1/s."}},
+    }
+    assert with_options({"camera": camera}) == [
+        "camera: map", "The camera.", "camera.rate: number; required", "Images, 1/s.",
+    ]  # fmt: skip
+
+
+def test_options_that_contain_themselves_are_described_to_a_depth() -> None:
+    tree = {"type": "object", "properties": {"in": {"$ref": "#/$defs/tree"}}}
+    found = with_options({"tree": {"$ref": "#/$defs/tree"}}, **{"$defs": {"tree": tree}})
+    assert found[-1] == "tree.in.in.in.in: map"
+
+
+@pytest.mark.parametrize(
+    ("default", "shown"), [(True, "true"), (None, "null"), ("left", "left"), ([1, 2], "[1, 2]")]
+)
+def test_a_default_is_shown_as_a_mission_writes_it(default: object, shown: str) -> None:
+    (line,) = with_options({"a": {"type": "string", "default": default}})
+    assert line == f"a: string; default {shown}"
+
+
+@pytest.mark.parametrize("columns", ["80", "200"])
+def test_descriptions_fit_the_terminal(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    plugins = Registry()
+    text = "\n".join(describe(kind, one) for kind, one in chosen(plugins)) + table(plugins)
+    assert max(map(len, text.splitlines())) <= min(100, int(columns))
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("sim", {("transport", "sim")}),
+        ("mcap", {("command", "recover"), ("observer", "mcap")}),
+        ("localizers", {("localizer", "apriltag"), ("localizer", "flow")}),
+    ],
+)
+def test_a_name_is_that_of_a_plugin_of_its_entry_point_or_of_its_kind(
+    name: str, found: set[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("STAR_BLOCK_PLUGINS")  # of the plugin mcap
+    assert {(kind, one.offer.name) for kind, one in chosen(Registry(), name)} == found
+
+
+def test_an_unknown_name_is_refused_with_the_nearest_one(said: Said) -> None:
+    assert main(["plugins", "orka"]) == 2
+    err = said.readouterr().err
+    assert err == "no plugin named 'orka'; did you mean 'orca'? [unknown-plugin]\n"
+
+
+def test_a_plugin_is_described_with_an_example(said: Said) -> None:
+    assert main(["plugins", "orca"]) == 0
+    lines = said.readouterr().out.splitlines()
+    assert lines[0].startswith("orca: avoider of star-swarm ")
+    assert lines[-1] == "  Example: avoider: {use: orca, radius: 0.2}"
+    assert "    radius: number > 0; default 0.2" in lines
 
 
 # For scripts
@@ -131,7 +208,7 @@ def test_the_json_holds_what_the_text_tells() -> None:
     options = {"type": "object", "properties": {"gain": {"type": "number", "default": 2.5}}}
     some = registry({"shy": options})
     some.broken[Source("bad-dist:bad", "0.1")] = "ImportError: no torch"
-    assert json.loads(as_json(some)) == {
+    assert listed(some) == {
         "plugins": [
             {
                 "kind": "avoider",
@@ -148,7 +225,7 @@ def test_the_json_holds_what_the_text_tells() -> None:
 
 def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
     properties = MappingProxyType({"gain": MappingProxyType({"type": "number"})})
-    (shy,) = json.loads(as_json(registry({"shy": {"properties": properties}})))["plugins"]
+    (shy,) = listed(registry({"shy": {"properties": properties}}))["plugins"]
     assert shy["options"] == {"properties": {"gain": {"type": "number"}}}
 
 
@@ -156,9 +233,9 @@ def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
 
 
 def test_every_built_in_plugin_is_reported_in_the_order_of_the_kinds() -> None:
-    reported = json.loads(as_json(Registry()))
-    found = [(plugin["kind"], plugin["name"]) for plugin in reported["plugins"]]
-    assert found == sorted(found, key=lambda one: (KINDS.index(one[0]), one[1]))
+    found = [(plugin["kind"], plugin["name"]) for plugin in listed(Registry())["plugins"]]
+    kinds = (*KINDS, "observer")
+    assert found == sorted(found, key=lambda one: (kinds.index(one[0]), one[1]))
     assert {
         ("transport", "sim"),
         ("localizer", "flow"),
@@ -189,8 +266,8 @@ def test_plugins_lists_every_kind_and_its_plugins(said: Said) -> None:
 
 def test_plugins_as_json_are_json(said: Said) -> None:
     assert main(["plugins", "--json"]) == 0
-    listed = json.loads(said.readouterr().out)
-    assert "orca" in [plugin["name"] for plugin in listed["plugins"]]
+    found = json.loads(said.readouterr().out)
+    assert "orca" in [plugin["name"] for plugin in found["plugins"]]
 
 
 def test_schema_prints_the_schema_that_missions_are_checked_against(said: Said) -> None:

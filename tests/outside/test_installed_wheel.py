@@ -1,0 +1,63 @@
+"""Everything a first hour needs is in the wheel: missions by name, and what `star new` writes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from subprocess import CompletedProcess
+from typing import TypeAlias
+
+import pytest
+
+Run: TypeAlias = Callable[..., CompletedProcess[str]]
+
+KINDS = ("avoider", "planner", "localizer", "transport", "task", "observer", "command")
+
+WITHOUT_KERNELS = ("--set", "transport=points", "--set", "avoider=none")
+
+
+@pytest.mark.parametrize("name", ["first_flight", "each_own_pace", "worlds/lab_4x4"])
+def test_a_shipped_mission_is_found_with_all_files_it_uses(run: Run, name: str) -> None:
+    checked = run("star", "check", name)
+    assert (checked.returncode, checked.stderr) == (0, "")
+    assert checked.stdout.startswith(f"{name}: ")
+
+
+def test_a_shipped_mission_is_explained_and_flown_by_name(run: Run) -> None:
+    assert "takeoff" in run("star", "explain", "until_low").stdout
+    flown = run("star", "run", "handover", "--no-record", *WITHOUT_KERNELS)
+    assert (flown.returncode, flown.stdout.splitlines()[0]) == (0, "handover: completed")
+
+
+def test_a_new_mission_flies_and_a_new_world_is_checked(run: Run) -> None:
+    assert run("star", "new", "mission", "patrol").returncode == 0
+    assert run("star", "run", "patrol.yaml", "--no-record", *WITHOUT_KERNELS).returncode == 0
+    assert run("star", "new", "world", "hall").returncode == 0
+    assert run("star", "check", "hall.yaml").returncode == 0
+
+
+@pytest.mark.campaign
+def test_new_plugins_of_every_kind_are_installed_and_pass_their_tests(
+    run: Run, bin_folder: Path, mission: Path
+) -> None:
+    folders = [mission.parent / f"star-my-{kind}" for kind in KINDS]
+    for kind in KINDS:
+        assert run("star", "new", "plugin", f"my-{kind}", "--kind", kind).returncode == 0
+    pip = [sys.executable, "-m", "pip", "--quiet"]
+    install = [*pip, "install", "--no-deps", "--no-build-isolation", "--target"]
+    target = mission.parent / "installed"
+    subprocess.run([*install, str(target), *map(str, folders)], check=True)
+    tests = subprocess.run(
+        [bin_folder / "python", "-m", "pytest", "-q", "-p", "no:cacheprovider", *folders],
+        env=os.environ | {"PYTHONPATH": str(target)},
+        cwd=mission.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert tests.returncode == 0, tests.stdout + tests.stderr
+    assert "11 passed" in tests.stdout
+    assert all((folder / "README.md").is_file() for folder in folders)
