@@ -7,9 +7,11 @@ from star_core.contracts import CommandSpec as CommandSpec
 from star_core.contracts import Exclusive as Exclusive
 from star_core.contracts import Localizer as Localizer
 from star_core.contracts import LocalizerSpec as LocalizerSpec
+from star_core.contracts import Paced as Paced
 from star_core.contracts import Planner as Planner
 from star_core.contracts import PlannerSpec as PlannerSpec
 from star_core.contracts import Problem as Problem
+from star_core.contracts import RunOptionSpec as RunOptionSpec
 from star_core.contracts import Status as Status
 from star_core.contracts import StepGoal as StepGoal
 from star_core.contracts import Task as Task
@@ -69,6 +71,7 @@ from star_core.mission_file.located import Value as Value
 from star_core.mission_file.located import read_yaml as read_yaml
 from star_core.mission_file.schema import read_as as read_as
 from star_core.mission_file.step_tree import actions as actions
+from star_core.operator import Operator as Operator
 from star_core.plugin_schema import fill_defaults as fill_defaults
 from star_core.registry import Registry as Registry
 from star_core.runner import fly as fly

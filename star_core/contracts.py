@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 class Transport(Protocol):
     """Carries telemetry from the agents, and setpoints and commands to them; owns the clock.
 
+    A simulation whose pace can be changed during a flight is `Paced`, too.
+
     If its agents can fly trajectories on board it also has ``upload(trajectories)``: it is called
     once, after `connect` and before anything moves, with a tuple of every `Trajectory` that a task
     may order, if there is one. With a transport without it, such missions are not flown.
@@ -81,6 +83,18 @@ class Transport(Protocol):
         The core has landed all agents that it could; command others to land, if possible.
         """
         ...
+
+
+@runtime_checkable
+class Paced(Protocol):
+    """A transport that simulates at a pace, which changes nothing but the duration of the flight.
+
+    Attributes:
+        speed: Mission seconds per second of wall time; None is as fast as possible. It may be set
+            at any time, by any thread.
+    """
+
+    speed: float | None
 
 
 @runtime_checkable
@@ -324,6 +338,18 @@ class CommandSpec(Spec):
     group: str = "Other"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptionSpec(Spec):
+    """Announces a switch of ``star run``, ``--NAME``, that adds an observer to the flight.
+
+    Attributes:
+        make: ``make(mission, registry)`` returns the observer, an object with observing hooks, or
+            raises `InputError`. It is called before the links are opened.
+    """
+
+    make: Callable[..., object]
+
+
 SPECS: Mapping[str, type[Spec]] = {
     "transport": TransportSpec,
     "localizer": LocalizerSpec,
@@ -331,4 +357,5 @@ SPECS: Mapping[str, type[Spec]] = {
     "avoider": AvoiderSpec,
     "task": TaskSpec,
     "command": CommandSpec,
+    "run_option": RunOptionSpec,
 }

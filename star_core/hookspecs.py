@@ -1,4 +1,4 @@
-"""The hooks: six offer plugins, five observe a flight.
+"""The hooks: seven offer plugins, five observe a flight.
 
 Offering hooks are called once, before the mission is read: import what is heavy inside ``make``.
 Observing hooks are called in the tick: return in well under a period. An observer that raises is
@@ -18,10 +18,12 @@ if TYPE_CHECKING:
         CommandSpec,
         LocalizerSpec,
         PlannerSpec,
+        RunOptionSpec,
         TaskSpec,
         TransportSpec,
     )
     from star_core.messages.events import Event, Flight, Tick
+    from star_core.operator import Operator
 
 PROJECT = "star"
 
@@ -67,8 +69,16 @@ def star_commands() -> Iterable[CommandSpec]:  # type: ignore[empty-body]
 
 
 @hookspec
-def star_mission_started(flight: Flight) -> None:
-    """Observe the start: the links are open and nothing has moved yet."""
+def star_run_options() -> Iterable[RunOptionSpec]:  # type: ignore[empty-body]
+    """Offer switches of ``star run``, each of which adds an observer to the flight."""
+
+
+@hookspec
+def star_mission_started(flight: Flight, operator: Operator) -> None:
+    """Observe the start: the links are open and nothing has moved yet.
+
+    An observer for the operator keeps `operator`, to land the agents when it is asked to.
+    """
 
 
 @hookspec

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.contracts import Avoider, Localizer, Planner, Transport
+from star_core.contracts import Avoider, Localizer, Paced, Planner, Transport
 from star_core.errors import ContractError, PluginError
 from star_core.messages.arrays import Array, Mask, Rows, require_rows, require_type
 from star_core.messages.commands import Command, Trajectory
@@ -83,6 +83,12 @@ class PluginPipeline:
     def localizer(self) -> str:
         """The localizer with its distribution and version, for messages."""
         return self._making["localizer"].plugin
+
+    @property
+    def paced(self) -> Paced | None:
+        """The transport, if it is a simulation whose speed can be changed."""
+        transport = self._plugins["transport"]
+        return transport if isinstance(transport, Paced) else None
 
     def took(self) -> dict[str, float]:
         """Return the time spent so far, s, by the kind of plugin, and for ``safety``.

@@ -31,6 +31,17 @@ RESERVED: Final = {"task": SHARED}
 OWN: Final = {
     "task": ("parallel", "repeat", "each", "include"),
     "command": ("run", "check", "errors", "missions", "plugins", "schema"),
+    "run_option": (
+        "help",
+        "set",
+        "seed",
+        "speed",
+        "out",
+        "no-record",
+        "save-frames",
+        "json",
+        "verbose",
+    ),
 }
 """Names that STAR uses itself."""
 

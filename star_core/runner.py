@@ -14,10 +14,11 @@ from star_core.messages.events import Flight
 from star_core.metrics.manifest import manifest
 from star_core.mission import Mission
 from star_core.observers import Observers
+from star_core.operator import Operator
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
-from star_core.shutdown import OperatorStop, Shutdown
+from star_core.shutdown import Shutdown
 from star_core.tick import ControlLoop
 
 
@@ -27,7 +28,7 @@ def fly(
     *,
     folder: Path | str | None = None,
     save_frames: bool = False,
-    interrupts: OperatorStop | None = None,
+    operator: Operator | None = None,
 ) -> dict[str, Any]:
     """Fly `mission` and return its summary, as ``summary.json`` keeps it.
 
@@ -36,20 +37,23 @@ def fly(
         registry: Of its plugins and observers.
         folder: For the observers' records.
         save_frames: Whether to record the cameras' images.
-        interrupts: The operator's requests; its count is increased from outside.
+        operator: Controls of the flight, for its caller; observers receive them as well.
 
     Raises:
         PluginError: A plugin cannot be made, or the links cannot be opened; nothing has moved.
     """
     folder = None if folder is None else Path(folder)
+    operator = operator or Operator()
     pipeline = PluginPipeline(mission, registry)
     run: _Run | None = None
     try:
-        run = _Run(mission, registry, pipeline, interrupts or OperatorStop())
+        run = _Run(mission, registry, pipeline, operator)
         pipeline.connect(run.loop.executor.trajectories)
+        operator.simulation = pipeline.paced
         run.observers.notify(
             "star_mission_started",
             flight=Flight(mission.name, mission.scene, manifest(mission), folder, save_frames),
+            operator=operator,
         )
         run.fly()
     finally:
@@ -77,16 +81,16 @@ class _Run:
     """
 
     def __init__(
-        self, mission: Mission, registry: Registry, pipeline: PluginPipeline, stop: OperatorStop
+        self, mission: Mission, registry: Registry, pipeline: PluginPipeline, operator: Operator
     ) -> None:
         self._mission = mission
         self._pipeline = pipeline
-        self._stop = stop
+        self._operator = operator
         self._wall_time = 0.0
         self.observers = Observers(registry.manager, pipeline.compute_time)
         self.loop = ControlLoop(mission, registry, pipeline, self.observers)
         self._phases = self.loop.vehicles.phases
-        self._shutdown = Shutdown(mission.scene, self.loop, self.observers, stop)
+        self._shutdown = Shutdown(mission.scene, self.loop, self.observers, operator)
         self.reason: str | None = None
 
     def fly(self) -> None:
@@ -145,7 +149,7 @@ class _Run:
         """Fly the mission's steps; return how they ended (a trigger of the mission) and why."""
         while True:
             now = self.loop.tick()
-            if self._stop.count:
+            if self._operator.stops:
                 self.observers.event("interrupt", "the operator ends the flight: all agents land")
                 return "abort", "interrupted by the operator"
             if now.status is Status.FAILURE:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,22 +11,12 @@ from star_core.execution.goal_buffer import GoalBuffer
 from star_core.messages.arrays import Rows
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate
 from star_core.observers import Observers
+from star_core.operator import Operator
 from star_core.scene import Scene
 from star_core.tick import ControlLoop
 
 MAX_LANDING_DELAY: Final = 10.0  # s after the planned end of its landing; then it has failed
 MAX_SILENCE: Final = 3.0  # s; an agent not heard for longer is not waited for after its landing
-
-
-@dataclass(slots=True)
-class OperatorStop:
-    """The operator's requests to end the flight.
-
-    Attributes:
-        count: Number of requests: the first lands all agents, the second stops the motors.
-    """
-
-    count: int = 0
 
 
 class Shutdown:
@@ -37,17 +26,17 @@ class Shutdown:
         scene: The agents.
         loop: The control loop that has flown them.
         observers: Receive the events.
-        stop: The operator's request to stop the motors.
+        operator: Requests to stop the motors.
     """
 
     def __init__(
-        self, scene: Scene, loop: ControlLoop, observers: Observers, stop: OperatorStop
+        self, scene: Scene, loop: ControlLoop, observers: Observers, operator: Operator
     ) -> None:
         self._scene = scene
         self._loop = loop
         self._vehicles = loop.vehicles
         self._observers = observers
-        self._stop = stop
+        self._operator = operator
 
     def land_all(self, end: str, *, at_once: bool = False) -> str:
         """Land all agents; return what failed, if anything.
@@ -69,7 +58,7 @@ class Shutdown:
         self._command_landings(np.arange(n), estimate, goals, at_once=at_once)
         age = np.zeros(n)  # s, of each agent's newest report
         while (up := vehicles.phases.among(*AIRBORNE)).any():
-            if self._stop.count > 1:
+            if self._operator.stops > 1:
                 vehicles.emergency_stop(up)
                 return "stopped, motors off"
             commanded = max(begun, vehicles.down_by, self._loop.landing.until)

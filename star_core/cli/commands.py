@@ -12,6 +12,8 @@ from star_core.hookspecs import hookimpl
 if TYPE_CHECKING:
     import argparse
 
+    from star_core.registry import Registry
+
 
 @hookimpl
 def star_commands() -> Iterator[CommandSpec]:
@@ -39,8 +41,13 @@ def star_commands() -> Iterator[CommandSpec]:
     )
 
 
-def parser(command: str) -> argparse.ArgumentParser:
-    """Return the command line of one command, for the docs and the tests too."""
+def parser(command: str, registry: Registry | None = None) -> argparse.ArgumentParser:
+    """Return the command line of one command, for the docs and the tests too.
+
+    Args:
+        command: Its name.
+        registry: Of the plugins that offer options of ``run``.
+    """
     import argparse
 
     line = argparse.ArgumentParser(prog=f"star {command}", allow_abbrev=False)
@@ -66,6 +73,11 @@ def parser(command: str) -> argparse.ArgumentParser:
         line.add_argument("--save-frames", action="store_true", help="keep the cameras' images too")
         line.add_argument("--json", action="store_true", help="print the summary as JSON, only")
         line.add_argument("--verbose", action="store_true", help="show the tracebacks of plugins")
+        for name, spec in registry.offers()["run_option"].items() if registry else ():
+            line.add_argument(
+                f"--{name}", dest="observers", action="append_const", const=name, help=spec.summary
+            )
+        line.set_defaults(observers=[])
     if command == "errors":
         line.add_argument("code", nargs="?", help="the code in brackets; all codes if not given")
     if command == "plugins":
@@ -85,7 +97,9 @@ def parser(command: str) -> argparse.ArgumentParser:
     return line
 
 
-def _parse(command: str, arguments: Sequence[str]) -> argparse.Namespace:
+def _parse(
+    command: str, arguments: Sequence[str], registry: Registry | None = None
+) -> argparse.Namespace:
     """Return the options of a command.
 
     Raises:
@@ -95,7 +109,7 @@ def _parse(command: str, arguments: Sequence[str]) -> argparse.Namespace:
 
     from star_core.errors import StarError, suggestion
 
-    line = parser(command)
+    line = parser(command, registry)
     options, unknown = line.parse_known_args(arguments)
     if unknown and not unknown[0].startswith("-"):
         raise StarError(f"{unknown[0]!r} is one argument too many")
@@ -110,20 +124,22 @@ def _run(arguments: Sequence[str]) -> int:
     from contextlib import nullcontext, redirect_stdout
 
     from star_core.cli.main import installed
-    from star_core.cli.run import run_mission
+    from star_core.cli.run import log_to_stderr, run_mission
 
-    options, answer = _parse("run", arguments), sys.stdout
+    registry, answer = installed(), sys.stdout
+    options = _parse("run", arguments, registry)
+    log_to_stderr(verbose=options.verbose)
     # What plugins print must not be in the JSON.
     with redirect_stdout(sys.stderr) if options.json else nullcontext():
         status, text = run_mission(
             options.mission,
             _assignments(options),
-            installed(),
+            registry,
             out=options.out,
             keep=not options.no_record,
             save_frames=options.save_frames,
+            observers=options.observers,
             as_json=options.json,
-            verbose=options.verbose,
         )
         print(text, file=answer)
     return status

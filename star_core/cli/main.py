@@ -13,8 +13,9 @@ from star_core.errors import StarError, suggestion
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import Any
 
-    from star_core.registry import Registry
+    from star_core.registry import Found, Registry
 
 FAILED = 1
 BAD_INPUT = 2
@@ -78,27 +79,33 @@ def _command(name: str, arguments: list[str]) -> int:
 
     Raises:
         StarError: There is none of that name.
+    """
+    registry = _loaded()
+    known = registry.names("command")
+    if name not in known:
+        raise StarError(f"star has no command {name!r}{suggestion(name, known, 'there are')}")
+    status: int = make("command", registry.find("command", name), arguments)
+    return status
+
+
+def make(kind: str, found: Found, *arguments: Any) -> Any:
+    """Return the result of a plugin's ``make(*arguments)``.
+
+    Raises:
         PluginError: A third party's raised neither `InputError` nor `SystemExit`.
     """
     from star_core.errors import InputError, PluginError
     from star_core.plugin_guard import PluginGuard
 
-    registry = _loaded()
-    known = registry.names("command")
-    if name not in known:
-        raise StarError(f"star has no command {name!r}{suggestion(name, known, 'there are')}")
-    found = registry.find("command", name)
     if found.source.own:  # its other errors are bugs, and show their tracebacks
-        status: int = found.offer.make(arguments)
-        return status
+        return found.offer.make(*arguments)
     try:
-        with PluginGuard(f"command {name!r} ({found.source})"):
-            status = found.offer.make(arguments)
+        with PluginGuard(f"{kind} {found.offer.name!r} ({found.source})"):
+            return found.offer.make(*arguments)
     except PluginError as error:
         if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):
             raise error.__cause__ from None
         raise
-    return status
 
 
 def _loaded() -> Registry:

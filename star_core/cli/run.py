@@ -9,19 +9,31 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from star_core.cli.live_view import Progress
+from star_core.cli.main import make
 from star_core.cli.run_folders import new_folder
 from star_core.errors import InputError
 from star_core.mission import load
+from star_core.operator import Operator
 from star_core.registry import Registry, Source
 from star_core.runner import fly, outcome_of
-from star_core.shutdown import OperatorStop
 
-MAX_INTERRUPTS = 3  # after these Python itself is interrupted: a plugin may hang
+
+def log_to_stderr(*, verbose: bool) -> None:
+    """Write log messages to standard error; with `verbose` also the tracebacks of plugins."""
+    logging.basicConfig(
+        level=logging.DEBUG if verbose else logging.WARNING,
+        format="star: %(message)s",
+        stream=sys.stderr,
+    )
+    logging.getLogger("numba").setLevel(logging.WARNING)
+    logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger may have no transition
 
 
 def run_mission(
@@ -32,31 +44,28 @@ def run_mission(
     out: str | None,
     keep: bool,
     save_frames: bool,
+    observers: Sequence[str] = (),
     as_json: bool,
-    verbose: bool,
 ) -> tuple[int, str]:
     """Fly the mission at `path` and show its progress; return exit status and text to print.
+
+    The names in `observers` are those of the run options that were given.
 
     Raises:
         InputError: The mission cannot be flown, or there is a record at `out` already.
         PluginError: A plugin cannot be made, or the links cannot be opened.
     """
-    logging.basicConfig(
-        level=logging.DEBUG if verbose else logging.WARNING,
-        format="star: %(message)s",
-        stream=sys.stderr,
-    )
-    logging.getLogger("numba").setLevel(logging.WARNING)
-    logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger may have no transition
     mission = load(Path(path), registry, assignments)
     folder = _folder(out, mission.name) if keep else None
     if not as_json:
         registry.add(Progress(), Source("star-swarm:progress"))
-    interrupts = OperatorStop()
-    with _signals(interrupts):
-        summary = fly(
-            mission, registry, folder=folder, save_frames=save_frames, interrupts=interrupts
-        )
+    for name in observers:
+        found = registry.find("run_option", name)
+        observer = make("option", found, mission, registry)
+        registry.add(observer, replace(found.source, plugin=f"{found.source.plugin}:{name}"))
+    operator = Operator()
+    with _signals(operator):
+        summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)
     return outcome_of(summary), json.dumps(summary, indent=2) if as_json else format_summary(
         summary, folder
     )
@@ -155,23 +164,25 @@ def _folder(out: str | None, name: str) -> Path:
 
 
 @contextmanager
-def _signals(interrupts: OperatorStop) -> Iterator[None]:
-    """Count Ctrl-C, SIGTERM and SIGHUP instead of being ended by them."""
+def _signals(operator: Operator) -> Iterator[None]:
+    """Land at Ctrl-C, SIGTERM and SIGHUP instead of being ended by them; then stop the motors."""
+    numbers = count(1)
 
-    def count(number: int, _frame: FrameType | None) -> None:
-        interrupts.count += 1
-        if interrupts.count >= MAX_INTERRUPTS:
-            raise KeyboardInterrupt
-        what = (
-            "landing; again stops the motors"
-            if interrupts.count == 1
-            else "stopping the motors; again interrupts a plugin that hangs"
-        )
+    def handle(number: int, _frame: FrameType | None) -> None:
+        match next(numbers):
+            case 1:
+                operator.land_all()
+                what = "landing; again stops the motors"
+            case 2:
+                operator.stop_motors()
+                what = "stopping the motors; again interrupts a plugin that hangs"
+            case _:  # a plugin hangs
+                raise KeyboardInterrupt
         with suppress(OSError):  # the terminal may be gone
             print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
 
     caught = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}
-    before = {number: signal.signal(number, count) for number in caught}
+    before = {number: signal.signal(number, handle) for number in caught}
     try:
         yield
     finally:

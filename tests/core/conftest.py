@@ -20,6 +20,7 @@ from star_core import (
     AgentPhase,
     AvoiderSpec,
     LocalizerSpec,
+    Operator,
     Order,
     PlannerSpec,
     Status,
@@ -32,7 +33,6 @@ from star_core.contracts import SPECS
 from star_core.mission import Mission, load
 from star_core.registry import Registry, Source
 from star_core.runner import fly
-from star_core.shutdown import OperatorStop
 from tests.core.robots import SOON, Robots
 
 TOUR = """
@@ -210,10 +210,10 @@ class Lab:
         return load(path, self.registry)
 
     def fly(
-        self, steps: str = TOUR, interrupts: OperatorStop | None = None, more: str = ""
+        self, steps: str = TOUR, operator: Operator | None = None, more: str = ""
     ) -> dict[str, Any]:
         """Fly a mission of these steps."""
-        return fly(self.load(steps, more), self.registry, interrupts=interrupts)
+        return fly(self.load(steps, more), self.registry, operator=operator)
 
     def ordered(self, order: Order) -> list[int]:
         """Rows that were given an order, in the order they were given it in."""

@@ -50,10 +50,11 @@ def test_every_command_of_the_readme_parses() -> None:
     lines = [line.split("#")[0].split() for block in blocks for line in block.splitlines()]
     commands = [words for words in lines if words and words[0] in {"star", "star-run"}]
     assert len(commands) >= 6
-    known = Registry().names("command")
+    registry = Registry()
+    known = registry.names("command")
     for name, *arguments in commands:
         command, *rest = arguments if name == "star" else ["run", *arguments]
         assert command in known
         if command in {"run", "check", "plugins", "schema"}:
-            parser(command).parse_args(rest)
+            parser(command, registry).parse_args(rest)
         assert all((ROOT / word).is_file() for word in arguments if word.startswith("missions/"))

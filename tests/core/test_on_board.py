@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from star_core import (
     Command,
     ContractError,
+    Operator,
     Order,
     PluginError,
     Refusal,
@@ -27,7 +28,6 @@ from star_core import (
     hookimpl,
 )
 from star_core.registry import Source
-from star_core.shutdown import OperatorStop
 from tests.core.conftest import Lab, Script
 from tests.core.robots import Robots
 
@@ -190,15 +190,15 @@ def test_an_agent_that_a_safety_rule_takes_out_of_the_mission_is_steered_again(l
 
 @pytest.mark.usefixtures("uploads")
 def test_all_agents_land_out_of_a_trajectory_when_the_operator_ends_the_flight(lab: Lab) -> None:
-    interrupts = OperatorStop()
+    operator = Operator()
 
     def end(right: Any, command: Command) -> None:
         right(command)
         if command.order is Order.FOLLOW:
-            interrupts.count += 1
+            operator.stops += 1
 
     lab.spoil("transport", "command", end)
-    assert lab.fly(TRACE, interrupts)["outcome"] == "aborted"
+    assert lab.fly(TRACE, operator)["outcome"] == "aborted"
     assert sorted(lab.ordered(Order.LAND)) == [0, 1]
     assert lab.went("cf1")[-2:] == ["landing", "landed"]
 

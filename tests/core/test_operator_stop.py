@@ -12,9 +12,9 @@ from threading import Timer
 
 import pytest
 
-from star_core import Order
+from star_core import Operator, Order, Tick, hookimpl
+from star_core.registry import Source
 from star_core.runner import outcome_of
-from star_core.shutdown import OperatorStop
 from tests.core.conftest import Lab
 
 HANGS = 300.0  # s: a flight here takes a few, and compiling before it a minute or two
@@ -22,20 +22,20 @@ STAR_RUN = Path(sys.executable).with_name("star-run")
 ACKNOWLEDGED = "star: SIGINT: landing; again stops the motors"
 
 
-def interrupted(lab: Lab, *times: float) -> OperatorStop:
+def interrupted(lab: Lab, *times: float) -> Operator:
     """Interrupts that are raised at these mission times, s, while the transport waits."""
-    interrupts = OperatorStop()
+    operator = Operator()
 
     def wait(right: Callable[[float], float], until: float) -> float:
-        interrupts.count = sum(time <= until for time in times)
+        operator.stops = sum(time <= until for time in times)
         return right(until)
 
     lab.spoil("transport", "wait", wait)
-    return interrupts
+    return operator
 
 
 def test_one_interrupt_lands_all_agents_and_aborts(lab: Lab) -> None:
-    summary = lab.fly(interrupts=interrupted(lab, 2.0))
+    summary = lab.fly(operator=interrupted(lab, 2.0))
     assert (summary["outcome"], summary["reason"]) == ("aborted", "interrupted by the operator")
     assert outcome_of(summary) == 1
     assert sorted(lab.ordered(Order.LAND)) == [0, 1]
@@ -46,26 +46,26 @@ def test_one_interrupt_lands_all_agents_and_aborts(lab: Lab) -> None:
 
 
 def test_no_step_goes_on_after_an_interrupt(lab: Lab) -> None:
-    lab.fly(interrupts=interrupted(lab, 2.0))
+    lab.fly(operator=interrupted(lab, 2.0))
     assert lab.said("step")[-1].endswith("wait begins for cf1, cf2")
     assert max(time for time, _ in lab.robots.sent) == pytest.approx(2.0)
 
 
 def test_an_interrupt_before_anybody_flies_orders_nothing(lab: Lab) -> None:
-    summary = lab.fly("\n  - wait: {seconds: 1}\n  - climb: {}", interrupts=interrupted(lab, 0.5))
+    summary = lab.fly("\n  - wait: {seconds: 1}\n  - climb: {}", operator=interrupted(lab, 0.5))
     assert summary["outcome"] == "aborted"
     assert lab.robots.commands == []
 
 
 def test_an_interrupt_while_the_mission_lands_orders_no_second_landing(lab: Lab) -> None:
-    summary = lab.fly(interrupts=interrupted(lab, 3.5))
+    summary = lab.fly(operator=interrupted(lab, 3.5))
     assert summary["outcome"] == "aborted"
     assert sorted(lab.ordered(Order.LAND)) == [0, 1]
 
 
 @pytest.mark.parametrize("times", [(2.0, 3.0), (2.0, 2.0)], ids=["while landing", "at once"])
 def test_two_interrupts_stop_the_motors_and_abort(lab: Lab, times: tuple[float, ...]) -> None:
-    summary = lab.fly(interrupts=interrupted(lab, *times))
+    summary = lab.fly(operator=interrupted(lab, *times))
     assert summary["outcome"] == "aborted"
     assert summary["reason"] == "interrupted by the operator; stopped, motors off"
     assert sorted(lab.ordered(Order.STOP)) == [0, 1]
@@ -76,7 +76,7 @@ def test_two_interrupts_stop_the_motors_and_abort(lab: Lab, times: tuple[float, 
 
 def test_a_landing_that_a_step_began_is_waited_for_as_long_as_it_takes(lab: Lab) -> None:
     steps = "\n  - climb: {}\n  - descend: {seconds: 18}"
-    summary = lab.fly(steps, interrupts=interrupted(lab, 3.0))
+    summary = lab.fly(steps, operator=interrupted(lab, 3.0))
     assert summary["reason"] == "interrupted by the operator"
     assert all(lab.went(name)[-1] == "landed" for name in lab.swarm)
 
@@ -84,17 +84,48 @@ def test_a_landing_that_a_step_began_is_waited_for_as_long_as_it_takes(lab: Lab)
 def test_the_motors_of_agents_that_are_down_are_not_stopped(lab: Lab) -> None:
     lab.fly(
         "\n  - climb: {}\n  - descend: {agents: cf1}\n  - wait: {seconds: 5, agents: cf2}",
-        interrupts=interrupted(lab, 4.5, 5.0),
+        operator=interrupted(lab, 4.5, 5.0),
     )
     assert lab.ordered(Order.STOP) == [1]
 
 
 def test_two_interrupts_stop_the_motors_while_a_broken_plugin_is_landed(lab: Lab) -> None:
     lab.spoil("planner", "plan", RuntimeError("boom"), range(20, 10**6))
-    summary = lab.fly(interrupts=interrupted(lab, 3.0, 3.0))
+    summary = lab.fly(operator=interrupted(lab, 3.0, 3.0))
     assert summary["outcome"] == "failed"
     assert summary["reason"].endswith("; stopped, motors off")
     assert sorted(lab.ordered(Order.STOP)) == [0, 1]
+
+
+class StopButton:
+    """An observer through which the operator ends a flight at a mission time, s."""
+
+    def __init__(self, moment: float, press: Callable[[Operator], None]) -> None:
+        self._moment, self._press = moment, press
+
+    @hookimpl
+    def star_mission_started(self, operator: Operator) -> None:
+        self._operator = operator
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        if tick.time >= self._moment:
+            self._press(self._operator)
+
+
+@pytest.mark.parametrize(
+    ("press", "order", "reason"),
+    [
+        (Operator.land_all, Order.LAND, "interrupted by the operator"),
+        (Operator.stop_motors, Order.STOP, "interrupted by the operator; stopped, motors off"),
+    ],
+)
+def test_an_observer_ends_the_flight_for_the_operator(
+    lab: Lab, press: Callable[[Operator], None], order: Order, reason: str
+) -> None:
+    lab.registry.add(StopButton(2.0, press), Source("their-dist:button"))
+    assert lab.fly()["reason"] == reason
+    assert sorted(lab.ordered(order)) == [0, 1]
 
 
 @contextmanager

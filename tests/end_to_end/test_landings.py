@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from star_core.shutdown import OperatorStop
+from star_core import Operator
 from star_fleet.link_faults import LinkFaults
 from tests.end_to_end.virtual_air import TAKEN_OFF, Air, Flown, flown
 
@@ -39,7 +39,7 @@ class Script:
         self.done: list[float] = []  # s of the fleet's time
         self._up: float | None = None
 
-    def __call__(self, air: Air, interrupts: OperatorStop) -> None:
+    def __call__(self, air: Air, operator: Operator) -> None:
         now = air.fleet.time
         if self._up is None and (air.height > TAKEN_OFF).all():
             self._up = now
@@ -48,11 +48,11 @@ class Script:
         step = len(self.done)
         if step < len(self.times) and now >= self._up + self.times[step]:
             self.done.append(now)
-            self.act(step, air, interrupts)
+            self.act(step, air, operator)
         if self.done:
             self.look(air)
 
-    def act(self, step: int, air: Air, interrupts: OperatorStop) -> None:
+    def act(self, step: int, air: Air, operator: Operator) -> None:
         """Do a step."""
         raise NotImplementedError
 
@@ -106,8 +106,8 @@ class _Interrupted(Script):
 
     motors_on = 0.0  # s, that motors ran later than 0.2 s after the second time
 
-    def act(self, step: int, air: Air, interrupts: OperatorStop) -> None:
-        interrupts.count = step + 1
+    def act(self, step: int, air: Air, operator: Operator) -> None:
+        operator.stops = step + 1
 
     def look(self, air: Air) -> None:
         if len(self.done) > 1 and air.fleet.time > self.done[1] + 0.2:
@@ -131,7 +131,7 @@ class _Gone(Script):
 
     down = float("inf")  # s, when the others were on the ground
 
-    def act(self, step: int, air: Air, interrupts: OperatorStop) -> None:
+    def act(self, step: int, air: Air, operator: Operator) -> None:
         air.links.faults[1] = LinkFaults(loss=1.0)
 
     def look(self, air: Air) -> None:
@@ -151,7 +151,7 @@ class _Rebooted(Script):
 
     motors_on = 0.0  # s, afterwards
 
-    def act(self, step: int, air: Air, interrupts: OperatorStop) -> None:
+    def act(self, step: int, air: Air, operator: Operator) -> None:
         air.fleet.reboot(1)
 
     def look(self, air: Air) -> None:
@@ -174,11 +174,11 @@ def test_a_drone_that_rebooted_is_reported_and_not_started_again(
 class _TakeOffEnded(Script):
     """The operator ends the flight while the drones climb."""
 
-    def __call__(self, air: Air, interrupts: OperatorStop) -> None:
+    def __call__(self, air: Air, operator: Operator) -> None:
         if (air.height > 0.3).all():
-            interrupts.count = 1
+            operator.stops = 1
 
-    def act(self, step: int, air: Air, interrupts: OperatorStop) -> None:
+    def act(self, step: int, air: Air, operator: Operator) -> None:
         pass
 
 

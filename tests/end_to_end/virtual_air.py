@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Array, Mask, Registry, Scene, fly, load
-from star_core.shutdown import OperatorStop
+from star_core import Array, Mask, Operator, Registry, Scene, fly, load
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
 from star_fleet.server import Fleet
 from tests.plugins.transports.star_radio.virtual import EPOCH, VirtualTime, virtual
@@ -151,7 +150,7 @@ def flown(
     faults: Sequence[LinkFaults] = (),
     steps: str = STEPS,
     rules: str = "",
-    watch: Callable[[Air, OperatorStop], object] = lambda _air, _interrupts: None,
+    watch: Callable[[Air, Operator], object] = lambda _air, _operator: None,
     after: float = 4.0,
     **options: Any,
 ) -> Flown:
@@ -175,7 +174,7 @@ def flown(
     )
     text = MISSION.format(cache=folder / "cache", swarm=swarm, steps=steps, rules=rules)
     (folder / "mission.yaml").write_text(text)
-    registry, interrupts = Registry(), OperatorStop()
+    registry, operator = Registry(), Operator()
     mission = load(folder / "mission.yaml", registry)
     air = Air(mission.scene, seed=seed, **{"noise": False, **options})
 
@@ -187,12 +186,12 @@ def flown(
                 cuts = tuple((begin + now, end + now) for begin, end in each.cuts)
                 air.links.faults[row] = replace(each, cuts=cuts)
             faults = ()
-        watch(air, interrupts)
+        watch(air, operator)
 
     air.watch = watched
     try:
         with virtual(air):
-            summary = fly(mission, registry, interrupts=interrupts)
+            summary = fly(mission, registry, operator=operator)
             air.sleep(after)
         return Flown(summary, air)
     finally:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -31,6 +30,7 @@ from star_sim.contact import SWEEP, prisms
 from star_sim.drone import OFF, standing
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance
+from star_sim.pace import Pace
 from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.report import report
 from star_sim.sensors import TEXTURE_POINTS, draw_errors, draw_texture, noise_streams
@@ -51,9 +51,12 @@ class Simulator:
         battery: Initial charge, as a fraction of full.
         endurance: Hover time with a full battery, s.
         swap_time: Time on the ground until a battery is replaced, s; None never replaces one.
-        speed: Mission seconds per second of wall time; None is as fast as possible.
+        speed: As the attribute, at the start.
         camera: Camera error model; None disables cameras.
         wanted: Whether the images of the agent in a row are needed; others are not rendered.
+
+    Attributes:
+        speed: Mission seconds per second of wall time; None is as fast as possible.
     """
 
     def __init__(
@@ -76,8 +79,8 @@ class Simulator:
             self._cameras = Cameras(scene, camera, wanted)
         self._scene = scene
         self._noise = noise
-        self._speed = speed
-        self._began: float | None = None  # s of wall time, at mission time 0
+        self.speed = speed
+        self._pace = Pace()
         self._step = 0
         self.drones = standing(
             np.array([agent.start for agent in scene.agents], float).reshape(n, 3),
@@ -150,8 +153,7 @@ class Simulator:
         now = self._step * STEP
         if self._swap_time is not None:
             self._replace_batteries(now, self._swap_time)
-        if self._speed is not None:
-            self._keep_pace(now / self._speed)
+        self._pace.keep(now, self.speed)
         return now
 
     def receive(self) -> Telemetry:
@@ -265,10 +267,3 @@ class Simulator:
             pitch=rows[:, 6],
             height=rows[:, 7],
         )
-
-    def _keep_pace(self, due: float) -> None:
-        """Sleep until `due` seconds after the first tick."""
-        clock = time.monotonic()
-        if self._began is None:
-            self._began = clock
-        time.sleep(max(0.0, self._began + due - clock))

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import pytest
 
 import star_core
-from star_core import Tick, hookimpl
+from star_core import InputError, Mission, RunOptionSpec, Tick, hookimpl
 from star_core.cli import main as cli
 from star_core.cli.main import main, run
 from star_core.registry import Registry, Source
@@ -458,6 +458,60 @@ def test_what_plugins_print_is_not_in_the_json(
     printed = said.readouterr()
     assert json.loads(printed.out)["outcome"] == "completed"
     assert "hello" in printed.err
+
+
+class Counter:
+    """A plugin with an option of ``star run`` that counts ticks."""
+
+    def __init__(self, wrong: Exception | None = None) -> None:
+        self.ticks = 0
+        self._wrong = wrong
+
+    @hookimpl
+    def star_run_options(self) -> Iterable[RunOptionSpec]:
+        yield RunOptionSpec(name="count", summary="count ticks", make=self._make)
+
+    def _make(self, mission: Mission, _registry: Registry) -> object:
+        assert mission.name == "hop"
+        if self._wrong is not None:
+            raise self._wrong
+
+        class Observer:
+            @hookimpl
+            def star_ticked(observer) -> None:  # noqa: N805 -- self is the plugin
+                self.ticks += 1
+
+        return Observer()
+
+
+def test_an_option_of_a_plugin_adds_an_observer(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    for arguments, ticks in ([], 0), (["--count"], 6.0 * 20):
+        counter = Counter()
+        with_plugin(counter)
+        assert main(["run", "hop.yaml", "--no-record", *arguments]) == 0
+        assert counter.ticks == pytest.approx(ticks, rel=0.2)
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    assert "--count" in said.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (InputError("counting needs fingers", "missing-package"), "counting needs fingers [mis"),
+        (ValueError("no fingers"), "option 'count' (their-dist 1.2:theirs): ValueError: no finger"),
+    ],
+)
+def test_an_option_of_a_plugin_that_cannot_be_used_ends_the_run_before_the_flight(
+    said: Said, with_plugin: Callable[[object], None], wrong: Exception, message: str
+) -> None:
+    with_plugin(Counter(wrong))
+    assert main(["run", "hop.yaml", "--no-record", "--count"]) == 2
+    printed = said.readouterr().err
+    assert printed.startswith(message)
+    assert "takeoff" not in printed
 
 
 def test_the_version_is_that_of_the_distribution(said: Said) -> None:

@@ -17,6 +17,7 @@ from star_core import (
     Array,
     Command,
     ContractError,
+    Operator,
     Order,
     PluginError,
     Registry,
@@ -26,7 +27,6 @@ from star_core import (
     fly,
     load,
 )
-from star_core.shutdown import OperatorStop
 from star_core.testing import scene
 from star_radio import orders
 from star_radio.transport import Radio
@@ -299,7 +299,7 @@ def air() -> Iterator[Air]:
         yield air
 
 
-def flown(folder: Path, air: Air, interrupts: OperatorStop | None = None) -> dict[str, Any]:
+def flown(folder: Path, air: Air, operator: Operator | None = None) -> dict[str, Any]:
     (folder / "room.yaml").write_text(ROOM)
     (folder / "hook.csv").write_text(hook())
     text = MISSION.replace("CACHE", f"'{folder / 'cache'}'")
@@ -307,7 +307,7 @@ def flown(folder: Path, air: Air, interrupts: OperatorStop | None = None) -> dic
         text = text.replace(f"URI{i}", uri)
     (folder / "mission.yaml").write_text(text)
     registry = Registry()
-    return fly(load(folder / "mission.yaml", registry), registry, interrupts=interrupts)
+    return fly(load(folder / "mission.yaml", registry), registry, operator=operator)
 
 
 @pytest.fixture
@@ -328,16 +328,16 @@ def track(air: Air, monkeypatch: pytest.MonkeyPatch) -> list[Array]:
 def test_drones_fly_it_in_the_map_and_land_in_the_middle(
     air: Air, tmp_path: Path, track: list[Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    interrupts, send = OperatorStop(), Radio.send
+    operator, send = Operator(), Radio.send
 
     def end(radio: Radio, setpoint: Setpoint) -> Setpoint:
-        if not interrupts.count:
+        if not operator.stops:
             assert not (track and setpoint.active.any())  # nobody is steered
-        interrupts.count = int(len(track) > 24)  # 1.2 s
+        operator.stops = int(len(track) > 24)  # 1.2 s
         return send(radio, setpoint)
 
     monkeypatch.setattr(Radio, "send", end)
-    summary = flown(tmp_path, air, interrupts)
+    summary = flown(tmp_path, air, operator)
     assert summary["outcome"] == "aborted"
     assert summary["reason"] == "interrupted by the operator"
     there = track[24]

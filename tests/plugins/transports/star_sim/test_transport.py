@@ -11,7 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import star_sim
-from star_core import Setpoint, Transport
+from star_core import Paced, Setpoint, Transport
 from star_core.testing import scene
 from star_sim.battery import HOVER_TIME
 
@@ -104,21 +104,46 @@ def test_what_is_sent_is_what_was_wished(start: Flying) -> None:
     assert start(2).simulator.send(setpoint) is setpoint
 
 
-def test_time_is_kept_when_a_speed_is_asked_for(
-    start: Flying, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    wall = [100.0]
-    naps: list[float] = []
+class Wall:
+    """Wall time, s, that passes only while the simulator sleeps."""
 
-    def sleep(seconds: float) -> None:
-        naps.append(seconds)
-        wall[0] += seconds
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.naps = 0
 
-    monkeypatch.setattr(time, "monotonic", lambda: wall[0])
-    monkeypatch.setattr(time, "sleep", sleep)
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+        self.naps += 1
+
+
+@pytest.fixture
+def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
+    clock = Wall()
+    monkeypatch.setattr(time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(time, "sleep", clock.sleep)
+    return clock
+
+
+def test_time_is_kept_when_a_speed_is_asked_for(start: Flying, wall: Wall) -> None:
     start(speed=2.0).fly(1.0)
-    assert wall[0] - 100.0 == pytest.approx(0.5)
-    assert len(naps) == 20
+    assert wall.now == pytest.approx(0.5)
+    assert wall.naps == 20
+
+
+def test_the_speed_changes_in_flight_and_nothing_else_does(start: Flying, wall: Wall) -> None:
+    alike, changed = start(2), start(2, speed=1.0)
+    errand(alike)
+    changed.rise()
+    assert wall.now == pytest.approx(changed.simulator.time)
+    for speed, seconds in (0.5, 1.0), (4.0, 0.5), (None, 0.25), (1.0, 0.25):
+        begun, changed.simulator.speed = wall.now, speed
+        changed.fly(seconds, (0.2, 0.3, 0.0), yaw=0.4)
+        assert wall.now - begun == pytest.approx(seconds / speed if speed else 0.0)
+    assert changed.simulator.drones.tobytes() == alike.simulator.drones.tobytes()
+
+
+def test_its_speed_can_be_changed_by_the_core(start: Flying) -> None:
+    assert isinstance(start().simulator, Paced)
 
 
 def test_without_a_speed_it_never_sleeps(start: Flying, monkeypatch: pytest.MonkeyPatch) -> None:

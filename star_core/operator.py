@@ -1,0 +1,31 @@
+"""The operator's controls of a flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from star_core.contracts import Paced
+
+
+@dataclass(slots=True)
+class Operator:
+    """The operator's controls of a flight; observers receive them, and may use them in any thread.
+
+    Attributes:
+        stops: Requests to end the flight: the first lands all agents, the second stops the motors.
+        simulation: Its ``speed`` can be changed during the flight; None if mission time advances by
+            itself, or as the transport likes.
+    """
+
+    stops: int = 0
+    simulation: Paced | None = None
+
+    def land_all(self) -> None:
+        """Land all agents, and end the flight."""
+        self.stops = max(self.stops, 1)
+
+    def stop_motors(self) -> None:
+        """Stop the motors of all agents, wherever they are, and end the flight."""
+        self.stops = max(self.stops, 2)
