@@ -131,7 +131,8 @@ class ControlLoop:
         sent = self.vehicles.send(safe, telemetry, estimate)
         outputs = telemetry, estimate, health, merged, plan, sent, self.vehicles.truth()
         doing = ", ".join(goals.doing)
-        self._record(Tick(self.vehicles.time, *outputs, doing, corrected), near)
+        timing = self.vehicles.timing.of_tick(self._pipeline.took())
+        self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
         return {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
             for row in np.flatnonzero(plan.unreachable & wanted.active).tolist()
@@ -145,7 +146,9 @@ class ControlLoop:
         plan = Plan(still, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), none)
         outputs = telemetry, estimate, health, Goals.none(n), plan, still, self.vehicles.truth()
         unchanged = Corrected(none, none, none)
-        self._record(Tick(self.vehicles.time, *outputs, "landing", unchanged), self._near(estimate))
+        timing = self.vehicles.timing.of_tick(self._pipeline.took())
+        tick = Tick(self.vehicles.time, *outputs, "landing", unchanged, timing)
+        self._record(tick, self._near(estimate))
 
     def finish(self) -> None:
         """Report the close approaches that are not over when the flight ends."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +65,9 @@ class Tick:
         truth: Ground truth, if the transport has it. For records only.
         doing: The running steps, in words.
         corrected: Agents whose setpoints the safety filter changed.
+        timing: Times of this tick, s: ``late``, after it was due; ``tick``, spent since it began,
+            without observers; ``localizer``, ``planner``, ``avoider`` and ``safety`` (the safety
+            filter), which are contained in that.
     """
 
     time: float
@@ -77,6 +80,7 @@ class Tick:
     truth: Truth | None
     doing: str
     corrected: Corrected
+    timing: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

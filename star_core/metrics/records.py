@@ -26,6 +26,7 @@ class Run:
         manifest: The mission and world as flown, plugins, seed, packages.
         summary: Outcome, figures, steps and events.
         arrays: The arrays of ``trajectory.npz`` by name, over ticks and agents, map frame, SI.
+        timing: The arrays of ``timing.npz`` by name, over ticks, s; empty without that file.
         agents: Name of the agent in each row.
         world: Geofence, obstacles, landmarks and targets.
     """
@@ -34,6 +35,7 @@ class Run:
     manifest: Mapping[str, Any]
     summary: Mapping[str, Any]
     arrays: Mapping[str, Array]
+    timing: Mapping[str, Array]
     agents: tuple[str, ...]
     world: World
 
@@ -55,8 +57,8 @@ def read_run(folder: Path | str) -> Run:
     try:
         manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        with np.load(folder / "trajectory.npz") as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = _arrays(folder / "trajectory.npz")
+        timing = _arrays(times) if (times := folder / "timing.npz").exists() else {}
     except FileNotFoundError as error:
         what = "the record of an interrupted run" if (folder / "manifest.json").exists() else "none"
         text = f"{folder}: expected the folder of a recorded run, found {what}"
@@ -66,4 +68,9 @@ def read_run(folder: Path | str) -> Run:
     agents = tuple(str(name) for name in arrays.pop("agents"))
     source = folder / "manifest.json"
     document = Document(parse(json.dumps(manifest["world"]), str(source)), source)
-    return Run(folder, manifest, summary, arrays, agents, world_loader.world(document))
+    return Run(folder, manifest, summary, arrays, timing, agents, world_loader.world(document))
+
+
+def _arrays(file: Path) -> dict[str, Array]:
+    with np.load(file) as arrays:
+        return {name: arrays[name] for name in arrays.files}

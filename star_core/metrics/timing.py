@@ -124,7 +124,7 @@ class ComputeTime:
 
 
 class TickTiming:
-    """Lateness of the ticks of a flight on a real-time transport; in simulation no tick is late.
+    """Lateness and computing time of ticks; in simulation no tick is late.
 
     Args:
         period: From one tick to the next, s. A tick that is later than that was missed.
@@ -134,6 +134,8 @@ class TickTiming:
         self._period = period
         self._took: Mapping[str, float] = {}  # s, before the previous tick
         self._last = 0.0  # s, time of the previous tick
+        self._late = 0.0  # s, of this tick
+        self._began = perf_counter()  # s, of this tick
         self._reported = -REPORT_INTERVAL  # s, time of the last report
         self._unreported = 0  # late ticks since then
         self._ticks = 0
@@ -149,7 +151,8 @@ class TickTiming:
         """
         spent = {kind: took[kind] - self._took.get(kind, 0.0) for kind in took}
         passed, self._last, self._took = now - self._last, now, took
-        late = now - due
+        self._began = perf_counter()
+        late = self._late = now - due
         if late <= self._period:
             return ""
         self._ticks += 1
@@ -172,6 +175,15 @@ class TickTiming:
             + ", ".join(causes)
             + since
         )
+
+    def of_tick(self, took: Mapping[str, float]) -> dict[str, float]:
+        """Return the timing of this tick so far, s, as in `Tick.timing`.
+
+        Args:
+            took: Computing time so far, s, by the kind of plugin.
+        """
+        spent = {kind: took[kind] - self._took.get(kind, 0.0) for kind in took}
+        return {"late": max(0.0, self._late), "tick": perf_counter() - self._began, **spent}
 
     def summary(self) -> dict[str, float]:
         """Return the entries of ``summary.json``: number of late ticks, greatest lateness, s."""

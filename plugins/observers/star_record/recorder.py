@@ -30,6 +30,7 @@ class Recorder:
         self._folder = folder
         self._agents = flight.scene.names
         self._columns: dict[str, list[Array]] = {}
+        self._timing: dict[str, list[float]] = {}
         self._save_frames = flight.save_frames
         self._unknown = {"truth_position", "truth_attitude", "signal"}  # in all ticks so far
         folder.mkdir(parents=True, exist_ok=True)
@@ -67,6 +68,8 @@ class Recorder:
             self._save_images(tick.telemetry.frames)
         for name, value in row.items():
             self._columns.setdefault(name, []).append(value)
+        for name, seconds in {"time": tick.time, **tick.timing}.items():
+            self._timing.setdefault(name, []).append(seconds)
 
     def _save_images(self, frames: Frames) -> None:
         """Write images; after the first failure, save no more of them."""
@@ -95,6 +98,8 @@ class Recorder:
         np.savez_compressed(
             self._folder / "trajectory.npz", agents=np.array(self._agents), **columns
         )
+        times: dict[str, Any] = {name: np.array(rows) for name, rows in self._timing.items()}
+        np.savez_compressed(self._folder / "timing.npz", **times)
 
     def _write_targets(self, found: Sequence[Mapping[str, Any]]) -> None:
         """Write ``targets.csv``: one line for each found target."""

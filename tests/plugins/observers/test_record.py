@@ -15,7 +15,17 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Flight, Telemetry, Tick, TransportSpec, Truth, hookimpl
+from star_core import (
+    AgentPhase,
+    Array,
+    Flight,
+    Telemetry,
+    Tick,
+    TransportSpec,
+    Truth,
+    hookimpl,
+    read_run,
+)
 from star_core.mission import load
 from star_core.registry import Registry, Source
 from star_core.runner import fly
@@ -137,8 +147,21 @@ def test_a_run_leaves_a_manifest_a_summary_and_a_trajectory(run: Run) -> None:
     assert sorted(path.name for path in run[0].iterdir()) == [
         "manifest.json",
         "summary.json",
+        "timing.npz",
         "trajectory.npz",
     ]
+
+
+def test_the_times_of_every_tick_are_kept(run: Run) -> None:
+    recorded = read_run(run[0])
+    timing = recorded.timing
+    assert (timing["time"] == recorded.arrays["time"]).all()
+    assert (timing["late"] == 0).all()
+    stages = sum(timing[name] for name in ("localizer", "planner", "avoider", "safety"))
+    assert (timing["tick"] > stages).all()
+    mean = 1e6 * timing["planner"][timing["planner"] > 0].sum()
+    ticks, agents = len(timing["time"]), len(recorded.agents)
+    assert mean / ticks / agents == pytest.approx(run[1]["compute_us"]["planner"], rel=0.05)
 
 
 def test_the_summary_is_what_the_flight_returned(run: Run) -> None:
