@@ -6,7 +6,7 @@ MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check air bench campaign scenarios lowest clean
+.PHONY: help fly test check docs air bench campaign scenarios lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -36,6 +36,10 @@ check: $(VENV)/.ready  ## style, types, layers, tests (on all processors)
 	for mission in first_flight around search; do \
 	$(BIN)/star-run missions/$$mission.yaml --no-record 2>/dev/null; done  # compiles for all tests
 	$(BIN)/python -m pytest -q -n auto
+
+docs: $(VENV)/.ready  ## build the documentation into build/docs; warnings are errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "open build/docs/index.html; with search: $(BIN)/python -m http.server --bind 127.0.0.1 --directory build/docs"
 
 air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` leaves out
 	$(BIN)/python -m pytest -q -m campaign tests/end_to_end/test_over_the_air.py

@@ -36,13 +36,13 @@ def _usage(kind: str, found: Found) -> str:
     if kind == "command":
         return f"`star {name} --help` describes its options."
     if kind == "task":
-        example = _flow(next(iter(schema.get("examples", ())), {}))
+        example = flow(next(iter(schema.get("examples", ())), {}))
         return f"Example: - {name}: {example}. All verbs also have: {', '.join(SHARED)}."
     if kind in PARTS:
         given = {key: rules["default"] for key, rules in schema.get("properties", {}).items()
                  if isinstance(rules, dict) and rules.get("default") is not None}  # fmt: skip
         some = dict(list(given.items())[:1])
-        return f"Example: {kind}: {_flow({'use': name} | some) if some else name}"
+        return f"Example: {kind}: {flow({'use': name} | some) if some else name}"
     return ""
 
 
@@ -51,43 +51,43 @@ def _options(
 ) -> Iterator[str]:
     """Yield the lines of all options of a schema; keys of maps as ``camera.latency``."""
     for key, written in schema.get("properties", {}).items():
-        name, rules = above + key, _resolved(written, shared)
-        facts = [_allowed(rules, shared)]
+        name, rules = above + key, resolved(written, shared)
+        facts = [allowed(rules, shared)]
         if "default" in rules:
-            facts.append(f"default {_flow(rules['default'])}")
+            facts.append(f"default {flow(rules['default'])}")
         if key in schema.get("required", ()):
             facts.append("required")
         yield from _wrapped(f"{name}: {'; '.join(filter(None, facts))}", 4, 4)
         yield from _wrapped(rules.get("description", ""), 8)
         if name.count(".") == MAX_DEPTH:  # a schema may refer to itself
             continue
-        inside = rules if "properties" in rules else _resolved(rules.get("items"), shared)
+        inside = rules if "properties" in rules else resolved(rules.get("items"), shared)
         yield from _options(inside, shared, f"{name}.")
 
 
-def _resolved(written: Any, shared: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a schema that may be a reference; True and False are schemas too."""
+def resolved(written: Any, shared: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a schema that may be a reference into `shared`; True and False are schemas too."""
     if not isinstance(written, dict):
         return {}
     reference = str(written.get("$ref", "")).removeprefix("#/$defs/")
     return {**shared.get(reference, {}), **written}
 
 
-def _allowed(rules: Mapping[str, Any], shared: Mapping[str, Any]) -> str:
+def allowed(rules: Mapping[str, Any], shared: Mapping[str, Any]) -> str:
     """Return which values a schema allows: ``number from 0 to 1``, ``hold | fail``.
 
-    >>> _allowed({"type": ["number", "null"], "exclusiveMinimum": 0}, {})
+    >>> allowed({"type": ["number", "null"], "exclusiveMinimum": 0}, {})
     'number > 0, or null'
     >>> point = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-    >>> _allowed({"type": "array", "items": point, "minItems": 1}, {})
+    >>> allowed({"type": "array", "items": point, "minItems": 1}, {})
     'list of at least 1 list of 3 numbers'
     """
     if "enum" in rules:
-        return " | ".join(map(_flow, rules["enum"]))
+        return " | ".join(map(flow, rules["enum"]))
     if "const" in rules:
-        return _flow(rules["const"])
+        return flow(rules["const"])
     if several := rules.get("anyOf", rules.get("oneOf")):
-        return ", or ".join(_allowed(_resolved(one, shared), {}) for one in several)
+        return ", or ".join(allowed(resolved(one, shared), {}) for one in several)
     types = rules.get("type", ())
     names = [types] if isinstance(types, str) else types
     return ", or ".join(_of_type(name, rules, shared) for name in names)
@@ -100,12 +100,12 @@ def _of_type(name: str, rules: Mapping[str, Any], shared: Mapping[str, Any]) -> 
         case "boolean":
             return "true | false"
         case "array":
-            return f"list of {_items(rules, _allowed(_resolved(rules.get('items'), shared), {}))}"
+            return f"list of {_items(rules, allowed(resolved(rules.get('items'), shared), {}))}"
         case "object":
             values = rules.get("additionalProperties")
             if "properties" in rules or not isinstance(values, dict):
                 return "map"
-            return f"map of names to {_allowed(_resolved(values, shared), {})}s"
+            return f"map of names to {allowed(resolved(values, shared), {})}s"
         case _:
             return name
 
@@ -133,12 +133,12 @@ def _items(rules: Mapping[str, Any], item: str) -> str:
     return f"{count}{word}{'s' * (low != 1)}{rest}"
 
 
-def _flow(value: Any) -> str:
+def flow(value: Any) -> str:
     """Return a value as a mission writes it: ``{low: [0, 1]}``."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(map(_flow, value)) + "]"
+        return "[" + ", ".join(map(flow, value)) + "]"
     return value if isinstance(value, str) and value else json.dumps(value)
 
 

@@ -1,0 +1,144 @@
+"""Pages made from the code: options of plugins, keys of files, commands, the Python API."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from star_core import Registry
+from star_core.cli.describe_plugin import MAX_DEPTH, allowed, flow, resolved
+
+ROOT: Final = Path(__file__).parents[2]
+BAR: Final = "\\|"  # in a table
+NOTE: Final = "\nGenerated from the code when the site is built.\n"
+
+KINDS: Final = {
+    "transport": "Links to a swarm, simulated or real",
+    "localizer": "Estimate positions from telemetry",
+    "planner": "Plan velocities towards goals",
+    "avoider": "Keep agents apart",
+    "task": "Verbs of the mission language",
+}
+
+GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
+    "flights": (
+        "Flights and records",
+        ("cli", "runner", "operator", "registry", "mission", "metrics"),
+    ),
+    "contracts": ("Contracts and specs", ("contracts", "hookspecs")),
+    "messages": ("Tables", ("messages",)),
+    "scene": ("Scene and world", ("scene", "world")),
+    "toolkit": ("Toolkit", ("toolkit", "geometry")),
+    "files": ("Files, options and errors", ("mission_file", "plugin_schema", "errors")),
+}
+
+MODULES: Final = {  # pages of whole modules
+    "hooks": ("Hooks", ["star_core.hookspecs"]),
+    "testing": ("Checks for the tests of plugins", ["star_core.testing"]),
+    "external": ("External planners and search patterns",
+                 ["star_external.planner", "star_search.pattern", "star_search.search_space"]),
+}  # fmt: skip
+
+
+def generated_pages() -> Iterator[tuple[str, str]]:
+    """Yield the path of each page in the site, and its Markdown."""
+    offers = Registry().offers()
+    for kind in KINDS:
+        yield f"reference/{_plural(kind)}.md", options_page(kind, offers[kind])
+    yield "reference/files.md", files_page()
+    yield "reference/commands.md", commands_page(offers["command"])
+    yield from _api_pages()
+
+
+def options_page(kind: str, offers: Mapping[str, Any]) -> str:
+    """Return the page of all plugins of a kind, with a table of options for each."""
+    lines = [f"# {_plural(kind).capitalize()}", "", f"{KINDS[kind]}.", NOTE]
+    for name, offer in offers.items():
+        lines += ["", f"## `{name}`", "", offer.summary, ""]
+        lines += table(offer.options)
+        lines += [
+            line
+            for example in offer.options.get("examples", ())
+            for line in ("", "```yaml", f"- {name}: {flow(example)}", "```")
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def files_page() -> str:
+    """Return the page of the keys of missions and the other files."""
+    lines = ["# Keys of files", "", "A dot separates nested keys; `NAME` is a name of your choice."]
+    lines += [NOTE]
+    for kind in ("mission", "world", "camera", "study"):
+        schema = json.loads((ROOT / "schemas" / f"{kind}.schema.json").read_text("utf-8"))
+        lines += ["", f"## {kind.capitalize()}", "", schema["description"], ""]
+        lines += table(schema)
+    return "\n".join(lines) + "\n"
+
+
+def table(schema: Mapping[str, Any]) -> list[str]:
+    """Return a table of an object's properties, with nested ones below their parent."""
+    rows = list(_rows(schema, schema.get("$defs", {}), ""))
+    if not rows:
+        return ["No options."]
+    return ["| option | value | default | description |", "|---|---|---|---|", *rows]
+
+
+def _rows(schema: Mapping[str, Any], shared: Mapping[str, Any], above: str) -> Iterator[str]:
+    for key, written in schema.get("properties", {}).items():
+        name, rules = above + key, resolved(written, shared)
+        default = f"`{flow(rules['default'])}`" if "default" in rules else ""
+        if key in schema.get("required", ()):
+            default = "required"
+        cells = f"`{name}`", f"`{allowed(rules, shared)}`", default, rules.get("description", "")
+        yield f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"
+        if name.count(".") < MAX_DEPTH and rules.get("items") != {"$ref": "#/$defs/step"}:
+            yield from _rows(rules, shared, f"{name}.")
+            yield from _rows(resolved(rules.get("items"), shared), shared, f"{name}.")
+            named = resolved(rules.get("additionalProperties"), shared)
+            yield from _rows(named, shared, f"{name}.NAME.")
+
+
+def commands_page(offers: Mapping[str, Any]) -> str:
+    """Return the page with the ``--help`` of every command."""
+    lines = ["# Commands", NOTE]
+    for name in offers:
+        lines += ["", f"## `star {name}`", "", "```text", _help(offers[name], []), "```"]
+        if name == "calibrate":
+            lines += ["", "```text", _help(offers[name], ["camera"]), "```"]
+    return "\n".join(lines) + "\n"
+
+
+def _help(offer: Any, arguments: list[str]) -> str:
+    printed = io.StringIO()
+    os.environ["COLUMNS"] = "100"
+    with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
+        offer.make([*arguments, "--help"])
+    return printed.getvalue().rstrip()
+
+
+def _api_pages() -> Iterator[tuple[str, str]]:
+    """Yield the pages of all public names, by `GROUPS`, and of whole modules."""
+    text = (ROOT / "star_core" / "__init__.pyi").read_text("utf-8")
+    names = re.findall(r"^from (star_core\.\S+) import (\w+) as", text, re.MULTILINE)
+    pages: dict[str, list[str]] = {page: [] for page in GROUPS}
+    pages["contracts"] += ["star_core.contracts.Spec", "star_core.contracts.MissionSpec"]
+    for module, name in names:
+        top = module.split(".")[1]
+        (page,) = (page for page, (_, prefixes) in GROUPS.items() if top in prefixes)
+        pages[page].append(f"{module}.{name}")
+    for page, (title, _) in GROUPS.items():
+        blocks = "".join(f"\n::: {name}\n" for name in pages[page] if not name.endswith("hookimpl"))
+        yield f"reference/api/{page}.md", f"# {title}\n\nImport these from `star_core`.\n{blocks}"
+    for page, (title, modules) in MODULES.items():
+        blocks = "".join(f"\n::: {module}\n" for module in modules)
+        yield f"reference/api/{page}.md", f"# {title}\n{blocks}"
+
+
+def _plural(kind: str) -> str:
+    return "verbs" if kind == "task" else f"{kind}s"
