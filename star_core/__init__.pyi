@@ -68,9 +68,9 @@ from star_core.metrics.records import read_run as read_run
 from star_core.mission import Mission as Mission
 from star_core.mission import load as load
 from star_core.mission_file.located import Value as Value
-from star_core.mission_file.located import read_yaml as read_yaml
 from star_core.mission_file.schema import read_as as read_as
 from star_core.mission_file.step_tree import actions as actions
+from star_core.mission_file.yaml_reader import read_yaml as read_yaml
 from star_core.operator import Operator as Operator
 from star_core.plugin_schema import fill_defaults as fill_defaults
 from star_core.registry import Registry as Registry

@@ -13,11 +13,13 @@ from star_core.errors import InputError, PluginError
 from star_core.mission_file import schema
 from star_core.mission_file import world_loader as world_file
 from star_core.mission_file.checks.references import of_mission
-from star_core.mission_file.includes import lacking, with_files
-from star_core.mission_file.located import Document, kind_of, read
+from star_core.mission_file.file_kinds import require_kind
+from star_core.mission_file.includes import with_files
+from star_core.mission_file.located import Document
 from star_core.mission_file.overrides import override
 from star_core.mission_file.sound_parts import Incomplete, Refused, sound_parts
 from star_core.mission_file.step_tree import Node, StepBuilder
+from star_core.mission_file.yaml_reader import read
 from star_core.plugin_schema import PARTS
 from star_core.registry import Registry, Source
 from star_core.scene import Agent, Limits, Scene, inside
@@ -102,8 +104,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
-    if why := _other(written):
-        raise InputError(f"{written.path}: {why}", "wrong-file")
+    require_kind(written, "mission")
     composed = schema.compose(registry.offers())
     document, problems = with_files(override(written, assignments))
     faults = schema.faults(document, composed)
@@ -152,22 +153,6 @@ def _in_file_order(problems: Iterable[str], path: Path) -> list[str]:
         return (False, int(found[1]), int(found[2])) if found else (True, 0, 0)
 
     return sorted(dict.fromkeys(problems), key=order)
-
-
-def _other(document: Document) -> str:
-    """Say what a file is that is no mission, and which mission to name; empty for a mission."""
-    match kind_of(document.data):
-        case "steps":
-            lacks = lacking(document)
-            return f"holds steps for missions to include: name a mission that includes it{lacks}"
-        case "world":
-            return "is a world: name a mission that is flown in it"
-        case "camera":
-            return "is a camera: name a mission that has it"
-        case "study":
-            return "is a study: `star ablate` flies it"
-        case _:
-            return ""
 
 
 def _world(document: Document, problems: list[str]) -> tuple[Document | None, World | None]:

@@ -130,7 +130,11 @@ def inside(folder: Path, name: str) -> Path:
         there, is_file = path.exists(), path.is_file()
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL in the name
         raise InputError(f"{name!r} is no path of a file: {error}", "unreadable-file") from error
-    if Path(name).is_absolute() or not within:
+    if Path(name).is_absolute():
+        relative = path.resolve().relative_to(folder.resolve()) if within else "paths/file.csv"
+        text = f"{name!r} is an absolute path; write it from the mission's folder: {relative}"
+        raise InputError(text, "file-not-found")
+    if not within:
         text = f"{name!r} is outside the mission's folder; name a file inside it"
         raise InputError(text, "file-not-found")
     if is_file:
@@ -138,6 +142,9 @@ def inside(folder: Path, name: str) -> Path:
     if there:
         text = f"{name!r} is no file; name a file in the mission's folder"
         raise InputError(text, "unreadable-file")
+    if "\\" in name:
+        slashes = name.replace("\\", "/")
+        raise InputError(f"no file {name!r}; write '/' in paths: {slashes}", "file-not-found")
     beside = [str(Path(name).parent / p.name) for p in path.parent.glob("*") if p.is_file()]
     hint = suggestion(name, beside)
     raise InputError(f"no file {name!r} in the mission's folder{hint}", "file-not-found")

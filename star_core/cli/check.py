@@ -9,10 +9,12 @@ from star_core.contracts import Problem
 from star_core.errors import InputError
 from star_core.mission import checked
 from star_core.mission_file import schema
-from star_core.mission_file.includes import check_alone, lacking
-from star_core.mission_file.located import Document, kind_of, read
+from star_core.mission_file.file_kinds import kind_of, lacking
+from star_core.mission_file.includes import check_alone
+from star_core.mission_file.located import Document
 from star_core.mission_file.overrides import override
 from star_core.mission_file.world_loader import world
+from star_core.mission_file.yaml_reader import read
 from star_core.registry import Registry
 from star_core.world.camera import camera_faults
 
@@ -29,7 +31,7 @@ def check_file(path: Path, assignments: Sequence[str], registry: Registry) -> st
         InputError: Something is wrong with it.
     """
     document = read(path)
-    others = {"steps": _steps, "world": _world, "camera": _camera, "study": _study}
+    others = {"steps": _steps, "world": _world, "camera": _camera}
     if found := others.get(kind_of(document.data)):
         return f"{path}: {found(override(document, assignments), registry)}"
     mission = checked(document, registry, assignments)
@@ -63,9 +65,3 @@ def _camera(document: Document, _registry: Registry) -> str:
     ):
         raise InputError(found)
     return f"{document.data['name']!r}, a camera for missions"
-
-
-def _study(document: Document, _registry: Registry) -> str:
-    """Refuse a study: `star ablate` checks it, with its missions."""
-    text = f"{document.path}: is a study: `star ablate` checks and flies it"
-    raise InputError(text, "wrong-file")

@@ -13,7 +13,8 @@ import numpy as np
 from star_core.errors import InputError
 from star_core.messages.arrays import Array
 from star_core.mission_file import world_loader
-from star_core.mission_file.located import Document, parse
+from star_core.mission_file.located import Document
+from star_core.mission_file.yaml_reader import parse
 from star_core.world.world import World
 
 
@@ -54,6 +55,9 @@ def read_run(folder: Path | str) -> Run:
         >>> run.arrays["estimate_position"][-1]  # doctest: +SKIP
     """
     folder = Path(folder)
+    if folder.is_file():
+        text = f"{folder}: is a file, expected the folder of a recorded run"
+        raise InputError(text, "wrong-file")
     try:
         manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))

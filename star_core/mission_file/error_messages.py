@@ -1,131 +1,125 @@
-"""Says in a user's words how a value breaks a rule of JSON Schema."""
+"""How a value breaks a rule of any JSON Schema, in the words of its author."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from star_core.errors import suggestion
 from star_core.mission_file.located import Location
+from star_core.mission_file.yaml_errors import odd_character
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
+CODES: Final = {
+    "type": "wrong-type",
+    "required": "missing-option",
+    "enum": "invalid-value",
+    "const": "invalid-value",
+    "pattern": "invalid-value",
+    "minimum": "out-of-range",
+    "maximum": "out-of-range",
+    "exclusiveMinimum": "out-of-range",
+    "exclusiveMaximum": "out-of-range",
+    "minItems": "wrong-length",
+    "maxItems": "wrong-length",
+    "minLength": "wrong-length",
+    "maxLength": "wrong-length",
+    "minProperties": "wrong-length",
+    "maxProperties": "wrong-length",
+    "uniqueItems": "duplicate-item",
+    "dependentRequired": "missing-option",
+    "oneOf": "option-conflict",
+    "anyOf": "option-conflict",
+}
+"""Codes of mistakes by the keyword of the schema."""
+
+_TYPES: Final = {
+    "string": "a string",
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "array": "a list",
+    "object": "a map",
+}
+_BOUNDS: Final = {
+    "minimum": "less than the minimum of",
+    "maximum": "greater than the maximum of",
+    "exclusiveMinimum": "not possible here, expected more than",
+    "exclusiveMaximum": "not possible here, expected less than",
+}
+_POINT: Final = 3  # numbers in the longest list that is correct without decimals
+_LONGEST: Final = 60  # characters of a value in a message
+_LONGEST_MESSAGE: Final = 200  # characters of a message of the validator
+
 
 class Breach(NamedTuple):
-    """A rule and the value that breaks it.
-
-    Attributes:
-        path: Where the value is.
-        keyword: The rule's keyword; empty where a schema is `False`.
-        wanted: What the rule expects.
-        value: What there is.
-        rules: The schema that the rule is one of.
-        of_key: Whether the value is a key of the map at `path`.
-        error: As the validator found it.
-    """
+    """A value that breaks a rule: the rule's keyword, its operand, and the schema it is one of."""
 
     path: Location
     keyword: str
     wanted: Any
     value: Any
     rules: Mapping[str, Any]
-    of_key: bool
     error: ValidationError
 
     @classmethod
     def of(cls, error: ValidationError) -> Breach:
-        """Take over what a validator found."""
-        rules: Any = error.schema
-        return cls(
-            path=tuple(error.absolute_path),
-            keyword=str(error.validator or ""),
-            wanted=error.validator_value,
-            value=error.instance,
-            rules=rules if isinstance(rules, Mapping) else {},
-            of_key="propertyNames" in error.absolute_schema_path
-            and isinstance(error.instance, str),
-            error=error,
-        )
+        path, keyword, rules = tuple(error.absolute_path), str(error.validator or ""), error.schema
+        rules = rules if isinstance(rules, Mapping) else {}
+        return cls(path, keyword, error.validator_value, error.instance, rules, error)
 
-    def nearest(self) -> Breach | None:
-        """Return how the value breaks the alternative it fits best.
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """The keys that are possible."""
+        return self.rules.get("properties", {})  # type: ignore[no-any-return]
 
-        None if the rule has no alternatives, or if they differ in the keys they ask for.
-        """
-        from jsonschema.exceptions import best_match
-
-        if self.keyword not in {"anyOf", "oneOf"}:
-            return None
-        best = best_match([self.error])
-        if best is None or best is self.error or best.validator == "required":
-            return None
-        return Breach.of(best)
+    @property
+    def is_key(self) -> bool:
+        """Whether the value is a key of the map at `path`."""
+        return "propertyNames" in self.error.absolute_schema_path and isinstance(self.value, str)
 
 
-def say(breach: Breach) -> str:
-    """Say what is wrong and what was expected, in a line; a schema may say it in its own words."""
-    if breach.keyword in {"not", ""} and "errorMessage" in breach.rules:
+def nearest(breach: Breach) -> Breach | None:
+    """Return how the value breaks the alternative it fits best.
+
+    None if the rule has no alternatives, or if they differ in the keys they ask for.
+    """
+    from jsonschema.exceptions import best_match
+
+    if breach.keyword not in {"anyOf", "oneOf"}:
+        return None
+    best = best_match([breach.error])
+    alike = best is None or best is breach.error or best.validator == "required"
+    return None if alike else Breach.of(best)
+
+
+# What is so of any schema
+
+
+def general(breach: Breach) -> str:
+    """Return what is wrong and what was expected; a schema may have a message of its own."""
+    keyword = breach.keyword
+    if keyword in {"not", ""} and "errorMessage" in breach.rules:
         return str(breach.rules["errorMessage"])
-    return _SAY.get(breach.keyword, _plainly)(breach)
+    if keyword in _BOUNDS:
+        return f"{breach.value!r} is {_BOUNDS[keyword]} {breach.wanted!r}"
+    if CODES.get(keyword) == "wrong-length":
+        return _length(breach)
+    return _MESSAGES.get(keyword, _plainly)(breach)
 
 
 def reason(breach: Breach) -> str:
-    """Say what a pattern expects, in its schema's words if there are any."""
+    """Return what a pattern expects, in its schema's words if there are any."""
     return str(breach.rules.get("patternErrorMessage") or _plainly(breach))
 
 
-def what(value: Any) -> str:
-    """Say what a value is.
-
-    >>> what("fast"), what(None), what([1])
-    ("'fast' is a string", 'there is no value', 'this is a list')
-    """
-    if value is None:
-        return "there is no value"
-    shown, kind = show(value), _kind(value)
-    return f"this is {kind}" if shown == kind else f"{shown} is {kind}"
-
-
-def show(value: Any) -> str:
-    """Return a value as a mission would write it; of a long one the beginning."""
-    if isinstance(value, (list, dict)):
-        return _kind(value)
-    if value is None or isinstance(value, bool):
-        return "null" if value is None else str(value).lower()
-    longest = 60
-    shown = repr(value)
-    return shown if len(shown) <= longest else shown[:longest] + "..."
-
-
-def flow(value: Any) -> str:
-    """Return a value as one writes it in a line of YAML; empty if that is long.
-
-    >>> flow({"any": [{"found": 1}, {"not": {"event": "found"}}]})
-    '{any: [{found: 1}, {not: {event: found}}]}'
-    >>> flow([{"found": 60 * "x" + "y"}])
-    ''
-    """
-    longest = 60
-    if not isinstance(value, (dict, list)):
-        text = value if isinstance(value, str) else show(value)
-    else:
-        inner = [flow(one) for one in (value.values() if isinstance(value, dict) else value)]
-        if not all(inner):
-            return ""
-        if isinstance(value, dict):
-            text = "{" + ", ".join(map("{}: {}".format, value, inner)) + "}"
-        else:
-            text = "[" + ", ".join(inner) + "]"
-    return text if len(text) <= longest else ""
-
-
-def _kind(value: Any) -> str:
-    if isinstance(value, bool):
-        return "a truth value"
-    kinds = {"str": "a string", "list": "a list", "dict": "a map"}
-    return kinds.get(type(value).__name__, "a number")
+def _plainly(breach: Breach) -> str:
+    """Return the validator's own message, in one line of bearable length."""
+    text = " ".join(breach.error.message.split())
+    return text if len(text) <= _LONGEST_MESSAGE else text[:_LONGEST_MESSAGE] + "..."
 
 
 def _type(breach: Breach) -> str:
@@ -137,71 +131,94 @@ def _type(breach: Breach) -> str:
 
 
 def _hint(breach: Breach, wanted: list[str]) -> str:
-    if wanted == ["string"] and isinstance(breach.value, (int, float)):
+    """Return how to correct a value of another type, if that is clear."""
+    value = breach.value
+    if wanted == ["string"] and isinstance(value, int | float):
         return "; put it in quotes"
-    if wanted == ["array"] and isinstance(breach.value, dict):
-        if str(next(iter(breach.value), ""))[:1] == "-":
-            return "; put a blank after the '-'"
-        of_maps = "$ref" in breach.rules.get("items", {})
-        return f"; write it `{text}`" if of_maps and (text := flow([breach.value])) else ""
-    if isinstance(breach.value, str) and {"number", "integer"}.intersection(wanted):
-        if re.fullmatch(r"[-+]?[0-9]+(\.[0-9]+)?", breach.value):
-            return "; remove the quotes"
-        if breach.value[:1].isdigit() and "description" in breach.rules:  # 0.8 m
-            return f": {breach.rules['description'].rstrip('.')}"
-    return ""
+    if wanted == ["array"] and isinstance(value, dict):
+        return _as_list(breach)
+    if wanted == ["object"]:
+        return _as_map(breach)
+    return _as_number(breach) if {"number", "integer"}.intersection(wanted) else ""
+
+
+def _as_list(breach: Breach) -> str:
+    """Return how to write a map as a list."""
+    first = str(next(iter(breach.value), ""))
+    if first.startswith("-"):
+        return "; put a space after the '-'"
+    if "$ref" not in breach.rules.get("items", {}):
+        return ""
+    if len(breach.value) > 1:
+        return f"; put '- ' before each: `- {first}: ...`"
+    return f"; write it `{text}`" if (text := flow([breach.value])) else ""
+
+
+def _as_map(breach: Breach) -> str:
+    """Return how to write a list, or one of the keys, as a map."""
+    value = breach.value
+    if isinstance(value, list) and value and all(isinstance(one, dict) for one in value):
+        return f"; remove the '- ' before each: `{next(iter(value[0]), '...')}: ...`"
+    examples = breach.known.get(value, {}).get("examples") if isinstance(value, str) else None
+    return f"; write it `{text}`" if examples and (text := flow({value: examples[0]})) else ""
+
+
+def _as_number(breach: Breach) -> str:
+    """Return how to write text as a number."""
+    value, rules = breach.value, breach.rules
+    if not isinstance(value, str):
+        return ""
+    if re.fullmatch(r"[-+]?[0-9]+(\.[0-9]+)?", value):
+        return "; remove the quotes"
+    if hint := odd_character(value)[1]:
+        return f"; {hint}"
+    measured = value[:1].isdigit() and "description" in rules  # 0.8 m
+    return f": {rules['description'].rstrip('.')}" if measured else ""
+
+
+def _length(breach: Breach) -> str:
+    """Return how many items, keys or characters there are, and how many were expected."""
+    side, value, wanted = breach.keyword[3:], breach.value, breach.wanted
+    exactly = breach.rules.get(f"min{side}") == breach.rules.get(f"max{side}")
+    bound = "" if exactly else "at least " if breach.keyword.startswith("min") else "at most "
+    noun = {"Items": "item", "Properties": "key"}.get(side, "character")
+    if side == "Items" and value and all(isinstance(item, int | float) for item in value):
+        noun = "number"
+    if not value:
+        return f"is empty, expected {bound}{wanted} {noun}{'' if wanted == 1 else 's'}"
+    hint = ""
+    halved = noun == "number" and wanted < len(value) <= 2 * wanted and len(value) > _POINT
+    if halved and all(isinstance(one, int) for one in value):
+        hint = "; a decimal has a point: 0.8"
+    if noun == "key" and {"any", "all"} <= {*breach.known}:  # of a condition
+        both = flow({"all": [{key: one} for key, one in value.items()]})
+        hint = f"; write `{both}`, or `any` for one of them" if both else "; join them by `all`"
+    plural = "" if len(value) == 1 else "s"
+    return f"has {len(value)} {noun}{plural}, expected {bound}{wanted}{hint}"
 
 
 def _enum(breach: Breach) -> str:
-    known = [value if isinstance(value, str) else show(value) for value in breach.wanted]
+    known = [one if isinstance(one, str) else show(one) for one in breach.wanted]
     word = breach.value if isinstance(breach.value, str) else ""
     return f"{show(breach.value)} is not possible here{suggestion(word, known, 'expected one of')}"
 
 
-def _const(breach: Breach) -> str:
-    return f"{show(breach.value)} is not possible here, expected {show(breach.wanted)}"
-
-
-def _length(breach: Breach) -> str:
-    """Word how many items, entries or characters there are."""
-    side = breach.keyword[3:]  # Items, Properties, Length
-    count = len(breach.value)
-    if breach.rules.get(f"min{side}") == breach.rules.get(f"max{side}"):
-        expected = str(breach.wanted)
-    else:
-        expected = (
-            f"{'at least' if breach.keyword.startswith('min') else 'at most'} {breach.wanted}"
-        )
-    noun = {"Items": "item", "Properties": "key"}.get(side, "character")
-    if side == "Items" and count and all(isinstance(item, (int, float)) for item in breach.value):
-        noun = "number"
-    if not count:
-        return f"is empty, expected {expected} {noun}{'' if breach.wanted == 1 else 's'}"
-    return f"has {count} {noun}{'' if count == 1 else 's'}, expected {expected}"
-
-
-def _pattern(breach: Breach) -> str:
-    return f"{show(breach.value)} is not possible here: {reason(breach)}"
-
-
-def _unique(breach: Breach) -> str:
+def _twice(breach: Breach) -> str:
     items = breach.value
-    twice = next((item for i, item in enumerate(items) if item in items[:i]), None)
-    return f"lists {show(twice)} more than once"
+    return f"lists {show(next(a for i, a in enumerate(items) if a in items[:i]))} more than once"
 
 
 def _dependent(breach: Breach) -> str:
-    pairs = [
+    return "; ".join(
         f"{key!r} goes with {other!r}, which is missing"
         for key, others in breach.wanted.items()
         for other in others
         if key in breach.value and other not in breach.value
-    ]
-    return "; ".join(pairs)
+    )
 
 
 def _alternatives(breach: Breach) -> str:
-    """Word alternatives of which each asks for one key."""
+    """Name alternatives of which each asks for one key."""
     keys = [branch.get("required", ()) for branch in breach.wanted if isinstance(branch, dict)]
     names = [required[0] for required in keys if len(required) == 1]
     if len(names) < len(breach.wanted):
@@ -211,43 +228,58 @@ def _alternatives(breach: Breach) -> str:
     return f"expected {exactly} of {', '.join(names)}; this has {given}"
 
 
-def _plainly(breach: Breach) -> str:
-    """Return the validator's own words, in one line of bearable length."""
-    longest = 200
-    message = " ".join(breach.error.message.split())
-    return message if len(message) <= longest else message[:longest] + "..."
-
-
-def _bound(words: str) -> Callable[[Breach], str]:
-    return lambda breach: f"{breach.value!r} is {words} {breach.wanted!r}"
-
-
-_TYPES = {
-    "string": "a string",
-    "number": "a number",
-    "integer": "a whole number",
-    "boolean": "true or false",
-    "array": "a list",
-    "object": "a map",
-    "null": "null",
-}
-_SAY: Mapping[str, Callable[[Breach], str]] = {
+_MESSAGES: Final[Mapping[str, Callable[[Breach], str]]] = {
     "type": _type,
     "enum": _enum,
-    "const": _const,
-    "minimum": _bound("less than the minimum of"),
-    "maximum": _bound("greater than the maximum of"),
-    "exclusiveMinimum": _bound("not possible here, expected more than"),
-    "exclusiveMaximum": _bound("not possible here, expected less than"),
-    "minItems": _length,
-    "maxItems": _length,
-    "minLength": _length,
-    "maxLength": _length,
-    "minProperties": _length,
-    "maxProperties": _length,
-    "pattern": _pattern,
-    "uniqueItems": _unique,
+    "const": lambda one: f"{show(one.value)} is not possible here, expected {show(one.wanted)}",
+    "pattern": lambda one: f"{show(one.value)} is not possible here: {reason(one)}",
+    "uniqueItems": _twice,
     "dependentRequired": _dependent,
     "oneOf": _alternatives,
     "anyOf": _alternatives,
 }
+
+
+def what(value: Any) -> str:
+    """Return what a value is.
+
+    >>> what("fast"), what(None), what([1])
+    ("'fast' is a string", 'there is no value', 'this is a list')
+    """
+    if value is None:
+        return "there is no value"
+    if isinstance(value, list | dict):
+        return f"this is {show(value)}"
+    kind = "a string" if isinstance(value, str) else "a number"
+    return f"{show(value)} is {'a truth value' if isinstance(value, bool) else kind}"
+
+
+def show(value: Any) -> str:
+    """Return a value as a mission would write it; of a long one the beginning."""
+    if isinstance(value, list | dict):
+        return "a list" if isinstance(value, list) else "a map"
+    if value is None or isinstance(value, bool):
+        return "null" if value is None else str(value).lower()
+    text = repr(value)
+    return text if len(text) <= _LONGEST else text[:_LONGEST] + "..."
+
+
+def flow(value: Any) -> str:
+    """Return a value in one line of YAML; empty if that is long.
+
+    >>> flow({"any": [{"found": 1}, {"not": {"event": "found"}}]})
+    '{any: [{found: 1}, {not: {event: found}}]}'
+    >>> flow([{"found": 60 * "x" + "y"}])
+    ''
+    """
+    if not isinstance(value, dict | list):
+        text = value if isinstance(value, str) else show(value)
+    else:
+        inner = [flow(one) for one in (value.values() if isinstance(value, dict) else value)]
+        if not all(inner):
+            return ""
+        if isinstance(value, dict):
+            text = "{" + ", ".join(map("{}: {}".format, value, inner)) + "}"
+        else:
+            text = "[" + ", ".join(inner) + "]"
+    return text if len(text) <= _LONGEST else ""

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from star_core.errors import InputError, coded, suggestion
 from star_core.mission_file import schema
+from star_core.mission_file.file_kinds import Kind
 from star_core.mission_file.located import Document, Mark, Value
 from star_core.mission_file.parameter_schema import SIGN, is_parameter
 from star_core.scene import inside
@@ -34,14 +35,6 @@ def with_files(document: Document) -> tuple[Document, list[str]]:
     if "mission" in data:
         data["mission"] = files.steps(data["mission"], (document.path.resolve(),))
     return replace(document, root=replace(document.root, data=data)), files.problems
-
-
-def lacking(document: Document) -> str:
-    """Return what a file of steps without parameters lacks if it is meant to be a mission."""
-    if "parameters" in document.data:
-        return ""
-    needed = [key for key in schema.load("mission")["required"] if key not in document.data]
-    return f"; as a mission it lacks {', '.join(needed)}"
 
 
 def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
@@ -145,7 +138,7 @@ class _Files:
                 values[name] = replace(value, data=f"{SIGN}{name}")  # it is reported once
         return values
 
-    def _file(self, name: Value, kind: str, chain: tuple[Path, ...] = ()) -> Document | None:
+    def _file(self, name: Value, kind: Kind, chain: tuple[Path, ...] = ()) -> Document | None:
         """Return a file that the mission names; None, with a problem, if it cannot be used."""
         if not isinstance(name.data, str):
             return None

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from star_core.errors import InputError
-from star_core.mission_file.located import Document, Mark, Value, parse, shown
+from star_core.mission_file.located import Document, Mark, Value, shown
+from star_core.mission_file.yaml_reader import parse
 from star_core.plugin_schema import PARTS
 
 

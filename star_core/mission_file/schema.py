@@ -12,8 +12,10 @@ from urllib.parse import quote, unquote
 
 from star_core.contracts import MissionSpec
 from star_core.errors import InputError
-from star_core.mission_file.located import Document, read
+from star_core.mission_file.file_kinds import Kind, require_kind
+from star_core.mission_file.located import Document
 from star_core.mission_file.parameter_schema import admitting, depends
+from star_core.mission_file.yaml_reader import read
 from star_core.plugin_schema import PARTS, SHARED, references
 
 if TYPE_CHECKING:
@@ -32,13 +34,14 @@ def load(name: str) -> dict[str, Any]:
     return schema
 
 
-def read_as(path: Path, name: str) -> Document:
+def read_as(path: Path, name: Kind) -> Document:
     """Read the YAML file at `path` and hold it to ``schemas/<name>.schema.json``.
 
     Raises:
         InputError: It cannot be read or does not fit; every reason found is listed, with its place.
     """
     document = read(path)
+    require_kind(document, name)
     if found := problems(document, load(name)):
         raise InputError(found)
     return document

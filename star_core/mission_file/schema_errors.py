@@ -1,4 +1,4 @@
-"""Turns what a JSON Schema found into one fault for each mistake in a mission or a world.
+"""Turns what a JSON Schema found into one fault for each mistake, in the words of its author.
 
 It knows what a schema does not: that a step has one verb, that an option belongs to a plugin, and
 which of several errors are one mistake.
@@ -8,43 +8,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from star_core.errors import suggestion
-from star_core.mission_file import error_messages as wording
-from star_core.mission_file.error_messages import Breach, show
+from star_core.mission_file.error_messages import (
+    CODES,
+    Breach,
+    flow,
+    general,
+    nearest,
+    reason,
+    show,
+    what,
+)
 from star_core.mission_file.located import Location
 from star_core.plugin_schema import PARTS
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
-
-CODES = {
-    "type": "wrong-type",
-    "required": "missing-option",
-    "enum": "invalid-value",
-    "const": "invalid-value",
-    "pattern": "invalid-value",
-    "minimum": "out-of-range",
-    "maximum": "out-of-range",
-    "exclusiveMinimum": "out-of-range",
-    "exclusiveMaximum": "out-of-range",
-    "minItems": "wrong-length",
-    "maxItems": "wrong-length",
-    "minLength": "wrong-length",
-    "maxLength": "wrong-length",
-    "minProperties": "wrong-length",
-    "maxProperties": "wrong-length",
-    "uniqueItems": "duplicate-item",
-    "dependentRequired": "missing-option",
-    "oneOf": "option-conflict",
-    "anyOf": "option-conflict",
-}
-"""Codes of mistakes by the keyword of the schema."""
-
-_CHOICE = ((), ("use",))  # where a plugin's name stands, below its kind
-NESTED = (("repeat", "steps"), ("each", "steps"))  # where steps stand inside of a step
+_MEANT: Final = {"agents": "swarm", "drones": "swarm", "robots": "swarm", "steps": "mission"}
+_NESTED: Final = (("repeat", "steps"), ("each", "steps"))  # where steps stand inside of a step
 
 
 class Fault(NamedTuple):
@@ -66,69 +50,49 @@ class Fault(NamedTuple):
 
 
 def explain(errors: Iterable[ValidationError], data: Any) -> Iterator[Fault]:
-    """Say what is wrong with `data`, one fault for each mistake."""
+    """Yield what is wrong with `data`, one fault for each mistake."""
     found = [Breach.of(error) for error in errors]
     mistyped = {breach.path for breach in found if breach.keyword == "type"}
     beside = {breach.path: _beside(breach) for breach in found if _is_step(breach.path)}
     for breach in found:
-        if beside.get(breach.path):  # whatever else is wrong with this step follows from it
-            yield from _misplaced(breach, beside[breach.path])
+        if options := beside.get(breach.path):  # what else is wrong with this step follows from it
+            verb = next(key for key in breach.value if key in breach.known)
+            for key in options:
+                message = f"option {key!r} stands beside its verb {verb!r}; indent it further"
+                yield Fault((*breach.path, key), message, "misplaced-key", key=True)
         elif beside.get(breach.path[:-1]) and (
             breach.value is None or breach.keyword == "required"
         ):
             continue
-        elif breach.keyword == "type" or breach.of_key or breach.path not in mistyped:
+        elif breach.keyword == "type" or breach.is_key or breach.path not in mistyped:
             yield from _explain(breach, data)
 
 
 def _explain(breach: Breach, data: Any) -> Iterator[Fault]:
-    path, keyword = breach.path, breach.keyword
-    if breach.of_key:
-        message = f"{show(breach.value)} cannot be a name here: {wording.reason(breach)}"
-        yield Fault((*path, breach.value), _about(path, data, message), "invalid-name", key=True)
+    path, keyword, value = breach.path, breach.keyword, breach.value
+    if breach.is_key:
+        message = f"{show(value)} cannot be a name here: {reason(breach)}"
+        yield Fault((*path, value), _about(path, data, message), "invalid-name", key=True)
     elif keyword == "additionalProperties":
-        yield from _unknown(breach, data)
+        yield from (_unknown(breach, key, data) for key in _unmatched(breach))
     elif keyword == "required":
         for name in breach.wanted:
-            if name not in breach.value:
-                message = _about(path, data, _missing(name, path))
+            if name not in value:
+                message = _about(path, data, _missing(name, breach))
                 yield Fault(path, message, "missing-option", key=True, lacks=True)
-    elif (nearest := breach.nearest()) is not None:
-        yield from _explain(nearest, data)
+    elif (alternative := nearest(breach)) is not None:
+        yield from _explain(alternative, data)
     elif keyword == "type" and "errorMessage" in breach.rules:
         whole = path[:-1] if isinstance(path[-1], int) else path  # what is so of every item
         yield Fault(whole, _about(whole, data, breach.rules["errorMessage"]), "wrong-type")
+    elif own := _own(breach):
+        yield Fault(path, *own)
     else:
-        message = _own_words(breach)
-        code = _own_code(breach) if message else CODES.get(keyword, "invalid-option")
-        yield Fault(path, message or _about(path, data, wording.say(breach)), code)
+        code = CODES.get(keyword, "invalid-option")
+        yield Fault(path, _about(path, data, general(breach), value), code)
 
 
-def _own_words(breach: Breach) -> str:
-    """Say what is wrong with what only missions have; empty for anything else."""
-    path, keyword = breach.path, breach.keyword
-    if _is_step(path):
-        return _no_step(breach)
-    if keyword == "type" and breach.value is None and _is_step(path[:-1]):
-        return _empty_verb(breach)
-    if keyword == "type" and breach.wanted == "object" and _is_step(path[:-1]):
-        return _no_options(breach)
-    if keyword in {"enum", "type"} and path[:1] and path[0] in PARTS and path[1:] in _CHOICE:
-        return _part(breach)
-    if keyword == "const" and path == ("star",):
-        return f"this version reads `star: {breach.wanted}`, this file is of {show(breach.value)}"
-    return ""
-
-
-def _own_code(breach: Breach) -> str:
-    """Return the code of a mistake in what only missions have."""
-    if _is_step(breach.path) or _is_step(breach.path[:-1]):
-        return "invalid-step"
-    if breach.path == ("star",):
-        return "unsupported-version"
-    if isinstance(breach.value, str):
-        return "unknown-plugin" if breach.keyword == "enum" else "missing-option"
-    return "wrong-type"
+# What only missions have
 
 
 def _step_in(path: Location) -> Location:
@@ -137,7 +101,7 @@ def _step_in(path: Location) -> Location:
     while at and len(path) > at + 1:
         if path[at] == "parallel":
             at += 2
-        elif path[at : at + 2] in NESTED and len(path) > at + 2:
+        elif path[at : at + 2] in _NESTED and len(path) > at + 2:
             at += 3
         else:
             break
@@ -148,7 +112,7 @@ def _is_step(path: Location) -> bool:
     return bool(path) and _step_in(path) == path
 
 
-def _about(path: Location, data: Any, message: str) -> str:
+def _about(path: Location, data: Any, message: str, value: Any = None) -> str:
     """Put in front of `message` what it is about: ``avoider 'orca': radius: ...``."""
     subject: list[str] = []
     if step := _step_in(path):
@@ -156,7 +120,9 @@ def _about(path: Location, data: Any, message: str) -> str:
         subject, path = [str(name) for name in path[:1]], path[1:]
     elif path and path[0] in PARTS and "use" in data[path[0]]:
         subject, path = [f"{path[0]} {show(data[path[0]]['use'])}"], path[1:]
-    dotted = [".".join(str(part) for part in path)] if path else []
+    if path and isinstance(path[-1], int) and not isinstance(value, list | dict):
+        path = path[:-1]  # the location shows which item it is
+    dotted = [".".join(str(name) for name in path)] if path else []
     return ": ".join([*subject, *dotted, message])
 
 
@@ -164,73 +130,79 @@ def _noun(path: Location) -> str:
     return "option" if _step_in(path) or (path and path[0] in PARTS) else "key"
 
 
-def _missing(name: str, path: Location) -> str:
+def _missing(name: str, breach: Breach) -> str:
+    path = breach.path
     if path and path[0] in PARTS and name == "use":
         return "missing key 'use'; write {use: name of a plugin, ...}"
     if not path and name == "star":
         return "missing key 'star'; write `star: 1` first"
-    return f"missing {_noun(path)} {name!r}"
+    installed = breach.known.get(name, {}).get("examples", ()) if name in PARTS else ()
+    hint = f"; installed: {', '.join(map(str, installed))}" if installed else ""
+    return f"missing {_noun(path)} {name!r}{hint}"
 
 
-def _unknown(breach: Breach, data: Any) -> Iterator[Fault]:
-    """Name each key that is not known."""
-    path = breach.path
-    known = breach.rules.get("properties", {})
+def _unmatched(breach: Breach) -> Iterator[str]:
+    """Yield the keys that are not known."""
     patterns = breach.rules.get("patternProperties", {})
     for key in breach.value:
-        if key in known or any(re.search(pattern, key) for pattern in patterns):
-            continue
-        if _is_step(path):
-            verb, colon, _ = key.partition(":")
-            split = colon and verb in known
-            meant = suggestion(key, known, "expected one of")
-            message = (
-                f"unknown verb {show(key)}{'; put a blank after the colon' * bool(split) or meant}"
-            )
-        else:
-            message = f"unknown {_noun(path)} {show(key)}{_known(breach, key)}"
-            message = _about(path, data, message)
-        code = "unknown-verb" if _is_step(path) else "unknown-option"
-        yield Fault((*path, key), message, code, key=True)
+        if key not in breach.known and not any(re.search(one, key) for one in patterns):
+            yield key
 
 
-def _known(breach: Breach, key: str) -> str:
-    """Name the key that `key` was perhaps meant for, or every key there is."""
-    known = [name for name in breach.rules.get("properties", {}) if name != "use"]
-    free = [name for name in known if name not in breach.value]
-    if not known:
-        return "; there is none"
-    return (
-        suggestion(key, free) or suggestion(key, known) or f"; expected one of: {', '.join(known)}"
-    )
-
-
-def _verbs(breach: Breach) -> list[str]:
-    """Return the known verbs of a step."""
-    known = breach.rules.get("properties", {})
-    return [key for key in breach.value if key in known] if isinstance(breach.value, dict) else []
+def _unknown(breach: Breach, key: str, data: Any) -> Fault:
+    """Return the fault of a key that is not known."""
+    path, known = breach.path, breach.known
+    word, colon, _ = re.sub(r" *[{\[]", ":", key).partition(":")
+    split = f"; put a space after the colon of {word!r}" if key[len(word) :][:1] == ":" else ""
+    split = split or f"; put a colon after {word!r}"
+    if _is_step(path):
+        hint = split if colon and word in known else suggestion(key, known, "expected one of")
+        return Fault((*path, key), f"unknown verb {show(key)}{hint}", "unknown-verb", key=True)
+    names = [name for name in known if name != "use"]
+    free = [name for name in names if name not in breach.value]
+    if colon and word in known:
+        hint = split
+    elif not path and _MEANT.get(key) in free:
+        hint = f"; did you mean {_MEANT[key]!r}?"
+    elif not names:
+        hint = "; there is none"
+    else:
+        hint = suggestion(key, free) or suggestion(key, names, "expected one of")
+    message = _about(path, data, f"unknown {_noun(path)} {show(key)}{hint}")
+    return Fault((*path, key), message, "unknown-option", key=True)
 
 
 def _beside(breach: Breach) -> list[str]:
     """Return the keys of a step that are options of its only verb and should stand inside it."""
-    verbs = _verbs(breach)
+    given, known = breach.value, breach.known
+    verbs = [key for key in given if key in known] if isinstance(given, dict) else []
     if len(verbs) != 1:
         return []
-    options = breach.rules["properties"][verbs[0]].get("properties", {})
-    others = [key for key in breach.value if key != verbs[0]]
+    options = known[verbs[0]].get("properties", {})
+    others = [key for key in given if key not in verbs]
     return others if all(key in options for key in others) else []
 
 
-def _misplaced(breach: Breach, options: list[str]) -> Iterator[Fault]:
-    verb = _verbs(breach)[0]
-    for option in options:
-        message = f"option {option!r} stands beside its verb {verb!r}; indent it further"
-        yield Fault((*breach.path, option), message, "misplaced-key", key=True)
+def _own(breach: Breach) -> tuple[str, str] | None:
+    """Return what is wrong with what only missions have, and its code; None for anything else."""
+    path, keyword = breach.path, breach.keyword
+    if _is_step(path):
+        return _no_step(breach), "invalid-step"
+    if keyword == "type" and _is_step(path[:-1]) and breach.value is None:
+        return _empty_verb(breach), "invalid-step"
+    if keyword == "type" and _is_step(path[:-1]) and breach.wanted == "object":
+        return _no_options(breach), "invalid-step"
+    if keyword in {"enum", "type"} and path[:1] and path[0] in PARTS and path[1:] in {(), ("use",)}:
+        return _choice(breach)
+    if keyword == "const" and path == ("star",):
+        text = f"this version reads `star: {breach.wanted}`, this file is of {show(breach.value)}"
+        return text, "unsupported-version"
+    return None
 
 
 def _no_step(breach: Breach) -> str:
-    """Say why something is no step."""
-    given, known = breach.value, breach.rules.get("properties", {})
+    """Return why something is no step."""
+    given, known = breach.value, breach.known
     if given is None:
         return "an empty step, expected a verb such as `land: {}`"
     if given == {}:
@@ -243,11 +215,11 @@ def _no_step(breach: Breach) -> str:
     if isinstance(given, str) and given in known:
         return f"a step is a map; write it `{given}: {{}}`"
     meant = suggestion(given, known) if isinstance(given, str) else ""
-    return f"{wording.what(given)}, expected a step such as `land: {{}}`{meant}"
+    return f"{what(given)}, expected a step such as `land: {{}}`{meant}"
 
 
 def _empty_verb(breach: Breach) -> str:
-    """Say what should follow a verb."""
+    """Return what should follow a verb."""
     verb = breach.path[-1]
     if breach.wanted == "array":
         return f"{verb}: nothing follows, expected a list of steps"
@@ -256,25 +228,28 @@ def _empty_verb(breach: Breach) -> str:
 
 
 def _no_options(breach: Breach) -> str:
-    """Say what should follow a verb in place of a single value: the option that it may be for."""
+    """Return what should follow a verb in place of a value: the option that it may be for."""
     verb, given = breach.path[-1], breach.value
     example: Mapping[str, Any] = next(iter(breach.rules.get("examples", ())), {})
     option = next(iter(example), "")
     if type(example.get(option)) is type(given):
         example = {option: given}
-    said = f"{verb}: {wording.what(given)}, expected a map"
-    return f"{said}; write it `{verb}: {written}`" if (written := wording.flow(example)) else said
+    message = f"{verb}: {what(given)}, expected a map"
+    return f"{message}; write it `{verb}: {text}`" if (text := flow(example)) else message
 
 
-def _part(breach: Breach) -> str:
-    """Say what is wrong with the choice of a plugin."""
+def _choice(breach: Breach) -> tuple[str, str]:
+    """Return what is wrong with the choice of a plugin, and its code."""
     kind, given = breach.path[0], breach.value
     if breach.keyword == "enum" and isinstance(given, str):
-        known = suggestion(given, breach.wanted, "installed")
-        return f"no {kind} named {show(given)}{known or '; none is installed'}"
+        known = suggestion(given, breach.wanted, "installed") or "; none is installed"
+        return f"no {kind} named {show(given)}{known}", "unknown-plugin"
     if breach.keyword == "enum":
-        return f"{kind}: {wording.what(given)}, expected a name{suggestion('', breach.wanted)}"
-    if isinstance(given, str):
+        text = f"{kind}: {what(given)}, expected a name{suggestion('', breach.wanted)}"
+    elif isinstance(given, str):
         needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
-        return f"{kind} {given!r} has options that must be given; write {{use: {given}, {needs}}}"
-    return f"{kind}: {wording.what(given)}, expected a name or {{use: name, ...}}"
+        text = f"{kind} {given!r} has options that must be given; write {{use: {given}, {needs}}}"
+        return text, "missing-option"
+    else:
+        text = f"{kind}: {what(given)}, expected a name or {{use: name, ...}}"
+    return text, "wrong-type"

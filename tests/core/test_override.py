@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from star_core.errors import InputError
-from star_core.mission_file.located import Document, parse
+from star_core.mission_file.located import Document
 from star_core.mission_file.overrides import override
+from star_core.mission_file.yaml_reader import parse
 
 MISSION = """\
 # a comment
@@ -108,7 +109,7 @@ def test_setting_leaves_the_document_it_is_set_over_alone(mission: Document) -> 
         ("mission.-1={}", "'mission' is a list: expected an index in place of '-1'"),
         ("mission.first={}", "'mission' is a list: expected an index in place of 'first'"),
         ("seed=.nan", ".nan is not a plain, finite decimal number"),
-        ("seed=[1", "not YAML: expected ',' or ']', but got '<stream end>'"),
+        ("seed=[1", "'[' is not closed; add ']'"),
         ("seed=&x 1", "anchor '&x' is refused; write the value out"),
         ("a\n\udcff=1_0", "1_0 is not a plain, finite decimal number"),
     ],

@@ -18,8 +18,8 @@ import pytest
 from star_core import InputError, load
 from star_core.cli.main import main
 from star_core.mission_file import schema
-from star_core.mission_file.located import parse
 from star_core.mission_file.schema import compose, compose_steps
+from star_core.mission_file.yaml_reader import parse
 from star_core.registry import Registry
 
 MISSIONS = Path(__file__).parents[2] / "missions"

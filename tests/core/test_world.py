@@ -13,8 +13,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
-from star_core.mission_file.located import Document, parse
+from star_core.mission_file.located import Document
 from star_core.mission_file.world_loader import world
+from star_core.mission_file.yaml_reader import parse
 from star_core.world.outlines import wall
 from star_core.world.world import CONTACT_RADIUS, Fence, Obstacle, World
 

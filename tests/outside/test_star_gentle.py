@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from star_core.mission_file.located import read
+from star_core.mission_file.yaml_reader import read
 
 Run: TypeAlias = Callable[..., CompletedProcess[str]]
 

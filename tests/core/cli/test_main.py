@@ -131,7 +131,9 @@ def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
 def test_what_is_set_makes_no_file_a_mission(said: Said) -> None:
     Path("steps.yaml").write_text("star: 1\nmission: [land: {}]\n")
     assert main(["run", "steps.yaml", "--speed", "1"]) == 2
-    assert said.readouterr().err.startswith("steps.yaml: holds steps for missions to include")
+    assert said.readouterr().err.startswith(
+        "steps.yaml:1:1: this is a file of steps, expected a mission"
+    )
     assert main(["check", "steps.yaml", "--speed", "1"]) == 2
     assert said.readouterr().err.startswith("--set transport.speed=1: unknown key 'transport'")
 
@@ -182,16 +184,23 @@ def test_what_is_wrong_with_a_file_that_missions_name_is_reported(
     [
         (
             "star: 1\nparameters: {}\nmission: [land: {}]\n",
-            "holds steps for missions to include: name a mission that includes it [wrong-file]",
+            "this is a file of steps, expected a mission; name a mission that includes it "
+            "[wrong-file]",
         ),
         (
             "star: 1\nname: m\nmission: [land: {}]\n",
-            "holds steps for missions to include: name a mission that includes it; as a mission "
-            "it lacks world, swarm, transport, localizer, planner, avoider [wrong-file]",
+            "this is a file of steps, expected a mission; name a mission that includes it; as a "
+            "mission it lacks world, swarm, transport, localizer, planner, avoider [wrong-file]",
         ),
-        (WORLD, "is a world: name a mission that is flown in it [wrong-file]"),
-        (CAMERA, "is a camera: name a mission that has it [wrong-file]"),
-        (STUDY, "is a study: `star ablate` flies it [wrong-file]"),
+        (
+            WORLD,
+            "this is a world, expected a mission; name a mission that is flown in it [wrong-file]",
+        ),
+        (CAMERA, "this is a camera, expected a mission; name a mission that has it [wrong-file]"),
+        (
+            STUDY,
+            "this is a study, expected a mission; `star ablate` checks and flies it [wrong-file]",
+        ),
     ],
 )
 @pytest.mark.parametrize("command", ["run", "explain"])
@@ -200,13 +209,16 @@ def test_a_file_that_is_no_mission_is_not_flown(
 ) -> None:
     Path("file.yaml").write_text(text)
     assert main([command, "file.yaml"]) == 2
-    assert said.readouterr() == ("", f"file.yaml: {fault}\n")
+    assert said.readouterr() == ("", f"file.yaml:1:1: {fault}\n")
 
 
 def test_a_study_is_checked_by_ablate(said: Said) -> None:
     Path("study.yaml").write_text(STUDY)
     assert main(["check", "study.yaml"]) == 2
-    wanted = "study.yaml: is a study: `star ablate` checks and flies it [wrong-file]\n"
+    wanted = (
+        "study.yaml:1:1: this is a study, expected a mission; `star ablate` checks and flies it "
+        "[wrong-file]\n"
+    )
     assert said.readouterr() == ("", wanted)
 
 
@@ -371,7 +383,7 @@ def test_an_option_that_is_set_again_and_misspelt_is_refused_with_a_suggestion(
         ("world=no.yaml", "no file 'no.yaml' in the mission's folder"),
         ("seed", "has no '=', expected path=value such as avoider.radius=0.3"),
         ("seed=", "has no value after the '='"),
-        ("seed=[1", "not YAML: expected ',' or ']', but got '<stream end>'"),
+        ("seed=[1", "'[' is not closed; add ']'"),
     ],
 )
 def test_a_value_that_cannot_be_set_is_reported_with_the_assignment(

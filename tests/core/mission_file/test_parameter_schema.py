@@ -13,9 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from star_core.mission_file.located import Location, parse
+from star_core.mission_file.located import Location
 from star_core.mission_file.parameter_schema import admitting, depends
 from star_core.mission_file.schema import compose_steps
+from star_core.mission_file.yaml_reader import parse
 from star_core.registry import Registry
 
 MISSIONS = Path(__file__).parents[3] / "missions"

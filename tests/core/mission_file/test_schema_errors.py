@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from star_core.contracts import TaskSpec
-from star_core.mission_file.located import Document, parse
+from star_core.mission_file.located import Document
 from star_core.mission_file.overrides import override
 from star_core.mission_file.schema import compose, problems
+from star_core.mission_file.yaml_reader import parse
 
 
 def number(description: str, **rules: Any) -> dict[str, Any]:
@@ -161,7 +162,7 @@ def test_a_plugin_that_refers_to_its_own_definitions_is_checked_by_them() -> Non
         (
             "  cf1",
             "  cf1: {start: [0, 0, true]}",
-            "5:23: swarm.cf1.start.2: true is a truth value,",
+            "5:23: swarm.cf1.start: true is a truth value,",
         ),
         ("transport", "transport: simm", "6:12: no transport named 'simm'; did you mean 'sim'?"),
         ("planner", "planner: rrt", "8:10: no planner named 'rrt'; installed: file, straight"),
@@ -204,7 +205,7 @@ def test_a_mistake_in_a_mission_is_one_line(start: str, line: str, expected: str
         ("log: yes", "27: avoider 'orca': log: 'yes' is a string, expected true or false"),
         ("radus: 1", "22: avoider 'orca': unknown option 'radus'; did you mean 'radius'?"),
         ("x: 1", "22: avoider 'orca': unknown option 'x'; expected one of: radius, horizon, "),
-        ("shape: [a]", "30: avoider 'orca': shape.0: 'a' is a string, expected a number"),
+        ("shape: [a]", "30: avoider 'orca': shape: 'a' is a string, expected a number"),
         ("colours: {}", "31: avoider 'orca': colours: is empty, expected 1 key"),
         ("word: A", "28: avoider 'orca': word: 'A' is not possible here: 'A' does not match"),
         ("word: abcdef", "28: avoider 'orca': word: has 6 characters, expected at most 5"),

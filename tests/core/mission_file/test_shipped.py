@@ -10,8 +10,8 @@ import pytest
 
 from star_core import Registry, load
 from star_core.cli.main import main
-from star_core.mission_file.located import read
 from star_core.mission_file.shipped import shipped
+from star_core.mission_file.yaml_reader import read
 
 
 @pytest.fixture(autouse=True)

@@ -21,8 +21,8 @@ from star_core.contracts import (
 from star_core.errors import InputError
 from star_core.hookspecs import hookimpl
 from star_core.mission import load
-from star_core.mission_file.located import parse
 from star_core.mission_file.step_tree import rows_of
+from star_core.mission_file.yaml_reader import parse
 from star_core.registry import Registry, Source
 
 WORLD = """\
