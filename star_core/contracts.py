@@ -145,12 +145,14 @@ class TaskOutput:
         commands: To on-board commanders, sent once.
         status: Of the task.
         reason: Why it failed.
+        messages: Lines for the log and the record, such as what the task waits for; each once.
     """
 
     goals: Goals | None = None
     commands: tuple[Command, ...] = ()
     status: Status = Status.RUNNING
     reason: str = ""
+    messages: tuple[str, ...] = ()
 
 
 @runtime_checkable

@@ -10,12 +10,18 @@ import numpy as np
 from star_core.contracts import Status
 from star_core.execution.assignments import Assignments, Team
 from star_core.execution.goal_buffer import GoalBuffer
-from star_core.execution.step_run import Execution, StepRun, TickContext
+from star_core.execution.step_run import (
+    Execution,
+    Rounds,
+    StepRun,
+    TickContext,
+)
 from star_core.execution.task_pool import TaskPool
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import UNFIT, Estimate
 from star_core.metrics.timing import ComputeTime
 from star_core.mission import Mission
+from star_core.mission_file.conditions import in_words
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
 from star_core.observers import Observers
 from star_core.plugin_schema import JOIN, LEAVE
@@ -47,12 +53,9 @@ class StepExecutor:
     ) -> None:
         n = len(mission.scene.agents)
         self._assignments = assignments
-        self._report = observers.event
         self._tasks = TaskPool(mission, registry, compute_time)
         self._goals = GoalBuffer(n, mission.scene.limits.speed, self._tasks.trajectories)
-        self._shared = Execution(
-            mission.scene, assignments, self._tasks, self._goals, observers.events
-        )
+        self._shared = Execution(mission.scene, assignments, self._tasks, self._goals, observers)
         self._tick: TickContext
         self._running = self._sequence(mission.steps)
         self._time = 0.0
@@ -87,21 +90,24 @@ class StepExecutor:
 
     # Each of these yields a status per tick; the last is not RUNNING.
 
-    def _node(self, node: Node) -> Iterator[Status]:
+    def _node(self, node: Node, rounds: Rounds) -> Iterator[Status]:
         match node:
             case Action():
-                return self._action(node)
+                return self._action(node, rounds)
             case Parallel(branches):
-                return self._parallel(branches)
+                return self._parallel(branches, rounds)
             case Repeat(times, steps):
-                return self._sequence(steps, times)
+                return self._sequence(steps, rounds, times)
 
-    def _sequence(self, steps: Sequence[Node], times: int = 1) -> Iterator[Status]:
+    def _sequence(
+        self, steps: Sequence[Node], rounds: Rounds = (), times: int = 1
+    ) -> Iterator[Status]:
         for again in range(times):
             if again:
                 yield Status.RUNNING  # each round takes a tick at least
+            now = (*rounds, (again + 1, times)) if times > 1 else rounds
             for step in steps:
-                for status in self._node(step):
+                for status in self._node(step, now):
                     if status is Status.FAILURE:
                         yield status
                         return
@@ -109,8 +115,8 @@ class StepExecutor:
                         yield status
         yield Status.SUCCESS
 
-    def _parallel(self, branches: Sequence[Node]) -> Iterator[Status]:
-        running = [self._node(branch) for branch in branches]
+    def _parallel(self, branches: Sequence[Node], rounds: Rounds) -> Iterator[Status]:
+        running = [self._node(branch, rounds) for branch in branches]
         while running:
             statuses = [(branch, next(branch)) for branch in running]
             if any(status is Status.FAILURE for _, status in statuses):
@@ -121,19 +127,22 @@ class StepExecutor:
                 yield Status.RUNNING
         yield Status.SUCCESS
 
-    def _action(self, action: Action) -> Iterator[Status]:
-        step = f"{action.place}: {action.verb}"
+    def _action(self, action: Action, rounds: Rounds) -> Iterator[Status]:
         if action.verb == JOIN:
             for slot in self._assignments.retired.intersection(action.rows):
                 self._assignments.assign(slot, slot)
+        log, scene = self._shared.log, self._shared.scene
         holders = self._assignments.holders(action.rows)
         if not holders:
-            self._report("step", f"{step} is skipped: no agent is left for it")
+            log("skipped: no agent is left for it", action, (), rounds)
             yield Status.SUCCESS
             return
-        team = Team.of(holders, self._shared.scene.names)
-        self._report("step", f"{step} begins for {team.names}")
-        run = StepRun.begin(action, team, self._tick, self._shared)
+        team = Team.of(holders, scene)
+        until = "" if action.until is None else f", until {in_words(action.until)}"
+        unlocated = [row for row in team.rows if not self._tick.estimate.valid[row]]
+        wait = f", not located yet: {scene.named(unlocated)}" if unlocated else ""
+        log(f"begins{until}{wait}", action, team.rows, rounds)
+        run = StepRun.begin(action, team, self._tick, self._shared, rounds)
         self.steps.append(run.entry)
         while (result := run.step(self._tick))[0] is Status.RUNNING:
             yield Status.RUNNING
@@ -142,20 +151,22 @@ class StepExecutor:
         outcome = "success" if status is Status.SUCCESS else "failure"
         run.entry |= {"ended_s": self._tick.time, "outcome": outcome}
         if status is Status.FAILURE:
-            yield self._fail(action, run.team.rows, f"{step} failed: {reason}")
+            yield self._fail(run, reason)
             return
-        self._report("step", f"{step} is done")
+        log("done", action, run.team.rows, rounds)
         if action.verb == LEAVE:
             self._assignments.vacate(run.team.rows, retire=True)
         yield Status.SUCCESS
 
-    def _fail(self, action: Action, rows: tuple[int, ...], text: str) -> Status:
+    def _fail(self, run: StepRun, reason: str) -> Status:
         """Apply ``on_failure`` to a step that failed; return the status for the steps above it.
 
         A step without agents does not fail the mission: they have been removed from it.
         """
+        action, rows, rounds = run.action, run.team.rows, run.rounds
+        text = f"{self._shared.label(action, rows, rounds)} failed: {reason}"
         if not rows:
-            self._report("failure", text)
+            self._shared.report("failure", text, action, rows, rounds)
             return Status.SUCCESS
         if action.on_failure == "abort":
             self.reason = text
@@ -165,5 +176,6 @@ class StepExecutor:
         leave = set(rows) if land else {row for row in rows if phase[row] in UNFIT}
         self._assignments.vacate(leave, retire=land)
         self._goals.leave |= leave
-        self._report("failure", f"{text}; on_failure: {action.on_failure}")
+        text += f"; on_failure: {action.on_failure}"
+        self._shared.report("failure", text, action, rows, rounds)
         return Status.SUCCESS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -112,6 +112,12 @@ class Scene:
     def named(self, rows: Iterable[int]) -> str:
         """Return the names of some rows, for messages: ``cf1, cf3``."""
         return ", ".join(self.agents[row].name for row in rows)
+
+    def label(self, rows: Collection[int]) -> str:
+        """Return the names of some rows, their group's name or ``all agents``: the shortest."""
+        groups = [name for name, members in self.groups.items() if {*members} == {*rows}]
+        every = ["all agents"] if {*rows} == {*range(len(self.agents))} else []
+        return min([self.named(rows), *groups, *every], key=len)
 
 
 def inside(folder: Path, name: str) -> Path:

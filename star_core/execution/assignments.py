@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from star_core.messages.arrays import Mask
+from star_core.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,21 +19,21 @@ class Team:
         holders: The row of the agent assigned to each of the step's slots.
         rows: Their rows.
         own: (N,) whether an agent is one of them.
-        names: Their names, for messages.
+        label: Their names or their group's, for messages.
     """
 
     holders: Mapping[int, int]
     rows: tuple[int, ...]
     own: Mask
-    names: str
+    label: str
 
     @classmethod
-    def of(cls, holders: Mapping[int, int], names: Sequence[str]) -> Team:
-        """Return the agents assigned to some slots, of N agents with these names."""
+    def of(cls, holders: Mapping[int, int], scene: Scene) -> Team:
+        """Return the agents assigned to some slots."""
         rows = tuple(holders.values())
-        own = np.zeros(len(names), np.bool_)
+        own = np.zeros(len(scene.agents), np.bool_)
         own[list(rows)] = True
-        return cls(holders, rows, own, ", ".join(names[row] for row in rows))
+        return cls(holders, rows, own, scene.label(rows))
 
 
 class Assignments:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
@@ -15,14 +15,17 @@ from star_core.execution.assignments import Assignments, Team
 from star_core.execution.goal_buffer import GoalBuffer
 from star_core.execution.task_pool import TaskPool
 from star_core.messages.arrays import Mask, require_type
-from star_core.messages.events import Event
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.mission_file.conditions import ConditionContext, holds, longest
 from star_core.mission_file.step_tree import Action
+from star_core.observers import Observers
 from star_core.plugin_guard import PluginGuard
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import step_timeout
 
+Rows: TypeAlias = tuple[int, ...]
+Rounds: TypeAlias = tuple[tuple[int, int], ...]
+"""Round, from 1, and number of rounds of each ``repeat`` around a step, the outermost first."""
 ARRIVED: Final = 0.05  # m; an agent farther from its goal is named when its step times out
 
 
@@ -56,14 +59,39 @@ class Execution:
         assignments: The agents of the mission.
         tasks: Made before take-off.
         goals: Of all steps, merged.
-        events: All events of the flight, the newest last.
+        observers: Receive the messages of tasks; their events end steps.
     """
 
     scene: Scene
     assignments: Assignments
     tasks: TaskPool
     goals: GoalBuffer
-    events: Sequence[Event]
+    observers: Observers
+
+    def log(self, what: str, action: Action, rows: Rows, rounds: Rounds) -> None:
+        """Report an event of a step: ``patrol.yaml:5 goto cf1 [2/3] done``."""
+        self.report("step", f"{self.label(action, rows, rounds)} {what}", action, rows, rounds)
+
+    def label(self, action: Action, rows: Rows, rounds: Rounds) -> str:
+        """Return location, verb, agents and rounds of a step: ``patrol.yaml:5 goto cf1 [2/3]``."""
+        agents = f" {self.scene.label(rows)}" if rows else ""
+        return action.label + agents + "".join(f" [{i}/{times}]" for i, times in rounds)
+
+    def report(self, kind: str, text: str, action: Action, rows: Rows, rounds: Rounds) -> None:
+        """Report an event with the details of a step."""
+        details = self.details(action, rows, rounds)
+        agent = details["agents"][0] if len(rows) == 1 else None
+        self.observers.event(kind, text, agent, details)
+
+    def details(self, action: Action, rows: Rows, rounds: Rounds) -> dict[str, Any]:
+        """Return what identifies a step in ``summary.json``."""
+        return {
+            "location": action.location,
+            "included_from": list(action.included_from),
+            "verb": action.verb,
+            "agents": [self.scene.agents[row].name for row in rows],
+            "rounds": [list(one) for one in rounds],
+        }
 
 
 @dataclass(slots=True)
@@ -72,6 +100,7 @@ class StepRun:
 
     Attributes:
         action: The step.
+        rounds: Of the ``repeat`` around it.
         team: Its agents.
         version: The version of the assignments that `team` is of.
         task: Made by a plugin.
@@ -83,6 +112,7 @@ class StepRun:
     """
 
     action: Action
+    rounds: Rounds
     team: Team
     version: int
     task: Task
@@ -93,20 +123,25 @@ class StepRun:
     shared: Execution
 
     @classmethod
-    def begin(cls, action: Action, team: Team, tick: TickContext, shared: Execution) -> Self:
+    def begin(
+        cls,
+        action: Action,
+        team: Team,
+        tick: TickContext,
+        shared: Execution,
+        rounds: Rounds,
+    ) -> Self:
         """Begin a step for a team."""
         task, guard = shared.tasks.take(action, team.rows)
         limit = _begin_task(action, task, guard, tick)
         entry = {
-            "place": action.place,
-            "verb": action.verb,
-            "agents": [shared.scene.agents[row].name for row in team.rows],
+            **shared.details(action, team.rows, rounds),
             "begun_s": tick.time,
             "ended_s": None,
             "outcome": None,
         }
         version = shared.assignments.version
-        return cls(action, team, version, task, guard, limit, tick.time, entry, shared)
+        return cls(action, rounds, team, version, task, guard, limit, tick.time, entry, shared)
 
     def step(self, tick: TickContext) -> tuple[Status, str]:
         """Run one tick of the step; return its status, and the reason of its failure."""
@@ -115,7 +150,7 @@ class StepRun:
             self._update_team(tick)
         if not self.team.rows:
             return Status.FAILURE, "no agent is left for it"
-        goals.doing.append(f"{self.action.verb} {self.team.names}")
+        goals.doing.append(f"{self.action.verb} {self.team.label}")
         if reason := self._disabled(tick):
             return Status.FAILURE, reason
         with self.guard:
@@ -123,6 +158,9 @@ class StepRun:
             if not isinstance(output.status, Status):
                 raise ContractError(f"TaskOutput.status is {output.status!r}, expected a Status")
             goals.add(output, self.team.own)
+        for message in output.messages:
+            text = f"{self.action.verb}: {message}"
+            self.shared.report("task", text, self.action, self.team.rows, self.rounds)
         if output.status is Status.SUCCESS or self._is_until_met(tick):
             return Status.SUCCESS, ""
         if output.status is Status.FAILURE:
@@ -176,7 +214,7 @@ class StepRun:
         goals.free |= set(before.values()) - set(now.values())
         kept = {slot: now[slot] for slot in before if slot in now}
         swaps = [(before[slot], row) for slot, row in kept.items() if before[slot] != row]
-        self.team = Team.of(kept, self.shared.scene.names)
+        self.team = Team.of(kept, self.shared.scene)
         if not kept:
             return
         replaced, removed, added = (
@@ -197,7 +235,7 @@ class StepRun:
             if fewer:
                 removed(self.team.rows)  # type: ignore[misc]
             if len(kept) < len(now) and added is not None:
-                self.team = Team.of(now, self.shared.scene.names)
+                self.team = Team.of(now, self.shared.scene)
                 added(self.team.rows)
 
     def _is_until_met(self, tick: TickContext) -> bool:
@@ -215,7 +253,7 @@ class StepRun:
             health=tick.health,
             names=scene.names,
             targets=[name for name, row in finders if row >= 0],
-            events=self.shared.events,
+            events=self.shared.observers.events,
         )
         return holds(self.action.until, now)
 

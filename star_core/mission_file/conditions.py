@@ -22,6 +22,14 @@ ROUNDING: Final = 1e-9
 """What mission time may lack of a whole number of ticks, s."""
 
 
+CLAUSES: Final[Mapping[str, str]] = {
+    "elapsed": "{:g} s have passed",
+    "found": "{} targets are found",
+    "battery_below": "a battery is below {:g} V",
+    "event": "{!r} happens",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class ConditionContext:
     """What conditions are asked about.
@@ -79,6 +87,26 @@ def soonest(condition: Condition) -> float:
     if kind in {"any", "all"}:
         return (min if kind == "any" else max)(soonest(inner) for inner in given)
     return float(given) if kind == "elapsed" else 0.0
+
+
+def in_words(condition: Condition) -> str:
+    """Return a condition as a clause.
+
+    >>> in_words({"any": [{"found": 2}, {"not": {"elapsed": 30}}]})
+    '(2 targets are found or not 30 s have passed)'
+    """
+    ((kind, given),) = condition.items()
+    if kind in {"any", "all"}:
+        word = " or " if kind == "any" else " and "
+        return "(" + word.join(in_words(inner) for inner in given) + ")"
+    if kind == "not":
+        return f"not {in_words(given)}"
+    if kind == "near":
+        point = given.get("agent") or f"[{', '.join(f'{value:g}' for value in given['point'])}]"
+        return f"all are within {given['within']:g} m of {point}"
+    if kind == "found" and isinstance(given, str):
+        return f"{given!r} is found"
+    return CLAUSES[kind].format(given)
 
 
 def needs_find(condition: Condition) -> bool:

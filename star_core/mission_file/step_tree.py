@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 from star_core.contracts import Problem
@@ -37,7 +38,8 @@ class Action:
         until: The condition that ends it successfully; None if the task ends by itself.
         timeout: Time after which it fails, s; None if the task derives it.
         on_failure: What happens when it fails.
-        place: Source location, ``file:line:col``.
+        location: In the source, ``file:line:col``.
+        included_from: Locations of the ``include`` steps that it comes from, the outermost first.
         path: Of the step in the document.
         known: Whether all of it could be interpreted.
     """
@@ -49,7 +51,8 @@ class Action:
     until: Condition | None
     timeout: float | None
     on_failure: OnFailure
-    place: str
+    location: str
+    included_from: tuple[str, ...] = ()
     path: Location = ()
     known: bool = True
 
@@ -57,6 +60,12 @@ class Action:
     def at(self) -> Location:
         """The path of the verb's options in the document."""
         return (*self.path, self.verb)
+
+    @property
+    def label(self) -> str:
+        """File, line and verb, for messages: ``tour.yaml:3 (from patrol.yaml:5) goto``."""
+        origin = ", ".join(_short(one) for one in reversed(self.included_from))
+        return f"{_short(self.location)}{f' (from {origin})' if origin else ''} {self.verb}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,15 +222,22 @@ class StepBuilder:
             until=None if isinstance(until, Incomplete) else until,
             timeout=options.get("timeout"),
             on_failure=options.get("on_failure", "abort"),
-            place=self._document.place(path),
+            location=self._document.place(path),
+            included_from=self._included_from(path),
             path=path,
             known=known,
         )
 
     def _unknown(self, path: Location) -> Action:
         """Return an action in place of a step that cannot be interpreted."""
-        place = self._document.place(path)
-        return Action(UNKNOWN, Source(""), (), {}, None, None, "abort", place, path, known=False)
+        location = self._document.place(path)
+        none = Source("")
+        return Action(UNKNOWN, none, (), {}, None, None, "abort", location, (), path, known=False)
+
+    def _included_from(self, path: Location) -> tuple[str, ...]:
+        """Return the locations of the ``include`` steps that a step comes from."""
+        marks = [self._document.mark(path[:length]) for length in range(1, len(path) + 1)]
+        return tuple(str(a) for a, b in pairwise(marks) if a.line and a.source != b.source)
 
     def _rows(
         self, options: Mapping[str, Any], at: Location, groups: Groups, *, known: bool
@@ -245,6 +261,16 @@ class StepBuilder:
 
     def _report(self, path: Location, message: str, code: str) -> None:
         self.problems.append(Problem(path, message, code))
+
+
+def _short(location: str) -> str:
+    """Return a location without folder and column.
+
+    >>> _short("missions/patrol.yaml:5:3"), _short("--set mission=[]")
+    ('patrol.yaml:5', '--set mission=[]')
+    """
+    found = re.fullmatch(r"(?:.*/)?([^/]+:\d+):\d+", location)
+    return found[1] if found else location
 
 
 def _no_agent(name: str, groups: Iterable[str]) -> str:

@@ -30,16 +30,16 @@ def silent(row: int, since: float, until: float, age: float = 0.6) -> Callable[.
 def began(lab: Lab) -> list[tuple[float, str]]:
     """When each step began, s, and what began."""
     return [
-        (round(event.time, 6), event.text.partition(": ")[2])
+        (round(event.time, 6), event.text.partition(" ")[2])
         for event in lab.events
-        if event.kind == "step" and " begins for " in event.text
+        if event.kind == "step" and event.text.endswith(" begins")
     ]
 
 
 def failure(lab: Lab) -> str:
-    """The only failure of a step on record, without its place in the file."""
+    """The only failure of a step on record, without its location in the file."""
     (text,) = (text for text in lab.said("failure") if " failed: " in text)
-    return text.partition(": ")[2]
+    return text.partition(" ")[2]
 
 
 # Agents that are lost
@@ -61,7 +61,7 @@ def test_a_step_fails_when_one_of_its_agents_is_lost_and_all_agents_land(lab: La
     lab.spoil("transport", "receive", silent(1, 1.5, 2.5))
     summary = lab.fly()
     assert summary["outcome"] == "failed"
-    assert summary["reason"].endswith(":12:5: wait failed: cf2 is lost")
+    assert summary["reason"].endswith(":12 wait cf1, cf2 failed: cf2 is lost")
     assert sorted(lab.ordered(Order.LAND)) == [0, 1]
     assert lab.went("cf2") == ["taking_off", "flying", "lost", "landing", "landed"]
 
@@ -71,7 +71,7 @@ def test_a_step_fails_when_one_of_its_agents_is_not_located(lab: Lab) -> None:
         "localizer", "locate", lambda right, *args: replace(right(*args), valid=[True, False]),
         range(20, 30),
     )  # fmt: skip
-    assert lab.fly()["reason"].endswith("wait failed: cf2 is lost")
+    assert lab.fly()["reason"].endswith("wait cf1, cf2 failed: cf2 is lost")
 
 
 def test_an_agent_that_is_found_again_goes_on_when_no_step_needed_it_meanwhile(lab: Lab) -> None:
@@ -97,7 +97,7 @@ def test_a_step_for_an_agent_that_is_lost_fails_at_once(lab: Lab) -> None:
     summary = lab.fly(
         "\n  - climb: {}\n  - wait: {agents: cf1, seconds: 1}\n  - wait: {agents: cf2, seconds: 1}"
     )
-    assert summary["reason"].endswith(":13:5: wait failed: cf2 is lost")
+    assert summary["reason"].endswith("mission.yaml:13 wait cf2 failed: cf2 is lost")
 
 
 def test_an_agent_that_is_never_heard_again_is_commanded_to_land_all_the_same(lab: Lab) -> None:
@@ -121,10 +121,10 @@ def test_a_step_that_fails_aborts_the_mission_if_nothing_else_is_said(
 ) -> None:
     summary = lab.fly(f"\n  - climb: {{}}\n  - wait: {{{options}}}\n  - visit: {{to: [1, 1, 1]}}")
     assert summary["outcome"] == "failed"
-    assert summary["reason"].endswith(f"mission.yaml:12:5: wait failed: {why}")
+    assert summary["reason"].endswith(f"mission.yaml:12 wait cf1, cf2 failed: {why}")
     assert [what for _, what in began(lab)] == [
-        "climb begins for cf1, cf2",
-        "wait begins for cf1, cf2",
+        "climb cf1, cf2 begins",
+        "wait cf1, cf2 begins",
     ]
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
 
@@ -137,7 +137,7 @@ def test_a_step_that_fails_lands_its_agents_if_that_is_said_and_the_others_go_on
         f"\n  - climb: {{}}\n  - wait: {{agents: cf2, {options}, on_failure: land}}"
         "\n  - visit: {agents: cf1, to: [2, 0, 1]}"
     )
-    assert failure(lab) == f"wait failed: {why}; on_failure: land"
+    assert failure(lab) == f"wait cf2 failed: {why}; on_failure: land"
     assert summary["outcome"] == "completed"
     assert lab.ordered(Order.LAND) == [1, 0]
     assert lab.ticks[-1].estimate.position[:, 0] == pytest.approx([2.0, 0.0])
@@ -149,11 +149,11 @@ def test_a_step_that_fails_is_passed_over_if_that_is_said(lab: Lab, options: str
         f"\n  - climb: {{}}\n  - wait: {{{options}, on_failure: continue}}"
         "\n  - visit: {agents: cf1, to: [1, 1, 1]}\n  - descend: {}"
     )
-    assert failure(lab) == f"wait failed: {why}; on_failure: continue"
+    assert failure(lab) == f"wait cf1, cf2 failed: {why}; on_failure: continue"
     assert summary["outcome"] == "completed"
     assert [what for _, what in began(lab)][2:] == [
-        "visit begins for cf1",
-        "descend begins for cf1, cf2",
+        "visit cf1 begins",
+        "descend cf1, cf2 begins",
     ]
     assert [(s["verb"], s["agents"], s["outcome"]) for s in summary["steps"]] == [
         ("climb", ["cf1", "cf2"], "success"),
@@ -179,7 +179,7 @@ def test_an_agent_without_a_way_to_its_goal_fails_its_step_at_once_and_not_the_n
         "\n  - climb: {}\n  - visit: {agents: cf2, to: [9, 0, 1], on_failure: continue}"
         "\n  - visit: {agents: cf2, to: [1, 1, 1]}"
     )
-    assert failure(lab) == ("visit failed: cf2 cannot get there: a wall; on_failure: continue")
+    assert failure(lab) == ("visit cf2 failed: cf2 cannot get there: a wall; on_failure: continue")
     assert summary["outcome"] == "completed"
     assert [s["outcome"] for s in summary["steps"]] == ["success", "failure", "success"]
 
@@ -195,7 +195,7 @@ def test_an_agent_that_refuses_an_order_fails_its_step_with_what_it_says(lab: La
     steps = "\n  - climb: {agents: cf2, on_failure: continue}\n  - wait: {seconds: 2}"
     summary = lab.fly(steps)
     assert failure(lab) == (
-        "climb failed: cf2 refuses to climb: it is blocked; on_failure: continue"
+        "climb cf2 failed: cf2 refuses to climb: it is blocked; on_failure: continue"
     )
     assert ("refused", "cf2 refuses to climb: it is blocked", "cf2") in {
         (event["kind"], event["text"], event.get("agent")) for event in summary["events"]
@@ -221,7 +221,7 @@ def test_a_step_that_is_done_in_the_tick_of_its_time_out_is_done(lab: Lab) -> No
 
 def test_a_step_that_fails_without_a_reason_says_that(lab: Lab) -> None:
     lab.spoil("wait", "step", lambda *_: TaskOutput(status=Status.FAILURE))
-    assert lab.fly()["reason"].endswith("wait failed: failed and gave no reason")
+    assert lab.fly()["reason"].endswith("wait cf1, cf2 failed: failed and gave no reason")
 
 
 @pytest.mark.parametrize("then", ["land", "continue"])
@@ -235,7 +235,7 @@ def test_an_agent_that_is_lost_leaves_the_mission_and_lands_if_the_step_allows_i
     )
     assert summary["outcome"] == "completed"
     assert lab.went("cf2")[-3:] == ["lost", "landing", "landed"]
-    assert failure(lab) == f"wait failed: cf2 is lost; on_failure: {then}"
+    assert failure(lab) == f"wait cf1, cf2 failed: cf2 is lost; on_failure: {then}"
 
 
 def test_steps_go_on_with_the_agents_that_are_left(lab: Lab) -> None:
@@ -244,8 +244,8 @@ def test_steps_go_on_with_the_agents_that_are_left(lab: Lab) -> None:
         "\n  - climb: {}\n  - wait: {seconds: 2, on_failure: continue}"
         "\n  - visit: {to: [0, 0, 1]}\n  - visit: {to: [0, 0, 1], agents: cf2}"
     )
-    assert [what for _, what in began(lab)][2:] == ["visit begins for cf1"]
-    assert lab.said("step")[-1].endswith("visit is skipped: no agent is left for it")
+    assert [what for _, what in began(lab)][2:] == ["visit cf1 begins"]
+    assert lab.said("step")[-1].endswith("visit skipped: no agent is left for it")
 
 
 def test_an_emergency_that_a_step_allows_does_not_fail_the_mission(lab: Lab) -> None:
@@ -294,7 +294,7 @@ def test_a_failure_in_parallel_aborts_the_steps_beside_it(lab: Lab) -> None:
         "\n  - parallel: [{wait: {agents: cf1, seconds: 5}}, "
         "{wait: {agents: cf2, seconds: 1, fails: no film}}]"
     )
-    assert summary["reason"].endswith("wait failed: no film")
+    assert summary["reason"].endswith("mission.yaml:11 wait cf2 failed: no film")
     assert summary["flight_time_s"] == pytest.approx(1.0)
 
 
@@ -307,14 +307,14 @@ def test_a_failure_in_parallel_that_is_allowed_leaves_the_steps_beside_it_alone(
         f"{{wait: {{agents: cf2, seconds: 1, fails: no film, on_failure: {then}}}}}]"
     )
     assert summary["outcome"] == "completed"
-    assert lab.said("step")[-1].endswith("wait is done")
+    assert lab.said("step")[-1].endswith("mission.yaml:12 wait cf1 done")
     assert lab.ordered(Order.LAND)[0] == (1 if then == "land" else 0)
 
 
 def test_repeat_runs_its_steps_as_often_as_it_says(lab: Lab) -> None:
     lab.fly("\n  - repeat: {times: 3, steps: [{wait: {seconds: 0.5}}, {wait: {seconds: 0.2}}]}")
     assert len(began(lab)) == 6
-    assert sum("is done" in text for text in lab.said("step")) == 6
+    assert sum(text.endswith(" done") for text in lab.said("step")) == 6
 
 
 def test_a_failure_in_repeat_aborts_the_rounds_that_are_left(lab: Lab) -> None:
@@ -341,8 +341,20 @@ def test_repeat_and_parallel_stand_in_each_other(lab: Lab) -> None:
         f"\n  - repeat: {{times: 2, steps: [{{parallel: [{{{inner}}}, {{{beside}}}]}}]}}"
         "\n  - wait: {seconds: 0.1}"
     )
-    whose = [what.removeprefix("wait begins for ") for _, what in began(lab)]
-    assert whose == ["cf1", "cf2", "cf1", "cf1", "cf2", "cf1", "cf1, cf2"]
+    whose = [what.removeprefix("wait ").removesuffix(" begins") for _, what in began(lab)]
+    assert whose == [
+        "cf1 [1/2] [1/2]",
+        "cf2 [1/2]",
+        "cf1 [1/2] [2/2]",
+        "cf1 [2/2] [1/2]",
+        "cf2 [2/2]",
+        "cf1 [2/2] [2/2]",
+        "cf1, cf2",
+    ]
+    first = lab.events[0]
+    assert first.agent == "cf1"
+    assert first.details is not None
+    assert (first.details["verb"], first.details["rounds"]) == ("wait", [[1, 2], [1, 2]])
 
 
 def test_a_step_that_is_repeated_begins_with_a_new_task(lab: Lab) -> None:
@@ -410,7 +422,7 @@ def test_a_condition_that_never_holds_ends_with_the_time_out(lab: Lab) -> None:
     summary = lab.fly(
         "\n  - climb: {}\n  - wait: {seconds: 9, timeout: 1, until: {event: refused}}"
     )
-    assert "wait failed: timed out after 1 s" in summary["reason"]
+    assert "wait cf1, cf2 failed: timed out after 1 s" in summary["reason"]
 
 
 # Each agent by itself
@@ -432,8 +444,8 @@ def test_each_agent_does_its_steps_without_waiting_for_the_others(lab: Lab) -> N
 
 def test_each_is_for_the_agents_that_it_names(lab: Lab) -> None:
     lab.fly("\n  - climb: {}\n  - each: {agents: cf2, steps: [wait: {seconds: 1}]}")
-    assert ("wait begins for cf2") in [what for _, what in began(lab)]
-    assert ("wait begins for cf1") not in [what for _, what in began(lab)]
+    assert ("wait cf2 begins") in [what for _, what in began(lab)]
+    assert ("wait cf1 begins") not in [what for _, what in began(lab)]
 
 
 def test_a_step_times_out_though_nothing_is_heard_of_anybody(lab: Lab) -> None:
@@ -443,7 +455,7 @@ def test_a_step_times_out_though_nothing_is_heard_of_anybody(lab: Lab) -> None:
 
     lab.spoil("transport", "receive", frozen)
     summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 9, timeout: 4}")
-    assert summary["reason"].endswith("wait failed: timed out after 4 s")
+    assert summary["reason"].endswith("wait cf1, cf2 failed: timed out after 4 s")
 
 
 def test_steps_that_are_under_way_when_a_mission_fails_are_aborted(lab: Lab) -> None:

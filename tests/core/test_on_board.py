@@ -213,7 +213,7 @@ def test_a_step_fails_when_an_agent_refuses_its_trajectory(lab: Lab) -> None:
     lab.spoil("transport", "receive", receive)
     summary = lab.fly(TRACE)
     assert summary["outcome"] == "failed"
-    assert summary["reason"].endswith("trace failed: cf1 refuses it")
+    assert summary["reason"].endswith("trace cf1 failed: cf1 refuses it")
 
 
 @pytest.mark.usefixtures("uploads")

@@ -47,7 +47,7 @@ def test_one_interrupt_lands_all_agents_and_aborts(lab: Lab) -> None:
 
 def test_no_step_goes_on_after_an_interrupt(lab: Lab) -> None:
     lab.fly(operator=interrupted(lab, 2.0))
-    assert lab.said("step")[-1].endswith("wait begins for cf1, cf2")
+    assert lab.said("step")[-1].endswith("wait cf1, cf2 begins")
     assert max(time for time, _ in lab.robots.sent) == pytest.approx(2.0)
 
 
@@ -143,7 +143,7 @@ def in_the_air(mission: Path) -> Iterator[subprocess.Popen[str]]:
         watchdog = Timer(HANGS, flight.kill)
         watchdog.start()
         try:
-            read_until(flight, "takeoff is done")
+            read_until(flight, "takeoff all agents done")
             yield flight
         finally:
             watchdog.cancel()

@@ -245,7 +245,7 @@ def test_why_a_mission_failed_is_reported_before_what_went_wrong_on_the_way_down
     lab.spoil("transport", "receive", bits(1, Supervisor.FLYING))
     summary = lab.fly(f"{IN_THE_AIR}\n  - wait: {{seconds: 9, limit: 1}}")
     why, _, then = summary["reason"].partition("; ")
-    assert why.endswith(": wait failed: timed out after 1 s")
+    assert why.endswith(" wait cf1, cf2 failed: timed out after 1 s")
     assert then == "cf2 did not report to be on the ground"
 
 
@@ -256,7 +256,7 @@ def test_an_agent_in_an_emergency_fails_its_step_and_the_others_land(
     lab.spoil("transport", "receive", bits(1, bit))
     summary = lab.fly()
     assert summary["outcome"] == "failed"
-    assert summary["reason"].endswith(": wait failed: cf2 is emergency")
+    assert summary["reason"].endswith(" wait cf1, cf2 failed: cf2 is emergency")
     assert lab.went("cf1")[-1] == "landed"
     assert lab.went("cf2")[-1] == "emergency"
     assert lab.ordered(Order.LAND) == [0]

@@ -80,9 +80,9 @@ def test_what_a_mission_sets_reaches_the_plugin(run: Run, mission: Path) -> None
     place = change(mission, "nod: {height: 0.3, timeout: 20}", "nod: {timeout: 2}")
     done = run("star", "run", mission.name, "--no-record", "--json")
     assert done.returncode == 1
-    assert json.loads(done.stdout)["reason"].startswith(
-        f"{place}: nod failed: timed out after 2 s: "
-    )
+    line = place.rpartition(":")[0]
+    reason = json.loads(done.stdout)["reason"]
+    assert reason.startswith(f"{line} nod cf1, cf2 failed: timed out after 2 s: ")
 
 
 def test_they_are_listed_with_their_distribution_and_options(run: Run) -> None:

@@ -71,7 +71,7 @@ def _step(result: StepResult, times: dict[str, float | None]) -> dict[str, Any]:
     action = result.action
     return {
         "verb": action.verb,
-        "place": action.place,
+        "location": action.location,
         "agents": list(result.agents),
         "options": dict(action.options),
         "until": action.until,

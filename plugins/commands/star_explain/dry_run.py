@@ -69,7 +69,7 @@ class Group:
     @property
     def file(self) -> str:
         """The file that contains them; empty if unknown."""
-        steps = [part.action.place for part in self.parts if isinstance(part, StepResult)]
+        steps = [part.action.location for part in self.parts if isinstance(part, StepResult)]
         files = {place.rsplit(":", 2)[0] for place in steps}
         files = files or {part.file for part in self.parts if isinstance(part, Group)}
         return files.pop() if len(files) == 1 else ""

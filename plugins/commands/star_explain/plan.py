@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from star_core import Registry, TaskSpec
+from star_core import Registry, TaskSpec, in_words
 from star_explain.dry_run import Group, Part, StepResult
-from star_explain.words import condition, left_out, options, seconds
+from star_explain.words import left_out, options, seconds
 
 
 def plan(result: Group, registry: Registry) -> Iterator[str]:
@@ -51,7 +51,7 @@ def whose(part: Part) -> tuple[str, ...]:
 
 def ending(result: StepResult) -> list[str]:
     """Return how a step is flown, what ends it besides itself, and what its failure causes."""
-    until = [f"until {condition(result.action.until)}"] if result.action.until is not None else []
+    until = [f"until {in_words(result.action.until)}"] if result.action.until is not None else []
     what = {"land": "its agents land", "continue": "the next step begins"}
     on_board = ["flown on board: neither planner nor avoider steers"] if result.on_board else []
     return (
@@ -67,7 +67,7 @@ def ending(result: StepResult) -> list[str]:
 def _lines(part: Part) -> tuple[tuple[str, str], ...]:
     """Return every step with its number and its durations."""
     if isinstance(part, StepResult):
-        return ((part.action.place, times(part)),)
+        return ((part.action.location, times(part)),)
     return tuple(line for inner in part.parts for line in _lines(inner))
 
 

@@ -1,4 +1,4 @@
-"""Numbers, options and conditions of a mission in readable form."""
+"""Numbers and options of a mission in readable form."""
 
 from __future__ import annotations
 
@@ -6,12 +6,6 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 MINUTE: Final = 60.0
-CLAUSES: Final[Mapping[str, str]] = {
-    "elapsed": "{:g} s have passed",
-    "found": "{} targets are found",
-    "battery_below": "a battery is below {:g} V",
-    "event": "{!r} happens",
-}
 LONG: Final = 120.0  # s: longer times are given in minutes
 
 
@@ -57,23 +51,3 @@ def left_out(given: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, A
         for name, option in schema.get("properties", {}).items()
         if name not in given and isinstance(option, Mapping) and "default" in option
     }
-
-
-def condition(given: Mapping[str, Any]) -> str:
-    """Return a condition as a clause.
-
-    >>> condition({"any": [{"found": 2}, {"not": {"elapsed": 30}}]})
-    '(2 targets are found or not 30 s have passed)'
-    """
-    ((kind, what),) = given.items()
-    if kind in {"any", "all"}:
-        word = " or " if kind == "any" else " and "
-        return "(" + word.join(condition(inner) for inner in what) + ")"
-    if kind == "not":
-        return f"not {condition(what)}"
-    if kind == "near":
-        where = what["agent"] if "agent" in what else value(what["point"])
-        return f"all are within {what['within']:g} m of {where}"
-    if kind == "found" and isinstance(what, str):
-        return f"{what!r} is found"
-    return CLAUSES[kind].format(what) if kind in CLAUSES else value(given)

@@ -65,7 +65,9 @@ def test_a_mission_that_completes_exits_with_0(said: Said) -> None:
 
 def test_a_mission_that_fails_exits_with_1_and_prints_the_reason(said: Said) -> None:
     assert main(["run", "hop.yaml", *LATE]) == 1
-    assert said.readouterr().out.startswith("hop: failed: hop.yaml:13:5: takeoff failed: timed out")
+    assert said.readouterr().out.startswith(
+        "hop: failed: hop.yaml:13 takeoff cf1, cf2 failed: timed out"
+    )
 
 
 def test_star_run_is_star_then_run(said: Said) -> None:

@@ -148,7 +148,7 @@ def test_what_cannot_be_meant_is_told_with_its_place(
 
 CORE = Path(conditions.__file__).parents[1]
 TOLD = re.compile(
-    r"""(?:\bevent|\b_tell|\b_report|\bIncident)\(\s*"(\w+)"|partial\(observers\.event, "(\w+)"\)"""
+    r"""(?:\bevent|\breport|\bIncident)\(\s*"(\w+)"|partial\(observers\.event, "(\w+)"\)"""
 )
 
 

@@ -63,14 +63,19 @@ def test_what_else_is_wrong_is_told_beside_an_include_that_is(lab: Lab) -> None:
     assert "7" in found[1]
 
 
-def test_a_step_is_placed_in_its_own_file(lab: Lab) -> None:
-    places = [step["place"].rpartition("/")[2] for step in lab.fly(TOUR)["steps"]]
-    assert places == [
+def test_a_step_is_located_in_its_own_file(lab: Lab) -> None:
+    steps = lab.fly(TOUR)["steps"]
+    assert [step["location"].rpartition("/")[2] for step in steps] == [
         "mission.yaml:11:5",
         "patrol.yaml:5:5",
         "patrol.yaml:6:5",
         "mission.yaml:13:5",
     ]
+    (origin,) = steps[1]["included_from"]
+    assert origin.endswith("mission.yaml:12:5")
+    assert steps[0]["included_from"] == []
+    begins = [text for text in lab.said("step") if " begins" in text]
+    assert begins[1].startswith("patrol.yaml:5 (from mission.yaml:12) ")
 
 
 def test_a_mistake_in_the_other_file_is_placed_there(lab: Lab, tmp_path: Path) -> None:

@@ -24,11 +24,10 @@ from star_core import (
     load,
 )
 from star_core.cli.main import main as star
-from star_core.mission_file.conditions import KINDS, longest
+from star_core.mission_file.conditions import KINDS, in_words, longest
 from star_explain.command import main
 from star_explain.dry_run import Group, StepResult, dry_run, holds_from, waits
 from star_explain.plan import plan
-from star_explain.words import condition
 
 MISSIONS = Path(__file__).parents[4] / "missions"
 HEAD = """\
@@ -325,7 +324,7 @@ def test_a_condition_holds_when_only_time_is_asked_for_no_later_than_it_waits(
 
 @given(conditions)
 def test_every_condition_is_a_clause(one: dict[str, Any]) -> None:
-    assert "{" not in condition(one)
+    assert "{" not in in_words(one)
 
 
 def test_every_kind_of_condition_is_known_here() -> None:

@@ -135,7 +135,7 @@ def test_a_killed_flight_leaves_a_complete_recording(run: Path, tmp_path: Path) 
     command = [str(star), "run", str(mission), *options]
     with subprocess.Popen(command, stderr=subprocess.PIPE) as flight:
         assert flight.stderr is not None
-        line = next(line for line in flight.stderr if b"takeoff is done" in line)
+        line = next(line for line in flight.stderr if b" takeoff cf1, cf2 done" in line)
         os.kill(flight.pid, signal.SIGKILL)
     path = tmp_path / "run" / FILE
     deadline = time.monotonic() + 20

@@ -111,7 +111,7 @@ def test_in_lock_step_a_flight_is_the_same_however_slow_the_other_process_is(
     steps = flown(tmp_path / "a", 1)["steps"]
     assert [step["verb"] for step in steps] == ["takeoff", *STEPS * ["external"]]
     assert flown(tmp_path / "b", 2)["steps"] == [
-        {**step, "place": step["place"].replace("/a/", "/b/")} for step in steps
+        {**step, "location": step["location"].replace("/a/", "/b/")} for step in steps
     ]
     with (
         np.load(tmp_path / "a" / "out" / "trajectory.npz") as a,
