@@ -1,0 +1,99 @@
+"""Exported files hold the record, and evo reads them."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from star_core import Run, read_run
+from star_core.cli.main import main
+
+ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+HOP = """\
+star: 1
+name: hop
+world: room.yaml
+seed: 7
+swarm: {cf1: {start: [-0.5, 0, 0]}, cf2: {start: [0.5, 0, 0], yaw_deg: 90}}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.4, speed: 0.5}
+  - goto: {agents: cf1, by: [0.2, 0.4, 0]}
+  - land: {speed: 0.5}
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("export")
+    (folder / "room.yaml").write_text(ROOM)
+    (folder / "hop.yaml").write_text(HOP)
+    assert main(["run", str(folder / "hop.yaml"), "--out", str(folder / "run")]) == 0
+    return read_run(folder / "run")
+
+
+def test_evo_computes_the_position_error_of_the_summary(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """evo is GPL-3: it is called as a program, and not imported."""
+    assert main(["export", str(run.folder), "--format", "tum"]) == 0
+    files = capsys.readouterr().out.splitlines()
+    assert [Path(file).name for file in files] == [
+        "cf1-estimate.tum", "cf1-ground_truth.tum", "cf2-estimate.tum", "cf2-ground_truth.tum",
+    ]  # fmt: skip
+    for agent, estimate, truth in (("cf1", *files[:2]), ("cf2", *files[2:])):
+        ape = subprocess.run(
+            [Path(sys.executable).with_name("evo_ape"), "tum", truth, estimate],
+            env={**os.environ, "HOME": str(tmp_path)},  # it writes its settings there
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        rmse = float(re.findall(r"rmse\s+(\S+)", ape.stdout)[0])
+        expected = math.sqrt(run.summary["position_mse_m2"]["per_agent"][agent])
+        assert rmse == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_table_has_every_array_with_a_line_per_tick(run: Run, tmp_path: Path) -> None:
+    assert main(["export", str(run.folder), "--format", "csv", "-o", str(tmp_path)]) == 0
+    with (tmp_path / "cf2.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(run.arrays["time"])
+    for column, array in (
+        ("time", run.arrays["time"]),
+        ("phase", run.arrays["phase"][:, 1]),
+        ("truth_position_z", run.arrays["truth_position"][:, 1, 2]),
+        ("truth_attitude_w", run.arrays["truth_attitude"][:, 1, 3]),
+    ):
+        assert [float(row[column]) for row in rows] == pytest.approx(array.tolist(), nan_ok=True)
+
+
+def test_a_flight_without_ground_truth_has_estimates_only(run: Run, tmp_path: Path) -> None:
+    for file in ("manifest.json", "summary.json"):
+        (tmp_path / file).write_bytes((run.folder / file).read_bytes())
+    with np.load(run.folder / "trajectory.npz") as kept:
+        np.savez(
+            tmp_path / "trajectory.npz",
+            **{name: kept[name] for name in kept.files if not name.startswith("truth")},
+        )
+    assert main(["export", str(tmp_path), "--format", "tum"]) == 0
+    assert len(list((tmp_path / "tum").iterdir())) == 2
+
+
+def test_a_folder_that_cannot_be_made_is_reported(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    assert main(["export", str(run.folder), "--format", "tum", "-o", str(tmp_path / "file")]) == 2
+    assert "[unwritable-file]" in capsys.readouterr().err
