@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, hookimpl
 from star_sim.camera_sim import options as camera_options
+from star_sim.error_profile import PROFILES
 
 if TYPE_CHECKING:
     from star_core import Scene, Transport
@@ -14,6 +15,13 @@ if TYPE_CHECKING:
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
+        "profile": {
+            "enum": ["realistic", "ideal"],
+            "default": "ideal",
+            "description": "Magnitudes of the errors of sensors, radio link, cameras and survey. "
+            "realistic: as of a Crazyflie with a Flow deck in a careful lab; its ranger sees "
+            "obstacles below. ideal: a drifting Flow deck, an exact IMU, no delay, no loss.",
+        },
         "noise": {
             "type": "boolean",
             "default": True,
@@ -55,25 +63,19 @@ OPTIONS: dict[str, Any] = {
 def make(
     scene: Scene,
     *,
-    noise: bool = True,
-    battery: float = 1.0,
-    endurance: float = 420.0,
-    swap_time: float | None = None,
-    speed: float | None = None,
+    profile: str,
     camera: Mapping[str, Any] | None = None,
+    **options: Any,
 ) -> Transport:
     """Return the simulator of a scene's agents."""
     from star_sim.transport import Simulator
 
-    wanted = camera_options.camera_options(**camera or {})
+    wanted = camera_options.camera_options(PROFILES[profile], **camera or {})
     return Simulator(
         scene,
-        noise=noise,
-        battery=battery,
-        endurance=endurance,
-        swap_time=swap_time,
-        speed=speed,
+        profile=PROFILES[profile],
         camera=None if wanted.mode == "off" else wanted,
+        **options,
     )
 
 

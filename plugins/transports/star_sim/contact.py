@@ -129,6 +129,20 @@ def keep_out(drone: Record, boxes: Record, spans: Record, edges: Record) -> None
 
 
 @compiled
+def surface_below(drone: Record, boxes: Record, spans: Record, edges: Record) -> None:
+    """Store the height of the floor or the highest obstacle below the center of one drone, m."""
+    x, y, z = drone.position[0], drone.position[1], drone.position[2]
+    drone.surface = 0.0
+    for piece in range(len(boxes)):
+        box = boxes[piece]
+        inside = box[0] <= x <= box[2] and box[1] <= y <= box[3]
+        if inside and drone.surface < box[5] <= z + MARGIN:
+            distance, _, _ = _way_out(x, y, edges[spans[piece, 0] : spans[piece, 1]])
+            if distance <= 0.0:
+                drone.surface = box[5]
+
+
+@compiled
 def _push_out(drone: Record, box: Record, edges: Record) -> None:
     """Push one drone out of a prism by the shortest way: sideways, up, or down."""
     distance, nx, ny = _way_out(drone.position[0], drone.position[1], edges)

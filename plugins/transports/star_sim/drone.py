@@ -69,12 +69,19 @@ DRONE = np.dtype(
         ("misalignment", "f8", 2),  # cosine and sine of the flow sensor's yaw in the body
         ("velocity_bias", "f8", 2),  # m/s, in the body
         ("gyro_bias", "f8"),  # rad/s, about z
-        ("level_error", "f8", 2),  # rad, of roll and of pitch
+        ("level_error", "f8", 2),  # rad, of roll and of pitch, without an IMU
+        ("flow_noise", "f8"),  # counts, in every sample
+        ("gyro_noise", "f8"),  # rad/s, in every sample, without an IMU
+        ("accelerometer_bias", "f8", 3),  # m/s², in the body
+        ("ranger_bias", "f8"),  # m
         # State of the estimator between cycles.
         ("seen_position", "f8", 3),  # m, true
         ("seen_velocity", "f8", 3),  # m/s, true
         ("seen_yaw", "f8"),  # rad, true
         ("flow_rest", "f8", 2),  # counts that were not whole
+        ("tilt_error", "f8", 2),  # rad, of roll and of pitch, with an IMU
+        # Height of the surface that the ranger and the flow sensor see.
+        ("surface", "f8"),  # m, in the map
         # Contacts.
         ("clearance", "f8"),  # m, no obstacle is nearer
         # A demand, in addition to the references above.

@@ -8,9 +8,9 @@ from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.battery import drain
 from star_sim.body import BATCH_SIZE, LANES, fly
 from star_sim.commander import follow
-from star_sim.compiled import Record, kernel
-from star_sim.contact import keep_out, separate
-from star_sim.estimator import believe
+from star_sim.compiled import Record, compiled, kernel
+from star_sim.contact import keep_out, separate, surface_below
+from star_sim.estimator import believe, lean
 from star_sim.position import aim
 from star_sim.supervisor import supervise
 
@@ -28,6 +28,7 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
     spans: Record,
     edges: Record,
     samples: Record,
+    imu: Record,
     step: int,
     steps: int,
     noisy: bool,  # noqa: FBT001 -- a kernel's arguments have no names
@@ -48,8 +49,10 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
             for which nothing is compiled then.
         spans: (P, 2).
         edges: (E, 4).
-        samples: (BLOCK, N, 8) what the estimators stream: row ``(cycle - 1) % BLOCK`` is written at
-            the end of each cycle.
+        samples: (BLOCK, N, SAMPLE) what the estimators stream: row ``(cycle - 1) % BLOCK`` is
+            written at the end of each cycle.
+        imu: (BLOCK, N, WANDERING) errors of the IMU and the flow sensor; None without, for which
+            nothing is compiled then.
         step: Steps since the start.
         steps: To take.
         noisy: Whether the estimators err.
@@ -62,10 +65,7 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
         if phase == 0:
             now = step * STEP
             for i in range(len(drones)):
-                drone = drones[i]
-                follow(drone, now)
-                supervise(drone, now)
-                aim(drone)
+                _control(drones[i], now, imu)
         for first in range(0, len(drones), LANES):
             fly(drones, first, ahead, batch)
         step += ahead
@@ -78,5 +78,18 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
                 drone = drones[i]
                 if boxes is not None:
                     keep_out(drone, boxes, spans, edges)
+                    if imu is not None:
+                        surface_below(drone, boxes, spans, edges)
                 drain(drone)
-                believe(drone, cycle, normals[row, i], texture, noisy, samples[row, i])
+                errors = None if imu is None else imu[row, i]
+                believe(drone, cycle, normals[row, i], texture, noisy, errors, samples[row, i])
+
+
+@compiled
+def _control(drone: Record, now: float, imu: Record) -> None:
+    """Run the control loops of one drone at the start of a cycle."""
+    follow(drone, now)
+    supervise(drone, now)
+    aim(drone)
+    if imu is not None:
+        lean(drone)

@@ -2,7 +2,7 @@
 
 Standard deviations are fitted to the drift of a real Crazyflie over three laps of a box, a circle
 and a figure of eight; flow-sensor counts and ranger noise follow the firmware's measurement models
-(``mm_flow.c``, ``zranger2.c``).
+(``mm_flow.c``, ``zranger2.c``). `star_sim.error_profile` has those that depend on the profile.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.signal import lfilter
 
 from star_core import Array
 from star_sim.airframe import CYCLE
 from star_sim.compiled import Record, compiled
 from star_sim.drone import Drones
+from star_sim.error_profile import ErrorProfile
 
 # Once per flight.
 SCALE = 0.05
@@ -24,10 +26,6 @@ GYRO_BIAS = math.radians(0.20)  # rad/s, left over after the firmware's own cali
 START_OFFSET = 0.02  # m, along each axis
 START_TURN = math.radians(1.0)
 LEVEL_ERROR = math.radians(0.25)  # of roll and of pitch
-
-# In every sample.
-FLOW_NOISE = 1.0  # counts
-GYRO_NOISE = math.radians(0.14)  # rad/s: 0.014 °/s/√Hz of a BMI088 over 100 Hz
 
 # The floor.
 TEXTURE = 0.045  # standard deviation of the flow sensor's scale over the floor
@@ -41,6 +39,8 @@ LEAST_HEIGHT = 0.1  # m
 OUTLIER = 100  # counts
 
 _TEXTURE_STREAM, _ERROR_STREAM, _NOISE_STREAM = 7331, 7332, 7333
+_BIAS_STREAM, _WANDER_STREAM = 7334, 7335
+WANDERING = 7  # errors that change slowly: columns of `Wander.block`
 
 
 def draw_texture(seed: int) -> Array:
@@ -57,11 +57,20 @@ def draw_texture(seed: int) -> Array:
     return np.ascontiguousarray(TEXTURE * smooth / math.sqrt(float((kernel**2).sum())))
 
 
-def draw_errors(drones: Drones, seed: int) -> None:
+def draw_errors(drones: Drones, profile: ErrorProfile, seed: int) -> None:
     """Draw each drone's constant sensor errors and the offset of its start position.
 
     Each agent has its own random stream, so its errors do not depend on the number of agents.
     """
+    drones["flow_noise"], drones["gyro_noise"] = profile.flow_noise, profile.gyro_noise
+    constant = np.stack(
+        [
+            np.random.default_rng([seed, _BIAS_STREAM, row]).standard_normal(4)
+            for row in range(len(drones))
+        ]
+    )
+    drones["accelerometer_bias"] = profile.accelerometer_bias * constant[:, :3]
+    drones["ranger_bias"] = profile.ranger_bias * constant[:, 3]
     draws = np.stack(
         [
             np.random.default_rng([seed, _ERROR_STREAM, row]).standard_normal(10)
@@ -87,6 +96,48 @@ def noise_streams(seed: int, agents: int) -> list[np.random.Generator]:
     return [np.random.default_rng([seed, _NOISE_STREAM, row]) for row in range(agents)]
 
 
+class Wander:
+    """Sensor errors of all drones that change in flight, for the estimators with an IMU.
+
+    A slowly changing error is a first-order Gauss-Markov process, in its steady state from the
+    start.
+
+    Args:
+        profile: Magnitudes.
+        seed: Of the flight.
+        agents: Number of drones; each has its own random stream.
+    """
+
+    def __init__(self, profile: ErrorProfile, seed: int, agents: int) -> None:
+        self._streams = [
+            np.random.default_rng([seed, _WANDER_STREAM, row]) for row in range(agents)
+        ]
+        gyro, acceleration = profile.gyro_wander, profile.accelerometer_wander
+        self._std = np.array([profile.flow_scale_wander, *[gyro] * 3, *[acceleration] * 3])
+        self._white = np.array([0.0, *[profile.gyro_noise] * 3, *[profile.accelerometer_noise] * 3])
+        times = [profile.flow_scale_time]
+        times += [profile.gyro_time] * 3 + [profile.accelerometer_time] * 3
+        self._keep = np.exp(-CYCLE / np.array(times))
+        self._state = [self._std * stream.standard_normal(WANDERING) for stream in self._streams]
+
+    def block(self, cycles: int) -> Array:
+        """Return the errors of the next cycles, (cycles, N, WANDERING).
+
+        Columns: scale of the flow sensor, as a fraction; rates about x, y, z, rad/s; accelerations
+        along x, y, z of the body, m/s².
+        """
+        errors = np.empty((cycles, len(self._streams), WANDERING))
+        for row, stream in enumerate(self._streams):
+            drive, white = stream.standard_normal((2, cycles, WANDERING))
+            drive *= self._std * np.sqrt(1 - self._keep**2)
+            for k in range(WANDERING):
+                keep, last = self._keep[k], self._state[row][k]
+                errors[:, row, k], _ = lfilter([1.0], [1.0, -keep], drive[:, k], zi=[keep * last])
+            self._state[row] = errors[-1, row].copy()
+            errors[:, row] += self._white * white
+        return errors
+
+
 @compiled
 def flow(
     drone: Record,
@@ -95,21 +146,23 @@ def flow(
     heading: tuple[float, float],
     height: float,
     upright: float,
+    wander: float,
 ) -> tuple[float, float]:
     """Return the forward and lateral velocity measured by the flow sensor over one cycle, m/s.
 
     The sensor counts tenths of a pixel, ``dt * 35 / 0.71674 * v * R22 / z``, carries fractions of a
     count over to the next sample, and is converted back with the estimated height. Its scale has a
-    constant error and one that varies over the floor. Rotation of the body is assumed to be
-    compensated with the gyro.
+    constant error, one that varies over the floor, and one that varies in time. The caller
+    compensates the body's rotation with the gyro.
 
     Args:
         drone: The drone; moved by one cycle since `seen_position`.
         normal: (4,) standard normal numbers, of which the first two are used.
         texture: (M, M) scale error over the floor.
         heading: Cosine and sine of the believed yaw.
-        height: Estimated height over the floor, m.
+        height: Estimated height over the surface below, m.
         upright: z component of the body's z axis.
+        wander: Error of the scale that varies in time, as a fraction.
     """
     east = (drone.position[0] - drone.seen_position[0]) / CYCLE
     north = (drone.position[1] - drone.seen_position[1]) / CYCLE
@@ -117,10 +170,10 @@ def flow(
     east, north = cos * east - sin * north, sin * east + cos * north
     ahead, aside = heading[0] * east + heading[1] * north, heading[0] * north - heading[1] * east
     cos, sin = drone.misalignment[0], drone.misalignment[1]
-    scale = 1 + drone.scale + _texture_at(texture, drone.position[0], drone.position[1])
-    scale *= COUNTS * upright / max(drone.position[2], LEAST_HEIGHT)
-    first = _count(drone, 0, scale * (cos * ahead - sin * aside) + FLOW_NOISE * normal[0])
-    second = _count(drone, 1, scale * (sin * ahead + cos * aside) + FLOW_NOISE * normal[1])
+    scale = 1 + drone.scale + _texture_at(texture, drone.position[0], drone.position[1]) + wander
+    scale *= COUNTS * upright / max(drone.position[2] - drone.surface, LEAST_HEIGHT)
+    first = _count(drone, 0, scale * (cos * ahead - sin * aside) + drone.flow_noise * normal[0])
+    second = _count(drone, 1, scale * (sin * ahead + cos * aside) + drone.flow_noise * normal[1])
     back = max(height, LEAST_HEIGHT) / (COUNTS * max(upright, LEAST_HEIGHT))
     return first * back + drone.velocity_bias[0], second * back + drone.velocity_bias[1]
 

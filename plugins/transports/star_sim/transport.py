@@ -28,12 +28,15 @@ from star_sim.battery import HOVER_CURRENT, HOVER_TIME, VOLTAGE_OF_CHARGE
 from star_sim.camera_sim.options import CameraOptions
 from star_sim.contact import SWEEP, prisms
 from star_sim.drone import OFF, standing
+from star_sim.error_profile import IDEAL, ErrorProfile
+from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance
 from star_sim.pace import Pace
 from star_sim.pieces import Piece, Queue, pieces_of
+from star_sim.radio_link import RadioLink
 from star_sim.report import report
-from star_sim.sensors import TEXTURE_POINTS, draw_errors, draw_texture, noise_streams
+from star_sim.sensors import TEXTURE_POINTS, Wander, draw_errors, draw_texture, noise_streams
 
 MIN_SWAP_CHARGE = 0.95  # fraction of full: batteries with more are not replaced
 
@@ -48,6 +51,7 @@ class Simulator:
     Args:
         scene: Agents, world and seed.
         noise: Whether estimates have errors; drones then also start slightly off their positions.
+        profile: Magnitudes of the errors of sensors and radio link.
         battery: Initial charge, as a fraction of full.
         endurance: Hover time with a full battery, s.
         swap_time: Time on the ground until a battery is replaced, s; None never replaces one.
@@ -59,11 +63,12 @@ class Simulator:
         speed: Mission seconds per second of wall time; None is as fast as possible.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 -- one for each option
         self,
         scene: Scene,
         *,
         noise: bool = True,
+        profile: ErrorProfile = IDEAL,
         battery: float = 1.0,
         endurance: float = HOVER_TIME,
         swap_time: float | None = None,
@@ -93,16 +98,20 @@ class Simulator:
         self._texture = np.zeros((TEXTURE_POINTS, TEXTURE_POINTS))
         self._streams: list[np.random.Generator] = []
         if noise:
-            draw_errors(self.drones, scene.seed)
+            draw_errors(self.drones, profile, scene.seed)
             self._texture = draw_texture(scene.seed)
             self._streams = noise_streams(scene.seed, n)
         self._order = np.argsort(self.drones["position"] @ SWEEP, kind="stable")
         self._keys = np.zeros(n)
         self.fusion = Fusion(n)
         self._normals = np.zeros((BLOCK, n, 4))
-        self._samples = np.zeros((BLOCK, n, 8))
-        self._arrived: list[Array] = []  # (cycles, N, 8) since the last call of `receive`
+        self._samples = np.zeros((BLOCK, n, SAMPLE))
+        self._arrived: list[Array] = []  # (cycles, N, SAMPLE) since the last call of `receive`
+        self._wander = Wander(profile, scene.seed, n) if noise and profile.imu else None
+        self._imu: Array | None = None  # (BLOCK, N, WANDERING) errors of the current block
         self._boxes, self._spans, self._edges = prisms(scene.world)
+        delayed = noise and profile.setpoint_delay > 0
+        self._link = RadioLink(profile, scene.seed, n) if delayed else None
         self._uploaded: dict[Trajectory, tuple[Piece, ...]] = {}
         self._queue = Queue(self.drones)
 
@@ -113,7 +122,7 @@ class Simulator:
 
     @property
     def sample(self) -> Array:
-        """(N, 8) latest output of the estimators; columns as in `star_sim.estimator.believe`."""
+        """(N, SAMPLE) output of the estimators; columns as in `star_sim.estimator.believe`."""
         row: Array = self._samples[(self._step // STEPS_PER_CYCLE - 1) % BLOCK]
         return row
 
@@ -135,13 +144,15 @@ class Simulator:
             if self._queue.next_step <= self._step:
                 self._queue.advance(self._step)
             due = min(end, self._queue.next_step)
+            if self._link is not None:
+                self._link.deliver(self._step)
+                due = min(due, self._link.next_step, self._queue.next_step)
             if self._cameras is not None:
                 self._cameras.take(self.drones, self._step)
                 due = min(due, self._cameras.next_step)
             cycle = self._step // STEPS_PER_CYCLE
             if self._noise and self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
-                for row, stream in enumerate(self._streams):
-                    self._normals[:, row] = stream.standard_normal((BLOCK, 4))
+                self._draw_noise()
             full = (cycle // BLOCK + 1) * BLOCK * STEPS_PER_CYCLE
             steps = min(due, full) - self._step
             self._advance(steps)
@@ -159,24 +170,42 @@ class Simulator:
     def receive(self) -> Telemetry:
         drones, n = self.drones, len(self.drones)
         attitude, state = np.empty((n, 4)), np.empty(n, np.int64)
-        report(drones, self._step * STEP, attitude, state)
+        now = self._step * STEP
+        report(drones, now, attitude, state)
+        odometry = self._odometry()
+        position, velocity = drones["believed_position"], drones["believed_velocity"]
+        age = np.zeros(n)
+        if self._link is not None:
+            position, velocity, attitude, age = self._link.reports(now)
         frames, detections = Frames.none(), Detections.none()
         if self._cameras is not None:
-            frames, detections = self._cameras.arrived(self._step * STEP)
+            frames, detections = self._cameras.arrived(now)
         return Telemetry(
             time=self._step // STEPS_PER_CYCLE * STEPS_PER_CYCLE * STEP,
-            position=drones["believed_position"],
-            velocity=drones["believed_velocity"],
+            position=position,
+            velocity=velocity,
             attitude=attitude,
             battery=drones["voltage"],
             state=state,
-            age=np.zeros(n),
-            odometry=self._odometry(),
+            age=age,
+            odometry=odometry,
             frames=frames,
             detections=detections,
         )
 
     def command(self, command: Command) -> None:
+        if command.trajectory is not None and command.trajectory not in self._uploaded:
+            raise ContractError("Command.trajectory was not uploaded")
+        self._send(lambda: self._obey(command))
+
+    def _send(self, effect: Callable[[], None]) -> None:
+        """Cause an effect at the drones, at once or when the radio link delivers it."""
+        if self._link is None:
+            effect()
+        else:
+            self._link.send(self._step, effect)
+
+    def _obey(self, command: Command) -> None:
         if command.trajectory is not None:
             self._follow(command, command.trajectory)
             return
@@ -187,7 +216,8 @@ class Simulator:
     def correct(self, corrections: Corrections) -> None:
         """Pass poses to the on-board estimators; without noise they are ignored."""
         if self._noise:
-            self.fusion.take(self.drones, corrections, self._step * STEP)
+            now = self._step * STEP
+            self._send(lambda: self.fusion.take(self.drones, corrections, now))
 
     def send(self, setpoint: Setpoint) -> Setpoint:
         """Fly the active rows; like the firmware, without clipping velocity setpoints.
@@ -199,7 +229,7 @@ class Simulator:
         if not finite[setpoint.active].all():
             rows = np.flatnonzero(setpoint.active & ~finite)
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
-        commander.take(self.drones, setpoint, self._step * STEP)
+        self._send(lambda: commander.take(self.drones, setpoint, self._step * STEP))
         return setpoint
 
     def truth(self) -> Truth | None:
@@ -210,13 +240,7 @@ class Simulator:
         """Nothing to release."""
 
     def _follow(self, command: Command, trajectory: Trajectory) -> None:
-        """Start a trajectory whose origin is at the position and yaw in the command.
-
-        Raises:
-            ContractError: It was not uploaded.
-        """
-        if trajectory not in self._uploaded:
-            raise ContractError("Command.trajectory was not uploaded")
+        """Start a trajectory whose origin is at the position and yaw in the command."""
         able = commander.can_fly(self.drones, command.agent)
         stretch = command.duration / trajectory.duration.sum()
         for i in np.flatnonzero(able).tolist():
@@ -237,10 +261,18 @@ class Simulator:
             self._spans,
             self._edges,
             self._samples,
+            self._imu,
             self._step,
             steps,
             self._noise,
         )
+
+    def _draw_noise(self) -> None:
+        """Draw the random numbers of the next block of cycles."""
+        for row, stream in enumerate(self._streams):
+            self._normals[:, row] = stream.standard_normal((BLOCK, 4))
+        if self._wander is not None:
+            self._imu = self._wander.block(BLOCK)
 
     def _replace_batteries(self, now: float, duration: float) -> None:
         """Give full batteries to drones that have been on the ground for `duration`, s."""
@@ -257,9 +289,12 @@ class Simulator:
         table = np.concatenate(self._arrived)
         self._arrived.clear()
         cycles, n, _ = table.shape
-        rows = table.reshape(cycles * n, 8)
+        agent, rows = np.tile(np.arange(n), cycles), table.reshape(cycles * n, SAMPLE)
+        if self._link is not None:
+            received = self._link.receive(table)
+            agent, rows = received[:, 0].astype(np.int64), received[:, 1:]
         return Odometry(
-            agent=np.tile(np.arange(n), cycles),
+            agent=agent,
             time=rows[:, 0],
             velocity=rows[:, 1:4],
             yaw_rate=rows[:, 4],

@@ -14,7 +14,7 @@ from star_sim.airframe import STEP
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import floor
 from star_sim.camera_sim.geometric import OnboardDetector
-from star_sim.camera_sim.ground_truth import real_camera, real_tags
+from star_sim.camera_sim.ground_truth import CameraError, SurveyError, real_camera, real_tags
 from star_sim.camera_sim.options import CameraOptions
 from star_sim.camera_sim.renderer import Renderer
 from star_sim.drone import Drones
@@ -48,10 +48,20 @@ class Cameras:
         ]
         self._tags = np.array([tag.id for tag in surveyed], np.int64)
         self._numbers = np.array(sorted(tag.id for tag in surveyed) or [0])
-        rng = np.random.default_rng([scene.seed, _SURVEY_STREAM])
-        turn = math.radians(options.survey_yaw_std_deg)
-        tags = real_tags(surveyed, rng, position=options.survey_std, turn=turn)
-        shift, turn = options.mounting_position_std, math.radians(options.mounting_std_deg)
+        survey = SurveyError(
+            options.survey_std,
+            math.radians(options.survey_yaw_std_deg),
+            options.survey_height_std,
+            math.radians(options.survey_tilt_std_deg),
+        )
+        tags = real_tags(surveyed, [scene.seed, _SURVEY_STREAM], survey)
+        error = CameraError(
+            options.mounting_position_std,
+            math.radians(options.mounting_std_deg),
+            options.focal_length_std,
+            options.image_center_std,
+        )
+        self._latency: dict[int, float] = {}  # s, mean of each camera
         self._cameras: dict[int, Camera] = {}
         self._streams: dict[int, np.random.Generator] = {}
         self._models: dict[int, Renderer | OnboardDetector] = {}
@@ -60,8 +70,9 @@ class Cameras:
             if agent.camera is None:
                 continue
             rng = np.random.default_rng([scene.seed, _MOUNTING_STREAM, row])
-            camera = real_camera(agent.camera, rng, position=shift, turn=turn)
-            self._cameras[row] = camera
+            self._cameras[row] = camera = real_camera(agent.camera, rng, error)
+            offset = options.latency_offset_std * float(rng.standard_normal())
+            self._latency[row] = options.latency + offset
             self._streams[row] = np.random.default_rng([scene.seed, _STREAM, row])
             self._models[row] = (
                 OnboardDetector(camera, tags, scene.world, noise=options.corner_noise_std)
@@ -94,7 +105,7 @@ class Cameras:
             heapq.heappush(self._queue, (max(step + 1, self._due(row)), row))
             if not self._wanted(row):
                 continue
-            latency = self._options.latency + self._options.latency_std * stream.standard_normal()
+            latency = self._latency[row] + self._options.latency_std * stream.standard_normal()
             lost = stream.random() < self._options.drop_rate
             content = self._see(drones, row, stream)
             if not lost:

@@ -7,8 +7,21 @@ from dataclasses import dataclass
 from typing import Any
 
 from star_core import fill_defaults
+from star_sim.error_profile import IDEAL, ErrorProfile
 
 MODES = ("rendered", "geometric", "off")
+BY_PROFILE = (  # options whose defaults are those of the profile
+    "timestamps",
+    "latency_offset_std",
+    "survey_std",
+    "survey_yaw_std_deg",
+    "survey_height_std",
+    "survey_tilt_std_deg",
+    "mounting_std_deg",
+    "mounting_position_std",
+    "focal_length_std",
+    "image_center_std",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,6 +31,7 @@ class CameraOptions:
     mode: str
     latency: float
     latency_std: float
+    latency_offset_std: float
     drop_rate: float
     wrong_id_rate: float
     timestamps: bool
@@ -25,30 +39,35 @@ class CameraOptions:
     corner_noise_std: float
     survey_std: float
     survey_yaw_std_deg: float
+    survey_height_std: float
+    survey_tilt_std_deg: float
     mounting_std_deg: float
     mounting_position_std: float
+    focal_length_std: float
+    image_center_std: float
     covered: Sequence[str]
 
 
-def camera_options(**given: Any) -> CameraOptions:
+def camera_options(profile: ErrorProfile = IDEAL, /, **given: Any) -> CameraOptions:
     """Return options as given in a mission, with the defaults of `OPTIONS` for the others."""
-    return CameraOptions(**fill_defaults(given, OPTIONS))
+    of_profile = {name: getattr(profile, name) for name in BY_PROFILE}
+    return CameraOptions(**fill_defaults(of_profile | given, OPTIONS))
 
 
 def _number(default: float, maximum: float, description: str) -> dict[str, Any]:
-    return {
-        "type": "number",
-        "minimum": 0,
-        "maximum": maximum,
-        "default": default,
-        "description": description,
-    }
+    return {"default": default, **_of_profile(maximum, description)}
+
+
+def _of_profile(maximum: float, description: str) -> dict[str, Any]:
+    """Return the schema of a number whose default depends on the profile."""
+    return {"type": "number", "minimum": 0, "maximum": maximum, "description": description}
 
 
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
-    "description": "Camera, link and tag-survey error model; defaults apply if not given.",
+    "description": "Camera, link and tag-survey error model; defaults apply if not given, those "
+    "without a default here by the profile.",
     "examples": [{"mode": "geometric"}],
     "properties": {
         "mode": {
@@ -68,22 +87,39 @@ OPTIONS: dict[str, Any] = {
         ),
         "timestamps": {
             "type": "boolean",
-            "default": True,
-            "description": "Whether images carry the time of their exposure.",
+            "description": "Whether images carry the time of their exposure; without, localizers "
+            "infer it from their arrival.",
         },
         "pixel_noise_std": _number(4.0, 64, "Standard deviation of a pixel's gray value, of 255."),
         "corner_noise_std": _number(
             0.2, 10, "Standard deviation of a corner in u and in v, px; with mode: geometric."
         ),
-        "survey_std": _number(
-            0.005, 1, "Standard deviation of a sheet's position along each of its axes, m."
+        "latency_offset_std": _of_profile(
+            1, "Standard deviation of each camera's constant difference from the latency, s."
         ),
-        "survey_yaw_std_deg": _number(0.5, 45, "Standard deviation of a sheet's heading, degrees."),
-        "mounting_std_deg": _number(
-            0.5, 45, "Standard deviation of a camera's attitude about each of its axes, degrees."
+        "survey_std": _of_profile(
+            1, "Standard deviation of a sheet's position along each of its axes, m."
         ),
-        "mounting_position_std": _number(
-            0.002, 0.1, "Standard deviation of a camera's position along each axis, m."
+        "survey_yaw_std_deg": _of_profile(
+            45, "Standard deviation of a sheet's rotation on its surface, degrees."
+        ),
+        "survey_height_std": _of_profile(
+            1, "Standard deviation of a sheet's position across its surface, m."
+        ),
+        "survey_tilt_std_deg": _of_profile(
+            45, "Standard deviation of a sheet's tilt about each of its axes, degrees."
+        ),
+        "mounting_std_deg": _of_profile(
+            45, "Standard deviation of a camera's attitude about each of its axes, degrees."
+        ),
+        "mounting_position_std": _of_profile(
+            0.1, "Standard deviation of a camera's position along each axis, m."
+        ),
+        "focal_length_std": _of_profile(
+            0.2, "Standard deviation of a camera's focal length, as a fraction."
+        ),
+        "image_center_std": _of_profile(
+            50, "Standard deviation of the optical axis in u and in v, px."
         ),
         "covered": {
             "type": "array",

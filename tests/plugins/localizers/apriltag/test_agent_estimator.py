@@ -13,7 +13,7 @@ from star_apriltag.agent_estimator import NODE_PERIOD, SmoothingEstimator
 from star_apriltag.dead_reckoning import AgentState
 from star_apriltag.vision.body_pose import AT_REST
 from star_core import Odometry, Tag
-from star_sim.camera_sim.ground_truth import real_tags
+from star_sim.camera_sim.ground_truth import SurveyError, real_tags
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
     RATE,
@@ -52,8 +52,8 @@ class Flight:
     def see(self, taken: float, tags: Sequence[Tag] = TAGS) -> None:
         real = tags
         if self._survey:
-            survey = np.random.default_rng([self._seed, 1])
-            real = list(real_tags(tags, survey, position=self._survey, turn=self._survey))
+            error = SurveyError(self._survey, self._survey)
+            real = list(real_tags(tags, [self._seed, 1], error))
         found = [
             view._replace(rays=view.rays + self._noise / 180 * self._rng.normal(size=(4, 2)))
             for view in views(self.circle.body(taken), tags, real)

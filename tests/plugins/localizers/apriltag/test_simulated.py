@@ -11,7 +11,18 @@ import numpy as np
 import pytest
 
 import star_sim
-from star_core import Agent, Array, Camera, Command, Fence, Order, Scene, Setpoint, World
+from star_core import (
+    Agent,
+    Array,
+    Camera,
+    Command,
+    Fence,
+    Order,
+    Scene,
+    Setpoint,
+    World,
+    fill_defaults,
+)
 from star_core.cli.main import run
 from tests.plugins.localizers.apriltag.conftest import TICK, sheets
 from tests.plugins.localizers.apriltag.conftest import localizer as apriltag
@@ -64,7 +75,10 @@ def flight(seed: int, mode: str = "geometric", wrong_ids: float = 0.0, tags: int
         world=World("mat", Fence((-5, -5, 0), (5, 5, 3)), landmarks=tuple(sheets(4))),
         seed=seed,
     )
-    simulator = star_sim.make(scene, camera={"mode": mode, "wrong_id_rate": wrong_ids})
+    simulator = star_sim.make(
+        scene,
+        **fill_defaults({"camera": {"mode": mode, "wrong_id_rate": wrong_ids}}, star_sim.OPTIONS),
+    )
     localizer = apriltag(scene, max_tags_per_landmark=tags)
     simulator.connect()
     row, on = np.zeros(1, np.int64), np.ones(1, np.bool_)

@@ -21,7 +21,9 @@ def shown(drones: Drones, *, cycles: int = 1000, texture: Array = FLAT) -> Array
     """What the flow sensor shows, (cycles, 2), at 0.8 m and 0.1 m/s ahead."""
     drones["position"], drones["seen_position"] = [0.001, 0.0, 0.8], [0.0, 0.0, 0.8]
     quiet = np.zeros(4)
-    return np.array([flow(drones[0], quiet, texture, (1.0, 0.0), 0.8, 1.0) for _ in range(cycles)])
+    return np.array(
+        [flow(drones[0], quiet, texture, (1.0, 0.0), 0.8, 1.0, 0.0) for _ in range(cycles)]
+    )
 
 
 def one() -> Drones:

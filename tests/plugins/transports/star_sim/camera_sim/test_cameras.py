@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import star_sim
-from star_core import Agent, Array, Camera, Command, Order, Rows, Scene, Tag
+from star_core import Agent, Array, Camera, Command, Order, Rows, Scene, Tag, fill_defaults
 from star_core.testing import scene
 from star_core.world.quaternions import turned
 from star_sim.airframe import STEP
@@ -305,7 +305,7 @@ def test_rendered_images_have_the_cameras_size_and_a_time() -> None:
 
 def heard(where: Scene, camera: dict[str, Any]) -> tuple[int, int]:
     """How many images and tags a whole simulator hands out while an agent rises."""
-    simulator = star_sim.make(where, camera=camera)
+    simulator = star_sim.make(where, **fill_defaults({"camera": camera}, star_sim.OPTIONS))
     simulator.connect()
     one = np.zeros(1, np.int64)
     simulator.command(Command(Order.TAKEOFF, one, np.array([[0, 0, 0.8]]), np.zeros(1), np.ones(1)))
@@ -343,7 +343,9 @@ def test_without_a_camera_there_is_nothing_to_send() -> None:
 
 def test_cameras_do_not_change_how_agents_fly() -> None:
     def where(camera: Camera | None) -> Array:
-        simulator = star_sim.make(room(camera), camera={"mode": "geometric"})
+        simulator = star_sim.make(
+            room(camera), **fill_defaults({"camera": {"mode": "geometric"}}, star_sim.OPTIONS)
+        )
         simulator.connect()
         for tick in range(1, 41):
             simulator.wait(tick * 0.05)

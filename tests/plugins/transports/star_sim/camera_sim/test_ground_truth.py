@@ -12,7 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Camera, Tag
 from star_core.world.quaternions import turned
-from star_sim.camera_sim.ground_truth import real_camera, real_tags
+from star_sim.camera_sim.ground_truth import (
+    CameraError,
+    SurveyError,
+    real_camera,
+    real_tags,
+)
 
 WALL = turned(math.pi / 2, 0.0, 0.7)
 PAIR = (
@@ -23,7 +28,7 @@ HUNG = Tag(2, 0.168, (0.0, 2.0, 0.5), WALL, "wall")
 
 
 def test_tags_of_one_sheet_move_together() -> None:
-    one, two = real_tags(PAIR, np.random.default_rng(0), position=0.05, turn=0.1)
+    one, two = real_tags(PAIR, [0], SurveyError(0.05, 0.1, 0.05, 0.1))
     before, after = (np.subtract(b.position, a.position) for a, b in (PAIR, (one, two)))
     turn = Rotation.from_quat(one.rotation) * Rotation.from_quat(PAIR[0].rotation).inv()
     assert after == pytest.approx(turn.apply(before))
@@ -34,8 +39,8 @@ def test_tags_of_one_sheet_move_together() -> None:
 
 def test_a_sheet_stays_on_its_surface() -> None:
     normal = Rotation.from_quat(WALL).apply([0, 0, 1])
-    rng = np.random.default_rng(0)
-    for floor, wall in (real_tags((PAIR[0], HUNG), rng, position=0.1, turn=0.2) for _ in range(9)):
+    error = SurveyError(0.1, 0.2)
+    for floor, wall in (real_tags((PAIR[0], HUNG), [seed], error) for seed in range(9)):
         assert floor.position[2] == pytest.approx(0.0)
         assert Rotation.from_quat(floor.rotation).apply([0, 0, 1]) == pytest.approx([0, 0, 1])
         assert normal @ np.subtract(wall.position, HUNG.position) == pytest.approx(0.0)
@@ -44,20 +49,40 @@ def test_a_sheet_stays_on_its_surface() -> None:
 
 def test_sheets_err_by_the_deviations_given() -> None:
     tags = [Tag(i, 0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), f"{i}") for i in range(500)]
-    real = real_tags(tags, np.random.default_rng(0), position=0.005, turn=0.01)
-    angles = Rotation.from_quat([tag.rotation for tag in real]).as_rotvec()[:, 2]
-    assert np.std([tag.position[:2] for tag in real]) == pytest.approx(0.005, rel=0.1)
-    assert angles.std() == pytest.approx(0.01, rel=0.1)
+    real = real_tags(tags, [0], SurveyError(0.005, 0.01, 0.02, 0.03))
+    angles = Rotation.from_quat([tag.rotation for tag in real]).as_rotvec()
+    positions = np.array([tag.position for tag in real])
+    assert positions.std(axis=0) == pytest.approx([0.005, 0.005, 0.02], rel=0.1)
+    assert angles.std(axis=0) == pytest.approx([0.03, 0.03, 0.01], rel=0.1)
+
+
+def test_errors_out_of_the_plane_leave_those_in_it() -> None:
+    flat, tilted = (
+        real_tags((HUNG,), [3], SurveyError(0.1, 0.0, *more))[0] for more in ((), (0.1,))
+    )
+    along = Rotation.from_quat(WALL).inv().apply(np.subtract(tilted.position, flat.position))
+    assert along[:2] == pytest.approx([0.0, 0.0])
+    assert abs(along[2]) > 0.01
+
+
+def test_lenses_err_by_the_deviations_given() -> None:
+    error = CameraError(0.0, 0.0, focal_length=0.01, center=2.0)
+    matrices = np.array(
+        [real_camera(Camera(), np.random.default_rng(i), error).matrix for i in range(500)]
+    )
+    fx, fy, cx, cy = matrices.T
+    assert fx / fy == pytest.approx(Camera().matrix[0] / Camera().matrix[1])
+    assert fx.std() / fx.mean() == pytest.approx(0.01, rel=0.1)
+    assert [cx.std(), cy.std()] == pytest.approx([2.0, 2.0], rel=0.1)
 
 
 def test_without_deviation_the_truth_is_what_is_believed() -> None:
-    rng = np.random.default_rng(0)
     for real, believed in zip(
-        real_tags((*PAIR, HUNG), rng, position=0.0, turn=0.0), (*PAIR, HUNG), strict=True
+        real_tags((*PAIR, HUNG), [0], SurveyError(0.0, 0.0)), (*PAIR, HUNG), strict=True
     ):
         assert real.position == pytest.approx(believed.position)
         assert real.rotation == pytest.approx(believed.rotation)
-    camera = real_camera(Camera(), rng, position=0.0, turn=0.0)
+    camera = real_camera(Camera(), np.random.default_rng(0), CameraError(0.0, 0.0))
     assert camera.rotation == pytest.approx(Camera().rotation)
     assert camera.position == pytest.approx(Camera().position)
 
@@ -72,7 +97,7 @@ def test_a_camera_is_turned_by_as_much_as_was_drawn_however_it_looks(
     roll: float, pitch: float, yaw: float, seed: int
 ) -> None:
     camera = Camera(roll=roll, pitch=pitch, yaw=yaw)
-    real = real_camera(camera, np.random.default_rng(seed), position=0.01, turn=0.02)
+    real = real_camera(camera, np.random.default_rng(seed), CameraError(0.01, 0.02))
     drawn = np.random.default_rng(seed).standard_normal((2, 3))
     change = Rotation.from_quat(camera.rotation).inv() * Rotation.from_quat(real.rotation)
     assert change.magnitude() == pytest.approx(0.02 * np.linalg.norm(drawn[1]), rel=1e-3)

@@ -1,0 +1,87 @@
+"""The simulated radio link: packets to the drones are late, samples from them late or lost."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from star_core import Array
+from star_sim.airframe import CYCLE, STEP
+from star_sim.error_profile import ErrorProfile
+from star_sim.estimator import SAMPLE
+
+NEVER: Final = 1 << 62  # steps
+_STREAM: Final = 7336
+
+
+class RadioLink:
+    """Delays what is sent, and delays and loses what the drones stream.
+
+    Packets to the drones arrive in the order in which they were sent. None is lost: the radio
+    resends them. Of the samples each agent loses its own.
+
+    Args:
+        profile: Delays and the fraction of samples that are lost.
+        seed: Of the flight.
+        agents: Number of drones.
+
+    Attributes:
+        next_step: Number of the step of 2 ms before which a packet arrives next, or `NEVER`.
+    """
+
+    def __init__(self, profile: ErrorProfile, seed: int, agents: int) -> None:
+        self._profile = profile
+        self._random = np.random.default_rng([seed, _STREAM])
+        self._packets: deque[tuple[int, Callable[[], None]]] = deque()
+        self._late: list[Array] = []  # rows of samples that have not arrived, (N, SAMPLE)
+        self._newest = np.zeros((agents, SAMPLE))
+        self.next_step = NEVER
+
+    def send(self, step: int, effect: Callable[[], None]) -> None:
+        """Send a packet before step number `step`; `effect` is called when it arrives."""
+        self._packets.append((step + round(self._profile.setpoint_delay / STEP), effect))
+        self.next_step = self._packets[0][0]
+
+    def deliver(self, step: int) -> None:
+        """Call the effects of the packets that have arrived before a step."""
+        while self._packets and self._packets[0][0] <= step:
+            self._packets.popleft()[1]()
+        self.next_step = self._packets[0][0] if self._packets else NEVER
+
+    def receive(self, samples: Array) -> Array:
+        """Return the samples that arrive, (K, 1 + SAMPLE): the agent's row, then the sample.
+
+        Args:
+            samples: (cycles, N, SAMPLE) of the drones since the last call.
+        """
+        self._late.extend(samples)
+        count = max(0, len(self._late) - self._profile.report_delay)
+        here, self._late = self._late[:count], self._late[count:]
+        rows = []
+        for row in here:
+            heard = np.flatnonzero(self._random.random(len(row)) >= self._profile.report_loss)
+            self._newest[heard] = row[heard]
+            rows.append(np.column_stack([heard, row[heard]]))
+        return np.concatenate(rows) if rows else np.zeros((0, 1 + SAMPLE))
+
+    def reports(self, now: float) -> tuple[Array, Array, Array, Array]:
+        """Return the newest state heard of each agent, in its odometry frame.
+
+        Args:
+            now: Mission time, s.
+
+        Returns:
+            (N, 3) position, m; (N, 3) velocity, m/s; (N, 4) attitude as a unit quaternion x, y, z,
+            w; (N,) age, s.
+        """
+        time, ahead, aside, up, _, roll, pitch, z, x, y, yaw = self._newest.T
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        velocity = np.stack([cos * ahead - sin * aside, sin * ahead + cos * aside, up], axis=1)
+        attitude = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_quat()
+        age = np.maximum(0.0, math.floor(now / CYCLE + 1e-6) * CYCLE - time)
+        return np.stack([x, y, z], axis=1), velocity, attitude, age

@@ -1,0 +1,204 @@
+"""The errors of the profile `realistic`: each magnitude shows in what the drones report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from star_core import Obstacle, Order, Transform
+from star_sim.airframe import CYCLE, GRAVITY
+from star_sim.drone import standing
+from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
+from star_sim.sensors import Wander, draw_errors
+
+Flying = Callable[..., Any]
+
+EXACT = replace(
+    REALISTIC,
+    flow_noise=0.0,
+    flow_scale_wander=0.0,
+    gyro_noise=0.0,
+    gyro_wander=0.0,
+    accelerometer_bias=0.0,
+    accelerometer_wander=0.0,
+    accelerometer_noise=0.0,
+    ranger_bias=0.0,
+    report_delay=0,
+    report_loss=0.0,
+    setpoint_delay=0.0,
+)
+BOX = Obstacle("box", (((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)),), (0.0, 0.4))
+
+
+def tilt_errors(flight: Any) -> np.ndarray:
+    """Return roll and pitch of each agent as reported less the true ones, (N, 2) rad."""
+    true = Rotation.from_quat(flight.simulator.truth().attitude).as_euler("ZYX")[:, :0:-1]
+    reported = Rotation.from_quat(flight.telemetry.attitude).as_euler("ZYX")[:, :0:-1]
+    return np.asarray(reported - true)
+
+
+def test_constant_errors_have_the_deviations_of_the_profile() -> None:
+    drones = standing(np.zeros((400, 3)), np.zeros(400), 1.0)
+    draw_errors(drones, REALISTIC, 0)
+    assert drones["accelerometer_bias"].std() == pytest.approx(0.015 * GRAVITY, rel=0.1)
+    assert drones["ranger_bias"].std() == pytest.approx(0.01, rel=0.15)
+    assert set(drones["flow_noise"]) == {2.0}
+    draw_errors(drones, IDEAL, 0)
+    assert not drones["accelerometer_bias"].any()
+    assert not drones["ranger_bias"].any()
+    assert set(drones["flow_noise"]) == {1.0}
+
+
+def test_slow_errors_have_the_deviations_and_correlation_times_of_the_profile() -> None:
+    quiet = replace(REALISTIC, gyro_noise=0.0, accelerometer_noise=0.0)
+    wander = Wander(quiet, 0, 60)
+    errors = np.concatenate([wander.block(1000) for _ in range(10)])  # 100 s
+    expected = [0.02, *[math.radians(0.1)] * 3, *[0.003 * GRAVITY] * 3]
+    assert errors.std(axis=(0, 1)) == pytest.approx(expected, rel=0.2)
+    for column, time in ((0, 30.0), (2, 30.0), (5, 10.0)):
+        lag = round(time / CYCLE)
+        one, other = errors[:-lag, :, column], errors[lag:, :, column]
+        assert (one * other).mean() / errors[:, :, column].var() == pytest.approx(0.37, abs=0.2)
+
+
+def test_noise_of_the_imu_is_white() -> None:
+    still = replace(REALISTIC, gyro_wander=0.0, accelerometer_wander=0.0, flow_scale_wander=0.0)
+    errors = Wander(still, 0, 4).block(5000)
+    assert not errors[:, :, 0].any()
+    assert errors[:, :, 1:4].std() == pytest.approx(math.radians(0.3), rel=0.05)
+    assert errors[:, :, 4:].std() == pytest.approx(0.003 * GRAVITY, rel=0.05)
+    assert np.abs((errors[1:] * errors[:-1]).mean()) < 0.05 * errors.var()
+
+
+def test_the_errors_of_an_agent_do_not_depend_on_the_number_of_agents() -> None:
+    few, many = (Wander(REALISTIC, 3, n).block(10) for n in (2, 5))
+    assert np.array_equal(few, many[:, :2])
+
+
+def test_an_exact_imu_keeps_the_tilt_exact(start: Flying) -> None:
+    flight = start(noise=True, profile=EXACT)
+    flight.rise()
+    flight.fly(2.0, (0.5, 0.2, 0.0), yaw=1.0)
+    assert np.abs(tilt_errors(flight)).max() < math.radians(0.3)
+
+
+@pytest.mark.parametrize(("axis", "row", "sign"), [(0, 1, -1), (1, 0, 1)])
+def test_a_biased_accelerometer_tilts_the_estimate_until_flow_and_gravity_agree(
+    start: Flying, axis: int, row: int, sign: int
+) -> None:
+    flight = start(noise=True, profile=EXACT)
+    flight.simulator.drones["accelerometer_bias"][0, axis] = 0.2
+    flight.rise()
+    flight.fly(4.0, (0.0, 0.0, 0.0))
+    assert tilt_errors(flight)[0, row] == pytest.approx(sign * 0.2 / GRAVITY, abs=0.006)
+    assert np.abs(flight.telemetry.velocity).max() < 0.1
+
+
+def test_the_body_hangs_by_its_wrong_tilt_and_flies_the_velocity_all_the_same(
+    start: Flying,
+) -> None:
+    flight = start(noise=True, profile=EXACT)
+    flight.simulator.drones["accelerometer_bias"][0, 0] = 0.2
+    flight.rise()
+    flight.fly(6.0, (0.3, 0.0, 0.0))
+    true = Rotation.from_quat(flight.simulator.truth().attitude).as_euler("ZYX")[0, 1]
+    assert true == pytest.approx(0.0, abs=0.03)  # only drag is balanced
+    assert flight.telemetry.velocity[0, 0] == pytest.approx(0.3, abs=0.1)
+
+
+def test_a_biased_ranger_shifts_the_height(start: Flying) -> None:
+    flight = start(noise=True, profile=EXACT)
+    flight.simulator.drones["ranger_bias"] = 0.03
+    flight.rise()
+    assert flight.telemetry.position[0, 2] - flight.position[0, 2] == pytest.approx(0.03, abs=5e-3)
+
+
+def test_a_flow_deck_reports_the_height_over_what_is_below(start: Flying) -> None:
+    flight = start(noise=True, profile=EXACT, obstacles=(BOX,))
+    flight.rise(1.0)
+    assert flight.telemetry.position[0, 2] == pytest.approx(flight.position[0, 2], abs=0.02)
+    flight.fly(3.5, (0.5, 0.0, 0.0))
+    flight.fly(2.0, (0.0, 0.0, 0.0))
+    assert 1.0 < flight.position[0, 0] < 2.0
+    reported, true = flight.telemetry.position[0, 2], flight.position[0, 2]
+    assert reported == pytest.approx(true - 0.4, abs=0.03)
+    assert true > 1.05  # the estimator saw the ground rise, and climbed
+
+
+def test_the_ideal_flow_deck_ignores_what_is_below(start: Flying) -> None:
+    flight = start(noise=True, obstacles=(BOX,))
+    flight.rise(1.0)
+    flight.fly(3.5, (0.5, 0.0, 0.0))
+    assert 1.0 < flight.position[0, 0] < 2.0
+    assert flight.telemetry.position[0, 2] == pytest.approx(flight.position[0, 2], abs=0.03)
+
+
+def test_reports_are_late_and_lost(start: Flying) -> None:
+    lossy = replace(EXACT, report_delay=2, report_loss=0.3, setpoint_delay=0.01)
+    flight = start(4, noise=True, profile=lossy, at=[(float(i), 0.0, 0.0) for i in range(4)])
+    flight.rise()
+    table = flight.fly(10.0, (0.3, 0.0, 0.0))
+    ages = np.array([heard.age for heard in table])
+    assert ages.min() == pytest.approx(0.02, abs=1e-6)
+    assert (ages > 0.025).mean() == pytest.approx(0.3, abs=0.07)
+    heard = sum(len(one.odometry.agent) for one in table)
+    assert heard / 4000 == pytest.approx(0.7, abs=0.03)
+    times = np.concatenate([one.odometry.time for one in table if len(one.odometry.time)])
+    assert times.max() <= table[-1].time - 0.02 + 1e-6
+
+
+def test_a_late_report_is_of_the_time_that_its_age_names(start: Flying) -> None:
+    flights = [
+        start(noise=True, profile=replace(EXACT, report_delay=delay, setpoint_delay=0.01))
+        for delay in (0, 3)
+    ]
+    for flight in flights:
+        flight.rise()
+    now, late = (flight.fly(1.0, (0.3, 0.0, 0.0))[-1] for flight in flights)
+    assert late.age[0] == pytest.approx(0.03, abs=1e-6)
+    behind = (now.position - late.position)[0, 0]
+    assert behind == pytest.approx(0.03 * now.velocity[0, 0], abs=2e-3)
+
+
+def test_setpoints_and_commands_take_effect_late_and_in_order(start: Flying) -> None:
+    slow = replace(EXACT, setpoint_delay=0.06)
+    flight, prompt = start(noise=True, profile=slow), start(noise=True, profile=EXACT)
+    for one in (flight, prompt):
+        one.rise()
+        one.fly(0.5, (0.5, 0.0, 0.0))
+    delay = (prompt.position - flight.position)[0, 0] / prompt.telemetry.velocity[0, 0]
+    assert delay == pytest.approx(0.06, abs=0.04)
+    flight.fly(0.05, (0.5, 0.0, 0.0))
+    flight.order(Order.LAND, duration=2.0)  # the setpoint before it must not stop the landing
+    flight.fly(4.0)
+    assert flight.position[0, 2] < 0.02
+
+
+def test_realistic_flights_are_repeatable(start: Flying) -> None:
+    def flown() -> Any:
+        flight = start(3, noise=True, profile=REALISTIC, at=[(float(i), 0, 0) for i in range(3)])
+        flight.rise()
+        return flight.fly(3.0, (0.3, 0.1, 0.0))[-1].position
+
+    assert np.array_equal(flown(), flown())
+
+
+@pytest.mark.parametrize(("profile", "low", "high"), [(IDEAL, 0.02, 0.4), (REALISTIC, 0.04, 0.8)])
+def test_drones_drift_in_both_profiles(
+    start: Flying, profile: ErrorProfile, low: float, high: float
+) -> None:
+    flight = start(8, noise=True, profile=profile, at=[(float(i), 0.0, 0.0) for i in range(8)])
+    flight.rise()
+    for _ in range(2):
+        flight.fly(7.0, (0.3, 0, 0))
+        flight.fly(7.0, (-0.3, 0, 0), yaw=math.pi)
+    drones = flight.simulator.drones
+    back = Transform(drones["origin_yaw"], drones["origin"]).inverse()
+    drift = (flight.telemetry.position - back.apply(flight.position))[:, :2]
+    assert low < np.median(np.linalg.norm(drift, axis=1)) < high
