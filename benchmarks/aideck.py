@@ -19,8 +19,8 @@ import numpy as np
 
 from star_core import Image
 from star_fleet.aideck import AideckServer
-from star_fleet.tcp import Switchboard
-from star_radio.camera.client import CameraClient
+from star_fleet.cpx import Switchboard
+from star_radio.camera.ai_decks import CameraClient
 
 SHAPE = (244, 324)
 SIZE = SHAPE[0] * SHAPE[1]

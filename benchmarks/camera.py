@@ -22,13 +22,12 @@ import cv2
 import numpy as np
 
 from star_core import Array, Camera, Fence, Image, Tag, World
-from star_sim.camera_sim.camera_pose import Shot, mounting, poses
+from star_sim.camera_sim.camera_pose import Shot, mounting, optics, poses, rays
 from star_sim.camera_sim.floor_texture import SIDE, TEXEL, Floor, floor
 from star_sim.camera_sim.geometric import OnboardDetector
-from star_sim.camera_sim.optics import optics, rays
 from star_sim.camera_sim.renderer import MIN_SLICES, Renderer
 from star_sim.camera_sim.sensor import vignette
-from star_sim.camera_sim.tag_tables import CELLS, MODULES, corners, prints, tag_frames
+from star_sim.camera_sim.tag_rasterizer import CELLS, MODULES, corners, prints, tag_frames
 
 ROUNDS, TIMES = 15, 10
 FINE = 2  # times as fine along each side

@@ -21,7 +21,7 @@ import numpy as np
 from shapely import Point, Polygon, union_all
 
 from star_core import Registry, fly, load
-from star_search.field_of_view import swaths
+from star_search.area import swaths
 from star_search.search_space import SWATH_FACTOR
 
 PATTERNS = ("sweep", "frontier")

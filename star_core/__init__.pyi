@@ -23,9 +23,9 @@ from star_core.errors import ContractError as ContractError
 from star_core.errors import InputError as InputError
 from star_core.errors import PluginError as PluginError
 from star_core.errors import StarError as StarError
-from star_core.geometry.footprint import footprint as footprint
-from star_core.geometry.meshes import box_edges as box_edges
-from star_core.geometry.meshes import obstacle_meshes as obstacle_meshes
+from star_core.geometry.obstacles import box_edges as box_edges
+from star_core.geometry.obstacles import footprint as footprint
+from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
 from star_core.hookspecs import hookimpl as hookimpl
 from star_core.messages.arrays import Array as Array
 from star_core.messages.arrays import Mask as Mask
@@ -82,11 +82,11 @@ from star_core.scene import Scene as Scene
 from star_core.toolkit.camera_model import CameraModel as CameraModel
 from star_core.toolkit.camera_model import distort as distort
 from star_core.toolkit.camera_model import perspective as perspective
+from star_core.toolkit.camera_model import square_corners as square_corners
+from star_core.toolkit.camera_model import square_poses as square_poses
 from star_core.toolkit.jit import compiled as compiled
 from star_core.toolkit.jit import subroutine as subroutine
 from star_core.toolkit.position_control import PositionController as PositionController
-from star_core.toolkit.square_pose import square_corners as square_corners
-from star_core.toolkit.square_pose import square_poses as square_poses
 from star_core.toolkit.timeouts import step_timeout as step_timeout
 from star_core.toolkit.timeouts import timeout as timeout
 from star_core.toolkit.trajectory import polynomial as polynomial

@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 
 from star_core.contracts import Status
-from star_core.execution.assignments import Assignments, Team
-from star_core.execution.goal_buffer import GoalBuffer
+from star_core.execution.assignments import Assignments, GoalBuffer, Team
 from star_core.execution.step_run import (
     Execution,
     Rounds,
     StepRun,
+    TaskPool,
     TickContext,
 )
-from star_core.execution.task_pool import TaskPool
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import UNFIT, Estimate
 from star_core.metrics.timing import ComputeTime

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from star_core.errors import PluginError
-from star_core.execution.goal_buffer import GoalBuffer
+from star_core.execution.assignments import GoalBuffer
 from star_core.messages.arrays import Rows
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate
 from star_core.observers import Observers

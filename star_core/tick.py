@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from star_core.contracts import Status
-from star_core.execution.assignments import Assignments
-from star_core.execution.goal_buffer import GoalBuffer
+from star_core.execution.assignments import Assignments, GoalBuffer
 from star_core.execution.landing import LandingManager
 from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TickContext
@@ -38,7 +37,7 @@ from star_core.observers import Observers
 from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
 from star_core.safety.filter import SafetyFilter
-from star_core.safety.rules import Rules, SafetyAction
+from star_core.safety.monitor import Rules, SafetyAction
 from star_core.vehicle_interface import VehicleInterface
 
 MAX_LOST_TIME: Final = 1.0  # s; without setpoints for 2 s, a Crazyflie stops its motors

@@ -19,7 +19,7 @@ from star_core.metrics.timing import TickTiming
 from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline
-from star_core.safety.estimates import MAX_REPORT_AGE, EstimateGate, UnheardAgents
+from star_core.safety.monitor import MAX_REPORT_AGE, EstimateGate, UnheardAgents
 from star_core.scene import Scene
 
 log = logging.getLogger(__name__)

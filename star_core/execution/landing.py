@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core.execution.goal_buffer import GoalBuffer
+from star_core.execution.assignments import GoalBuffer
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command
 from star_core.messages.state import AgentPhase, Estimate, among

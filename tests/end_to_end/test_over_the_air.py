@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from star_core import Array, Registry, Scene, load
+from star_fleet.aideck import Wifi
 from star_fleet.server import Fleet
-from star_fleet.wifi import Wifi
 from star_sim.camera_sim.options import camera_options
 
 pytest.importorskip("cflib")

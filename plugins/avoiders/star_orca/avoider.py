@@ -11,7 +11,6 @@ from star_core import Array, Estimate, Mask, Scene, Setpoint, Transform, with_po
 from star_orca.hard_planes import hard_planes
 from star_orca.kernel import orca
 from star_orca.outlines import outlines
-from star_orca.position_uncertainty import position_uncertainty
 
 # Angle by which agents keep to the right when another is ahead: see `star_orca.keep_right`. It
 # deflects a path by at most 5 % of its length (tan(turn) / e: the logarithmic spiral of a steady
@@ -170,3 +169,21 @@ class Orca:
         estimate = Estimate(0.0, start, still, level, covariance, every_row, odometry)
         self.avoid(estimate, Setpoint(still, level, every_row))
         self._has_setpoint = np.zeros(n, np.bool_)
+
+
+def position_uncertainty(covariance: Array, margin: float, limit: Array) -> Array:
+    """(N,) margin in the horizontal direction of the greatest uncertainty, m.
+
+    Args:
+        covariance: (N, 3, 3) of the positions, m².
+        margin: Number of standard deviations.
+        limit: (N,) greatest result, also where the covariance is not finite, m.
+    """
+    if margin == 0.0:
+        return np.zeros(len(covariance))
+    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    with np.errstate(invalid="ignore"):  # some are not finite
+        variance = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
+        std = margin * np.sqrt(np.maximum(variance, 0.0))
+    extra: Array = np.fmin(std, limit)
+    return extra

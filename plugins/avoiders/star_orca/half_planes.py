@@ -1,10 +1,11 @@
-"""The velocities that avoid each neighbour: one half-plane per neighbour."""
+"""The velocity obstacles of discs, and the half-planes of velocities that avoid each neighbour."""
 
 from __future__ import annotations
 
+import math
+
 from star_core import Array, Rows, subroutine
 from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y, Z
-from star_orca.velocity_obstacle import way_out
 
 COLUMN = 1.0  # s, in which two agents one above the other must be apart horizontally
 
@@ -60,3 +61,49 @@ def half_planes(
         a, b, outwards = way_out(dx, dy, ux, uy, apart, rate, forwards)
         planes[hard + k, 0], planes[hard + k, 1] = a, b
         planes[hard + k, 2] = a * vx + b * vy + share * outwards
+
+
+NOTHING = 1e-12  # m or m/s: shorter vectors have no meaningful direction
+
+
+@subroutine
+def way_out(
+    dx: float, dy: float, ux: float, uy: float, apart: float, rate: float, forwards: float
+) -> tuple[float, float, float]:
+    """Return the normal of a velocity obstacle at the point nearest to a velocity, and a length.
+
+    The least change that brings the velocity out of the velocity obstacle is the length times the
+    normal, a unit vector ``(a, b)``; the length is negative if the velocity is outside already. The
+    velocity obstacle contains all velocities that lead into the disc within ``1 / rate``: van den
+    Berg, Guy, Lin and Manocha, "Reciprocal n-Body Collision Avoidance" (2011). Inside the disc,
+    the change leads out of it in that time.
+
+    Args:
+        dx: Center of the disc relative to the agent, along x, m.
+        dy: The same along y, m.
+        ux: Velocity relative to the disc along x, m/s.
+        uy: The same along y, m/s.
+        apart: Radius of the disc, m.
+        rate: One over the time horizon, 1/s.
+        forwards: 1 or -1: direction along x to separate in where the geometry defines none.
+    """
+    squared = dx * dx + dy * dy
+    wx, wy = ux - rate * dx, uy - rate * dy  # from the centre of the cut-off disc
+    length = wx * wx + wy * wy
+    along = wx * dx + wy * dy
+    inside = squared <= apart * apart
+    if inside or (along < 0.0 and along * along > apart * apart * length):
+        length = math.sqrt(length)
+        if length > NOTHING:
+            a, b = wx / length, wy / length
+        elif math.sqrt(squared) > NOTHING:
+            a, b = -dx / math.sqrt(squared), -dy / math.sqrt(squared)
+        else:
+            a, b = forwards, 0.0
+        return a, b, apart * rate - length
+    leg = math.sqrt(squared - apart * apart)
+    if dx * wy - dy * wx > 0.0:
+        a, b = -(dx * apart + dy * leg) / squared, (dx * leg - dy * apart) / squared
+    else:  # dead ahead belongs to the right leg, as it does in RVO2
+        a, b = (dy * leg - dx * apart) / squared, -(dx * leg + dy * apart) / squared
+    return a, b, -(a * ux + b * uy)

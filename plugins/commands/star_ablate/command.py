@@ -16,8 +16,7 @@ from typing import Final
 
 from star_ablate import results
 from star_ablate.flight import Job, Result
-from star_ablate.journal import Journal
-from star_ablate.progress import StudyProgress
+from star_ablate.journal import Journal, StudyProgress
 from star_ablate.reading import read
 from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all

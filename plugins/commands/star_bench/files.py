@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from star_bench.catalogue import Case
 from star_bench.scenario import CEILING, HIGH, LOW, Scenario
+from star_bench.scenarios import Case
 
 NOISE: Final[Mapping[str, Mapping[str, Any]]] = {
     "off": {},

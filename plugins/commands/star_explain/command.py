@@ -11,9 +11,9 @@ from typing import Any
 
 from star_core import Registry, load
 from star_explain.dry_run import Group, Part, StepResult, dry_run
-from star_explain.facts import facts
 from star_explain.mermaid import mermaid
 from star_explain.plan import plan
+from star_explain.words import facts
 
 
 def main(arguments: Sequence[str]) -> int:

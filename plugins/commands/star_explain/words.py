@@ -1,9 +1,12 @@
-"""Numbers and options of a mission in readable form."""
+"""The facts of a mission, with its numbers and options in readable form."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
+
+from star_core import Mission, Registry
 
 MINUTE: Final = 60.0
 LONG: Final = 120.0  # s: longer times are given in minutes
@@ -51,3 +54,85 @@ def left_out(given: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, A
         for name, option in schema.get("properties", {}).items()
         if name not in given and isinstance(option, Mapping) and "default" in option
     }
+
+
+RULES: Final[Mapping[str, str]] = {
+    "battery_low": "battery below {below:g} V",
+    "link_lost": "no message for {after:g} s",
+    "position_lost": "not located for {after:g} s",
+    "fence_near": "within {within:g} m of the fence",
+    "tumbled": "tumbled, crashed, locked or rebooted",
+}
+
+
+def facts(mission: Mission, registry: Registry) -> Iterator[str]:
+    """Yield a line for each fact."""
+    yield f"{mission.name} ({mission.document.path})"
+    yield from _limits(mission)
+    yield ""
+    yield from _world(mission)
+    yield ""
+    yield from _swarm(mission)
+    yield ""
+    yield "parts"
+    for part in mission.parts.values():
+        schema = registry.find(part.kind, part.use).offer.options
+        given, rest = options(part.options), options(left_out(part.options, schema))
+        yield f"  {part.kind:11}{part.use}{f'  {given}' if given else ''}"
+        if rest:
+            yield f"{'':13}by default {rest}"
+    yield ""
+    yield from _safety(mission)
+
+
+def _limits(mission: Mission) -> Iterator[str]:
+    scene, limits = mission.scene, mission.scene.limits
+    low, high = limits.height
+    yield f"  {1 / scene.period:g} ticks a second, seed {scene.seed}"
+    yield (
+        f"  at most {limits.speed:g} m/s and {limits.acceleration:g} m/s², from {low:g} to "
+        f"{high:g} m high, {limits.separation:g} m apart"
+    )
+
+
+def _world(mission: Mission) -> Iterator[str]:
+    world = mission.scene.world
+    low, high = world.fence.low, world.fence.high
+    size = " by ".join(f"{b - a:g}" for a, b in zip(low, high, strict=True))
+    yield f"world {world.name} ({mission.world.path})"
+    yield f"  fence      {size} m, from {value(low)} to {value(high)}"
+    if world.obstacles:
+        yield f"  obstacles  {', '.join(obstacle.name for obstacle in world.obstacles)}"
+    for kind, tags in (("landmarks", world.landmarks), ("targets", world.targets)):
+        if tags:
+            sheets = dict.fromkeys(tag.of for tag in tags)
+            numbers = ", ".join(str(tag.id) for tag in tags)
+            yield f"  {kind:11}{len(sheets)}: tags {numbers}"
+
+
+def _swarm(mission: Mission) -> Iterator[str]:
+    given = mission.document.data
+    yield "swarm"
+    wide = max(len(name) for name in mission.scene.names)
+    for agent in mission.scene.agents:
+        more = [f"yaw {math.degrees(agent.yaw):g}°"] if agent.yaw else []
+        more += [str(agent.uri)] if agent.uri else []
+        more += [f"camera {given['swarm'][agent.name]['camera']}"] if agent.camera else []
+        yield f"  {agent.name:{wide}}  at {', '.join([value(agent.start), *more])}"
+    for name, members in given.get("groups", {}).items():
+        yield f"  group {name}: {', '.join(members)}"
+    if mission.reserve:
+        reserve = mission.reserve
+        yield (
+            f"  in reserve: {', '.join(reserve['agents'])}, to replace agents below "
+            f"{reserve['relieve_below']:g} V; ready above {reserve['ready_above']:g} V; "
+            f"climbs to {reserve['height']:g} m"
+        )
+
+
+def _safety(mission: Mission) -> Iterator[str]:
+    yield "safety"
+    for name, rule in mission.safety.items():
+        yield f"  {name}: {RULES[name].format(**rule)}, then {rule['then']}"
+    if not mission.safety:
+        yield "  no rules"

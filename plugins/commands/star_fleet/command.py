@@ -53,7 +53,7 @@ def run(arguments: Sequence[str]) -> int:
             )
         opened.callback(fleet.close)
         if options.tcp is not None or cameras is not None:
-            from star_fleet.wifi import Wifi  # image compression is slow to import
+            from star_fleet.aideck import Wifi  # image compression is slow to import
         if options.tcp is not None:
             with _port_errors("--tcp", options.tcp):
                 wifi = Wifi(fleet, scene, host, links=options.tcp, cameras=None)

@@ -19,9 +19,10 @@ import numpy as np
 
 from star_core import Array, transformed, wrap_angle
 from star_fleet.craft import Craft
+from star_fleet.memory import compressed, plain
 from star_fleet.packet import read, sound
 from star_fleet.parameters import Parameters
-from star_fleet.trajectory import compressed, plain
+from star_fleet.setpoints import Demand
 from star_sim.commander import ending_at_rest
 from star_sim.pieces import Piece
 
@@ -266,3 +267,74 @@ def _at_speed(distance: float, speed: float) -> float:
 
 def _lasts(duration: float) -> bool:
     return 0 < duration <= LONGEST
+
+
+class Guidance:
+    """Passes the active reference to the position loop.
+
+    Args:
+        craft: The vehicle's craft.
+        high_level: Its high-level commander.
+    """
+
+    def __init__(self, craft: Craft, high_level: HighLevel) -> None:
+        self._craft, self._high_level = craft, high_level
+        self._demand: Demand | None = None  # None: the high-level commander has the priority
+        self._stamp = 0.0  # s, when the demand came
+        self._levels = False
+        self._allowed = False
+        self._until = math.inf  # s, when the plan's next piece begins
+
+    @property
+    def allowed(self) -> bool:
+        """Whether the supervisor lets the motors run."""
+        return self._allowed
+
+    def silence(self, now: float) -> float:
+        """Time without a setpoint, s; 0 while the high-level commander has the priority."""
+        return 0.0 if self._demand is None else now - self._stamp
+
+    def stream(self, demand: Demand, now: float) -> None:
+        """Fly an external setpoint at `now`, s."""
+        self._demand, self._stamp = demand, now
+        self._high_level.stop()
+        self._steer(now)
+
+    def let_go(self, now: float) -> None:
+        """Return the priority to the high-level commander at `now`, s."""
+        self._demand = None
+        self._steer(now)
+
+    def obey(self, payload: bytes, now: float) -> bytes:
+        """Carry out a command to the high-level commander, and return the answer."""
+        before = self._high_level.plan(now)
+        answer = self._high_level.obey(payload, now, blocked=not self._allowed)
+        if self._demand is None and self._high_level.plan(now) is not before:
+            self._steer(now)
+        return answer
+
+    def permit(self, now: float, *, allowed: bool, levels: bool) -> None:
+        """Apply the supervisor's decisions at `now`, s: motors allowed, level out."""
+        if (allowed, levels) == (self._allowed, self._levels):
+            return
+        if not allowed:
+            self._high_level.stop()
+        self._allowed, self._levels = allowed, levels
+        self._steer(now)
+
+    def advance(self, now: float) -> None:
+        """Start the plan's next piece if it is due at `now`, s."""
+        if now >= self._until:
+            self._steer(now)
+
+    def _steer(self, now: float) -> None:
+        self._until = math.inf
+        if not self._allowed:
+            self._craft.stop()
+        elif self._demand is not None:
+            self._craft.demand(self._demand.levelled() if self._levels else self._demand)
+        elif (current := self._high_level.piece(now)) is None:
+            self._craft.stop()
+        else:
+            piece, began, lands, self._until = current
+            self._craft.follow(piece, began, lands=lands)

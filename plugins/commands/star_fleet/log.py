@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from star_fleet.packet import Port, join, read
-from star_fleet.toc import Contents
+from star_fleet.packet import Contents, Port, join, read
 from star_fleet.variables import FORMAT, VARIABLES, Readings, held_one
 
 BLOCKS, VARIABLES_AT_ONCE, MAX_BYTES = 16, 128, 26

@@ -13,8 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from star_fleet.packet import read
-from star_fleet.toc import Contents
+from star_fleet.packet import Contents, read
 
 U8, U16, U32, I8, I16, I32, FLOAT = 0x08, 0x09, 0x0A, 0x00, 0x01, 0x02, 0x06  # types
 READ_ONLY, EXTENDED, CORE = 0x40, 0x10, 0x20  # flags

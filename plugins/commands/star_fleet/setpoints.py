@@ -1,4 +1,4 @@
-"""Setpoints as they come over the link, and what each asks of the position loop.
+"""Setpoints and positions as they come over the link, and their effect on the drone.
 
 Signs are the firmware's: pitch in packets is nose up positive (``attitude.pitch`` of the legacy
 body frame), yaw is anticlockwise positive except in three old formats and in degrees except in a
@@ -8,7 +8,8 @@ full state, and thrust is of 65535.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import struct
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -217,3 +218,49 @@ def _lift(thrust: int) -> float:
 def _three(values: list[float]) -> Three:
     x, y, z = values
     return x, y, z
+
+
+POSITION, GENERIC, PACKED = 0, 1, 2  # channels
+POSE, PACKED_POSES = 8, 9  # commands of the channel GENERIC
+UNIT: Final = (0.9, 1.1)  # length of what is taken for a unit quaternion
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """Where a vehicle is.
+
+    Attributes:
+        name: Last byte of the address of the vehicle it is for; None for any receiver.
+        position: Odometry frame, m.
+        attitude: x, y, z, w from the body to that frame, if known.
+    """
+
+    name: int | None
+    position: tuple[float, float, float]
+    attitude: tuple[float, float, float, float] | None = None
+
+
+def fixes(channel: int, payload: bytes) -> Iterator[Fix]:
+    """Yield the positions and poses in a packet, those of other vehicles among them."""
+    if channel == POSITION:
+        if (position := read("fff", payload)) is not None and sound(position):
+            yield Fix(None, (position[0], position[1], position[2]))
+    elif channel == PACKED:
+        for name, x, y, z in _each("Bhhh", payload):
+            yield Fix(name, (x / 1000, y / 1000, z / 1000))
+    elif payload[:1] == bytes([POSE]):
+        if (pose := read("7f", payload, 1)) is not None and sound(pose):
+            x, y, z, *attitude = pose
+            length = math.hypot(*attitude)
+            if UNIT[0] < length < UNIT[1]:
+                qx, qy, qz, qw = (part / length for part in attitude)
+                yield Fix(None, (x, y, z), (qx, qy, qz, qw))
+    elif payload[:1] == bytes([PACKED_POSES]):
+        for name, x, y, z, packed in _each("BhhhI", payload[1:]):
+            yield Fix(name, (x / 1000, y / 1000, z / 1000), expand(packed))
+
+
+def _each(form: str, payload: bytes) -> Iterator[tuple[int, ...]]:
+    layout = struct.Struct("<" + form)
+    whole = len(payload) // layout.size * layout.size
+    yield from layout.iter_unpack(payload[:whole])

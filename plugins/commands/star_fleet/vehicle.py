@@ -13,12 +13,10 @@ from typing import Final
 
 from star_fleet import log, parameters
 from star_fleet.craft import Craft
-from star_fleet.guidance import Guidance
-from star_fleet.highlevel import HighLevel, Stage
-from star_fleet.localisation import Fix, fixes
+from star_fleet.highlevel import Guidance, HighLevel, Stage
 from star_fleet.memory import Memories
 from star_fleet.packet import MAX_PAYLOAD, NULL, Port, is_null, join, sound, split
-from star_fleet.setpoints import Sticks, decode
+from star_fleet.setpoints import Fix, Sticks, decode, fixes
 from star_fleet.supervisor import Conditions, State, Supervisor
 from star_fleet.variables import Readings
 

@@ -12,14 +12,13 @@ from star_import.firmware import common_parameters
 from star_import.import_log import ImportLog, show
 from star_import.mission_text import Frame, mission_lines
 from star_import.obstacles import Wall, walls
-from star_import.output_files import OutputFiles
+from star_import.output_files import OutputFiles, Room, around, corners, world_lines
 from star_import.records import Record, records
 from star_import.robots import Robot, given_on_the_command_line, positioning, robots
 from star_import.sources import Sources
 from star_import.steps import CLIMB, REACHED, ZONE, Steps
 from star_import.tags import Reading, sheets
 from star_import.text import Line, word
-from star_import.world_text import Room, around, corners, world_lines
 
 FLIGHT: Final = 0.1  # m/s, the original's default speed limit
 CRUISE: Final = 0.5  # m/s, for trajectories: default speed limit of STAR's missions

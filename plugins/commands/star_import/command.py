@@ -10,9 +10,9 @@ from pathlib import Path
 from star_core import InputError
 from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog
+from star_import.output_files import Room
 from star_import.sources import sorted_out
 from star_import.tags import EDGE
-from star_import.world_text import Room
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -8,10 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from star_core import InputError
-from star_tags.page import Page
-from star_tags.pdf import pdf
+from star_tags.page import Page, pdf, svg
 from star_tags.sheet import PAPERS
-from star_tags.svg import svg
 from star_tags.world import pages
 
 

@@ -1,7 +1,8 @@
-"""Estimates the state of one agent from its odometry and its camera."""
+"""Estimates the state of one agent from its odometry and its camera, also after it was moved."""
 
 from __future__ import annotations
 
+import cmath
 import logging
 import math
 from collections.abc import Sequence
@@ -19,9 +20,7 @@ from star_apriltag.dead_reckoning import (
     start_node,
 )
 from star_apriltag.floor_odometry import FloorOdometry
-from star_apriltag.odometry_calibration import KnownPose, OdometryCalibration
-from star_apriltag.odometry_track import Motion, OdometryTrack
-from star_apriltag.relocation import Claim, Relocation
+from star_apriltag.odometry_track import KnownPose, Motion, OdometryCalibration, OdometryTrack
 from star_apriltag.smoother import Smoother
 from star_apriltag.vision.body_pose import AT_REST, Prediction, View
 from star_apriltag.vision.body_pose import Motion as BodyMotion
@@ -205,3 +204,50 @@ def _prediction(state: AgentState, camera_turn: Array) -> Prediction:
         motion=BodyMotion(state.velocity @ rotation, np.array([0.0, 0.0, state.yaw_rate])),
         camera_turn=camera_turn,
     )
+
+
+MIN_IMAGES: Final = 4  # consecutive ones that must agree
+MAX_DISTANCE: Final = 0.15  # m between their positions
+MAX_TURN: Final = math.radians(10.0)  # rad between their headings
+MAX_TIME: Final = 3.0  # s between the first and the last
+
+
+class Claim(NamedTuple):
+    """Pose of the agent according to one image alone."""
+
+    time: float  # of its exposure, s
+    pose: gtsam.Pose3  # body in the map
+    covariance: Array  # (6, 6) in gtsam's tangent
+
+
+class Relocation:
+    """Collects the claims of images whose tags were all rejected, until enough of them agree."""
+
+    def __init__(self) -> None:
+        self._claims: list[Claim] = []
+
+    def forget(self) -> None:
+        """Begin again, after an image was accepted."""
+        self._claims.clear()
+
+    def consider(self, claim: Claim, track: OdometryTrack) -> bool:
+        """Add a claim; return whether the previous ones agree with it, given the odometry."""
+        self._claims = [
+            old
+            for old in self._claims
+            if claim.time - old.time < MAX_TIME and _agree(old, claim, track)
+        ]
+        self._claims.append(claim)
+        if len(self._claims) < MIN_IMAGES:
+            return False
+        self._claims.clear()
+        return True
+
+
+def _agree(old: Claim, new: Claim, track: OdometryTrack) -> bool:
+    motion = track.between(old.time, new.time)
+    yaw = old.pose.rotation().yaw()
+    turned = new.pose.rotation().yaw() - yaw - motion.turn
+    x, y, _ = new.pose.translation() - old.pose.translation()
+    apart = complex(x, y) - motion.shift * cmath.rect(1.0, yaw)
+    return abs(apart) < MAX_DISTANCE and abs(math.remainder(turned, math.tau)) < MAX_TURN

@@ -1,13 +1,14 @@
-"""One agent's odometry, integrated, and corrected by better measurements."""
+"""One agent's odometry: read, calibrated, integrated, and corrected by better measurements."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Odometry, Rows
+from star_core import Array, Odometry, Rows, Telemetry, Transform, wrap_angle
 
 CAPACITY: Final = 1 << 13  # samples: 82 s at 100 Hz, well beyond the longest gap between fixes
 COLUMNS: Final = 10  # time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest
@@ -166,3 +167,163 @@ class OdometryTrack:
         row = self._rows[min(int(np.searchsorted(times, time)), len(times) - 1)]
         roll, pitch, height = row[5:8].tolist()
         return OdometrySample(roll, pitch, height, row[1:4], float(row[4]))
+
+
+MAX_SILENCE: Final = 0.5  # s without a sample, after which reports replace the stream
+MIN_INTERVAL: Final = 1e-6  # s between two reports; less is one report, repeated
+
+
+class ReportOdometry:
+    """Completes the odometry stream; `silent` has the agents whose samples are from reports."""
+
+    def __init__(self, agents: int) -> None:
+        self.silent: set[int] = set()
+        self._streamed = np.full(agents, -np.inf)  # s, time of the last sample
+        self._time = np.full(agents, np.nan)  # s, of the last report with a heading
+        self._heading = np.zeros(agents)
+        self._rate = np.zeros(agents)
+
+    def complete(self, telemetry: Telemetry) -> Odometry:
+        """Return the stream with a sample for each agent that has not streamed for a while.
+
+        The sample has the time of the agent's report. Its yaw rate is the mean since the previous
+        report.
+        """
+        streamed = telemetry.odometry
+        now = telemetry.time
+        self._streamed[streamed.agent] = now
+        reported = now - telemetry.age
+        heading = telemetry.heading
+        passed = reported - self._time
+        newer = np.isfinite(heading) & ~(passed <= MIN_INTERVAL)  # the first report is newer too
+        turned = wrap_angle(heading - self._heading)
+        rate = np.where(np.isfinite(passed), turned, 0.0)
+        rate /= np.where(passed > MIN_INTERVAL, passed, 1.0)
+        self._rate = np.where(newer, rate, self._rate)
+        self._time = np.where(newer, reported, self._time)
+        self._heading = np.where(newer, heading, self._heading)
+        silent = np.flatnonzero(now - self._streamed > MAX_SILENCE)
+        self.silent = set(silent.tolist())
+        if not len(silent):
+            return streamed
+        level = Transform(heading[silent], np.zeros((len(silent), 3)))
+        x, y, z, w = telemetry.attitude[silent].T
+        samples = {
+            "agent": silent,
+            "time": reported[silent],
+            "velocity": level.turn_back(telemetry.velocity[silent]),
+            "yaw_rate": self._rate[silent],
+            "roll": np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+            "pitch": np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)),
+            "height": telemetry.position[silent, 2],
+        }
+        return Odometry(
+            **{
+                name: np.concatenate([getattr(streamed, name), sample])
+                for name, sample in samples.items()
+            }
+        )
+
+
+MAX_POSITION_STD: Final = 0.04  # m, in x and in y, of a pose that is used
+MIN_TIME, MIN_LENGTH = 1.0, 0.25  # s and m between the two poses of a pair
+MIN_YAW_TIME: Final = 4.0  # s between two headings, without the time at rest
+MAX_TIME: Final = 40.0  # s between the two poses of a pair
+GATE: Final = 3.0  # standard deviations of an accepted measurement
+
+SCALE_STD: Final = 0.08  # initial, of each component
+BIAS_STD: Final = math.radians(0.25)  # rad/s, initial
+FLOOR = 0.05**2 * 0.7  # m²/m: 5 % error of scale with the floor, correlated over 0.7 m
+NOISE = 0.012**2  # m²/s, of the flow sensor
+SEEN_FLOOR, SEEN_NOISE = 0.006**2, 0.002**2  # m²/m and m²/s, of motion measured by images
+YAW_NOISE = math.radians(0.1) ** 2  # rad²/s, of the gyro
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPose:
+    """Pose of the agent at one time, from tags."""
+
+    time: float  # s
+    position: complex  # x + iy in the map, m
+    yaw: float  # rad
+    deviation: float  # standard deviation of x and of y, m
+    yaw_deviation: float  # rad
+
+
+class OdometryCalibration:
+    """A Kalman filter for the scale, the misalignment and the yaw bias of one agent's odometry.
+
+    Attributes:
+        scale: ``(1 + s) exp(i m)``: factor of the odometry's displacements.
+        yaw_bias: rad/s, to be subtracted from its yaw rate.
+    """
+
+    def __init__(self) -> None:
+        self.scale: complex = 1.0 + 0j
+        self.yaw_bias = 0.0
+        self._scale_variance = SCALE_STD**2
+        self._bias_variance = BIAS_STD**2
+        self._pose: KnownPose | None = None
+        self._heading: KnownPose | None = None
+
+    def forget_poses(self) -> None:
+        """Begin new pairs: the poses so far were wrong."""
+        self._pose = self._heading = None
+
+    def add(self, pose: KnownPose, track: OdometryTrack) -> None:
+        """Add a pose of the agent, in the order of time."""
+        if pose.deviation <= MAX_POSITION_STD:
+            self._heading = self._update_bias(self._heading, pose, track)
+            self._pose = self._update_scale(self._pose, pose, track)
+
+    def _update_bias(
+        self, old: KnownPose | None, new: KnownPose, track: OdometryTrack
+    ) -> KnownPose:
+        """Return the first pose of the next pair."""
+        if old is None or new.time - old.time > MAX_TIME:
+            return new
+        motion = track.between(old.time, new.time)
+        duration = motion.duration
+        if duration < MIN_YAW_TIME:
+            return old
+        excess = wrap_angle(motion.turn - (new.yaw - old.yaw)) / duration
+        noise = old.yaw_deviation**2 + new.yaw_deviation**2 + YAW_NOISE * duration
+        gain, shrink = _gain(self._bias_variance, noise / duration**2, abs(excess - self.yaw_bias))
+        self.yaw_bias += gain * (excess - self.yaw_bias)
+        self._bias_variance *= shrink
+        return new
+
+    def _update_scale(
+        self, old: KnownPose | None, new: KnownPose, track: OdometryTrack
+    ) -> KnownPose:
+        """Return the first pose of the next pair."""
+        if old is None or new.time - old.time > MAX_TIME:
+            return new
+        motion = track.between(old.time, new.time, yaw_bias=self.yaw_bias)
+        length = abs(motion.shift)
+        if motion.duration < MIN_TIME or length < MIN_LENGTH:
+            return old
+        heading = complex(math.cos(old.yaw), math.sin(old.yaw))
+        ratio = (new.position - old.position) / (heading * motion.shift)
+        turn = math.hypot(old.yaw_deviation, math.sqrt(self._bias_variance) * motion.duration / 2)
+        noise = (
+            old.deviation**2
+            + new.deviation**2
+            + (turn * length) ** 2
+            + FLOOR * motion.blind_length
+            + NOISE * motion.blind_duration
+            + SEEN_FLOOR * (motion.length - motion.blind_length)
+            + SEEN_NOISE * (motion.duration - motion.blind_duration)
+        ) / length**2
+        gain, shrink = _gain(self._scale_variance, noise, abs(ratio - self.scale) / math.sqrt(2))
+        self.scale += gain * (ratio - self.scale)
+        self._scale_variance *= shrink
+        return new
+
+
+def _gain(variance: float, noise: float, off: float) -> tuple[float, float]:
+    """Return the Kalman gain and the factor of the variance; 0 and 1 for an outlier."""
+    if off**2 > GATE**2 * (variance + noise):
+        return 0.0, 1.0
+    gain = variance / (variance + noise)
+    return gain, 1 - gain

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from star_core import Estimate, Scene, Telemetry, Transform, wrap_angle
-from star_flow.artificial_error import ArtificialError
-from star_flow.drift import Drift
+from star_flow.drift import ArtificialError, Drift
 from star_flow.target_sightings import TargetSightings
 
 

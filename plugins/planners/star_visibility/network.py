@@ -12,9 +12,8 @@ import numpy as np
 
 from star_core import Array, Fence, Mask, Rows
 from star_visibility.line_of_sight import sees
-from star_visibility.nodes import joined, nodes
+from star_visibility.nodes import joined, nodes, portals
 from star_visibility.openings import entered
-from star_visibility.portals import portals
 from star_visibility.profile import profile
 from star_visibility.regions import Block, Regions, apart
 from star_visibility.search import FOUND, FULL, MORE, Goal, Net, Nodes, Search, advance

@@ -1,12 +1,15 @@
-"""The points used by a search, and the free heights at each."""
+"""The points used by a search: corners and portals, and the free heights at each."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from star_core import Array, Rows, compiled
+import numpy as np
+import shapely
+
+from star_core import Array, Fence, Rows, compiled
 from star_visibility.openings import openings
-from star_visibility.regions import Regions
+from star_visibility.regions import Block, Regions
 from star_visibility.search import Nodes
 
 LEAST = 1e-9  # m; a smaller range of heights counts as empty
@@ -66,3 +69,38 @@ def columns(
     for k in range(len(rows)):
         of[k], heights[k, 0], heights[k, 1] = rows[k], least[k], greatest[k]
     return of, heights
+
+
+STEP = 1.0  # m, greatest distance between portals on an outline
+
+
+def portals(blocks: list[Block], height: tuple[float, float], fence: Fence) -> Array:
+    """Return points on the outlines of what agents can fly over or under: (D, 2) m.
+
+    The outlines and the fence divide the plane into cells with the same obstacles. Two adjacent
+    cells between which an agent can cross share a portal on their border: where outlines intersect
+    each other or the fence, and along them. So two cells that share a free height are connected.
+
+    Args:
+        blocks: Forbidden regions.
+        height: Lowest and highest flight height z, m.
+        fence: Portals are inside it.
+    """
+    inside = shapely.box(*fence.low[:2], *fence.high[:2])
+    line = [shapely.MultiPolygon(block.ground).boundary for block in blocks]
+    passed = [k for k, block in enumerate(blocks) if (block.low, block.high) != height]
+    found = [np.empty((0, 2))]
+    for k in passed:
+        for piece in shapely.get_parts(shapely.intersection(line[k], inside)):
+            along = np.linspace(0.0, piece.length, math.ceil(piece.length / STEP) + 1)
+            found.append(shapely.get_coordinates(shapely.line_interpolate_point(piece, along)))
+    if passed:
+        tree = shapely.STRtree(line)
+        one, other = tree.query([line[k] for k in passed], predicate="intersects")
+        one = np.array(passed)[one]
+        pairs = one != other
+        lines = np.array(line, object)
+        meet = shapely.intersection(lines[one[pairs]], lines[other[pairs]])
+        points = shapely.get_coordinates(shapely.intersection(meet, inside))
+        found.append(points)
+    return np.unique(np.concatenate(found), axis=0)

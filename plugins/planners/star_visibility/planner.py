@@ -10,10 +10,9 @@ import numpy as np
 
 from star_core import Array, Estimate, Goals, Mask, Plan, PositionController, Rows, Scene, Setpoint
 from star_visibility.line_of_sight import all_see
-from star_visibility.lookahead import steer
 from star_visibility.network import Work
 from star_visibility.routes import THERE, Routes
-from star_visibility.tracked_paths import TrackedPaths
+from star_visibility.tracked_paths import TrackedPaths, steer
 
 TURNING = 0.5  # share of the acceleration limit for turns and braking, as `PositionController`
 

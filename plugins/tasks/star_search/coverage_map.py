@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from star_core import Array, Mask, Obstacle, Rows, footprint
-from star_search.field_of_view import MIN_IMAGES, FieldOfView
+from star_search.area import MIN_IMAGES, FieldOfView
 
 OCCLUSION_PAD: Final = 0.5  # of a cell's diagonal, by which obstacles that hide cells are enlarged
 FLOOR_HEIGHT: Final = 1e-3  # m: obstacles that reach lower stand on the floor

@@ -8,8 +8,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import PluginError, Problem, TaskSpec
-from star_search.area import Area, area_corners, area_problems
-from star_search.field_of_view import swaths
+from star_search.area import Area, area_corners, area_problems, swaths
 from star_search.pattern import make_pattern, pattern_names
 
 if TYPE_CHECKING:

@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Any, Final
 from star_core import Problem, TaskSpec
 from star_verbs.follow.spec import SPEC as FOLLOW
 from star_verbs.formation.spec import SPEC as FORMATION
-from star_verbs.options import SPACING, TRAVEL_SPEED, duration, exactly_one, point, positive
-from star_verbs.positions import extents, speed_problems, spread_goals, spread_problems
+from star_verbs.positions import (
+    SPACING,
+    TRAVEL_SPEED,
+    duration,
+    exactly_one,
+    extents,
+    point,
+    positive,
+    speed_problems,
+    spread_goals,
+    spread_problems,
+)
 
 if TYPE_CHECKING:
     from star_core import Scene, Task

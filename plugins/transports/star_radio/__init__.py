@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, hookimpl
 from star_radio import budget
-from star_radio.address import RadioAddress, faults
-from star_radio.camera import address as camera
+from star_radio.address import RadioAddress, camera_faults, faults
 from star_radio.options import OPTIONS
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def check(scene: Scene, **options: Any) -> Iterable[Problem]:
     if links:
         text = f"dongle {broadcast} carries the link of agent {links[0].name!r}: expected another"
         yield Problem(("broadcast",), text, "option-conflict")
-    yield from camera.faults(scene, options["cameras"])
+    yield from camera_faults(scene, options["cameras"])
 
 
 def _old_cflib() -> str:

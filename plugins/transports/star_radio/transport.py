@@ -28,7 +28,7 @@ from star_core import (
     Truth,
 )
 from star_radio import budget, orders, report
-from star_radio.broadcast.commands import BroadcastCommands
+from star_radio.broadcast import BroadcastCommands
 from star_radio.connection import udp_links
 from star_radio.connection.cflib_link import silence_cflib
 from star_radio.connection.link import Link

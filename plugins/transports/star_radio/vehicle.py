@@ -12,14 +12,13 @@ from typing import Final, NamedTuple
 from star_core import PluginError, Supervisor, Trajectory
 from star_radio import orders
 from star_radio.connection import log_blocks, packets
-from star_radio.connection.clock import Clock
 from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
 from star_radio.connection.link import Link
 from star_radio.connection.questions import Question
 from star_radio.connection.tables import Table, Tables, set_now
 from star_radio.handover import Handover, Repeat, Report
 from star_radio.options import RadioOptions
-from star_radio.report import BLOCK, STATE, Layout, Z, stamp
+from star_radio.report import BLOCK, STATE, Clock, Layout, Z, stamp
 from star_radio.trajectories import upload
 
 MIN_PROTOCOL_VERSION: Final = 4  # supports tables of more than 255 entries

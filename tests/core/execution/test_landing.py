@@ -13,7 +13,7 @@ import pytest
 
 from star_core import AgentPhase
 from star_core.cli.main import run
-from star_core.execution.goal_buffer import GoalBuffer
+from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
 from star_core.testing import estimate, scene
 

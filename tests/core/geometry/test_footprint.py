@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core.geometry.footprint import OFFSET_RATIO, footprint
+from star_core.geometry.obstacles import OFFSET_RATIO, footprint
 from star_core.world.outlines import box, wall
 from star_core.world.world import Obstacle
 

@@ -10,8 +10,8 @@ import pytest
 from star_core import Array, Estimate, Registry, Setpoint
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
-from star_core.safety.estimates import WATCHDOG_TIME, UnheardAgents
 from star_core.safety.filter import SafetyFilter
+from star_core.safety.monitor import WATCHDOG_TIME, UnheardAgents
 from star_core.testing import estimate, scene
 
 HEARD, UNHEARD = 0.0, 0.6  # s, ages of reports

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 import star_orca
 from star_core import Array, AvoiderSpec, Limits, Problem, Setpoint, fill_defaults
 from star_core.testing import check_avoider, estimate, scene
-from star_orca.avoider import Orca
-from star_orca.position_uncertainty import position_uncertainty
+from star_orca.avoider import Orca, position_uncertainty
 
 SPEED = 0.5
 HEAD_ON = np.array([[-0.4, 0.0, 0.8], [0.4, 0.0, 0.8]])

@@ -7,8 +7,19 @@ import pytest
 
 from star_core import Fence, Obstacle, World
 from star_core.world.outlines import wall
-from star_orca.edges import layer_at
-from star_orca.outlines import A_JUTS, AX, AY, B_JUTS, LENGTH, MARGIN, UX, UY, Outlines, outlines
+from star_orca.outlines import (
+    A_JUTS,
+    AX,
+    AY,
+    B_JUTS,
+    LENGTH,
+    MARGIN,
+    UX,
+    UY,
+    Outlines,
+    layer_at,
+    outlines,
+)
 
 Polygon = tuple[tuple[float, float], ...]
 SQUARE: Polygon = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_apriltag.dead_reckoning import AgentState
-from star_apriltag.feedback import MIN_STD, MIN_YAW_STD, RETURN_STEP, RETURN_TURN, Feedback
+from star_apriltag.localizer import MIN_STD, MIN_YAW_STD, RETURN_STEP, RETURN_TURN, Feedback
 from star_core import (
     Array,
     Corrections,

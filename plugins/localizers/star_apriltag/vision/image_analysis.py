@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from star_apriltag.vision.body_pose import Fix, Prediction, View
+from star_apriltag.vision.body_pose import MAX_JOINT_MISFIT, Fix, Prediction, Verdict, View
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.expected_tags import ExpectedTags
-from star_apriltag.vision.gate import MAX_JOINT_MISFIT, Verdict
 from star_apriltag.vision.guided_matching import TagMatch, match_tag
 from star_apriltag.vision.tag_poses import (
     MapTag,

@@ -9,8 +9,18 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_apriltag.vision.body_pose import LEVEL_STD, Fix, Prediction, View, refine
-from star_apriltag.vision.gate import MAX_SURPRISE, Verdict, judge, surprise, tilt
+from star_apriltag.vision.body_pose import (
+    LEVEL_STD,
+    MAX_SURPRISE,
+    Fix,
+    Prediction,
+    Verdict,
+    View,
+    judge,
+    refine,
+    surprise,
+    tilt,
+)
 from star_core import (
     Array,
     CameraModel,

@@ -6,8 +6,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import InputError, Problem, StepGoal, TaskSpec
-from star_verbs.options import SPACING, changed, exactly_one, point, positive
-from star_verbs.positions import offsets, spacing_problems, speed_problems
+from star_verbs.positions import (
+    SPACING,
+    changed,
+    exactly_one,
+    offsets,
+    point,
+    positive,
+    spacing_problems,
+    speed_problems,
+)
 
 if TYPE_CHECKING:
     from star_core import Scene, Task

@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Problem, StepGoal, TaskSpec
 from star_verbs.formation.shapes import Shape, grid_size, move_faults, shape
-from star_verbs.options import TRAVEL_SPEED, changed, duration, point, positive
-from star_verbs.positions import number_label, speed_problems
+from star_verbs.positions import (
+    TRAVEL_SPEED,
+    changed,
+    duration,
+    number_label,
+    point,
+    positive,
+    speed_problems,
+)
 
 if TYPE_CHECKING:
     from star_core import Scene, Task

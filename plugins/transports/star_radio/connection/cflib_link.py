@@ -20,7 +20,7 @@ import cflib.crtp
 from cflib.crtp.crtpstack import CRTPPacket
 
 from star_core import PluginError
-from star_radio.connection.protocol import LinkListener
+from star_radio.connection.packets import LinkListener
 
 log = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ from typing import Final
 from star_core import PluginError
 from star_radio.connection import packets
 from star_radio.connection.cflib_link import CflibLink
-from star_radio.connection.protocol import LinkDriver
+from star_radio.connection.packets import LinkDriver
 from star_radio.connection.questions import ATTEMPTS, Answers, Question, RoundTrip
 from star_radio.connection.udp_links import SCHEME, UdpLinks
 

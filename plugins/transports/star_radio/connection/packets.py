@@ -8,7 +8,7 @@ Names of the protocol are in capitals; the formats are those of firmware with pr
 from __future__ import annotations
 
 import struct
-from typing import Final
+from typing import Final, Protocol
 
 MAX_PAYLOAD: Final = 30  # bytes of payload, at most
 MAX_COORDINATE: Final = 32.767  # largest value in 16 bits of thousandths: m along each axis, etc.
@@ -105,3 +105,39 @@ def memory_info(number: int) -> bytes:
 def write_memory(number: int, at: int, piece: bytes) -> bytes:
     """Write up to `MEMORY_PIECE` bytes to a memory."""
     return packet(MEMORY, MEMORY_WRITE, struct.pack("<BI", number, at) + piece)
+
+
+class LinkDriver(Protocol):
+    """Transmits packets to one drone without blocking the caller."""
+
+    def send(self, packet: bytes) -> None:
+        """Queue a packet; this drops a setpoint that is still queued."""
+        ...
+
+    def steer(self, setpoint: bytes) -> None:
+        """Queue a setpoint; it replaces one that is still queued."""
+        ...
+
+    def close(self) -> None:
+        """Close the driver. Safe to call twice."""
+        ...
+
+
+class LinkListener(Protocol):
+    """Receives packets and errors from a driver, each call in the driver's thread."""
+
+    def hear(self, packet: bytes, arrived: float) -> None:
+        """Handle a packet that arrived at `arrived`, s of the computer's clock."""
+        ...
+
+    def idle(self, now: float) -> None:
+        """Send a keep-alive packet if one is due; called several times a second."""
+        ...
+
+    def complain(self, message: str) -> None:
+        """Record an error; the driver may recover."""
+        ...
+
+    def note_quality(self, quality: dict[str, float]) -> None:
+        """Record link statistics of a dongle, under cflib's names."""
+        ...

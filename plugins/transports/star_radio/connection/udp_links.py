@@ -13,7 +13,7 @@ import time
 from typing import Final
 from urllib.parse import urlsplit
 
-from star_radio.connection.protocol import LinkListener
+from star_radio.connection.packets import LinkListener
 
 SCHEME: Final = "udp://"
 POLL_PERIOD: Final = 0.1  # s, between keep-alive checks, and checks whether to end

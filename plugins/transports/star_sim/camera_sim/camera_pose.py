@@ -1,4 +1,4 @@
-"""Poses of a camera during an exposure: rows are exposed one after the other, for a while.
+"""The lens of a camera, and its poses while rows are exposed one after the other.
 
 A pose is 12 numbers: the rotation from the camera's frame to the map, row by row, and the camera's
 position in the map, m.
@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from star_core import Array, Camera, CameraModel
-from star_sim.camera_sim.optics import Optics
+from star_core import Array, Camera, CameraModel, distort
 from star_sim.compiled import Record, compiled, kernel
 
 POSE = 12
@@ -107,3 +106,58 @@ def camera_at(shot: Record, mount: Record, time: float, pose: Record) -> None:
             pose[9] = a + shot[0] + shot[7] * time
             pose[10] = b + shot[1] + shot[8] * time
             pose[11] = c + shot[2] + shot[9] * time
+
+
+FIELD_MARGIN = 1.1  # of the farthest pixel's direction, up to which directions are projected
+
+
+class Optics(NamedTuple):
+    """A camera's numbers for kernels, all floats; see `Camera` for their units.
+
+    `reach` is the greatest tangent of the angle off the axis at which the model is used.
+    """
+
+    width: float
+    height: float
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float
+    exposure: float
+    readout: float
+    reach: float
+
+
+def optics(camera: Camera) -> Optics:
+    """Return a camera's numbers for the kernels.
+
+    A direction beyond the model's reach is not seen; pixels beyond it see what the last ones within
+    it see.
+    """
+    farthest = float(np.hypot(*rays(camera)).max())
+    reach = min(CameraModel(camera).reach, FIELD_MARGIN * farthest)
+    size = camera.width, camera.height
+    times = camera.exposure, camera.readout
+    return Optics._make(map(float, (*size, *camera.matrix, *camera.distortion, *times, reach)))
+
+
+def rays(camera: Camera) -> Array:
+    """Return (2, height, width): x and y of the pixels' directions (x, y, 1), camera frame."""
+    v, u = np.indices((camera.height, camera.width))
+    table = CameraModel(camera).undistort(np.stack([u, v], axis=-1), clip=True)
+    return np.ascontiguousarray(np.moveaxis(table, -1, 0))
+
+
+@compiled
+def pixel(lens: Optics, x: float, y: float) -> tuple[float, float]:
+    """Return the pixel u, v of the direction (x, y, 1) in the camera's frame."""
+    across, down = _distort(x, y, lens.k1, lens.k2, lens.p1, lens.p2, lens.k3)
+    return lens.fx * across + lens.cx, lens.fy * down + lens.cy
+
+
+_distort = compiled(distort)

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from star_core import Array, Camera, Mask, Pose, Rows, Tag, World, rotation_from_quaternion
-from star_sim.camera_sim.camera_pose import Shot, mounting
+from star_sim.camera_sim.camera_pose import Shot, mounting, optics
 from star_sim.camera_sim.obstacle_rasterizer import Prisms, blocked
-from star_sim.camera_sim.optics import optics
 from star_sim.camera_sim.projection import project
-from star_sim.camera_sim.tag_rasterizer import MAX_EMBEDDING
-from star_sim.camera_sim.tag_tables import MODULES, corners, tag_frames
+from star_sim.camera_sim.tag_rasterizer import MAX_EMBEDDING, MODULES, corners, tag_frames
 from star_sim.compiled import Record, kernel
 from star_sim.contact import prisms
 

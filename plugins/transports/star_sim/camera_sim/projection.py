@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from star_core import Array
-from star_sim.camera_sim.camera_pose import POSE, Exposure, camera_at, row_time
-from star_sim.camera_sim.optics import Optics, pixel
+from star_sim.camera_sim.camera_pose import POSE, Exposure, Optics, camera_at, pixel, row_time
 from star_sim.compiled import Record, compiled, kernel
 
 NEAR = 1e-3  # m, distance to the camera's plane below which nothing is seen

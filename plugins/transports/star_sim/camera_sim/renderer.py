@@ -8,13 +8,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from star_core import Camera, Image, Rows, Tag, World
-from star_sim.camera_sim.camera_pose import Canvas, Exposure, Shot, mounting, poses
+from star_sim.camera_sim.camera_pose import Canvas, Exposure, Shot, mounting, optics, poses, rays
 from star_sim.camera_sim.floor_texture import GROUND, Floor, draw_floor
 from star_sim.camera_sim.obstacle_rasterizer import draw_prisms, faces
-from star_sim.camera_sim.optics import optics, rays
 from star_sim.camera_sim.sensor import develop, spread, vignette
-from star_sim.camera_sim.tag_rasterizer import draw_tags
-from star_sim.camera_sim.tag_tables import CELLS, MODULES, TagTables, corners, prints, tag_frames
+from star_sim.camera_sim.tag_rasterizer import (
+    CELLS,
+    MODULES,
+    TagTables,
+    corners,
+    draw_tags,
+    prints,
+    tag_frames,
+)
 from star_sim.contact import prisms
 
 MIN_SLICES, MAX_SLICES = 3, 15  # of an exposure

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from star_ablate.flight import Result
-from star_ablate.progress import StudyProgress
+from star_ablate.journal import StudyProgress
 from star_ablate.study import Condition, Run
 
 NO_MISSION: Any = None

@@ -10,8 +10,7 @@ from typing import Any, cast
 import pytest
 
 import star_bench
-from star_bench.arguments import label_of, named
-from star_bench.command import main
+from star_bench.command import label_of, main, named
 from star_bench.files import NOISE
 from star_core import AvoiderSpec, CommandSpec, InputError, Registry, hookimpl, load
 from star_core.cli.main import main as star

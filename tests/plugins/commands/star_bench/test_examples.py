@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from star_bench.catalogue import CATALOGUE, Case
 from star_bench.files import mission_text, world_text
+from star_bench.scenarios import CATALOGUE, Case
 from star_core.cli.main import main, run
 
 AGENTS = 6

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import MultiPolygon, Point, Polygon, union_all
 
-from star_bench.catalogue import CATALOGUE, MAX_AGENTS, Case, numbers
 from star_bench.files import mission_text, world_text
 from star_bench.scenario import (
     MIN_CLEARANCE,
@@ -24,6 +23,7 @@ from star_bench.scenario import (
     random_points,
     separated,
 )
+from star_bench.scenarios import CATALOGUE, MAX_AGENTS, Case, numbers
 from star_core import Registry, load
 from star_core.mission_file.obstacles import obstacle, obstacle_faults
 

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from star_fleet import log, parameters
-from star_fleet.packet import NULL, Port
-from star_fleet.toc import described
+from star_fleet.packet import NULL, Port, described
 
 Start = Callable[..., Any]
 

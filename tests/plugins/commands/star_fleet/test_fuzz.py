@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_fleet.localisation import fixes
 from star_fleet.packet import Port, is_null, join, split
-from star_fleet.setpoints import decode
+from star_fleet.setpoints import decode, fixes
 
 Start = Callable[..., Any]
 

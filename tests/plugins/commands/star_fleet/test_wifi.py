@@ -13,9 +13,9 @@ import pytest
 
 from star_core import Camera, Image, PluginError, Scene
 from star_core.testing import scene
+from star_fleet.aideck import Wifi
 from star_fleet.packet import Port, join
 from star_fleet.server import Fleet
-from star_fleet.wifi import Wifi
 from star_sim.camera_sim.options import camera_options
 from star_sim.camera_sim.renderer import Renderer
 

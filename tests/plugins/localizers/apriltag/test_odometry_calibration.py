@@ -8,8 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from star_apriltag.odometry_calibration import MAX_POSITION_STD, KnownPose, OdometryCalibration
-from star_apriltag.odometry_track import OdometryTrack
+from star_apriltag.odometry_track import (
+    MAX_POSITION_STD,
+    KnownPose,
+    OdometryCalibration,
+    OdometryTrack,
+)
 from tests.plugins.localizers.apriltag.conftest import SPEED, Circle
 
 SCALE, BIAS = cmath.rect(1.06, math.radians(2.0)), math.radians(0.3)

@@ -7,8 +7,8 @@ import math
 import gtsam
 import numpy as np
 
+from star_apriltag.agent_estimator import MAX_DISTANCE, MAX_TURN, MIN_IMAGES, Claim, Relocation
 from star_apriltag.odometry_track import OdometryTrack
-from star_apriltag.relocation import MAX_DISTANCE, MAX_TURN, MIN_IMAGES, Claim, Relocation
 from tests.plugins.localizers.apriltag.conftest import Circle
 
 CIRCLE = Circle(20)

@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from star_apriltag.vision.detector import Detector
-from star_apriltag.vision.edge_fit import refine
+from star_apriltag.vision.detector import Detector, refine
 from star_core import CameraModel
 from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, seen
 

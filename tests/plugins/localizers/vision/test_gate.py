@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from star_apriltag.vision.body_pose import Fix
-from star_apriltag.vision.gate import Verdict, judge, surprise, tilt
+from star_apriltag.vision.body_pose import Fix, Verdict, judge, surprise, tilt
 from tests.plugins.localizers.vision.conftest import hovering
 
 SURE = np.zeros((3, 3))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from star_apriltag.vision.body_pose import Prediction
-from star_apriltag.vision.gate import Verdict
+from star_apriltag.vision.body_pose import Prediction, Verdict
 from star_apriltag.vision.image_analysis import ImageAnalysis, ImageAnalyzer
 from star_apriltag.vision.tag_poses import corner_std
 from star_core import Array, Camera, CameraModel, Pose, Rows, Tag, rotation_from_vector

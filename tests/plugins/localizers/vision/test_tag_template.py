@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from star_apriltag.vision.guided_matching import Region, Template, template
 from star_apriltag.vision.tag_poses import MapTag
-from star_apriltag.vision.tag_template import Region, Template, template
 from star_core import Array, CameraModel, Pose, Tag
 from tests.plugins.localizers.vision.conftest import Paint, hovering, in_map, on_floor
 

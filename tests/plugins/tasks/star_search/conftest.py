@@ -34,7 +34,7 @@ from star_core import (
     fill_defaults,
 )
 from star_core.testing import estimate, health
-from star_search.field_of_view import FieldOfView, field_of_view
+from star_search.area import FieldOfView, field_of_view
 from star_search.search_space import SearchSpace
 from star_search.spec import make, spec
 from star_visibility import OPTIONS

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Camera, Obstacle
+from star_search.area import MIN_IMAGES, FieldOfView, field_of_view
 from star_search.coverage_map import CoverageMap
-from star_search.field_of_view import MIN_IMAGES, FieldOfView, field_of_view
 
 AREA = shapely.box(-2, -2, 2, 2)
 VIEW = field_of_view(Camera(), 0.8, 0.168, 0.05)

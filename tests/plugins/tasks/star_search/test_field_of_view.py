@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Camera, Fence, Tag, World
-from star_search.field_of_view import FieldOfView, field_of_view, swath
+from star_search.area import FieldOfView, field_of_view, swath
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.geometric import OnboardDetector
 

@@ -9,12 +9,11 @@ import pytest
 import shapely
 
 from star_core import Obstacle, Status, fill_defaults
-from star_search.frontier import Frontier
+from star_search.frontier import Frontier, Viewpoints
 from star_search.pattern import Pattern
 from star_search.search_space import SearchSpace
 from star_search.spec import make, spec
 from star_search.sweep import Sweep
-from star_search.viewpoints import Viewpoints
 from tests.plugins.tasks.star_search.conftest import PERIOD
 
 both = pytest.mark.parametrize("pattern", ["sweep", "frontier"])

@@ -17,8 +17,7 @@ import star_radio
 from star_core import Command, Corrections, Order, PluginError, Setpoint
 from star_radio import orders
 from star_radio.address import RadioAddress
-from star_radio.broadcast.commands import BroadcastCommands
-from star_radio.broadcast.dongle import REPEATS, Broadcaster
+from star_radio.broadcast import REPEATS, BroadcastCommands, Broadcaster
 from star_radio.connection.tables import Entry
 from star_radio.orders import POSES, pose_entry
 from star_radio.transport import Radio

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_radio.connection.clock import WINDOW, WRAP, Clock
+from star_radio.report import WINDOW, WRAP, Clock
 
 LEAD = 1234.5  # s, of the computer's clock
 

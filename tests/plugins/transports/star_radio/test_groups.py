@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from star_core import Command, Order, PluginError, Scene, Setpoint, Supervisor, Telemetry
 from star_core.testing import scene
 from star_radio import orders
-from star_radio.broadcast.commands import BroadcastCommands
+from star_radio.broadcast import BroadcastCommands
 from star_radio.connection import udp_links
 from star_radio.options import RadioOptions
 from star_radio.transport import Radio
@@ -72,7 +72,7 @@ def aired(n: int, groups: Groups, wired: Sequence[int] = ()) -> Scene:
 
 def broadcasts(room: Scene, air: Air) -> BroadcastCommands:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("star_radio.broadcast.commands.Broadcaster", lambda _dongle, _on: air)
+        patch.setattr("star_radio.broadcast.Broadcaster", lambda _dongle, _on: air)
         return BroadcastCommands(room, 1)
 
 

@@ -16,7 +16,7 @@ from typing import Self, TypeVar
 
 import pytest
 
-from star_radio.connection.protocol import LinkListener
+from star_radio.connection.packets import LinkListener
 
 T = TypeVar("T")
 R = TypeVar("R")

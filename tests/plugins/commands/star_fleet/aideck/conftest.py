@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import Image
-from star_fleet.tcp import Switchboard
+from star_fleet.cpx import Switchboard
 
 SHAPE = (244, 324)
 

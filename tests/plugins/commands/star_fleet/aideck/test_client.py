@@ -14,7 +14,7 @@ import pytest
 
 from star_core import Image
 from star_fleet.aideck import AideckServer, framed
-from star_radio.camera.client import CameraClient
+from star_radio.camera.ai_decks import CameraClient
 from star_radio.camera.stream import Counts
 
 Until: TypeAlias = Callable[..., bool]

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from star_fleet.aideck import MAX_WAITING, CrtpOverTcp
-from star_fleet.cpx import Decoder, Function, Packet, Target, encode
-from star_fleet.tcp import Switchboard
+from star_fleet.cpx import Decoder, Function, Packet, Switchboard, Target, encode
 
 Until: TypeAlias = Callable[..., bool]
 

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 from star_core import Agent, Camera, Fence, Image, Scene, World
-from star_fleet.aideck import CrtpOverTcp
+from star_fleet.aideck import CrtpOverTcp, Wifi
 from star_fleet.server import Fleet
-from star_fleet.wifi import Wifi
-from star_radio.camera.client import CameraClient
+from star_radio.camera.ai_decks import CameraClient
 from star_sim.camera_sim.options import camera_options
 
 Until: TypeAlias = Callable[..., bool]

@@ -12,7 +12,7 @@ import pytest
 
 from star_core import ContractError, Image, PluginError
 from star_fleet.aideck import AideckServer, framed
-from star_fleet.tcp import Switchboard
+from star_fleet.cpx import Switchboard
 from star_radio.camera.stream import Counts, Stream
 
 Until: TypeAlias = Callable[..., bool]

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Camera
 from star_core.world.quaternions import moved
-from star_sim.camera_sim.camera_pose import Shot, mounting, poses
-from star_sim.camera_sim.optics import optics
+from star_sim.camera_sim.camera_pose import Shot, mounting, optics, poses
 
 Take = Callable[..., Shot]
 CAMERA = Camera()

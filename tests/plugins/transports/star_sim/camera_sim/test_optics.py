@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from star_core import Array, Camera, CameraModel
-from star_sim.camera_sim.optics import optics, rays
+from star_sim.camera_sim.camera_pose import optics, rays
 
 LENSES = st.builds(
     lambda fx, fy, cx, cy, distortion: Camera(

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from star_core import Array, Camera
-from star_sim.camera_sim.camera_pose import Exposure, Shot, mounting, poses, row_time
-from star_sim.camera_sim.optics import optics, rays
+from star_sim.camera_sim.camera_pose import Exposure, Shot, mounting, optics, poses, rays, row_time
 from star_sim.camera_sim.projection import project, touch
 
 Take = Callable[..., Shot]

@@ -16,7 +16,7 @@ from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import Floor
 from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.renderer import Renderer
-from star_sim.camera_sim.tag_tables import INK, PAPER
+from star_sim.camera_sim.tag_rasterizer import INK, PAPER
 
 Take = Callable[..., Shot]
 Room = Callable[..., World]

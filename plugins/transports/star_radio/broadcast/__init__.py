@@ -1,1 +1,0 @@
-"""Broadcasts to all Crazyflies of a channel, by an additional Crazyradio."""
