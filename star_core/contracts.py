@@ -189,11 +189,13 @@ class Problem(NamedTuple):
         path: Keys and indices from the plugin's options to the value; empty for the whole.
         message: What is wrong and what was expected.
         code: Identifies the kind of mistake, see `star_core.error_codes`.
+        warning: Whether the mission can be flown all the same.
     """
 
     path: tuple[str | int, ...]
     message: str
     code: str = "invalid-option"
+    warning: bool = False
 
 
 class StepGoal(NamedTuple):
@@ -274,17 +276,25 @@ class PlannerSpec(MissionSpec):
             is the goal's index, ``(i,)``; its message follows "goal [x, y, z]". It runs in
             ``star check``: import nothing heavy. In flight the planner should decide by the same
             function.
+        avoids_obstacles: Whether it plans around obstacles; if not, ``star check`` reports those
+            in the straight way of an agent.
     """
 
     make: Callable[..., Planner]
+    avoids_obstacles: bool = True
     check_goals: Callable[..., Iterable[Problem]] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AvoiderSpec(MissionSpec):
-    """Announces an avoider."""
+    """Announces an avoider.
+
+    Attributes:
+        avoids_obstacles: Whether it keeps agents from obstacles too.
+    """
 
     make: Callable[..., Avoider]
+    avoids_obstacles: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

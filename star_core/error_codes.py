@@ -223,6 +223,10 @@ CATALOGUE: Final = {
         "A tag does not fit on the paper.",
         "Use the paper that the message names, or a smaller tag.",
     ),
+    "path-blocked": Entry(
+        "An obstacle is in the straight way of an agent, and the planner ignores obstacles.",
+        "Use a planner that avoids them, or go around with more waypoints.",
+    ),
     "plugin-failed": Entry(
         "A plugin raised an error.",
         "`star run --verbose` shows its traceback; report it to the plugin's author.",
@@ -238,6 +242,14 @@ CATALOGUE: Final = {
     "resource-conflict": Entry(
         "Two steps that begin at once hold the same resource, such as a port.",
         "Give each its own.",
+    ),
+    "start-in-air": Entry(
+        "An agent starts in the air, with neither the floor nor an obstacle below it.",
+        "Correct the height of the start, or add what the agent stands on to the world.",
+    ),
+    "timeout-too-short": Entry(
+        "A step takes longer than its timeout, even if nothing is in the way.",
+        "Increase `timeout`, or omit it: every step has one of its own.",
     ),
     "too-close": Entry(
         "Two positions are closer to each other than the separation or the spacing allows.",

@@ -1,4 +1,4 @@
-"""The hooks: seven offer plugins, five observe a flight.
+"""The hooks: seven offer plugins, one checks missions, five observe a flight.
 
 Offering hooks are called once, before the mission is read: import what is heavy inside ``make``.
 Observing hooks are called in the tick: return in well under a period. An observer that raises is
@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pluggy
 
 if TYPE_CHECKING:
+    from star_core import Mission, Registry
     from star_core.contracts import (
         AvoiderSpec,
         CommandSpec,
         LocalizerSpec,
         PlannerSpec,
+        Problem,
         RunOptionSpec,
         TaskSpec,
         TransportSpec,
@@ -71,6 +73,15 @@ def star_commands() -> Iterable[CommandSpec]:  # type: ignore[empty-body]
 @hookspec
 def star_run_options() -> Iterable[RunOptionSpec]:  # type: ignore[empty-body]
     """Offer switches of ``star run``, each of which adds an observer to the flight."""
+
+
+@hookspec
+def star_check(mission: Mission, registry: Registry) -> Iterable[Problem]:  # type: ignore[empty-body]
+    """Check a mission in which ``star check`` has found no other problem.
+
+    Unlike the `check` of a plugin, it may import what is heavy. The paths of its problems begin at
+    the top of the mission.
+    """
 
 
 @hookspec

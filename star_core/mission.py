@@ -64,6 +64,7 @@ class Mission:
         collisions: ``fail`` if a collision fails the mission, ``record`` if it is only recorded.
         document: The mission as read, with what was set on the command line.
         world: The world as read.
+        warnings: What is probably a mistake, one line each, with its location.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Mission:
     collisions: str
     document: Document
     world: Document
+    warnings: tuple[str, ...] = ()
 
     def with_seed(self, seed: int) -> Mission:
         """Return the same mission with another seed."""
@@ -117,10 +119,10 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     scene = _scene(document, data, room or NO_WORLD, realtime=_realtime(data, registry))
     builder = StepBuilder(document, refused, scene, _uncertain_groups(document, data), registry)
     steps = builder.build()
-    problems += document.located([
-        *builder.problems,
-        *of_mission(document, data, steps, scene, registry, world_known=room is not None),
-    ])  # fmt: skip
+    found = [*of_mission(document, data, steps, scene, registry, world_known=room is not None)]
+    problems += document.located(
+        [*builder.problems, *(problem for problem in found if not problem.warning)]
+    )
     if problems or world is None:
         raise InputError(_in_file_order(problems, document.path))
     return Mission(
@@ -133,6 +135,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         collisions=data["collisions"],
         document=document,
         world=world,
+        warnings=tuple(document.located(problem for problem in found if problem.warning)),
     )
 
 

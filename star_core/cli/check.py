@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from star_core.contracts import Problem
 from star_core.errors import InputError
-from star_core.mission import checked
+from star_core.hookspecs import plugin_calls
+from star_core.mission import Mission, checked
 from star_core.mission_file import schema
 from star_core.mission_file.file_kinds import kind_of, lacking
 from star_core.mission_file.includes import check_alone
@@ -15,12 +16,15 @@ from star_core.mission_file.located import Document
 from star_core.mission_file.overrides import override
 from star_core.mission_file.world_loader import world
 from star_core.mission_file.yaml_reader import read
+from star_core.plugin_guard import PluginGuard
 from star_core.registry import Registry
 from star_core.world.camera import camera_faults
 
 
-def check_file(path: Path, assignments: Sequence[str], registry: Registry) -> str:
-    """Return, in one line, what a file is good for.
+def check_file(
+    path: Path, assignments: Sequence[str], registry: Registry
+) -> tuple[str, Sequence[str]]:
+    """Return, in one line, what a file is good for, and warnings.
 
     Args:
         path: Of the file.
@@ -33,11 +37,23 @@ def check_file(path: Path, assignments: Sequence[str], registry: Registry) -> st
     document = read(path)
     others = {"steps": _steps, "world": _world, "camera": _camera}
     if found := others.get(kind_of(document.data)):
-        return f"{path}: {found(override(document, assignments), registry)}"
+        return f"{path}: {found(override(document, assignments), registry)}", ()
     mission = checked(document, registry, assignments)
+    problems = list(_by_plugins(mission, registry))
+    if errors := [problem for problem in problems if not problem.warning]:
+        raise InputError(mission.document.located(errors))
     agents = len(mission.scene.agents)
     many = "agents" if agents > 1 else "agent"
-    return f"{path}: {mission.name!r} can be flown, with {agents} {many}"
+    text = f"{path}: {mission.name!r} can be flown, with {agents} {many}"
+    return text, (*mission.warnings, *mission.document.located(problems))
+
+
+def _by_plugins(mission: Mission, registry: Registry) -> Iterator[Problem]:
+    """Yield what the hook `star_check` of the plugins finds."""
+    for call in plugin_calls(registry.manager, "star_check"):
+        with PluginGuard(f"star_check of {registry.source(call.plugin)}"):
+            for found in call.caller(mission=mission, registry=registry):
+                yield from found
 
 
 def _steps(document: Document, registry: Registry) -> str:

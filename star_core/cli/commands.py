@@ -152,7 +152,10 @@ def _check(arguments: Sequence[str]) -> int:
     from star_core.cli.main import installed
 
     options = _parse("check", arguments)
-    print(check_file(Path(options.mission), _assignments(options), installed()))
+    text, warnings = check_file(Path(options.mission), _assignments(options), installed())
+    for warning in warnings:
+        print(warning, file=sys.stderr)
+    print(text)
     return 0
 
 

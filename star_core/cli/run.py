@@ -56,6 +56,8 @@ def run_mission(
         PluginError: A plugin cannot be made, or the links cannot be opened.
     """
     mission = load(Path(path), registry, assignments)
+    for warning in mission.warnings:
+        print(warning, file=sys.stderr)
     folder = _folder(out, mission.name) if keep else None
     if not as_json:
         registry.add(Progress(), Source("star-swarm:progress"))

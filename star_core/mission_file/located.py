@@ -170,7 +170,10 @@ class Document:
 
     def located(self, problems: Iterable[Problem]) -> list[str]:
         """Return problems with their locations, in the order of the file."""
-        return self.in_order((self.mark(one.path), one.message, one.code) for one in problems)
+        return self.in_order(
+            (self.mark(one.path), f"{'warning: ' * one.warning}{one.message}", one.code)
+            for one in problems
+        )
 
     def in_order(self, problems: Iterable[tuple[Mark, str, str]]) -> list[str]:
         """Return each problem once: those of this file by line and column, then the others."""

@@ -87,8 +87,9 @@ def _obstacles(data: Mapping[str, Any]) -> Iterator[Problem]:
     empty = any(_fence(data))
     fence = None if empty else Fence(point(data["fence"]["low"]), point(data["fence"]["high"]))
     for name, given in data.get("obstacles", {}).items():
-        for path, message, code in obstacle_faults(given, fence):
-            yield Problem(("obstacles", name, *path), f"obstacle {name!r} {message}", code)
+        for one in obstacle_faults(given, fence):
+            text = f"obstacle {name!r} {one.message}"
+            yield Problem(("obstacles", name, *one.path), text, one.code)
 
 
 def _offsets(data: Mapping[str, Any]) -> Iterator[Problem]:

@@ -20,7 +20,12 @@ class PassThrough:
 
 @hookimpl
 def star_avoiders() -> Iterable[AvoiderSpec]:
-    yield AvoiderSpec(name="none", summary="Passes setpoints through unchanged.", make=_make)
+    yield AvoiderSpec(
+        name="none",
+        summary="Passes setpoints through unchanged.",
+        make=_make,
+        avoids_obstacles=False,
+    )
 
 
 def _make(_scene: Scene) -> Avoider:

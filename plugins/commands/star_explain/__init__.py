@@ -1,10 +1,14 @@
-"""Command ``star explain``: prints a mission as a readable plan, or draws it."""
+"""Command ``star explain``: prints a mission as a plan, or draws it; checks by a dry run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, actions, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Mission, Problem, Registry
 
 
 @hookimpl
@@ -15,6 +19,16 @@ def star_commands() -> Iterator[CommandSpec]:
         make=_explain,
         group="Author",
     )
+
+
+@hookimpl
+def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
+    planner = registry.find("planner", mission.parts["planner"].use).offer
+    blocked = mission.scene.world.obstacles and not planner.avoids_obstacles
+    if blocked or any(step.timeout is not None for step in actions(mission.steps)):
+        from star_explain.problems import problems
+
+        yield from problems(mission, registry)
 
 
 def _explain(arguments: Sequence[str]) -> int:

@@ -34,6 +34,7 @@ from star_core import (
     fill_defaults,
     step_timeout,
 )
+from star_explain.words import seconds
 
 TICK: Final = 0.1  # s, of the dry run: a smaller one does not change points that fly straight
 LONGEST: Final = 600.0  # s, greatest simulated duration of one step
@@ -51,6 +52,8 @@ class StepResult:
         given: Whether the mission sets the timeout.
         fault: Why it would fail, or why nothing is known about it; empty otherwise.
         on_board: Whether its agents fly trajectories on board, without steering.
+        blocked: Which obstacles are in the way of which agents, if the planner ignores them.
+        late: Whether it fails by its timeout.
     """
 
     action: Any
@@ -60,6 +63,8 @@ class StepResult:
     given: bool
     fault: str
     on_board: bool = False
+    blocked: tuple[str, ...] = ()
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +156,12 @@ class _DryRun:
         self._registry = registry
         self._swarm = DryRunSwarm(self._scene)
         self._out = set(mission.reserve_rows)
-        self._on_board = False  # whether the current step is flown on board
+        self._ignores_obstacles = not registry.find(
+            "planner", mission.parts["planner"].use
+        ).offer.avoids_obstacles
+        # Of the current step: whether it is flown on board or late, and obstacles in its way.
+        self._on_board = self._late = False
+        self._blocked: dict[tuple[int, str], str] = {}
 
     def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
         """Run steps in sequence; of several repetitions only the first is run."""
@@ -178,7 +188,8 @@ class _DryRun:
         given = action.timeout is not None
         if not rows:
             return StepResult(action, agents, 0.0, 0.0, given, "no agents are left for it")
-        self._on_board = False
+        self._on_board = self._late = False
+        self._blocked = {}
         try:
             takes, limit, fault = self._run(action, rows, begun)
         except StarError as error:
@@ -188,7 +199,10 @@ class _DryRun:
             takes, limit, fault = None, action.timeout, what
         if action.verb == "leave":
             self._out |= set(rows)
-        return StepResult(action, agents, takes, limit, given, fault, self._on_board)
+        blocked = tuple(self._blocked.values())
+        return StepResult(
+            action, agents, takes, limit, given, fault, self._on_board, blocked, self._late
+        )
 
     def _run(
         self, action: Any, rows: tuple[int, ...], begun: float
@@ -222,19 +236,39 @@ class _DryRun:
         """Run a step; return its duration, s, None if unknown, and why it fails."""
         end = math.inf if action.until is None else holds_from(action.until)
         goals: Goals | None = None
-        for tick in range(math.ceil(min(limit, end, LONGEST) / TICK) + 1):
+        # A timeout that the mission sets is ignored at first, to report the one that is needed.
+        horizon = LONGEST if action.timeout is not None and action.until is None else limit
+        for tick in range(math.ceil(min(horizon, end, LONGEST) / TICK) + 1):
             now = begun + tick * TICK
             step = task.step(self._swarm.estimate(now), self._swarm.health())
             if step.status is Status.FAILURE:
                 return None, step.reason or "failed and gave no reason"
             if step.status is Status.SUCCESS or tick * TICK >= end - NO_TIME:
-                return tick * TICK, ""
+                self._late = tick * TICK > limit + TICK
+                takes = tick * TICK
+                text = f"takes about {seconds(takes)}, but times out after {limit:g} s"
+                return takes, text if self._late else ""
             goals = step.goals or goals
             for command in step.commands:
                 self._swarm.execute(command, now)
             self._swarm.move(goals, rows, now + TICK)
+            if self._ignores_obstacles:
+                self._note_obstacles(rows)
         late = action.until is None and limit <= LONGEST
         return None, f"times out after {limit:g} s, even with nothing in the way" if late else ""
+
+    def _note_obstacles(self, rows: tuple[int, ...]) -> None:
+        """Note which obstacles the agents touch, each where it is touched first."""
+        for row in rows:
+            x, y, z = self._swarm.position[row].tolist()
+            if self._swarm.phase[row] != AgentPhase.FLYING:
+                continue
+            for obstacle in self._scene.world.obstacles:
+                if obstacle.touched((x, y, z), z):
+                    name = self._scene.agents[row].name
+                    where = f"at [{x:.2f}, {y:.2f}, {z:.2f}]"
+                    text = f"obstacle {obstacle.name!r} is in the way of {name} {where}"
+                    self._blocked.setdefault((row, obstacle.name), text)
 
 
 CHARGED = 4.0  # V

@@ -95,5 +95,6 @@ def _rows(result: StepResult) -> Iterator[str]:
         yield options(result.action.options)
     yield times(result)
     yield from ending(result)
-    if result.fault:
-        yield f"! in the dry run: {result.fault}"
+    for fault in (result.fault, *result.blocked):
+        if fault:
+            yield f"! in the dry run: {fault}"

@@ -96,5 +96,6 @@ def _step(result: StepResult, number: str, indent: str, registry: Registry) -> I
     if not alone and (rest := options(left_out(result.action.options, spec.options))):
         yield f"{inside}by default {rest}"
     yield f"{inside}{'; '.join([times(result), *ending(result)])}"
-    if result.fault:
-        yield f"{inside}! in the dry run: {result.fault}"
+    for fault in (result.fault, *result.blocked):
+        if fault:
+            yield f"{inside}! in the dry run: {fault}"

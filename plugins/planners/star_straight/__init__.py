@@ -23,6 +23,7 @@ def star_planners() -> Iterable[PlannerSpec]:
         name="straight",
         summary="Flies straight to the goal and brakes in time; ignores obstacles.",
         make=make,
+        avoids_obstacles=False,
         options={
             "type": "object",
             "properties": {

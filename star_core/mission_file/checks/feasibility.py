@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, Final
 
 from star_core.contracts import Problem
 from star_core.errors import PluginError, suggestion
@@ -18,6 +18,8 @@ from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.world.quaternions import Point
 from star_core.world.world import CONTACT_RADIUS, Fence
+
+MAX_STAND: Final = 0.15  # m: height of an agent's centre above what it stands on
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +67,16 @@ class Room:
                 message = f"{what} is wider than the fence, {wide:.2f} m across"
                 yield Problem(path, message, "out-of-range")
 
+    def separation(self) -> Iterator[Problem]:
+        """Warn of a separation at which the core brakes agents before the avoider steers them."""
+        (radius, name), separation = self._radius(), self.scene.limits.separation
+        if len(self.scene.agents) > 1 and "." in name and separation > 2 * radius:
+            message = (
+                f"limits.separation, {separation:g} m, is more than twice {name}, {2 * radius:g} m:"
+                " agents brake before the avoider steers them apart"
+            )
+            yield Problem(("limits", "separation"), message, "option-conflict", warning=True)
+
     def starts(self) -> Iterator[Problem]:
         """Yield starts that are impossible, or too close to each other."""
         scene = self.scene
@@ -73,6 +85,10 @@ class Room:
             if fault is not None and "start" in self.data["swarm"][agent.name]:
                 path = ("swarm", agent.name, "start")
                 yield Problem(path, f"start {fault}", position_code(scene, agent.start))
+            elif self._in_air(agent.start):
+                start = ", ".join(f"{value:g}" for value in agent.start)
+                message = f"{agent.name!r} starts in the air: nothing is below [{start}]"
+                yield Problem(("swarm", agent.name, "start"), message, "start-in-air", warning=True)
         radius, name = self._radius()
         wide = math.dist(scene.world.fence.low, scene.world.fence.high)
         needed = 2 * radius if 2 * radius <= wide else 0.0
@@ -208,6 +224,14 @@ class Room:
                 f"start, from {foot:g} to {top:g} m",
                 "inside-obstacle",
             )
+
+    def _in_air(self, start: Point) -> bool:
+        """Return whether there is neither the floor nor an obstacle below a start."""
+        floor = max(0.0, self.scene.world.fence.low[2])
+        return start[2] - floor > MAX_STAND and not any(
+            obstacle.touched((start[0], start[1], start[2] - MAX_STAND), start[2])
+            for obstacle in self.scene.world.obstacles
+        )
 
     def _radius(self) -> tuple[float, str]:
         """Return the radius that is kept free around an agent, m, and its name."""

@@ -89,9 +89,10 @@ class PluginChecks:
         ]
         free = [i for i, fault in enumerate(faults) if fault is None]
         refused, wrong = self._refused([goals[i].position for i in free])
-        for (index,), reason, _ in refused:
+        for one in refused:
+            index = int(one.path[0])
             x, y, z = goals[free[index]].position
-            faults[free[index]] = f"goal [{x:g}, {y:g}, {z:g}] {reason}", "unreachable-goal"
+            faults[free[index]] = f"goal [{x:g}, {y:g}, {z:g}] {one.message}", "unreachable-goal"
         found: dict[Location, dict[str, tuple[str, str]]] = {}  # by path, the first of each label
         for goal, fault in zip(goals, faults, strict=True):
             if fault is not None:

@@ -60,6 +60,7 @@ def of_mission(
     yield from room.safety(distinct)
     yield from _cameras(document, data)
     yield from room.starts()
+    yield from room.separation()
     yield from _parts(data, plugins)
     for step in distinct:
         yield from _action(step, scene, plugins)

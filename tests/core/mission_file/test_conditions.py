@@ -115,10 +115,10 @@ def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None
 def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
     near = {"near": {"agent": NAMES[0], "within": 1}}
     assert list(problems(near, NAMES, (), of_step=NAMES[:2])) == []
-    ((path, message, code),) = problems(near, NAMES, (), of_step=NAMES[:1])
-    assert path == ("near", "agent")
-    assert code == "agent-conflict"
-    assert message == f"{NAMES[0]!r} is always near itself; name another agent"
+    (problem,) = problems(near, NAMES, (), of_step=NAMES[:1])
+    assert problem.path == ("near", "agent")
+    assert problem.code == "agent-conflict"
+    assert problem.message == f"{NAMES[0]!r} is always near itself; name another agent"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,105 @@
+"""What ``star check`` reports of a mission that can be flown all the same, and of plugins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from star_core import Mission, Problem, Registry, hookimpl
+from star_core.cli.check import check_file
+from star_core.errors import InputError, PluginError
+
+MISSION = """\
+star: 1
+name: hop
+world: room.yaml
+limits: {separation: 0.2}
+swarm:
+  cf1: {start: [-1, 0, 0]}
+  cf2: {start: [1, 0, 0]}
+transport: sim
+localizer: flow
+planner: straight
+avoider: {use: orca, radius: 0.2}
+mission:
+  - takeoff: {height: 0.8}
+  - goto: {agents: cf1, to: [-1, 1, 0.8]}
+"""
+WORLD = "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 2]}\n"
+WALL = "obstacles:\n  wall: {box: {centre: [-1, 0.5], size: [1, 0.1]}, height: [0, 2]}\n"
+TABLE = "obstacles:\n  table: {box: {centre: [-1, 0], size: [1, 1]}, height: [0, 0.4]}\n"
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def warnings(old: str = "", new: str = "", world: str = "", *plugins: object) -> list[str]:
+    """The warnings about the mission with one of its texts replaced."""
+    Path("hop.yaml").write_text(MISSION.replace(old, new) if old else MISSION)
+    Path("room.yaml").write_text(WORLD + world)
+    text, found = check_file(Path("hop.yaml"), (), Registry(*plugins))
+    assert text == "hop.yaml: 'hop' can be flown, with 2 agents"
+    return list(found)
+
+
+def test_a_good_mission_has_no_warnings() -> None:
+    assert warnings() == []
+
+
+def test_a_start_in_the_air_is_a_warning() -> None:
+    assert warnings("[-1, 0, 0]", "[-1, 0, 0.5]") == [
+        "hop.yaml:6:16: warning: 'cf1' starts in the air: nothing is below [-1, 0, 0.5] "
+        "[start-in-air]"
+    ]
+
+
+def test_a_start_on_an_obstacle_is_none() -> None:
+    assert warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE) == []
+
+
+def test_a_separation_larger_than_the_avoiders_is_a_warning() -> None:
+    (found,) = warnings("separation: 0.2", "separation: 0.9")
+    assert found.startswith("hop.yaml:4:22: warning: limits.separation, 0.9 m, is more than twice ")
+    assert found.endswith("[option-conflict]")
+
+
+def test_an_obstacle_in_the_way_is_a_warning_if_the_avoider_avoids_it() -> None:
+    (found,) = warnings(world=WALL)
+    assert found.startswith("hop.yaml:14:11: warning: obstacle 'wall' is in the way of cf1 at [-1.")
+    assert found.endswith("[path-blocked]")
+
+
+def test_a_planner_that_avoids_obstacles_is_not_rehearsed() -> None:
+    assert warnings("straight", "visibility", WALL) == []
+
+
+class TooLong:
+    """Refuses missions of more than a number of steps, and warns of all others."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+
+    @hookimpl
+    def star_check(self, mission: Mission) -> Iterator[Problem]:
+        steps = len(mission.steps)
+        yield Problem(("mission",), f"{steps} steps", "too-long", warning=steps <= self._most)
+
+
+def test_plugins_can_check_missions() -> None:
+    assert warnings("", "", "", TooLong(2)) == ["hop.yaml:12:1: warning: 2 steps [too-long]"]
+    with pytest.raises(InputError, match=r"^hop.yaml:12:1: 2 steps \[too-long\]$"):
+        warnings("", "", "", TooLong(1))
+
+
+def test_a_check_that_raises_names_its_plugin() -> None:
+    class Broken:
+        @hookimpl
+        def star_check(self, mission: Mission) -> Iterator[Problem]:
+            raise ValueError(mission.name)
+
+    with pytest.raises(PluginError, match=r"star_check of .*Broken.*: ValueError: hop"):
+        warnings("", "", "", Broken())
