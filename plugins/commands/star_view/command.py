@@ -6,13 +6,13 @@ import argparse
 import signal
 import sys
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from star_core import InputError, Mission, Registry, Run, fly, load, read_run
-
-PORT = 8080
+from star_core import Agent, Mission, Registry, Run, fly, load, read_run
+from star_view import require_viser
+from star_view.avoidance import radius
+from star_view.messages import PORT
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -22,20 +22,21 @@ def main(arguments: Sequence[str]) -> int:
         InputError: There is neither a mission nor a record, or a package is missing.
     """
     options = parser().parse_args(arguments)
-    if find_spec("viser") is None:
-        text = "star view needs viser: pip install 'star-swarm[view]'"
-        raise InputError(text, "missing-package")
-    path = Path(options.path)
+    require_viser("star view")
+    path, registry = Path(options.path), Registry()
     if path.is_dir():
-        run, mission = read_run(path), None
+        run = read_run(path)
+        agents = tuple(Agent(name, (0.0, 0.0, 0.0)) for name in run.agents)
     else:
-        mission = load(path, registry := Registry(), options.set)
+        mission = load(path, registry, options.set)
         if mission.scene.realtime:  # the page shows a simulation of it
             mission = load(path, registry, [*options.set, "transport=sim"])
-        run = simulate(mission, registry)
-    from star_view.viewer import Viewer
+        run, agents = simulate(mission, registry), mission.scene.agents
+    from star_view.replay import Replay
 
-    viewer = Viewer(run, None if mission is None else mission.scene, port=options.port)
+    avoider = run.manifest["plugins"]["avoider"]
+    kept_free = radius(avoider["name"], avoider["options"], registry)
+    viewer = Replay(run, agents, kept_free, port=options.port)
     for number in (signal.SIGINT, signal.SIGTERM):  # a program that was started with & ignores both
         signal.signal(number, signal.default_int_handler)
     try:

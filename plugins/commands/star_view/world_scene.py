@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from viser import SceneApi
 
 FENCE: Final = (60, 141, 64)
-OBSTACLE: Final = (154, 160, 166)
+OBSTACLE: Final = (190, 196, 204)
 LANDMARK: Final = (31, 78, 156)
 TARGET: Final = (199, 119, 0)
+LABEL: Final = 0.8  # size of the names, over those of agents
 TAG_THICKNESS: Final = 0.01  # m
 
 
@@ -27,26 +28,41 @@ def add_world(scene: SceneApi, world: World) -> None:
     centre = (low + high) / 2
     scene.add_grid("/floor", width=width, height=depth, cell_size=0.5, position=(*centre[:2], 0.0))
     edges = box_edges(world.fence.low, world.fence.high)
-    scene.add_line_segments("/fence", points=edges, colors=FENCE, thickness=0.01)
+    scene.add_line_segments(
+        "/fence", points=edges, colors=FENCE, thickness=1.5, thickness_units="screen"
+    )
     for obstacle in world.obstacles:
         for i, (vertices, faces) in enumerate(obstacle_meshes(obstacle)):
             scene.add_mesh_simple(
-                f"/obstacles/{obstacle.name}/{i}", vertices, faces, color=OBSTACLE, opacity=0.7,
+                f"/obstacles/{obstacle.name}/{i}", vertices, faces, color=OBSTACLE, opacity=0.55,
                 flat_shading=True, side="double", cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
         at = shapely.Polygon(obstacle.polygons[0]).representative_point()
         position = (at.x, at.y, obstacle.height[1] + 0.05)
-        scene.add_label(f"/obstacles/{obstacle.name}/name", obstacle.name, position=position)
+        scene.add_label(
+            f"/obstacles/{obstacle.name}/name",
+            obstacle.name,
+            position=position,
+            font_screen_scale=LABEL,
+        )
     _add_tags(scene, "landmarks", world.landmarks, LANDMARK)
     _add_tags(scene, "targets", world.targets, TARGET)
 
 
 def _add_tags(scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int, int, int]) -> None:
+    """Add tags, and one label for those of each landmark or target."""
+    groups: dict[str, list[Tag]] = {}
     for tag in tags:
+        groups.setdefault(tag.of, []).append(tag)
         x, y, z, w = tag.rotation
-        name = f"/{kind}/{tag.of}/{tag.id}"
         scene.add_box(
-            name, color=color, dimensions=(tag.size, tag.size, TAG_THICKNESS),
-            wxyz=(w, x, y, z), position=tag.position, cast_shadow=False, receive_shadow=False,
+            f"/{kind}/{tag.of}/{tag.id}", color=color, wxyz=(w, x, y, z), position=tag.position,
+            dimensions=(tag.size, tag.size, TAG_THICKNESS), cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
-        scene.add_label(f"{name}/id", f"{tag.of} ({tag.id})", position=(0.0, 0.0, 0.05))
+    for name, own in groups.items():
+        numbers = ", ".join(str(tag.id) for tag in own)
+        x, y, z = np.mean([tag.position for tag in own], axis=0)
+        scene.add_label(
+            f"/{kind}/{name}/label", f"{name} ({numbers})", position=(x, y, z + 0.05),
+            font_screen_scale=LABEL, anchor="bottom-center",
+        )  # fmt: skip

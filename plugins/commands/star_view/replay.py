@@ -1,0 +1,137 @@
+"""Replays a flight on a page: a timeline with the events on it."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Final
+
+import numpy as np
+import viser
+
+from star_core import Agent, Run
+from star_view.page import address, close, open_page
+from star_view.snapshot import of_record
+from star_view.swarm_scene import SwarmScene, color_of
+
+RATE: Final = 20.0  # Hz: of the page
+TRAIL: Final = 5.0  # s
+MAX_POINTS: Final = 2000  # of the path of an agent
+MAX_LABEL: Final = 90  # characters of an event
+SPEEDS: Final = ("0.25 x", "0.5 x", "1 x", "2 x", "4 x", "8 x")
+
+
+class Replay:
+    """A page with a flight, its timeline and its events.
+
+    Args:
+        run: The flight.
+        agents: Of the flight, in the order of its rows.
+        radius: That the avoider keeps free around each agent, m; None if unknown.
+        port: To serve on, or the next free one.
+
+    Attributes:
+        server: Of the page.
+        swarm: The agents on the page.
+        timeline: Slider with the mission time, s.
+        status: What the agents do.
+    """
+
+    def __init__(
+        self, run: Run, agents: tuple[Agent, ...], radius: float | None, *, port: int
+    ) -> None:
+        self._run = run
+        self._time = run.arrays["time"]
+        self.server = open_page(run.world, port, run.summary["mission"])
+        self._add_paths(self.server.scene)
+        self.swarm = SwarmScene(self.server, agents, radius)
+        self._add_controls(self.server.gui)
+        self.show(0)
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return address(self.server)
+
+    def close(self) -> None:
+        """Stop serving."""
+        close(self.server)
+
+    def serve(self) -> None:
+        """Play when asked to, until an exception such as KeyboardInterrupt ends it."""
+        last = time.monotonic()
+        while True:
+            time.sleep(1 / RATE)
+            now = time.monotonic()
+            if self._play.value:
+                moment = self.timeline.value + (now - last) * float(self._speed.value[:-2])
+                if moment >= self._time[-1]:
+                    self._play.value = False
+                self.timeline.value = min(moment, float(self._time[-1]))
+            last = now
+
+    def show(self, tick: int) -> None:
+        """Show the flight at a tick."""
+        now = of_record(self._run, tick, TRAIL)
+        with self.server.atomic():
+            self.swarm.show(now)
+        self.status.content = f"**{now.time:.2f} s** {now.doing}\n\n{now.states(self._run.agents)}"
+
+    def _add_paths(self, page: viser.SceneApi) -> None:
+        """Add the whole path of each agent, pale."""
+        position = self._run.arrays.get("truth_position", self._run.arrays["estimate_position"])
+        page.add_frame("/flown", show_axes=False)
+        for row, name in enumerate(self._run.agents):
+            path = position[:, row]
+            path = path[np.isfinite(path).all(axis=1)]
+            path = path[:: max(1, len(path) // MAX_POINTS)]
+            if len(path) > 1:
+                pale = (255 + np.array(color_of(row))) // 2
+                page.add_line_segments(
+                    f"/flown/{name}", np.stack([path[:-1], path[1:]], axis=1), tuple(pale),
+                    thickness=1.0, thickness_units="screen",
+                )  # fmt: skip
+
+    def _add_controls(self, gui: viser.GuiApi) -> None:
+        begin, end = float(self._time[0]), float(self._time[-1])
+        summary = self._run.summary
+        outcome = summary["outcome"] + (f": {summary['reason']}" if summary["reason"] else "")
+        gui.add_markdown(f"**{summary['mission']}** {outcome}")
+        events = [event for event in summary["events"] if begin <= event["time"] <= end]
+        self.timeline: Any = gui.add_slider(
+            "time (s)", min=begin, max=end, step=0.05, initial_value=begin,
+            marks=tuple(dict.fromkeys(float(event["time"]) for event in events)),
+        )  # fmt: skip
+        self._play: Any = gui.add_checkbox("play", initial_value=False)
+        self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1 x")
+        self._add_events(gui, events)
+        self.status = gui.add_markdown("")
+        self.swarm.add_controls(gui)
+
+        def update(_event: Any) -> None:
+            tick = int(np.searchsorted(self._time, self.timeline.value))
+            self.show(min(tick, len(self._time) - 1))
+
+        self.timeline.on_update(update)
+
+    def _add_events(self, gui: viser.GuiApi, events: list[dict[str, Any]]) -> None:
+        """Add buttons to jump to the previous and the next event, and a list to jump to any."""
+        labels = [f"{event['time']:.2f} s {event['text']}"[:MAX_LABEL] for event in events]
+        times = [float(event["time"]) for event in events]
+        chosen: Any = gui.add_dropdown("jump to event", ["", *dict.fromkeys(labels)])
+        buttons = gui.add_button_group("event", ("◀ previous", "next ▶"))
+
+        def jump(_event: Any) -> None:
+            if chosen.value:
+                self.timeline.value = times[labels.index(chosen.value)]
+
+        def step(_event: Any) -> None:
+            now = self.timeline.value
+            if buttons.value.startswith("next"):
+                later = [moment for moment in times if moment > now + 1e-6]
+                self.timeline.value = min(later, default=now)
+            else:
+                earlier = [moment for moment in times if moment < now - 1e-6]
+                self.timeline.value = max(earlier, default=now)
+
+        chosen.on_update(jump)
+        buttons.on_click(step)
