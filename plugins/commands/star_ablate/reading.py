@@ -72,7 +72,7 @@ def _file_problems(study: Path, files: Sequence[Path], names: Sequence[str]) -> 
         twin = stems.setdefault(file.stem, file)
         if not within:
             wrong = f"{name!r} is outside the folder above the study's; name a file inside it"
-            yield Problem(("missions", i), wrong, "invalid-path")
+            yield Problem(("missions", i), wrong, "file-not-found")
         elif not file.is_file():
             beside = [str(Path(name).parent / other.name) for other in file.parent.glob("*.yaml")]
             close = get_close_matches(name, beside, n=1)

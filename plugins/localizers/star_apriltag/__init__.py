@@ -136,7 +136,7 @@ def check(
         yield Problem((), reason, "no-tags")
     elif not any(agent.camera for agent in scene.agents):
         reason = "no agent has a camera; give agents `camera: aideck`, or use 'flow'"
-        yield Problem((), reason, "no-camera")
+        yield Problem((), reason, "missing-camera")
 
 
 @hookimpl

@@ -49,7 +49,7 @@ def area_problems(scene: Scene, area: Area | None) -> Iterator[Problem]:
             yield Problem(("area",), message, "out-of-range")
     elif fault := outline_fault(area_corners(scene, area)):
         message = f"{fault}; give the corners in order around the area"
-        yield Problem(("area",), message, "invalid-polygon")
+        yield Problem(("area",), message, "invalid-outline")
 
 
 MIN_IMAGES: Final = 3  # of a tag, which the core requires before a target is found

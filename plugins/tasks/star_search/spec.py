@@ -178,7 +178,7 @@ def check(  # noqa: PLR0913 -- a mission's own options
     limit = scene.limits.speed
     if speed != DEFAULT_SPEED and speed > limit:  # a default is lowered
         message = f"{speed:g} m/s is above limits.speed, {limit:g} m/s"
-        yield Problem(("speed",), message, "above-limit")
+        yield Problem(("speed",), message, "out-of-range")
     fence = scene.world.fence
     width = min(fence.high[0] - fence.low[0], fence.high[1] - fence.low[1])
     if 2 * clearance >= width:

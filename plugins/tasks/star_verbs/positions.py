@@ -124,7 +124,7 @@ def speed_problems(scene: Scene, options: Mapping[str, Any], *path: str) -> Iter
     limit = scene.limits.speed
     if options.get("speed", 0.0) > limit:
         message = f"{options['speed']:g} m/s is above limits.speed, {limit:g} m/s"
-        yield Problem((*path, "speed"), message, "above-limit")
+        yield Problem((*path, "speed"), message, "out-of-range")
 
 
 def _compact(n: int, center: tuple[float, float]) -> tuple[float, list[tuple[float, float]]]:

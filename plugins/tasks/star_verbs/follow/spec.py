@@ -220,7 +220,7 @@ def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> 
         yield Problem(("on_board",), message, "out-of-range")
     samples = trajectory.Samples.of(path)
     for fault in trajectory.limit_faults(scene, samples, options["timescale"], name):
-        yield Problem(("file",), fault, "above-limit")
+        yield Problem(("file",), fault, "out-of-range")
     if options["relative"]:
         faults = trajectory.extent_faults(scene, samples, name)
     else:

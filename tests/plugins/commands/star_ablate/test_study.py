@@ -184,8 +184,8 @@ def test_another_version_of_a_plugin_changes_the_key(
     ("text", "where", "code"),
     [
         ("missions: [../hip.yaml]\n", "3:12", "file-not-found"),
-        ("missions: [../../x.yaml]\n", "3:12", "invalid-path"),
-        ("missions: [/etc/hosts]\n", "3:12", "invalid-path"),
+        ("missions: [../../x.yaml]\n", "3:12", "file-not-found"),
+        ("missions: [/etc/hosts]\n", "3:12", "file-not-found"),
         (HOP + "factors: {seed: {a: {}}}\n", "4:17", "duplicate-name"),
         (HOP + "factors: {noise: {a: {seed: 3}}}\n", "4:29", "option-conflict"),
         (

@@ -118,7 +118,7 @@ def test_a_trajectory_that_is_too_fast_is_refused_with_what_would_fit(
     (problem,) = raised.value.problems
     assert problem == (
         "eight.csv: as STAR reads it: eight.csv:2: 2.00 s after its start it flies 0.94 m/s, "
-        "faster than limits.speed of 0.5 m/s; timescale: 1.88 would fit [above-limit]"
+        "faster than limits.speed of 0.5 m/s; timescale: 1.88 would fit [out-of-range]"
     )
     take("eight.csv", "--agent", "cf1=0,0", "--timescale", "1.88")
 

@@ -34,7 +34,7 @@ def test_a_world_without_landmarks_leaves_it_blind() -> None:
 
 def test_agents_without_a_camera_leave_it_blind() -> None:
     (problem,) = problems(room([Circle(1)], sheets(), camera=None))
-    assert problem.code == "no-camera"
+    assert problem.code == "missing-camera"
 
 
 def test_one_agent_with_a_camera_is_enough() -> None:

@@ -48,7 +48,7 @@ def test_a_corner_outside_the_fence_is_refused(hall: Any) -> None:
 )
 def test_an_outline_that_is_no_polygon_is_refused(hall: Any, corners: Any) -> None:
     (problem,) = area_problems(hall(), corners)
-    assert (problem.path, problem.code) == (("area",), "invalid-polygon")
+    assert (problem.path, problem.code) == (("area",), "invalid-outline")
     assert problem.message.endswith("give the corners in order around the area")
 
 
