@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -77,6 +78,13 @@ def test_every_link_and_anchor_leads_somewhere(pages: dict[Path, Links]) -> None
             if not target.exists() or (anchor and target in pages and anchor not in known):
                 missing.append(f"{page.name}: {link}")
     assert missing == []
+
+
+def test_the_parts_of_pages_that_are_made_from_the_code_are_up_to_date() -> None:
+    made = runpy.run_path(str(ROOT / "docs" / "site" / "committed.py"))
+    assert (ROOT / "docs" / "plugins" / "tables.md").read_text() == made["tables"]()
+    for page in (ROOT / "docs" / "plugins").glob("*.md"):
+        assert made["with_examples"](page.read_text()) == page.read_text(), page.name
 
 
 def test_every_option_of_every_plugin_is_described(site: Path) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import sys
-from types import ModuleType
 
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
@@ -29,8 +28,7 @@ def overview(registry: Callable[[], Registry]) -> str:
     if text is None:
         plugins = registry()
         text = _listed(plugins)
-        modules = all(isinstance(one, ModuleType) for one in plugins.manager.get_plugins())
-        if modules and not plugins.broken:  # broken plugins are reported each time
+        if not plugins.broken:  # broken plugins are reported each time
             _keep(cache, _stamps(_sources(plugins)), text)
     return text
 

@@ -115,7 +115,7 @@ def faults(
     """Return every mistake in `document`; the arguments are those of `problems`."""
     from star_core.mission_file.schema_errors import explain
 
-    errors = _validator()(dict(schema)).iter_errors(document.data)
+    errors = validator()(dict(schema)).iter_errors(document.data)
     if parameters:
         errors = (error for error in errors if not depends(error))
     return list(explain(errors, document.data))
@@ -148,7 +148,7 @@ def _of_camera() -> dict[str, Any]:
 
 
 @cache
-def _validator() -> type[Validator]:
+def validator() -> type[Validator]:
     """JSON Schema 2020-12, but 2.0 is not a whole number and ``$`` is the very end of a string.
 
     A plugin that asks for a whole number is given an ``int``; a name that ends in a line break is

@@ -1,8 +1,9 @@
-"""A fresh environment with this project's wheel and a third party's plugin, and `star` in it."""
+"""A fresh environment with this project's wheel and the plugins that `docs/plugins` shows."""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -17,7 +18,8 @@ from packaging.requirements import Requirement
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-DISTRIBUTIONS = (*HERE.glob("star-*"), ROOT / "examples" / "star-gentle")
+PAGES = ROOT / "docs" / "plugins"
+BLOCK = re.compile(r"^`([\w./-]+)`:\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 OWN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")  # not passed on to the fresh environment
 INTERPRETED = {"NUMBA_DISABLE_JIT": "1"}  # these flights are short; compiling takes longer
 PIP = (sys.executable, "-m", "pip", "--quiet")
@@ -35,19 +37,39 @@ def pip(*arguments: object) -> None:
 
 
 @pytest.fixture(scope="session")
-def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def documented(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The packages on the pages about plugins, as they are printed there, by distribution."""
+    home = tmp_path_factory.mktemp("documented")
+    for page in PAGES.glob("*.md"):
+        text = page.read_text()
+        command = re.search(r"^<!-- star new plugin (\S+) ", text, re.MULTILINE)
+        for path, content in BLOCK.findall(text):
+            own = path.startswith("star-") or command is None
+            file = home / path if own else home / f"star-{command[1]}" / path
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(content)
+    return {folder.name: folder for folder in home.iterdir()}
+
+
+@pytest.fixture(scope="session")
+def wheels(
+    documented: dict[str, Path], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Path]:
     """The wheels of this project and of the third parties, by distribution."""
     folder = tmp_path_factory.mktemp("wheels")
-    pip("wheel", "--no-deps", "--no-build-isolation", "-w", folder, ROOT, *DISTRIBUTIONS)
+    projects = (ROOT, *HERE.glob("star-*"), *documented.values())
+    pip("wheel", "--no-deps", "--no-build-isolation", "-w", folder, *projects)
     return {path.name.split("-")[0].replace("_", "-"): path for path in folder.glob("*.whl")}
 
 
 @pytest.fixture(scope="session")
-def bin_folder(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The commands of the fresh environment, with this project and star-gentle."""
+def bin_folder(
+    wheels: dict[str, Path], documented: dict[str, Path], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The commands of the fresh environment, with this project and the documented plugins."""
     home = tmp_path_factory.mktemp("environment")
     EnvBuilder(symlinks=True).create(home)
-    ours = (wheels["star-swarm"], wheels["star-gentle"])
+    ours = (wheels[name] for name in ("star-swarm", *documented))
     pip("--python", home, "install", "--no-deps", "--no-compile", *ours)
     (packages,) = home.glob("lib/*/site-packages")
     (gentle,) = packages.glob("star_gentle-*.dist-info")

@@ -32,7 +32,7 @@ def test_all_are_listed_with_the_reason(run: Run) -> None:
     assert crooked.startswith("left out: ")
     assert "avoider 'bent'" in crooked
     whose = {line.split("[")[1] for line in lines if line.split()[:1] == ["gentle"]}
-    assert whose == {"star-rival 2.0:gentle]", "star-gentle 1.0:gentle]"}
+    assert whose == {"star-rival 2.0:gentle]", "star-gentle 0.1.0:gentle]"}
 
 
 def test_a_mission_that_uses_none_of_them_flies_and_reports_what_is_left_out(
@@ -46,7 +46,7 @@ def test_a_mission_that_uses_none_of_them_flies_and_reports_what_is_left_out(
 def test_a_mission_that_uses_an_invalid_one_is_refused_and_its_distribution_named(
     run: Run, mission: Path
 ) -> None:
-    mission.write_text(mission.read_text().replace("{use: gentle, share: 0.8}", "bent"))
+    mission.write_text(mission.read_text().replace("{use: gentle, radius: 0.4}", "bent"))
     done = run("star", "check", mission.name)
     assert done.returncode == 2
     assert "'bent'" in done.stderr
@@ -54,15 +54,15 @@ def test_a_mission_that_uses_an_invalid_one_is_refused_and_its_distribution_name
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("options", ["", ", share: 0.8"])
+@pytest.mark.parametrize("options", ["", ", radius: 0.4"])
 def test_a_mission_that_uses_a_name_of_two_is_refused_and_both_are_named(
     run: Run, mission: Path, options: str
 ) -> None:
-    mission.write_text(mission.read_text().replace(", share: 0.8", options))
+    mission.write_text(mission.read_text().replace(", radius: 0.4", options))
     done = run("star", "check", mission.name)
     assert done.returncode == 2
     assert "two plugins offer avoider 'gentle': " in done.stderr
-    assert "star-gentle 1.0:gentle" in done.stderr
+    assert "star-gentle 0.1.0:gentle" in done.stderr
     assert "star-rival 2.0:gentle" in done.stderr
 
 

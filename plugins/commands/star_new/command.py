@@ -13,7 +13,10 @@ from typing import Final
 
 from star_core import InputError
 
-KINDS: Final = ("avoider", "planner", "localizer", "transport", "task", "observer", "command")
+KINDS: Final = (
+    "avoider", "planner", "localizer", "transport", "task",
+    "external-planner", "observer", "command",
+)  # fmt: skip
 NAME: Final = re.compile("[a-z][a-z0-9]*([_-][a-z0-9]+)*")
 
 LINE: Final = {  # of the mission that flies a new plugin
@@ -81,19 +84,27 @@ def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:
         return
     package, folder = f"star_{name.replace('-', '_')}", f"star-{name}"
     word = name.replace("-", "_")
+    title = "".join(part.capitalize() for part in word.split("_"))
     values = {
         "name": word,
         "package": package,
         "folder": folder,
         "kind": kind,
-        "entry": f"{package}:{word}" if kind == "observer" else package,
-        "title": "".join(part.capitalize() for part in word.split("_")),
+        "group": "star.plugins",
+        "entry": package,
+        "title": title,
     }
+    if kind == "observer":
+        values["entry"] = f"{package}:{word}"
+    if kind == "external-planner":
+        values |= {"group": "star.external_planners", "entry": f"{package}:{title}"}
     lines, step = dict(LINE), STEP
     if kind in lines:
         lines[kind] = f"{kind}: {word}"
     if kind == "task":
         step = f"  - {word}: {{agents: cf1, height: 0.3}}"
+    if kind == "external-planner":
+        step = f"  - external: {{planner: {word}}}"
     for template, path in (
         ("pyproject.toml", "pyproject.toml"),
         ("README.md", "README.md"),

@@ -48,7 +48,7 @@ def test_new_plugins_of_every_kind_pass_their_own_tests(tmp_path: Path) -> None:
         check=False,
     )
     assert tests.returncode == 0, tests.stdout + tests.stderr
-    assert "11 passed" in tests.stdout
+    assert "13 passed" in tests.stdout
 
 
 def _install(folder: Path) -> None:
@@ -58,9 +58,10 @@ def _install(folder: Path) -> None:
     info.mkdir()
     lines = [f"Name: {project['name']}", f"Version: {project['version']}", "Metadata-Version: 2.1"]
     (info / "METADATA").write_text("\n".join(lines) + "\n")
-    points = project["entry-points"]["star.plugins"]
-    text = "".join(f"{name} = {value}\n" for name, value in points.items())
-    (info / "entry_points.txt").write_text(f"[star.plugins]\n{text}")
+    lines = []
+    for group, points in project["entry-points"].items():
+        lines += [f"[{group}]", *(f"{name} = {value}" for name, value in points.items())]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
 
 
 def test_nothing_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

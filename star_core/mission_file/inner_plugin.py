@@ -1,0 +1,66 @@
+"""For plugins that wrap another one, which an option names as a mission does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from star_core.contracts import Problem
+from star_core.mission_file.schema import compose, validator
+from star_core.plugin_schema import fill_defaults
+from star_core.registry import Registry
+from star_core.scene import Scene
+
+
+def make_inner(scene: Scene, kind: str, choice: str | Mapping[str, Any]) -> Any:
+    """Return the plugin that an option names, made with its options and their defaults.
+
+    Args:
+        scene: That the wrapping plugin is made with.
+        kind: ``transport``, ``localizer``, ``planner`` or ``avoider``.
+        choice: Its name, or ``{"use": name, option: value}``.
+
+    Raises:
+        PluginError: No plugin of that name is installed.
+    """
+    name, options = _parted(choice)
+    offer = Registry().find(kind, name).offer
+    return offer.make(scene, **fill_defaults(options, offer.options))
+
+
+def check_inner(scene: Scene, kind: str, choice: str | Mapping[str, Any]) -> Iterator[Problem]:
+    """Yield the mistakes in the choice of an inner plugin, as ``star check`` reports those of one.
+
+    Paths begin at the choice: put the name of the option that holds it before them.
+
+    Args:
+        scene: That the wrapping plugin is checked with.
+        kind: As for `make_inner`.
+        choice: As for `make_inner`.
+
+    Example:
+        >>> from star_core.testing import scene
+        >>> (problem,) = check_inner(scene(1), "planner", {"use": "straight", "gain": -1})
+        >>> problem.path, problem.message
+        (('gain',), "planner 'straight': gain: -1 is not possible here, expected more than 0")
+    """
+    from star_core.mission_file.schema_errors import explain
+
+    offers = Registry().offers()
+    mission = compose({kind: offers[kind]})
+    schema = {"properties": {kind: mission["properties"][kind]}, "$defs": mission["$defs"]}
+    data = {kind: choice if isinstance(choice, str) else dict(choice)}
+    faults = list(explain(validator()(schema).iter_errors(data), data))
+    yield from (Problem(tuple(one.path[1:]), one.message, one.code) for one in faults)
+    if not faults:
+        name, options = _parted(choice)
+        offer = offers[kind][name]
+        if offer.check is not None:
+            yield from offer.check(scene, **fill_defaults(options, offer.options))
+
+
+def _parted(choice: str | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    if isinstance(choice, str):
+        return choice, {}
+    options = dict(choice)
+    return options.pop("use"), options
