@@ -42,10 +42,9 @@ def documented(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     home = tmp_path_factory.mktemp("documented")
     for page in PAGES.glob("*.md"):
         text = page.read_text()
-        command = re.search(r"^<!-- star new plugin (\S+) ", text, re.MULTILINE)
+        name = "".join(re.findall(r"^<!-- star new plugin (\S+) ", text, re.MULTILINE))
         for path, content in BLOCK.findall(text):
-            own = path.startswith("star-") or command is None
-            file = home / path if own else home / f"star-{command[1]}" / path
+            file = home / path if path.startswith("star-") else home / f"star-{name}" / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(content)
     return {folder.name: folder for folder in home.iterdir()}

@@ -80,7 +80,9 @@ def test_a_mistake_in_the_options_of_a_wrapped_plugin_is_reported_at_its_line(
 
 def test_a_goal_that_the_planner_refuses_is_reported(run: Run, mission: Path) -> None:
     change(mission, "planner: straight", "planner: low")
-    place = change(mission, "nod: {height: 0.3, timeout: 20}", "goto: {agents: cf1, to: [0, 0, 1.7]}")
+    place = change(
+        mission, "nod: {height: 0.3, timeout: 20}", "goto: {agents: cf1, to: [0, 0, 1.7]}"
+    )
     text = (ROOT / "docs" / "plugins" / "planner.md").read_text()
     (shown,) = re.findall(r"^mission\.yaml:12:16: (.*)$", text, re.MULTILINE)
     file, line, column = place.split(":")

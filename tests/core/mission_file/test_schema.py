@@ -217,6 +217,6 @@ def test_an_obstacle_is_one_polygon_thick_polyline_box_or_cylinder(
 def test_an_escaped_dollar_is_a_dollar_and_another_is_the_very_end(
     pattern: str, fits: str, not_so: str
 ) -> None:
-    validator = schema._validator()({"pattern": pattern})
+    validator = schema.validator()({"pattern": pattern})
     assert validator.is_valid(fits)
     assert not validator.is_valid(not_so)
