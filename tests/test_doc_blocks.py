@@ -111,7 +111,8 @@ def in_mission(part: Any) -> Any:
     """Return a mission with a part of one: some of its keys, or steps."""
     mission = loaded(MISSION)
     if isinstance(part, list):
-        return mission | {"mission": [{"takeoff": {"height": 0.8}}, *part]}
+        first = [] if "takeoff" in part[0] else mission["mission"][:1]
+        return mission | {"mission": [*first, *part]}
     agents = {**mission["swarm"], **part.get("swarm", {})}
     reserve = part.get("reserve", {}).get("agents", [])
     if "transport" in part and "radio" in str(part["transport"]):
