@@ -40,7 +40,7 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
             is given while each mission has its own; lists every reason.
     """
     document = read_as(path, "study")
-    data = document.data
+    path, data = document.path, document.data
     factors: Factors = data.get("factors", {})
     files = [path.parent / name for name in data["missions"]]
     problems = [*_file_problems(path, files, data["missions"]), *_factor_problems(factors)]
