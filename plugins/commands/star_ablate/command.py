@@ -20,7 +20,7 @@ from star_ablate.journal import Journal, StudyProgress
 from star_ablate.reading import read
 from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all
-from star_core import InputError, Registry, new_folder
+from star_core import InputError, Registry, new_folder, write_report
 
 JOURNAL: Final = "runs.jsonl"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
@@ -33,15 +33,19 @@ def main(arguments: Sequence[str]) -> int:
         InputError: The study cannot be flown, or its folder cannot be written.
     """
     options = parser().parse_args(arguments)
-    study = read(Path(options.study), Registry(), options.seeds)
+    registry = Registry()
+    study = read(Path(options.study), registry, options.seeds)
     folder = _folder(options.out, study.name)
     try:
-        return _ablate(study, folder, options)
+        status, table = _ablate(study, folder, options)
     except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
         wrong = f"{folder}: cannot be written: {error.strerror or error}"
         raise InputError(wrong, "unwritable-file") from error
+    if not options.quiet:
+        sys.stdout.write(f"{table}\nresults: {folder}\n{write_report(folder, registry)}\n")
+    return status
 
 
 def parser() -> argparse.ArgumentParser:
@@ -61,12 +65,12 @@ def parser() -> argparse.ArgumentParser:
         "--out", metavar="DIR", help="output folder; resumes its study (runs/TIME-STUDY)"
     )
     star.add_argument("--record", action="store_true", help="keep the record of every run")
-    star.add_argument("--quiet", action="store_true", help="do not print the table")
+    star.add_argument("--quiet", action="store_true", help="print no table and write no report")
     return star
 
 
-def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> int:
-    """Fly the runs that are missing in `folder`, and write the results."""
+def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> tuple[int, str]:
+    """Fly the runs that are missing in `folder` and write results; return status and table."""
     folder.mkdir(parents=True, exist_ok=True)
     plugins = {str(part) for c in study.conditions for part in c.mission.parts.values()}
     about = {"study": study.data, "seeds": study.seeds, "plugins": sorted(plugins)}
@@ -93,9 +97,7 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> int:
     sys.stderr.writelines(f"star: {line}\n" for line in _unknown_measures(study, done))
     if interrupts:
         sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
-    if not options.quiet:
-        sys.stdout.write(f"{table}\nresults: {folder}\n")
-    return INTERRUPTED if interrupts else DONE
+    return INTERRUPTED if interrupts else DONE, table
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from typing import Any, Final
 from star_bench.files import NOISE, SPEED, STUDY, Campaign, write
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
 from star_bench.table import Key, Metrics, as_csv, as_markdown, metrics, rows
-from star_core import InputError, PluginError, Registry, new_folder
+from star_core import InputError, PluginError, Registry, new_folder, write_report
 
 FLOWN: Final = "flown"  # folder of the study's results
 SEEDS: Final = 5
@@ -46,12 +46,14 @@ def main(arguments: Sequence[str]) -> int:
         table = as_markdown(found)
         (folder / "bench.csv").write_text(as_csv(found), encoding="utf-8")
         (folder / "bench.md").write_text(table, encoding="utf-8")
+        _write_results(folder / "results.csv", folder / FLOWN / "results.csv", campaign)
     except BrokenPipeError:  # the reader has closed the pipe
         raise
     except OSError as error:
         wrong = f"{folder}: cannot be written: {error.strerror or error}"
         raise InputError(wrong, "unwritable-file") from error
-    sys.stdout.write(f"{table}\nresults: {folder}\n")
+    report = write_report(folder, registry)
+    sys.stdout.write(f"{table}\nresults: {folder}\n{report}\n")
     return status
 
 
@@ -137,6 +139,19 @@ def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Metrics]]:
                 if (row := flown.get((case.name, avoider, noise))) is not None:
                     key = Key(avoider, case.title, str(case.agents), noise)
                     yield key, metrics(row, drawn[case.name], SPEED)
+
+
+def _write_results(out: Path, flown: Path, campaign: Campaign) -> None:
+    """Write the results of every flight with its scenario and seed in place of the mission."""
+    cases = {case.name: case for case in campaign.cases}
+    with flown.open(encoding="utf-8", newline="") as file, out.open("w", newline="") as copy:
+        source = csv.DictReader(file)
+        table = csv.DictWriter(copy, source.fieldnames or ())
+        table.writeheader()
+        for row in source:
+            case = cases[row["mission"]]
+            scenario = f"{case.title}, {case.agents} agents"
+            table.writerow(row | {"mission": scenario, "seed": case.seed})
 
 
 def _folder(out: str | None) -> Path:

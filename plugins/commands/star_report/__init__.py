@@ -1,10 +1,15 @@
-"""Command ``star report``: shows a recorded flight or a study on one page."""
+"""Command ``star report`` and option ``star run --report``: a flight or a study on one page."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, RunOptionSpec, hookimpl
+
+if TYPE_CHECKING:
+    from star_core import Mission, Registry
+    from star_report.observer import Reporter
 
 
 @hookimpl
@@ -17,7 +22,24 @@ def star_commands() -> Iterator[CommandSpec]:
     )
 
 
+@hookimpl
+def star_run_options() -> Iterator[RunOptionSpec]:
+    yield RunOptionSpec(
+        name="report",
+        summary="Write report.html beside the record when the flight is over.",
+        make=_observer,
+    )
+
+
 def _report(arguments: Sequence[str]) -> int:
     from star_report.command import main
 
     return main(arguments)
+
+
+def _observer(_mission: Mission, _registry: Registry) -> Reporter:
+    from star_report.command import require_plotly
+    from star_report.observer import Reporter
+
+    require_plotly()
+    return Reporter()

@@ -19,11 +19,26 @@ def main(arguments: Sequence[str]) -> int:
         InputError: The folder holds no complete record, or the page cannot be written.
     """
     options = parser().parse_args(arguments)
+    require_plotly()
+    out = write(Path(options.run), Path(options.out) if options.out else None)
+    sys.stdout.write(f"{out}\n")
+    return 0
+
+
+def require_plotly() -> None:
+    """Raise `InputError` if the package that draws is not installed."""
     if find_spec("plotly") is None:
         text = "star report needs plotly: pip install 'star-swarm[report]'"
         raise InputError(text, "missing-package")
-    folder = Path(options.run)
-    out = Path(options.out) if options.out else folder / "report.html"
+
+
+def write(folder: Path, out: Path | None = None) -> Path:
+    """Write the page of a run or a study and return its file, ``report.html`` if not given.
+
+    Raises:
+        InputError: The folder holds no complete record, or the page cannot be written.
+    """
+    out = out or folder / "report.html"
     text = _page(folder)
     try:
         out.write_text(text, encoding="utf-8")
@@ -31,8 +46,7 @@ def main(arguments: Sequence[str]) -> int:
         raise InputError(
             f"{out}: cannot be written: {error.strerror}", "unwritable-file"
         ) from error
-    sys.stdout.write(f"{out}\n")
-    return 0
+    return out
 
 
 def _page(folder: Path) -> str:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any
 
 from plotly.io.json import to_json_plotly
 
 from star_core import Run
-from star_report import figures
+from star_report import charts, views
 from star_report.figures import Figure
-
-MAX_IMAGES: Final = 12
-IMAGE_WIDTH: Final = 240  # px
+from star_report.images import images
 
 
 def page(run: Run) -> str:
@@ -28,15 +26,16 @@ def page(run: Run) -> str:
             "Top view",
             "Solid: ground truth (the estimate, if there is none). Dotted: estimate. "
             "Circle: start; square: end.",
-            figures.top_view(run),
+            views.top_view(run),
         ),
-        ("Replay", "", figures.replay(run)),
-        *figures.over_time(run),
-        ("Steps", "When each agent executed which step.", figures.steps(run)),
-        ("Computing time", "In total, by plugin.", figures.compute(run)),
+        ("Replay", "", views.replay(run)),
+        *charts.series(run),
+        ("Steps", "When each agent executed which step.", charts.steps(run)),
+        *charts.tick_times(run),
+        ("Computing time", "In total, by plugin.", charts.compute(run)),
     ]
     sections += [section(i, *drawn[i]) for i in range(len(drawn))]
-    sections += [*_images(run), _events(summary["events"])]
+    sections += [*images(run), _events(summary["events"])]
     return render(f"{summary['mission']}: {summary['outcome']}", sections)
 
 
@@ -113,30 +112,6 @@ def section(number: int, title: str, caption: str, figure: Figure) -> str:
         f'style="height:{height}px"></div>{controls}'
         f"<script type=application/json data-figure={number}>{data}</script></section>"
     )
-
-
-def _images(run: Run) -> Iterator[str]:
-    """Yield a section with saved camera images, spread over the flight."""
-    saved = sorted(run.folder.glob("frames/*/*.png"), key=lambda path: path.stem)
-    if not saved:
-        return
-    import cv2
-
-    chosen = saved[:: max(1, len(saved) // MAX_IMAGES)][:MAX_IMAGES]
-    shown = []
-    for path in chosen:
-        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-        if image is None:
-            continue
-        height = round(image.shape[0] * IMAGE_WIDTH / image.shape[1])
-        _, jpeg = cv2.imencode(".jpg", cv2.resize(image, (IMAGE_WIDTH, height)))
-        caption = f"{path.parent.name}, {int(path.stem) / 1000:.2f} s"
-        source = base64.b64encode(jpeg.tobytes()).decode()
-        shown.append(
-            f'<figure><img alt="" src="data:image/jpeg;base64,{source}">'
-            f"<figcaption>{escape(caption)}</figcaption></figure>"
-        )
-    yield f"<section><h2>Camera images</h2><div class=images>{''.join(shown)}</div></section>"
 
 
 def _events(events: Sequence[Mapping[str, Any]]) -> str:

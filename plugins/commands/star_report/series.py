@@ -22,14 +22,19 @@ class Nearest(NamedTuple):
     Attributes:
         distance: (T,) m; NaN where there is none.
         tick: Of the least distance; None if there is none.
-        position: (3,) where that was, m.
-        names: Of what came closest.
+        between: (2, 3) positions of what came closest, m; twice the agent's beside an obstacle.
+        text: What came closest, how close and when.
     """
 
     distance: Array
-    tick: int | None
-    position: Array
-    names: str
+    tick: int | None = None
+    between: Array = np.full((2, 3), np.nan)
+    text: str = ""
+
+    @property
+    def least(self) -> float:
+        """Return the least distance of all, m."""
+        return float(self.distance[self.tick]) if self.tick is not None else float("nan")
 
 
 def positions(run: Run) -> Array:
@@ -64,12 +69,12 @@ def separation(run: Run) -> Nearest:
     distance = np.linalg.norm(where[:, first] - where[:, second], axis=2)
     least = _least(distance, axis=1)
     if np.isnan(least).all():
-        return Nearest(least, None, np.full(3, np.nan), "")
+        return Nearest(least)
     tick = int(np.nanargmin(least))
     pair = int(np.nanargmin(distance[tick]))
     i, j = int(first[pair]), int(second[pair])
-    names = f"{run.agents[i]} and {run.agents[j]}"
-    return Nearest(least, tick, (where[tick, i] + where[tick, j]) / 2, names)
+    text = _text(run, f"{run.agents[i]} and {run.agents[j]}", least, tick)
+    return Nearest(least, tick, where[tick, [i, j]], text)
 
 
 def clearance(run: Run) -> Nearest:
@@ -77,17 +82,34 @@ def clearance(run: Run) -> Nearest:
     where = np.where(airborne(run)[..., None], positions(run), np.nan)
     obstacles = run.world.obstacles
     if not obstacles:
-        return Nearest(np.full(len(where), np.nan), None, np.full(3, np.nan), "")
+        return Nearest(np.full(len(where), np.nan))
     known = np.isfinite(where).all(axis=2)
     distance = np.full((len(obstacles), *known.shape), np.nan)
     for k, obstacle in enumerate(obstacles):
         distance[k][known] = obstacle.distances(where[known])
     least = _least(np.moveaxis(distance, 1, 0).reshape(len(where), -1), axis=1)
     if np.isnan(least).all():
-        return Nearest(least, None, np.full(3, np.nan), "")
+        return Nearest(least)
     tick = int(np.nanargmin(least))
     k, i = divmod(int(np.nanargmin(distance[:, tick])), distance.shape[2])
-    return Nearest(least, tick, where[tick, i], f"{run.agents[i]} and {obstacles[k].name}")
+    text = _text(run, f"{run.agents[i]} and {obstacles[k].name}", least, tick)
+    return Nearest(least, tick, where[tick, [i, i]], text)
+
+
+def peaks(x: Array, y: Array, most: int) -> tuple[Array, Array]:
+    """Return `most` points of a line at the most: those with the greatest `y` of their neighbours.
+
+    >>> peaks(np.arange(5.0), np.array([1.0, 3.0, 2.0, 0.0, 5.0]), 3)
+    (array([1., 2., 4.]), array([3., 2., 5.]))
+    """
+    size = -(-len(x) // most)
+    starts = np.arange(0, len(x), size)
+    chosen = [int(start + np.argmax(y[start : start + size])) for start in starts]
+    return x[chosen], y[chosen]
+
+
+def _text(run: Run, names: str, least: Array, tick: int) -> str:
+    return f"{names}: {least[tick]:.2f} m at {run.arrays['time'][tick]:.2f} s"
 
 
 def _least(values: Array, axis: int) -> Array:

@@ -1,8 +1,9 @@
-"""The page of a study: every measure by condition, and its differences to the first condition."""
+"""The page of a study: every measure by condition, and differences between conditions."""
 
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 FILE: Final = "results.csv"
 CONFIDENCE: Final = 0.95
-JITTER: Final = 0.12  # width of the points of a condition, in conditions
+JITTER: Final = 0.12  # half the width of the points of a condition, in conditions
+MEAN_SHIFT: Final = 0.27  # from the points of a condition to its mean, in conditions
+FEW: Final = 12  # conditions, below which there is more space for each
 
 Row: TypeAlias = Mapping[str, str]
 
@@ -34,11 +37,15 @@ class Study(NamedTuple):
     """The runs of a study.
 
     Attributes:
+        name: Of the study, or of its folder.
         conditions: Runs of each condition by its name, in the order of the study.
+        baselines: The first condition of the same mission, by condition.
         measures: Names of the columns with numbers.
     """
 
+    name: str
     conditions: Mapping[str, Sequence[Row]]
+    baselines: Mapping[str, str]
     measures: Sequence[str]
 
 
@@ -58,10 +65,32 @@ def read(folder: Path) -> Study:
         factors.remove("mission")
     conditions: dict[str, list[Row]] = {}
     for row in rows:
-        conditions.setdefault(", ".join(row[factor] for factor in factors), []).append(row)
+        conditions.setdefault(_condition(row, factors), []).append(row)
+    first: dict[str, str] = {}
+    for name, runs in conditions.items():
+        first.setdefault(runs[0]["mission"], name)
+    baselines = {name: first[runs[0]["mission"]] for name, runs in conditions.items()}
     last = columns[columns.index("reason") + 1 : -1]  # without the wall time
     measures = [name for name in last if any(number(row, name) is not None for row in rows)]
-    return Study(conditions, measures)
+    return Study(_name(folder), conditions, baselines, measures)
+
+
+def _condition(row: Row, factors: Sequence[str]) -> str:
+    """Return the name of a run's condition: ``hop, avoider: orca, noise: on``, or ``orca``."""
+    of_mission = [factor for factor in factors if factor == "mission"]
+    others = [factor for factor in factors if factor != "mission"]
+    named = len(others) > 1
+    levels = [f"{factor}: {row[factor]}" if named else row[factor] for factor in others]
+    return ", ".join([*(row[factor] for factor in of_mission), *levels])
+
+
+def _name(folder: Path) -> str:
+    """Return the name of a study: that in ``study.json``, or else that of the folder."""
+    try:
+        about = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+        return str(about["study"]["name"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return folder.resolve().name
 
 
 def number(row: Row, measure: str) -> float | None:
@@ -93,13 +122,13 @@ def interval(values: Sequence[float]) -> Interval | None:
 
 
 def differences(study: Study, measure: str) -> dict[str, Interval | None]:
-    """Return the mean difference of each condition to the first, over the seeds of both."""
-    first, *others = study.conditions
-    before = _by_seed(study.conditions[first], measure)
+    """Return the mean difference of each condition to its baseline, over the seeds of both."""
     found = {}
-    for name in others:
-        after = _by_seed(study.conditions[name], measure)
-        found[name] = interval([after[seed] - before[seed] for seed in before if seed in after])
+    for name, baseline in study.baselines.items():
+        if name != baseline:
+            before = _by_seed(study.conditions[baseline], measure)
+            after = _by_seed(study.conditions[name], measure)
+            found[name] = interval([after[seed] - before[seed] for seed in before if seed in after])
     return found
 
 
@@ -109,75 +138,92 @@ def page(folder: Path) -> str:
     Raises:
         InputError: The folder holds no study's table.
     """
-    from star_report.page import render, section
+    from star_report.page import render
 
     study = read(folder)
     runs = sum(map(len, study.conditions.values()))
+    many = "condition" if len(study.conditions) == 1 else "conditions"
     sections = [
-        f"<h1>{escape(folder.resolve().name)}</h1><p class=quiet>{runs} runs, "
-        f"{len(study.conditions)} conditions. Points: runs; thin lines: the same seed; bars: mean "
-        "with its 95 % interval by Student's t.</p>",
+        f"<h1>{escape(study.name)}</h1><p class=quiet>{runs} runs, {len(study.conditions)} {many}. "
+        "Points: runs; thin lines: the same mission and seed; diamonds: means with their 95 % "
+        "intervals by Student's t.</p>",
         _completed(study),
-        *(section(i, name, "", figure(study, name)) for i, name in enumerate(study.measures)),
-        _table(study),
+        *(_measure(study, i, name) for i, name in enumerate(study.measures)),
+        _means(study),
+        _differences(study),
+        _failures(study),
     ]
-    return render(folder.resolve().name, sections)
+    return render(study.name, sections)
+
+
+def _measure(study: Study, number: int, measure: str) -> str:
+    """Return the section of a measure; a sentence if it is the same in all runs."""
+    from star_report.page import section
+
+    values = [
+        value for rows in study.conditions.values() for value in _by_seed(rows, measure).values()
+    ]
+    if len(set(values)) > 1 or len(values) == 1:
+        return section(number, measure, "", figure(study, measure))
+    text = f"{values[0]:.4g} in all runs in which it is known."
+    return f"<section><h2>{escape(measure)}</h2><p>{text}</p></section>"
 
 
 def figure(study: Study, measure: str) -> Figure:
-    """Return the values of a measure by condition, paired by seed."""
+    """Return the values of a measure by condition, from top to bottom, paired by seed."""
     names = list(study.conditions)
     by_seed = [_by_seed(rows, measure) for rows in study.conditions.values()]
     seeds = list(dict.fromkeys(seed for values in by_seed for seed in values))
     shift = {seed: JITTER * (2 * k / max(1, len(seeds) - 1) - 1) for k, seed in enumerate(seeds)}
-    lines = [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "x": [c + shift[seed] for c, values in enumerate(by_seed) if seed in values],
-            "y": [values[seed] for values in by_seed if seed in values],
-            "line": {"color": "#c3c7cb", "width": 1},
-            "hoverinfo": "skip",
-            "showlegend": False,
-        }
-        for seed in seeds
-    ]
-    points = {
-        "type": "scatter",
-        "mode": "markers",
-        "x": [c + shift[seed] for c, values in enumerate(by_seed) for seed in values],
-        "y": [value for values in by_seed for value in values.values()],
-        "text": [f"{names[c]}, seed {seed}" for c, values in enumerate(by_seed) for seed in values],
-        "hovertemplate": "%{text}<br>%{y:.4g}<extra></extra>",
-        "marker": {"color": "#56B4E9", "size": 5},
-        "showlegend": False,
-    }
+    paired: list[tuple[float | None, float | None]] = []  # a line with gaps (None)
+    for seed in seeds:
+        paired += [(of[seed], c + shift[seed]) for c, of in enumerate(by_seed) if seed in of]
+        paired.append((None, None))
+    runs = [(value, c + shift[seed], f"{names[c]}, seed {seed.rpartition(' ')[2]}")
+            for c, of in enumerate(by_seed) for seed, value in of.items()]  # fmt: skip
     means = [interval(list(values.values())) for values in by_seed]
-    known = [(c, mean) for c, mean in enumerate(means) if mean is not None]
-    bars = {
-        "type": "scatter",
-        "mode": "markers",
-        "x": [c + 0.25 for c, _ in known],
-        "y": [mean.mean for _, mean in known],
-        "error_y": {
-            "type": "data",
-            "array": [_or_zero(mean.high - mean.mean) for _, mean in known],
-            "thickness": 2,
-        },
-        "hovertemplate": "mean %{y:.4g} ± %{error_y.array:.2g}<extra></extra>",
-        "marker": {"color": "#0072B2", "size": 9, "symbol": "diamond"},
-        "showlegend": False,
-    }
+    known = [(c + MEAN_SHIFT, mean) for c, mean in enumerate(means) if mean is not None]
+    marks = {"type": "scatter", "mode": "markers", "showlegend": False}
     return {
-        "data": [*lines, points, bars],
-        "layout": {
-            "xaxis": {
-                "tickvals": list(range(len(names))), "ticktext": [escape(name) for name in names],
-                "range": [-0.5, len(names) - 0.5], "automargin": True,
-                "zeroline": False,
+        "data": [
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x": [x for x, _ in paired],
+                "y": [y for _, y in paired],
+                "line": {"color": "#c3c7cb", "width": 1},
+                "hoverinfo": "skip",
+                "showlegend": False,
             },
-            "yaxis": {"title": {"text": escape(measure)}, "zeroline": False},
-            "height": 360,
+            marks
+            | {
+                "x": [x for x, _, _ in runs],
+                "y": [y for _, y, _ in runs],
+                "text": [text for _, _, text in runs],
+                "hovertemplate": "%{text}<br>%{x:.4g}<extra></extra>",
+                "marker": {"color": "#56B4E9", "size": 5},
+            },
+            marks
+            | {
+                "x": [mean.mean for _, mean in known],
+                "y": [y for y, _ in known],
+                "error_x": {
+                    "type": "data",
+                    "array": [_or_zero(mean.high - mean.mean) for _, mean in known],
+                    "thickness": 2,
+                },
+                "hovertemplate": "mean %{x:.4g} ± %{error_x.array:.2g}<extra></extra>",
+                "marker": {"color": "#0072B2", "size": 9, "symbol": "diamond"},
+            },
+        ],
+        "layout": {
+            "xaxis": {"title": {"text": escape(measure)}, "zeroline": False},
+            "yaxis": {
+                "tickvals": list(range(len(names))), "ticktext": [escape(name) for name in names],
+                "range": [len(names) - 0.4, -0.5], "automargin": True, "zeroline": False,
+            },
+            "margin": {"l": 60, "r": 20, "t": 10, "b": 45},
+            "height": 90 + 60 * len(names) if len(names) < FEW else 90 + 26 * len(names),
         },
     }  # fmt: skip
 
@@ -200,29 +246,61 @@ def _completed(study: Study) -> str:
     )
 
 
-def _table(study: Study) -> str:
-    """Return means, and differences to the first condition."""
-    head = "".join(f"<th>{escape(measure)}" for measure in study.measures)
-    means, changes = [], []
-    difference = {measure: differences(study, measure) for measure in study.measures}
-    for name, runs in study.conditions.items():
-        cells = [
-            _shown(interval(list(_by_seed(runs, measure).values()))) for measure in study.measures
-        ]
-        means.append(f"<tr><td>{escape(name)}" + "".join(f"<td>{cell}" for cell in cells))
-        if name in difference.get(next(iter(difference), ""), {}):
-            cells = [_shown(difference[measure][name]) for measure in study.measures]
-            changes.append(f"<tr><td>{escape(name)}" + "".join(f"<td>{cell}" for cell in cells))
-    first = escape(next(iter(study.conditions)))
-    text = (
-        f"<section><h2>Means</h2><table><tr><th>condition{head}{''.join(means)}</table></section>"
-    )
-    if changes:
-        text += (
-            f"<h2>Differences to {first}, of the same seeds</h2><table>"
-            f"<tr><th>condition{head}{''.join(changes)}</table>"
+def _means(study: Study) -> str:
+    rows = [
+        f"<tr><td>{escape(name)}"
+        + "".join(
+            f"<td>{_shown(interval(list(_by_seed(runs, measure).values())))}"
+            for measure in study.measures
         )
-    return f"{text}</section>"
+        for name, runs in study.conditions.items()
+    ]
+    return f"<section><h2>Means</h2>{_table(study, rows)}</section>"
+
+
+def _differences(study: Study) -> str:
+    """Return differences to baselines; bold where zero is outside the interval."""
+    of = {measure: differences(study, measure) for measure in study.measures}
+    changed = [name for name, baseline in study.baselines.items() if name != baseline]
+    if not changed or not study.measures:
+        return ""
+    baselines = list(dict.fromkeys(study.baselines[name] for name in changed))
+    to = escape(baselines[0]) if len(baselines) == 1 else "the first condition of each mission"
+    rows = []
+    for name in changed:
+        cells = []
+        for measure in study.measures:
+            found = of[measure][name]
+            sure = found is not None and (found.low > 0 or found.high < 0)
+            cells.append(f"<td><b>{_shown(found)}</b>" if sure else f"<td>{_shown(found)}")
+        rows.append(f"<tr><td>{escape(name)}{''.join(cells)}")
+    return (
+        f"<section><h2>Differences to {to}</h2><p class=quiet>Of runs with the same seed. Bold: "
+        f"the 95 % interval does not contain zero.</p>{_table(study, rows)}</section>"
+    )
+
+
+def _failures(study: Study) -> str:
+    """Return the runs that did not complete."""
+    rows = "".join(
+        f"<tr><td>{escape(name)}<td>{escape(run['seed'])}<td>{escape(run['outcome'])}"
+        f"<td>{escape(run['reason'])}"
+        for name, runs in study.conditions.items()
+        for run in runs
+        if run["outcome"] != "completed"
+    )
+    if not rows:
+        return ""
+    head = "<tr><th>condition<th>seed<th>outcome<th>reason"
+    return (
+        f"<section><h2>Not completed</h2><div class=events><table>{head}{rows}</table></div>"
+        "</section>"
+    )
+
+
+def _table(study: Study, rows: Sequence[str]) -> str:
+    head = "".join(f"<th>{escape(measure)}" for measure in study.measures)
+    return f"<div class=wide><table><tr><th>condition{head}{''.join(rows)}</table></div>"
 
 
 def _by_seed(rows: Sequence[Row], measure: str) -> dict[str, float]:

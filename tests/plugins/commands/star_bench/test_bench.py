@@ -48,7 +48,7 @@ def test_a_campaign_is_flown_and_goes_on_where_it_stopped(
         "star: 2 flights; all are checked before the first",
         "[2/2] stack-2-0",
     ]
-    assert told.out.endswith(f"results: {out}\n")
+    assert told.out.endswith(f"results: {out}\nreport: {out / 'report.html'}\n")
     assert (out / "bench.md").read_text() in told.out
     table = csv.DictReader((out / "bench.csv").read_text().splitlines())
     found = {(row["avoider"], row["scenario"]): row for row in table}

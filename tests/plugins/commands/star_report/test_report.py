@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Run, read_run
+from star_core import AgentPhase, Registry, Run, read_run, write_report
 from star_core.cli.main import main
-from star_report.figures import replay, top_view
+from star_report.charts import series, tick_times
 from star_report.series import clearance, errors, separation
+from star_report.views import replay, top_view
 
 MISSION = """\
 star: 1
@@ -58,7 +62,7 @@ def test_the_page_needs_no_network_and_shows_all_sections(
     titles = re.findall(r"<h2>(.*?)</h2>", page)
     assert titles == [
         "Top view", "Replay", "Position error", "Separation", "Clearance", "Altitude", "Battery",
-        "Steps", "Computing time", "Events",
+        "Steps", "Tick times", "Computing time", "Events",
     ]  # fmt: skip
     figures = re.findall(r"data-figure=\d+>(.*?)</script>", page, re.DOTALL)
     assert all(json.loads(figure)["data"] for figure in figures)
@@ -71,7 +75,7 @@ def test_closest_approaches_are_those_of_the_summary(run: Run) -> None:
     assert clear.tick is not None
     assert near.distance[near.tick] == pytest.approx(run.summary["min_separation_m"], abs=1e-6)
     assert clear.distance[clear.tick] == pytest.approx(run.summary["min_clearance_m"], abs=1e-6)
-    assert clear.names == "cf2 and pillar"
+    assert clear.text.startswith(f"cf2 and pillar: {clear.least:.2f} m at ")
 
 
 def test_errors_are_bounded_by_what_the_covariance_expects(run: Run) -> None:
@@ -102,6 +106,71 @@ def test_an_estimate_without_truth_has_no_error_figure(run: Run, tmp_path: Path)
     np.savez(tmp_path / "trajectory.npz", **known)
     assert main(["report", str(tmp_path)]) == 0
     assert "Position error</h2>" not in (tmp_path / "report.html").read_text()
+
+
+def test_images_with_tags_are_shown_with_the_numbers_of_the_tags(run: Run, tmp_path: Path) -> None:
+    shutil.copytree(run.folder, tmp_path, dirs_exist_ok=True)
+    frames = tmp_path / "frames" / "cf1"
+    frames.mkdir(parents=True)
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    for k in range(30):
+        image = np.full((120, 160), 200, np.uint8)
+        if k in {11, 23}:
+            image[30:90, 50:110] = cv2.aruco.generateImageMarker(dictionary, k, 60)
+        cv2.imwrite(str(frames / f"{100 * k:07d}.png"), image)
+    assert main(["report", str(tmp_path)]) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert re.findall(r"<figcaption>(.*?)<", page) == ["cf1, 1.10 s: tag 11", "cf1, 2.30 s: tag 23"]
+
+
+def test_approaches_of_agents_are_marked_beside_the_closest(run: Run) -> None:
+    tick = len(run.arrays["time"]) // 2
+    moment = float(run.arrays["time"][tick])
+    details = {"agents": ["cf1", "cf2"], "time_s": moment}
+    event = {"time": moment, "kind": "close_approach", "text": "close", "details": details}
+    changed = replace(run, summary={**run.summary, "events": [event]})
+    figures = {title: figure for title, _, figure in series(changed)}
+    assert figures["Separation"]["data"][1]["x"][1:] == [moment]
+    assert figures["Separation"]["data"][1]["text"][1:] == ["close"]
+    assert len(figures["Clearance"]["data"][1]["x"]) == 1
+
+
+def test_the_longest_ticks_are_shown_however_long_the_flight(run: Run) -> None:
+    n = 10_000
+    time = np.linspace(0.0, 0.05 * (n - 1), n)
+    spent = np.full(n, 1e-3)
+    spent[4321] = 0.5
+    stages = dict.fromkeys(("localizer", "planner", "avoider", "safety", "tick"), spent)
+    long = replace(run, timing={"time": time, "late": np.zeros(n), **stages})
+    ((_, caption, figure),) = tick_times(long)
+    assert "50 ms" in caption
+    assert max(figure["data"][0]["y"]) == 500
+    assert len(figure["data"][0]["y"]) <= 3000
+    assert "lateness" not in [line["name"] for line in figure["data"]]
+    assert list(tick_times(replace(run, timing={}))) == []
+
+
+def test_a_flight_reports_on_request(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission = str(run.folder.parent / "swap.yaml")
+    out = tmp_path / "out"
+    assert main(["run", mission, "--out", str(out), "--report"]) == 0
+    assert f"report: {out / 'report.html'}\n" in capsys.readouterr().err
+    assert "<h1>swap <span" in (out / "report.html").read_text()
+    assert main(["run", mission, "--no-record", "--report"]) == 0
+    assert "no report without a record" in capsys.readouterr().err
+
+
+def test_without_plotly_nothing_flies_and_a_study_names_the_package(
+    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("star_report.command.find_spec", lambda _name: None)
+    mission = str(run.folder.parent / "swap.yaml")
+    assert main(["run", mission, "--no-record", "--report"]) == 2
+    assert "pip install 'star-swarm[report]' [missing-package]" in capsys.readouterr().err
+    line = write_report(run.folder, Registry())
+    assert line == "no report: star report needs plotly: pip install 'star-swarm[report]'"
 
 
 @pytest.mark.parametrize("missing", ["manifest.json", "summary.json", "trajectory.npz"])

@@ -39,10 +39,44 @@ def test_differences_are_paired_by_seed(folder: Path) -> None:
 
 
 def test_every_run_is_a_point_and_every_seed_a_line(folder: Path) -> None:
-    *lines, points, means = figure(read(folder), "min_separation_m")["data"]
-    assert sorted(points["y"]) == [0.1, 0.2, 0.4, 0.6]
-    assert [line["y"] for line in lines] == [[0.1, 0.4], [0.2, 0.6]]
-    assert means["y"] == pytest.approx([0.15, 0.5])
+    lines, points, means = figure(read(folder), "min_separation_m")["data"]
+    assert sorted(points["x"]) == [0.1, 0.2, 0.4, 0.6]
+    assert lines["x"] == [0.1, 0.4, None, 0.2, 0.6, None]
+    assert means["x"] == pytest.approx([0.15, 0.5])
+
+
+def test_differences_are_to_the_first_condition_of_the_same_mission(folder: Path) -> None:
+    other = TABLE.partition("\n")[2].replace("hop", "fly").replace("0.1,", "0.3,")
+    (folder / FILE).write_text(TABLE + other)
+    study = read(folder)
+    assert study.baselines["fly.yaml, <orca>"] == "fly.yaml, none"
+    found = differences(study, "min_separation_m")
+    assert list(found) == ["hop.yaml, <orca>", "fly.yaml, <orca>"]
+    means = [one.mean for one in found.values() if one is not None]
+    assert means == pytest.approx([0.35, 0.25])
+
+
+def test_levels_have_the_names_of_their_factors_if_there_are_several(folder: Path) -> None:
+    lines = TABLE.replace("avoider,", "avoider,noise,").replace("orca>,", "orca>,on,")
+    (folder / FILE).write_text(lines.replace("none,", "none,on,"))
+    assert list(read(folder).conditions) == [
+        "avoider: none, noise: on",
+        "avoider: <orca>, noise: on",
+    ]
+
+
+def test_a_measure_that_is_the_same_in_all_runs_needs_no_figure(folder: Path) -> None:
+    (folder / FILE).write_text(
+        TABLE.replace("0.1,", "0.4,").replace("0.2,", "0.4,").replace("0.6,", "0.4,")
+    )
+    assert main(["report", str(folder)]) == 0
+    assert "0.4 in all runs in which it is known" in (folder / "report.html").read_text()
+
+
+def test_the_name_is_that_of_the_study(folder: Path) -> None:
+    assert read(folder).name == folder.name
+    (folder / "study.json").write_text('{"study": {"name": "drift"}}')
+    assert read(folder).name == "drift"
 
 
 def test_one_value_has_no_interval() -> None:
@@ -58,6 +92,7 @@ def test_the_page_escapes_names_and_shows_the_share_of_completed_runs(folder: Pa
     assert "<orca>" not in page.split("<script", 1)[0]
     assert "67% [21%, 94%]" in page  # 2 of 3, by Wilson
     assert "0.35 [-0.285, 0.985]" in page
+    assert "<td>none<td>1<td>failed<td>1 collision" in page
 
 
 def test_another_table_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,88 @@
+"""How long a report takes to write and to open, and how large it is.
+
+Three drones with cameras fly for two minutes, and their images are saved. Opening is the wall time
+from the request of the page until all its figures are drawn, in headless Chromium with a software
+renderer: ``pip install playwright``, and Chromium by ``playwright install chromium`` or that of the
+system.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).parents[1]
+STAR = Path(sys.executable).with_name("star")
+FLIGHT = ["run", str(ROOT / "missions" / "three_eyes.yaml"), "--set", "mission.1.follow.laps=5"]
+RENDERER = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+DRAWN = "document.body.dataset.ready === 'true'"
+GOALS = {"megabytes": 5.0, "write_s": 5.0, "open_s": 3.0, "requests": 0.0}
+
+
+def written(folder: Path, rounds: int) -> dict[str, float]:
+    """Return the median time of writing, s, and the size, MB."""
+    times = []
+    for _ in range(rounds):
+        begun = time.perf_counter()
+        subprocess.run([STAR, "report", folder], check=True, stdout=subprocess.DEVNULL)
+        times.append(time.perf_counter() - begun)
+    size = (folder / "report.html").stat().st_size
+    return {"write_s": statistics.median(times), "megabytes": size / 1e6}
+
+
+def opened(page: Path, rounds: int) -> dict[str, float]:
+    """Return the median time of opening, s, and the number of requests beside the page's own."""
+    from playwright.sync_api import sync_playwright
+
+    requests: list[str] = []
+    times = []
+    with sync_playwright() as play:
+        path = shutil.which("chromium")
+        browser = play.chromium.launch(args=[*RENDERER, "--no-sandbox"], executable_path=path)
+        for _ in range(rounds):
+            tab = browser.new_page()
+            tab.on("request", lambda request: requests.append(request.url))
+            begun = time.perf_counter()
+            tab.goto(page.as_uri())
+            tab.wait_for_function(DRAWN)
+            times.append(time.perf_counter() - begun)
+            tab.close()
+        browser.close()
+    others = [url for url in requests if url != page.as_uri() and not url.startswith("data:")]
+    return {"open_s": statistics.median(times), "requests": float(len(others))}
+
+
+def main() -> None:
+    """Print the figures."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--rounds", type=int, default=5)
+    arguments.add_argument("--json", action="store_true")
+    options = arguments.parse_args()
+    with TemporaryDirectory() as home:
+        folder = Path(home, "run")
+        subprocess.run([STAR, *FLIGHT, "--save-frames", "--out", folder], check=True,
+                       capture_output=True)  # fmt: skip
+        flight = json.loads((folder / "summary.json").read_text())
+        figures = {
+            "flight_s": flight["flight_time_s"],
+            "images": float(len(list(folder.glob("frames/*/*.png")))),
+            **written(folder, options.rounds),
+            **opened((folder / "report.html").resolve(), options.rounds),
+        }
+    if options.json:
+        print(json.dumps(figures, indent=2))
+        return
+    for name, value in figures.items():
+        goal = f"   (goal: at most {GOALS[name]:g})" if name in GOALS else ""
+        print(f"{name:10} {value:.2f}{goal}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,184 @@
+"""Charts of a flight: over time, by step and by plugin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+import numpy as np
+
+from star_core import Run
+from star_report.figures import MAX_POINTS, Figure, colour, crosses, dotted, line, over_time
+from star_report.series import (
+    Nearest,
+    clearance,
+    errors,
+    peaks,
+    positions,
+    separation,
+)
+
+CONTACT: Final = 0.12  # m between the centres of two agents that touch
+APPROACHES: Final = ("collision", "close_approach")  # kinds of events
+STAGES: Final = {
+    "tick": "whole tick",
+    "localizer": "localizer",
+    "planner": "planner",
+    "avoider": "avoider",
+    "safety": "safety filter",
+}
+"""Lines of the figure of computing time, by the array of `Run.timing`."""
+
+
+def series(run: Run) -> Iterator[tuple[str, str, Figure]]:
+    """Yield title, caption and figure of what is plotted over time."""
+    time = run.arrays["time"]
+    if (found := errors(run)) is not None:
+        error, bound = found
+        lines = []
+        for i, name in enumerate(run.agents):
+            lines += [
+                line(time, error[:, i], name, colour(i), group=name),
+                dotted(line(time, bound[:, i], f"{name}, 3 std", colour(i), group=name)),
+            ]
+        yield (
+            "Position error",
+            "Distance between estimate and ground truth in the air. Dotted: three standard "
+            "deviations by the estimate's covariance.",
+            over_time(lines, "error (m)"),
+        )
+    for title, caption, nearest, obstacles, level in (
+        (
+            "Separation",
+            "Distance between the two nearest agents in the air. Dashed: contact.",
+            separation(run),
+            False,
+            CONTACT,
+        ),
+        (
+            "Clearance",
+            "Distance from the nearest obstacle to an agent in the air.",
+            clearance(run),
+            True,
+            None,
+        ),
+    ):
+        if nearest.tick is not None:
+            marked = [
+                line(time, nearest.distance, title.lower(), colour(0)),
+                crosses(*_approaches(run, nearest, obstacles=obstacles), "closest approaches"),
+            ]
+            yield title, caption, over_time(marked, "distance (m)", level)
+    for title, caption, array, axis in (
+        ("Altitude", "z of each agent in the map.", positions(run)[..., 2], "z (m)"),
+        ("Battery", "Battery voltage of each agent.", run.arrays["battery"], "voltage (V)"),
+    ):
+        if np.isfinite(array).any():
+            lines = [line(time, array[:, i], n, colour(i)) for i, n in enumerate(run.agents)]
+            figure = over_time(lines, axis)
+            figure["layout"]["yaxis"]["rangemode"] = "normal" if title == "Battery" else "tozero"
+            yield title, caption, figure
+
+
+def tick_times(run: Run) -> Iterator[tuple[str, str, Figure]]:
+    """Yield the figure of each tick's computing time, if that is recorded."""
+    if not run.timing:
+        return
+    lines = [
+        line(*peaks(run.timing["time"], 1000 * run.timing[key], MAX_POINTS), name, colour(i))
+        for i, (key, name) in enumerate(STAGES.items())
+    ]
+    late = 1000 * run.timing["late"]
+    if late.any():
+        lines.append(line(*peaks(run.timing["time"], late, MAX_POINTS), "lateness", colour(6)))
+    period = 1000 * float(np.median(np.diff(run.arrays["time"])))
+    figure = over_time(lines, "time (ms)", period)
+    figure["layout"]["yaxis"] |= {"type": "log", "dtick": 1, "rangemode": "normal"}
+    yield (
+        "Tick times",
+        "Computing time of every tick, logarithmic; the first ticks load packages and kernels. "
+        f"Dashed: from one tick to the next, {period:g} ms.",
+        figure,
+    )
+
+
+def steps(run: Run) -> Figure:
+    """Return when each agent executed which step."""
+    verbs = list(dict.fromkeys(step["verb"] for step in run.summary["steps"]))
+    end = float(run.arrays["time"][-1])
+    data = []
+    for k, verb in enumerate(verbs):
+        bars = [
+            (agent, step["begun_s"], step["ended_s"] if step["ended_s"] is not None else end, step)
+            for step in run.summary["steps"]
+            if step["verb"] == verb
+            for agent in step["agents"]
+        ]
+        data.append(
+            {
+                "type": "bar",
+                "orientation": "h",
+                "name": verb,
+                "y": [bar[0] for bar in bars],
+                "base": [bar[1] for bar in bars],
+                "x": [bar[2] - bar[1] for bar in bars],
+                "text": [bar[3].get("location", "") for bar in bars],
+                "hovertemplate": f"%{{y}}: {verb}<br>%{{text}}<br>%{{base:.2f}} s<extra></extra>",
+                "textposition": "none",
+                "marker": {"color": colour(k), "line": {"color": "white", "width": 1}},
+            }
+        )
+    return {
+        "data": data,
+        "layout": {
+            "barmode": "overlay",
+            "xaxis": {"title": {"text": "mission time (s)"}},
+            "yaxis": {"autorange": "reversed", "type": "category"},
+            "height": 130 + 28 * len(run.agents),
+        },
+    }
+
+
+def compute(run: Run) -> Figure:
+    """Return the computing time of each plugin."""
+    spent: Mapping[str, float] = run.summary["compute_s"]
+    names = sorted(spent, key=lambda name: spent[name])
+    return {
+        "data": [
+            {
+                "type": "bar",
+                "orientation": "h",
+                "y": [name.partition(" (")[0] for name in names],
+                "x": [spent[name] for name in names],
+                "marker": {"color": colour(0)},
+                "hovertemplate": "%{y}: %{x:.3f} s<extra></extra>",
+            }
+        ],
+        "layout": {
+            "xaxis": {"title": {"text": "computing time (s)"}},
+            "yaxis": {"automargin": True},
+            "height": 120 + 22 * len(names),
+        },
+    }
+
+
+def _approaches(
+    run: Run, nearest: Nearest, *, obstacles: bool
+) -> tuple[list[float], list[float], list[str]]:
+    """Return times, distances and texts: of the least distance, collisions and close approaches.
+
+    Args:
+        run: The flight.
+        nearest: Distances over time.
+        obstacles: Whether to return collisions with obstacles, or those between agents.
+    """
+    tick = nearest.tick if nearest.tick is not None else 0
+    found = [(float(run.arrays["time"][tick]), nearest.least, nearest.text)]
+    for event in run.summary["events"]:
+        details = event.get("details") or {}
+        if event["kind"] in APPROACHES and ("obstacle" in details) == obstacles:
+            at = int(np.searchsorted(run.arrays["time"], details["time_s"]))
+            distance = float(nearest.distance[min(at, len(nearest.distance) - 1)])
+            if np.isfinite(distance):
+                found.append((details["time_s"], distance, event["text"]))
+    return [one[0] for one in found], [one[1] for one in found], [one[2] for one in found]

@@ -1,0 +1,220 @@
+"""Views of a flight: from above, and in three dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import shapely
+
+from star_core import Array, Obstacle, Run, box_edges, obstacle_meshes
+from star_report.figures import ALARM, Figure, colour, crosses, dotted, line
+from star_report.series import airborne, clearance, positions, separation
+
+OBSTACLE, FENCE, LANDMARK, TARGET = "#9aa0a6", "#3c8d40", "#1f4e9c", "#c77700"
+REPLAY_RATE: Final = 10.0  # Hz
+
+
+def top_view(run: Run) -> Figure:
+    """Return the flight from above: world, true and estimated paths."""
+    true = positions(run)
+    flying = airborne(run)
+    data: list[Figure] = []
+    for i, name in enumerate(run.agents):
+        path = np.where(flying[:, i, None], true[:, i], np.nan)
+        data.append(line(path[:, 0], path[:, 1], name, colour(i), group=name))
+        if "truth_position" in run.arrays:
+            path = np.where(flying[:, i, None], run.arrays["estimate_position"][:, i], np.nan)
+            label = f"{name}, estimate"
+            data.append(dotted(line(path[:, 0], path[:, 1], label, colour(i), group=name)))
+        ends = true[[0, -1], i]
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": ends[:, 0],
+                "y": ends[:, 1],
+                "marker": {"color": colour(i), "symbol": ["circle-open", "square"], "size": 9},
+                "text": [f"{name}: start", f"{name}: end"],
+                "hovertemplate": "%{text}<br>%{x:.2f}, %{y:.2f} m<extra></extra>",
+                "legendgroup": name,
+                "showlegend": False,
+            }
+        )
+    for label, tags, paint, symbol in (
+        ("landmark", run.world.landmarks, LANDMARK, "square"),
+        ("target", run.world.targets, TARGET, "star"),
+    ):
+        if tags:
+            data.append(
+                {
+                    "type": "scatter",
+                    "mode": "markers+text",
+                    "x": [tag.position[0] for tag in tags],
+                    "y": [tag.position[1] for tag in tags],
+                    "text": [str(tag.id) for tag in tags],
+                    "hovertext": [f"{tag.of} ({tag.id})" for tag in tags],
+                    "textposition": "top center",
+                    "textfont": {"size": 9, "color": paint},
+                    "marker": {"color": paint, "symbol": symbol, "size": 8},
+                    "name": f"{label}s",
+                }
+            )
+    for found, label in (
+        (separation(run), "closest approach"),
+        (clearance(run), "least clearance"),
+    ):
+        if found.tick is not None:
+            x, y = found.between[:, 0].tolist(), found.between[:, 1].tolist()
+            mark = crosses(x, y, [found.text] * 2, f"{label}: {found.least:.2f} m")
+            data.append(mark | {"mode": "lines+markers", "line": {"color": ALARM, "width": 1}})
+    low, high = run.world.fence.low, run.world.fence.high
+    shapes = [
+        {
+            "type": "rect",
+            "x0": low[0], "y0": low[1], "x1": high[0], "y1": high[1],
+            "line": {"color": FENCE, "dash": "dash"}, "layer": "below",
+        },
+        *(_outline(polygon) for obstacle in run.world.obstacles for polygon in obstacle.polygons),
+    ]  # fmt: skip
+    names = [
+        {
+            "x": point.x, "y": point.y, "text": obstacle.name, "showarrow": False,
+            "font": {"size": 10, "color": "#444"},
+        }
+        for obstacle in run.world.obstacles
+        for point in [shapely.Polygon(obstacle.polygons[0]).representative_point()]
+    ]  # fmt: skip
+    return {
+        "data": data,
+        "layout": {
+            "xaxis": {"title": {"text": "x (m)"}, "zeroline": False, "constrain": "domain"},
+            "yaxis": {
+                "title": {"text": "y (m)"}, "zeroline": False, "scaleanchor": "x",
+                "scaleratio": 1,
+            },
+            "shapes": shapes, "annotations": names, "height": 560,
+        },
+    }  # fmt: skip
+
+
+def replay(run: Run) -> Figure:
+    """Return the flight in three dimensions; the page moves the agents.
+
+    ``path`` holds the positions at `REPLAY_RATE`, (frames, N, 3) in a row, and ``time`` their
+    mission times; the last traces are the trail of each agent, and all agents.
+    """
+    time = run.arrays["time"]
+    frames = np.arange(time[0], time[-1] + 1e-9, 1 / REPLAY_RATE)
+    rows = np.clip(np.searchsorted(time, frames), 0, len(time) - 1)
+    path = positions(run)[rows]
+    low, high = (np.array(corner) for corner in (run.world.fence.low, run.world.fence.high))
+    data: list[Figure] = [_fence(low, high)]
+    data += [mesh for obstacle in run.world.obstacles for mesh in _prisms(obstacle)]
+    for tags, paint in ((run.world.landmarks, LANDMARK), (run.world.targets, TARGET)):
+        if tags:
+            place = np.array([tag.position for tag in tags])
+            data.append(
+                {
+                    "type": "scatter3d",
+                    "mode": "markers+text",
+                    **_xyz(place),
+                    "text": [str(tag.id) for tag in tags],
+                    "hovertext": [f"{tag.of} ({tag.id})" for tag in tags],
+                    "textfont": {"size": 9, "color": paint},
+                    "marker": {"size": 3, "color": paint, "symbol": "square"},
+                    "hoverinfo": "text",
+                }
+            )
+    data += [
+        {
+            "type": "scatter3d",
+            "mode": "lines",
+            "x": [],
+            "y": [],
+            "z": [],
+            "line": {"color": colour(i), "width": 3},
+            "hoverinfo": "skip",
+        }
+        for i in range(len(run.agents))
+    ]
+    data.append(
+        {
+            "type": "scatter3d",
+            "mode": "markers+text",
+            **_xyz(path[0]),
+            "text": list(run.agents),
+            "textposition": "top center",
+            "marker": {"size": 5, "color": [colour(i) for i in range(len(run.agents))]},
+            "hoverinfo": "text",
+        }
+    )
+    size = high - low
+    return {
+        "data": data,
+        "layout": {
+            "showlegend": False,
+            "height": 560,
+            "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+            "scene": {
+                **{
+                    f"{axis}axis": {
+                        "title": {"text": f"{axis} (m)"},
+                        "range": [float(low[k]), float(high[k])],
+                    }
+                    for k, axis in enumerate("xyz")
+                },
+                "aspectmode": "manual",
+                "aspectratio": {
+                    axis: float(1.5 * size[k] / size.max()) for k, axis in enumerate("xyz")
+                },
+                "camera": {
+                    "eye": {"x": -1.3, "y": -1.6, "z": 1.3},
+                    "center": {"x": 0, "y": 0, "z": -0.25},
+                },
+            },
+        },
+        "agents": len(run.agents),
+        "path": np.asarray(path, np.float32).ravel(),
+        "time": np.asarray(frames, np.float32),
+    }
+
+
+def _outline(polygon: Sequence[tuple[float, float]]) -> Figure:
+    corners = " L ".join(f"{x:g},{y:g}" for x, y in polygon)
+    return {
+        "type": "path", "path": f"M {corners} Z", "fillcolor": OBSTACLE, "opacity": 0.5,
+        "line": {"color": OBSTACLE}, "layer": "below",
+    }  # fmt: skip
+
+
+def _fence(low: Array, high: Array) -> Figure:
+    """Return the edges of the geofence: a line with gaps (NaN) between them."""
+    edges = np.pad(
+        box_edges(low.tolist(), high.tolist()), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan
+    )
+    return {
+        "type": "scatter3d",
+        "mode": "lines",
+        **_xyz(edges.reshape(-1, 3)),
+        "line": {"color": FENCE, "width": 2},
+        "hoverinfo": "skip",
+    }
+
+
+def _prisms(obstacle: Obstacle) -> Iterator[Figure]:
+    for vertices, faces in obstacle_meshes(obstacle):
+        yield {
+            "type": "mesh3d",
+            **_xyz(vertices),
+            **dict(zip("ijk", faces.T, strict=True)),
+            "color": OBSTACLE,
+            "opacity": 0.6,
+            "flatshading": True,
+            "hovertemplate": f"{obstacle.name}<extra></extra>",
+        }
+
+
+def _xyz(points: Array) -> Figure:
+    return {axis: np.asarray(points[:, k], np.float32) for k, axis in enumerate("xyz")}
