@@ -1,9 +1,12 @@
-"""How well tags are found in images of 324 by 244 px, and how long an image takes.
+"""How well tags are found, and how long an image takes.
 
-Pairs of A4 tags on the simulator's floor are looked at from a moving agent, 0.8 m high. Ours and
-OpenCV's detector with its own windows and sub-pixel corners see the same images in turns, on one
-core; times are what that core worked, and ratios are medians over images. A corner's error is its
-distance from where the simulator's camera, row by row, had it.
+``python benchmarks/detector.py [PHOTOS]``: images of 324 by 244 px, scenes of small tags, and the
+photographs of a folder if one is given (`small_tags`).
+
+In the images of 324 by 244 px, pairs of A4 tags on the simulator's floor are looked at from a
+moving agent, 0.8 m high. Ours and OpenCV's detector with its own windows and sub-pixel corners see
+the same images in turns, on one core; times are what that core worked, and ratios are medians over
+images. A corner's error is its distance from where the simulator's camera, row by row, had it.
 """
 
 from __future__ import annotations
@@ -12,14 +15,16 @@ import argparse
 import json
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from time import thread_time_ns
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from small_tags import photographs, scenes
 
 from star_apriltag.vision.body_pose import Motion, Prediction
-from star_apriltag.vision.detector import ORDER, Detector
+from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.image_analysis import ImageAnalyzer
 from star_core import (
     Array,
@@ -42,6 +47,7 @@ from star_sim.camera_sim.renderer import Renderer
 HEIGHT, SPEED, TURN, TILT = 0.8, 0.28, 0.8, 0.035  # m, m/s, greatest rad/s, deviation in rad
 SIZE, SPACING, FARTHEST = 0.168, 0.21, 1.5  # m; farther tags are in the images but do not count
 NEAREST = 0.05  # m, ahead of the camera
+ORDER = [3, 2, 1, 0]  # from corners clockwise from the top left to ours
 EDGE = 5.0  # px: a tag nearer to the edge of the image does not count either
 
 
@@ -85,14 +91,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--images", type=int, default=200, help="how many to look at")
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    parser.add_argument("--scenes", type=int, default=6, help="how many of small tags, each way")
+    parser.add_argument("photos", nargs="?", type=Path, help="a folder of photographs")
     given = parser.parse_args()
     cv2.setNumThreads(1)
-    figures = compare(list(cases(given.images)))
+    figures = compare(list(cases(given.images))) | scenes(given.scenes)
+    if given.photos is not None:
+        figures |= photographs(given.photos)
     if given.json:
         print(json.dumps(figures))
         return
     for name, value in figures.items():
-        print(f"{name:32} {value:8.3f}")
+        print(f"{name:40} {value:8.3f}")
 
 
 def compare(images: Sequence[Case]) -> dict[str, float]:

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import cv2
 import numpy as np
 
+from star_apriltag.vision.quads import dark_quads, pyramid
+from star_apriltag.vision.tag_code import MIN_CORRELATION, bordered, module_grid, read_codes
 from star_core import Array, CameraModel, Image, Rows
 
-WINDOW: Final = 5
-"""Edge of the square whose mean is a pixel's threshold, px. One size is faster than OpenCV's three;
-in a small one the modules of a far tag merge less."""
-
-MODULE_PIXELS: Final = 8  # in the rectified image from which bits are read
-CORRECTION_RATE: Final = 1.0  # of the five wrong bits that a family of distance 11 can correct
-MIN_PERIMETER: Final = 0.1  # of the image's longer side: one pixel per module
-
-ORDER: Final = [3, 2, 1, 0]
-"""Bottom left, bottom right, top right and top left among OpenCV's corners, which run clockwise
-from the top left. Up is as OpenCV draws a tag; the images of the family's authors are rotated by
-180°."""
+MIN_SEPARATION: Final = 0.4  # of a tag's diagonal, between the centers of two tags
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,28 +21,24 @@ class Found:
     """The tags of one image."""
 
     tag: Rows  # (K,) numbers
-    corners: Array  # (K, 4, 2) px: bottom left, bottom right, top right and top left of each tag
+    # (K, 4, 2) px: bottom left, bottom right, top right and top left of each tag as OpenCV draws
+    # it; the images of the family's authors are rotated by 180°
+    corners: Array
     misfit: Array  # (K,) root mean square deviation of the edges from straight lines, px
 
 
 class Detector:
-    """OpenCV's detector of tag36h11, with corners to a fraction of a pixel by `edge_fit`.
+    """A detector of tag36h11.
 
-    A tag without clear edges is not reported.
+    Candidates are the dark quadrilaterals of `quads`. Their corners are found to a fraction of a
+    pixel by `refine`; candidates without clear edges are dropped. `tag_code` reads the modules
+    within. Tags with modules from about a pixel on are found, at any resolution of the image.
 
     Args:
         lens: Of the camera.
     """
 
     def __init__(self, lens: CameraModel) -> None:
-        parameters = cv2.aruco.DetectorParameters()
-        parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = WINDOW
-        parameters.perspectiveRemovePixelPerCell = MODULE_PIXELS
-        parameters.errorCorrectionRate = CORRECTION_RATE
-        parameters.minMarkerPerimeterRate = MIN_PERIMETER
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
-        family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-        self._detector = cv2.aruco.ArucoDetector(family, parameters)
         self._lens = lens
 
     def detect(self, image: Image) -> Found:
@@ -59,14 +47,36 @@ class Detector:
         Raises:
             ValueError: It is no gray image of the camera's size.
         """
-        image = checked(image, self._lens)
-        corners, ids, _ = self._detector.detectMarkers(image)
-        if not len(corners):
-            return Found(np.zeros(0, np.int64), np.zeros((0, 4, 2)), np.zeros(0))
-        rough = np.asarray(corners, np.float64).reshape(-1, 4, 2)[:, ORDER]
-        fine, misfit = refine(image, rough, self._lens)
+        found: list[tuple[int, Array, float]] = []
+        for level, smaller in enumerate(pyramid(checked(image, self._lens))):
+            found += self._found(smaller, 2.0**level, [corners for _, corners, _ in found])
+        return Found(
+            np.array([tag for tag, *_ in found], np.int64),
+            np.array([corners for _, corners, _ in found]).reshape(-1, 4, 2),
+            np.array([misfit for *_, misfit in found], np.float64),
+        )
+
+    def _found(
+        self, image: Image, scale: float, known: list[Array]
+    ) -> Iterator[tuple[int, Array, float]]:
+        """Yield number, corners and misfit of the tags in an image with pixels `scale` as large.
+
+        Args:
+            image: Of the pyramid.
+            scale: Pixels of the camera per pixel of the image, along each side.
+            known: (4, 2) corners of tags that were found before, px of the camera.
+        """
+        quads = dark_quads(image)
+        quads = quads[bordered(module_grid(image, quads))]
+        new = [quad for quad in quads if not any(_same((quad + 0.5) * scale, k) for k in known)]
+        if not new:
+            return
+        corners, misfit = refine(image, np.array(new), self._lens, scale)
         clear = np.isfinite(misfit)
-        return Found(np.ravel(ids).astype(np.int64)[clear], fine[clear], misfit[clear])
+        corners, misfit = corners[clear], misfit[clear]
+        codes = read_codes(module_grid(image, (corners + 0.5) / scale - 0.5))
+        for k in np.flatnonzero(codes.correlation >= MIN_CORRELATION).tolist():
+            yield int(codes.tag[k]), np.roll(corners[k], -codes.turns[k], axis=0), misfit[k]
 
 
 def checked(image: Image, lens: CameraModel) -> Image:
@@ -82,6 +92,12 @@ def checked(image: Image, lens: CameraModel) -> Image:
     return np.ascontiguousarray(image)
 
 
+def _same(corners: Array, other: Array) -> bool:
+    """Return whether the (4, 2) corners of two quadrilaterals belong to the same tag."""
+    apart = np.linalg.norm(corners.mean(axis=0) - other.mean(axis=0))
+    return bool(apart < MIN_SEPARATION * np.linalg.norm(other[0] - other[2]))
+
+
 POINTS: Final = 24  # along each side
 STEP: Final = 0.25  # px, between samples across a side
 APART: Final = 2  # steps to each of the two samples whose difference is the gradient at a point
@@ -94,7 +110,9 @@ PREVIOUS: Final = [3, 0, 1, 2]
 NEXT: Final = [1, 2, 3, 0]
 
 
-def refine(image: Image, corners: Array, lens: CameraModel) -> tuple[Array, Array]:
+def refine(
+    image: Image, corners: Array, lens: CameraModel, scale: float = 1.0
+) -> tuple[Array, Array]:
     """Return the corners of tags.
 
     Brightness is sampled across each side at many points; the edge is at the mean position of its
@@ -105,28 +123,29 @@ def refine(image: Image, corners: Array, lens: CameraModel) -> tuple[Array, Arra
     intersect in the corners.
 
     Args:
-        image: As the lens shows it.
-        corners: (K, 4, 2) px, anticlockwise in the image, to about a pixel.
+        image: As the lens shows it, or smaller.
+        corners: (K, 4, 2) px of that image, anticlockwise in it, to about a pixel.
         lens: The camera.
+        scale: Pixels of the lens per pixel of the image, along each side.
 
     Returns:
-        (K, 4, 2) px, and the (K,) root mean square distances of the edges' points from their lines,
-        px; NaN for a tag without clear sides.
+        (K, 4, 2) px of the lens, and the (K,) root mean square distances of the edges' points from
+        their lines, likewise; NaN for a tag without clear sides.
     """
     found, clear = corners, np.ones(len(corners), np.bool_)
     spread = np.zeros(len(corners))
     for reach in REACHES:
         points, weight = _edge(image, found, reach)
         clear = clear & (np.count_nonzero(weight, axis=2) >= POINTS // 2).all(axis=1)
-        lines, square = _lines(lens.undistort(points), weight)
+        lines, square = _lines(lens.undistort((points + 0.5) * scale - 0.5), weight)
         meet = _intersection(lines[:, PREVIOUS], lines)
         clear = clear & (np.abs(meet[..., 2]) > MIN_ANGLE).all(axis=1)
         meet[~clear] = 1.0
-        there = lens.project(meet)
+        there = (lens.project(meet) + 0.5) / scale - 0.5
         clear = clear & (np.abs(there - corners).max(axis=(1, 2)) < MAX_SHIFT)
         found = np.where(clear[:, None, None], there, corners)
         spread = square.mean(axis=1) * lens.matrix[0, 0] * lens.matrix[1, 1]
-    return found, np.where(clear, np.sqrt(np.maximum(spread, 0.0)), np.nan)
+    return (found + 0.5) * scale - 0.5, np.where(clear, np.sqrt(np.maximum(spread, 0.0)), np.nan)
 
 
 def _edge(image: Image, corners: Array, reach: float) -> tuple[Array, Array]:
