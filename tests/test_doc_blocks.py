@@ -158,11 +158,6 @@ def test_every_python_block_compiles_and_its_imports_resolve(block: Block) -> No
             assert [one.name for one in node.names if not hasattr(module, one.name)] == []
 
 
-@pytest.mark.parametrize("block", blocks("toml"), ids=str)
-def test_every_toml_block_parses(block: Block) -> None:
-    tomllib.loads(block.text)
-
-
 def commands(text: str) -> Iterator[list[str]]:
     """Yield the words of each command of a block; one may be on several lines."""
     waiting = ""

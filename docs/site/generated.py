@@ -77,16 +77,16 @@ def files_page() -> str:
     for kind in ("mission", "world", "camera", "study"):
         schema = json.loads((ROOT / "schemas" / f"{kind}.schema.json").read_text("utf-8"))
         lines += ["", f"## {kind.capitalize()}", "", schema["description"], ""]
-        lines += table(schema)
+        lines += table(schema, "key")
     return "\n".join(lines) + "\n"
 
 
-def table(schema: Mapping[str, Any]) -> list[str]:
+def table(schema: Mapping[str, Any], title: str = "option") -> list[str]:
     """Return a table of an object's properties, with nested ones below their parent."""
     rows = list(_rows(schema, schema.get("$defs", {}), ""))
     if not rows:
         return ["No options."]
-    return ["| option | value | default | description |", "|---|---|---|---|", *rows]
+    return [f"| {title} | value | default | description |", "|---|---|---|---|", *rows]
 
 
 def _rows(schema: Mapping[str, Any], shared: Mapping[str, Any], above: str) -> Iterator[str]:
@@ -95,7 +95,7 @@ def _rows(schema: Mapping[str, Any], shared: Mapping[str, Any], above: str) -> I
         default = f"`{flow(rules['default'])}`" if "default" in rules else ""
         if key in schema.get("required", ()):
             default = "required"
-        cells = f"`{name}`", f"`{allowed(rules, shared)}`", default, rules.get("description", "")
+        cells = f"`{name}`", allowed(rules, shared), default, rules.get("description", "")
         yield f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"
         if name.count(".") < MAX_DEPTH and rules.get("items") != {"$ref": "#/$defs/step"}:
             yield from _rows(rules, shared, f"{name}.")

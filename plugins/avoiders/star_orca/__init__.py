@@ -17,65 +17,65 @@ _OPTIONS: dict[str, Any] = {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 0.2,
-            "description": "Half the horizontal distance to keep between two agents, m",
+            "description": "Half the horizontal distance to keep between two agents, m.",
         },
         "horizon": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 2.0,
-            "description": "Time for which no two agents shall collide, s",
+            "description": "Time for which no two agents may collide at their velocities, s.",
         },
         "communication_radius": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 4.0,
-            "description": "Horizontal distance within which agents are neighbours, m",
+            "description": "Horizontal distance within which agents are neighbours, m.",
         },
         "max_neighbours": {
             "type": "integer",
             "minimum": 1,
             "maximum": 1000,
             "default": 10,
-            "description": "Greatest number of neighbours avoided, the nearest",
+            "description": "Greatest number of neighbours that are avoided, the nearest first.",
         },
         "vertical": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 0.6,
-            "description": "Agents further apart in height than this do not avoid each other, m",
+            "description": "Agents farther apart in height than this, m, do not avoid each other.",
         },
         "obstacles": {
             "enum": ["half-planes", "virtual-agents", "none"],
             "default": "half-planes",
             "description": "How obstacles are avoided: by RVO2's half-planes, as stationary agents "
-            "at the nearest point of every visible edge, or not at all",
+            "at the nearest point of every visible edge, or not at all.",
         },
         "obstacle_horizon": {
             "type": "number",
             "exclusiveMinimum": 0,
             "default": 1.0,
-            "description": "Time for which no agent shall collide with an obstacle, s",
+            "description": "Time for which no agent may collide with an obstacle, s.",
         },
         "clearance": {
             "type": ["number", "null"],
             "exclusiveMinimum": 0,
             "default": None,
-            "description": "Distance to keep to obstacles; null is the radius. Larger than the "
-            "planner's clearance, it blocks agents on the planner's paths, m",
+            "description": "Distance to keep from obstacles, m; null is the radius. If it is "
+            "larger than the planner's clearance, it blocks agents on the planner's paths.",
         },
         "response": {
             "type": "number",
             "minimum": 0,
             "default": 0.3,
-            "description": "Time constant with which agents follow a velocity; collisions are "
-            "predicted from their positions that much later, s",
+            "description": "Time constant with which agents follow a velocity, s; collisions are "
+            "predicted from their positions that much later.",
         },
         "uncertainty_margin": {
             "type": "number",
             "minimum": 0,
             "default": 0.0,
             "description": "Number of standard deviations of its position by which an agent's "
-            "radius is enlarged, at most doubled; 0 treats positions as exact",
+            "radius is enlarged, at most doubled; 0 treats positions as exact.",
         },
     },
 }

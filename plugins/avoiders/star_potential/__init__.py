@@ -17,10 +17,12 @@ def _positive(default: float, description: str) -> dict[str, Any]:
 
 
 _OPTIONS = {
-    "radius": _positive(0.2, "Half the distance of greatest repulsion; all of it to obstacles, m"),
-    "reach": _positive(0.5, "Distance beyond that at which repulsion begins, m"),
-    "gain": _positive(0.002, "Strength of the repulsion, m⁴/s"),
-    "vertical": _positive(0.6, "Agents further apart in height than this are ignored, m"),
+    "radius": _positive(
+        0.2, "Half the distance of greatest repulsion; all of it from obstacles, m."
+    ),
+    "reach": _positive(0.5, "Distance beyond that at which repulsion begins, m."),
+    "gain": _positive(0.002, "Strength of the repulsion, m⁴/s."),
+    "vertical": _positive(0.6, "Agents farther apart in height than this, m, are ignored."),
 }
 
 

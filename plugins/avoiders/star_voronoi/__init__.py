@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 _OPTIONS = {
     name: {"type": "number", "exclusiveMinimum": 0, "default": default, "description": description}
     for name, default, description in (
-        ("radius", 0.2, "Half the distance between agents, and the distance to obstacles, m"),
-        ("horizon", 0.5, "Time for which an agent stays in its current cell, s"),
-        ("vertical", 0.6, "Agents further apart in height than this are ignored, m"),
+        ("radius", 0.2, "Half the distance between agents, and distance from obstacles, m."),
+        ("horizon", 0.5, "Time for which an agent stays in its current cell, s."),
+        ("vertical", 0.6, "Agents farther apart in height than this, m, are ignored."),
     )
 }
 
