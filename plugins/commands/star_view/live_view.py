@@ -68,7 +68,7 @@ class LiveView:
             [sys.executable, "-m", "star_view"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the flight
+            process_group=0,  # Ctrl-C is for the flight
         )
         scene, speed = flight.scene, None if simulation is None else simulation.speed
         watched = Watched(

@@ -1,0 +1,267 @@
+"""What a view costs a flight, and how fast its page shows a picture.
+
+``python benchmarks/view.py`` prints a table, with ``--json`` one JSON object. Ten drones fly in
+real time without a view, with a reader of its page that draws nothing and, with ``--chromium``,
+with the page in headless Chromium; the rounds alternate. The overrun of a tick is the time at which
+its observers have returned, after its time by the clock of the flight, less that of the earliest
+tick of the flight. The flight has a high priority, if that is allowed: others use the machine.
+
+With ``--chromium`` the page of three drones is loaded, too: time from its address until a picture
+in which all three drones can be seen, with every request checked to stay on this machine. It needs
+``pip install playwright``, and a Chromium at /usr/bin/chromium or $CHROMIUM. Chromium draws by the
+processor; a desktop has a graphics card for that.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from star_core import Flight, Registry, Tick, fly, hookimpl, load
+from star_core.registry import Source
+from star_view.live_view import LiveView
+
+ROOT = Path(__file__).parents[1]
+FIRST_FLIGHT = ROOT / "missions" / "first_flight.yaml"
+GOAL_OVERRUN = 5.0  # ms, 99th percentile
+GOAL_PICTURE = 3.0  # s
+AGENTS = 10
+PATIENCE = 60.0  # s
+PRIORITY = -15
+HUES = (101, 11, 82)  # of 180: blue, orange and green, those of the drones
+NEAR, VIVID, ENOUGH = 6, 150, 20  # hue, saturation of 255, pixels
+ROUNDS = 3
+PORT = 18300
+CHROMIUM = "/usr/bin/chromium"
+ARGUMENTS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+             "--enable-unsafe-swiftshader")  # fmt: skip
+
+MISSION = """\
+star: 1
+name: ten
+world: room.yaml
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+swarm:
+"""
+STEPS = """\
+mission:
+  - takeoff: {height: 0.8}
+  - parallel:
+"""
+
+
+class Overruns:
+    """Notes when each tick is over; registered before all others, it is called last."""
+
+    def __init__(self) -> None:
+        self.overruns: list[float] = []  # s, from an unknown origin
+
+    @hookimpl(trylast=True)
+    def star_ticked(self, tick: Tick) -> None:
+        self.overruns.append(time.monotonic() - tick.time)
+
+
+def write(folder: Path) -> Path:
+    """Write a mission of ten drones on a circle that change sides twice; return its file."""
+    (folder / "room.yaml").write_text(
+        "star: 1\nname: room\nfence: {low: [-4, -4, 0], high: [4, 4, 2.5]}\n"
+    )
+    angle = 2 * np.pi * np.arange(AGENTS) / AGENTS
+    x, y = 2.5 * np.cos(angle), 2.5 * np.sin(angle)
+    swarm = [f"  cf{i + 1}: {{start: [{x[i]:.3f}, {y[i]:.3f}, 0]}}\n" for i in range(AGENTS)]
+    goto = [
+        f"      - goto: {{agents: cf{i + 1}, to: [{-x[i]:.3f}, {-y[i]:.3f}, 0.8]}}\n"
+        for i in range(AGENTS)
+    ]
+    mission = folder / "ten.yaml"
+    mission.write_text(MISSION + "".join(swarm) + STEPS + "".join(goto) + "  - land: {}\n")
+    return mission
+
+
+def overruns(mission: Path, view: LiveView | None, reader: Any = None) -> list[float]:
+    """Fly in real time, watched or not, and return the overrun of every tick, s."""
+    clock = Overruns()
+    registry = Registry(clock)
+    if view is not None:
+        registry.add(view, Source("star-swarm:view:view"))
+    if reader is not None:
+        registry.add(Opener(view, reader), Source("benchmark:opener"))
+    fly(load(mission, registry, ["transport.speed=1"]), registry)
+    earliest = min(clock.overruns)
+    return [overrun - earliest for overrun in clock.overruns]
+
+
+class Opener:
+    """Opens the page before the flight begins, in another process, until the flight ends."""
+
+    def __init__(self, view: LiveView | None, target: Any) -> None:
+        self._view, self._target = view, target
+
+    @hookimpl(trylast=True)
+    def star_mission_started(self, flight: Flight) -> None:
+        assert self._view is not None
+        assert self._view.address
+        context = multiprocessing.get_context("spawn")
+        self._ready, self._done = context.Event(), context.Event()
+        arguments = (self._view.address, self._ready, self._done)
+        self._process = context.Process(target=self._target, args=arguments)
+        self._process.start()
+        assert self._ready.wait(PATIENCE)
+
+    @hookimpl(tryfirst=True)
+    def star_mission_ended(self) -> None:
+        self._done.set()
+        self._process.join(30)
+
+
+def read_page(address: str, ready: Any, done: Any) -> None:
+    """Receive everything that a page sends, as fast as it comes."""
+    import viser
+    from websockets.asyncio.client import connect
+    from websockets.exceptions import ConnectionClosed
+    from websockets.typing import Subprotocol
+
+    async def read() -> None:
+        protocol = Subprotocol(f"viser-v{viser.__version__}")
+        async with connect(
+            address.replace("http", "ws"), subprotocols=[protocol], compression=None, max_size=None
+        ) as socket:
+            ready.set()
+            while not done.is_set():
+                try:
+                    await asyncio.wait_for(socket.recv(), 1)
+                except TimeoutError:
+                    continue
+                except ConnectionClosed:
+                    return
+
+    asyncio.run(read())
+
+
+def browse(address: str, ready: Any, done: Any) -> None:
+    """Show a page in Chromium, at low priority."""
+    os.setpriority(os.PRIO_PROCESS, 0, 19)
+    with browser_page() as page:
+        page.goto(address)
+        page.wait_for_selector("canvas")
+        page.wait_for_timeout(3000)
+        ready.set()
+        while not done.is_set():
+            page.wait_for_timeout(200)
+
+
+@contextmanager
+def browser_page() -> Iterator[Any]:
+    """Yield a new page of Chromium."""
+    from playwright.sync_api import sync_playwright
+
+    path = os.environ.get("CHROMIUM", CHROMIUM)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=[*ARGUMENTS])
+        yield browser.new_page(viewport={"width": 1400, "height": 850})
+        browser.close()
+
+
+def first_picture() -> dict[str, float]:
+    """Load the page of three drones; return the time until its first picture and its requests."""
+    from star_view.command import simulate
+    from star_view.replay import Replay
+
+    mission = load(FIRST_FLIGHT, registry := Registry())
+    replay = Replay(simulate(mission, registry), mission.scene.agents, 0.3, port=PORT)
+    requests: list[str] = []
+    try:
+        with browser_page() as page:  # the browser is open before one copies the address to it
+            page.on("request", lambda request: requests.append(request.url))
+            page.on("websocket", lambda socket: requests.append(socket.url))
+            begun = time.monotonic()
+            page.goto(replay.address, wait_until="commit")
+            page.get_by_text("cf3").first.wait_for(timeout=PATIENCE * 1e3)  # its row in the panel
+            while not shows_drones(page.screenshot()):
+                assert time.monotonic() - begun < PATIENCE
+            took = time.monotonic() - begun
+            page.wait_for_timeout(3000)
+    finally:
+        replay.close()
+    own = (f"http://127.0.0.1:{PORT}", f"ws://127.0.0.1:{PORT}", "data:", "blob:")
+    external = [url for url in requests if not url.startswith(own)]
+    assert not external, external
+    return {
+        "first picture of three drones (s)": took,
+        "requests of the page": float(len(requests)),
+        "of them to elsewhere": float(len(external)),
+    }
+
+
+def shows_drones(png: bytes) -> bool:
+    """Return whether a screenshot has pixels of the colors of three drones."""
+    import cv2
+
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    hue, saturation, _ = cv2.split(cv2.cvtColor(image[:, :1000], cv2.COLOR_BGR2HSV))
+    vivid = hue[saturation > VIVID].astype(int)
+    return all((np.abs(vivid - wanted) <= NEAR).sum() >= ENOUGH for wanted in HUES)
+
+
+def percentiles(values: Sequence[float]) -> tuple[float, float]:
+    """Return the median and the 99th percentile, ms."""
+    low, high = np.percentile(np.array(values) * 1e3, [50, 99])
+    return float(low), float(high)
+
+
+def measure(rounds: int, *, chromium: bool) -> dict[str, float]:
+    """Return the figures by name."""
+    ways: dict[str, list[float]] = {"no view": [], "view and reader": []}
+    if chromium:
+        ways["view and Chromium"] = []
+    with TemporaryDirectory() as folder:
+        mission = write(Path(folder))
+        fly(load(mission, registry := Registry()), registry)  # kernels are compiled once
+        for _ in range(rounds):
+            for way, found in ways.items():
+                view = None if way == "no view" else LiveView(0.3, port=PORT + 1)
+                reader = {"view and reader": read_page, "view and Chromium": browse}.get(way)
+                found.extend(overruns(mission, view, reader))
+    figures: dict[str, float] = {}
+    for way, found in ways.items():
+        middle, high = percentiles(found)
+        figures |= {f"{way}: overrun, median (ms)": middle, f"{way}: overrun, p99 (ms)": high}
+    return figures | (first_picture() if chromium else {})
+
+
+def main() -> None:
+    """Print the figures."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--json", action="store_true", help="print one JSON object, only")
+    options.add_argument("--rounds", type=int, default=ROUNDS)
+    options.add_argument("--chromium", action="store_true", help="also with Chromium (playwright)")
+    given = options.parse_args()
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
+        Path("/proc/self/autogroup").write_text(str(PRIORITY))
+    figures = measure(given.rounds, chromium=given.chromium)
+    if given.json:
+        print(json.dumps(figures))
+        return
+    for name, value in figures.items():
+        goal = GOAL_OVERRUN if "p99" in name else GOAL_PICTURE if "picture" in name else None
+        print(f"{name:44}{value:8.2f}" + (f"   (goal: at most {goal:g})" if goal else ""))
+
+
+if __name__ == "__main__":
+    main()
