@@ -77,5 +77,9 @@ def _step(result: StepResult, times: dict[str, float | None]) -> dict[str, Any]:
         "until": action.until,
         "on_failure": action.on_failure,
         "fault": result.fault,
+        "paths": {
+            name: path.round(3).tolist()
+            for name, path in zip(result.agents, result.paths, strict=False)
+        },
         **times,
     }

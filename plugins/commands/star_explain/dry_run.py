@@ -37,6 +37,8 @@ from star_core import (
 from star_explain.words import seconds
 
 TICK: Final = 0.1  # s, of the dry run: a smaller one does not change points that fly straight
+NO_DISTANCE: Final = 1e-6  # m, rounding error of a position
+STRAIGHT: Final = 0.9999  # cosine of a change of direction that is no corner
 LONGEST: Final = 600.0  # s, greatest simulated duration of one step
 
 
@@ -54,6 +56,8 @@ class StepResult:
         on_board: Whether its agents fly trajectories on board, without steering.
         blocked: Which obstacles are in the way of which agents, if the planner ignores them.
         late: Whether it fails by its timeout.
+        paths: For each agent, corners of its path, (K, 3) in the map, m; of several repetitions
+            those of the first.
     """
 
     action: Any
@@ -65,6 +69,7 @@ class StepResult:
     on_board: bool = False
     blocked: tuple[str, ...] = ()
     late: bool = False
+    paths: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +119,23 @@ def dry_run(mission: Mission, registry: Registry) -> Group:
     return _DryRun(mission, registry).sequence(mission.steps, 1, 0.0)
 
 
+def corners(path: Array) -> Array:
+    """Return the ends of a path, (K, 3) m, and the points at which its direction changes.
+
+    >>> corners(np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [3, 0, 0], [3, 1, 0.0]]))
+    array([[0., 0., 0.],
+           [3., 0., 0.],
+           [3., 1., 0.]])
+    """
+    moved = np.linalg.norm(np.diff(path, axis=0), axis=1) > NO_DISTANCE
+    path = path[np.concatenate([[True], moved])]
+    way = np.diff(path, axis=0)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    turns = (way[:-1] * way[1:]).sum(axis=1) < STRAIGHT
+    kept: Array = path[np.concatenate([[True], turns, [True]])] if len(way) else path
+    return kept
+
+
 def waits(condition: Mapping[str, Any]) -> float:
     """Return the longest time a condition waits by itself, s; 0 if it names none.
 
@@ -159,9 +181,10 @@ class _DryRun:
         self._ignores_obstacles = not registry.find(
             "planner", mission.parts["planner"].use
         ).offer.avoids_obstacles
-        # Of the current step: whether it is flown on board or late, and obstacles in its way.
+        # Of the current step: whether it is flown on board or late, obstacles in its way, and path.
         self._on_board = self._late = False
         self._blocked: dict[tuple[int, str], str] = {}
+        self._track: list[Array] = []  # positions, (n, 3) m, of its n agents
 
     def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
         """Run steps in sequence; of several repetitions only the first is run."""
@@ -190,6 +213,7 @@ class _DryRun:
             return StepResult(action, agents, 0.0, 0.0, given, "no agents are left for it")
         self._on_board = self._late = False
         self._blocked = {}
+        self._track = [self._swarm.position[[*rows]]]
         try:
             takes, limit, fault = self._run(action, rows, begun)
         except StarError as error:
@@ -200,8 +224,9 @@ class _DryRun:
         if action.verb == "leave":
             self._out |= set(rows)
         blocked = tuple(self._blocked.values())
+        paths = tuple(corners(path) for path in np.array(self._track).swapaxes(0, 1))
         return StepResult(
-            action, agents, takes, limit, given, fault, self._on_board, blocked, self._late
+            action, agents, takes, limit, given, fault, self._on_board, blocked, self._late, paths
         )
 
     def _run(
@@ -252,6 +277,7 @@ class _DryRun:
             for command in step.commands:
                 self._swarm.execute(command, now)
             self._swarm.move(goals, rows, now + TICK)
+            self._track.append(self._swarm.position[[*rows]])
             if self._ignores_obstacles:
                 self._note_obstacles(rows)
         late = action.until is None and limit <= LONGEST

@@ -23,20 +23,27 @@ def main(arguments: Sequence[str]) -> int:
     """
     options = parser().parse_args(arguments)
     require_viser("star view")
+    from star_view.plan_scene import add_plan, planned_steps
+    from star_view.replay import Replay
+
     path, registry = Path(options.path), Registry()
+    plan = None
     if path.is_dir():
         run = read_run(path)
         agents = tuple(Agent(name, (0.0, 0.0, 0.0)) for name in run.agents)
     else:
-        mission = load(path, registry, options.set)
+        changes = list(options.set)
+        mission = load(path, registry, changes)
         if mission.scene.realtime:  # the page shows a simulation of it
-            mission = load(path, registry, [*options.set, "transport=sim"])
+            changes.append("transport=sim")
+            mission = load(path, registry, changes)
+        plan = planned_steps([str(path), *(f"--set={change}" for change in changes)], registry)
         run, agents = simulate(mission, registry), mission.scene.agents
-    from star_view.replay import Replay
-
     avoider = run.manifest["plugins"]["avoider"]
     kept_free = radius(avoider["name"], avoider["options"], registry)
     viewer = Replay(run, agents, kept_free, port=options.port)
+    if plan is not None:
+        add_plan(viewer.server, agents, plan)
     for number in (signal.SIGINT, signal.SIGTERM):  # a program that was started with & ignores both
         signal.signal(number, signal.default_int_handler)
     try:

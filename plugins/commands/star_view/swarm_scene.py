@@ -72,7 +72,7 @@ class SwarmScene:
             if radius is not None:
                 ring = np.stack([np.cos(CIRCLE), np.sin(CIRCLE), 0 * CIRCLE], axis=1) * radius
                 self._rings.append(_add_lines(page, f"radii/{agent.name}", color, 1.0))
-                self._rings[-1].points = _segments(ring)
+                self._rings[-1].points = segments(ring)
             for layer, width in LINE_WIDTHS.items():
                 handle = _add_lines(page, f"{layer}/{agent.name}", color, width)
                 self._lines[layer].append(_Lines(handle))
@@ -92,8 +92,8 @@ class SwarmScene:
         """Add a switch for each layer."""
         with gui.add_folder("show", expand_by_default=False):
             for name, label in LAYERS.items():
-                switch = gui.add_checkbox(label, initial_value=True)
-                switch.on_update(partial(_switch, self._layers[name]))
+                box = gui.add_checkbox(label, initial_value=True)
+                box.on_update(partial(switch, self._layers[name]))
 
     def show(self, now: Snapshot) -> None:
         """Move everything to where it is in a snapshot."""
@@ -104,12 +104,12 @@ class SwarmScene:
             self._show_estimate(row, now)
             for ring in self._rings[row : row + 1]:
                 ring.visible, ring.position = agent.visible, now.position[row]
-            self._lines["trails"][row].draw(_segments(now.trail[:, row]))
+            self._lines["trails"][row].draw(segments(now.trail[:, row]))
             self._lines["goals"][row].draw(_cross(now.goal[row]))
-            self._lines["planned"][row].draw(_segments(now.path[row]))
+            self._lines["planned"][row].draw(segments(now.path[row]))
             if (camera := self._cameras[row]) is not None:
                 outline = footprint(camera, now.position[row], now.attitude[row])
-                self._lines["footprints"][row].draw(_segments(outline))
+                self._lines["footprints"][row].draw(segments(outline))
         self._show_velocities(now)
 
     def _show_estimate(self, row: int, now: Snapshot) -> None:
@@ -196,11 +196,12 @@ def _add_lines(page: viser.SceneApi, name: str, color: tuple[int, int, int], wid
     )
 
 
-def _switch(layer: Any, event: Any) -> None:
+def switch(layer: Any, event: Any) -> None:
+    """Show or hide a layer, as a checkbox was switched."""
     layer.visible = event.target.value
 
 
-def _segments(points: Array) -> NDArray[np.float32]:
+def segments(points: Array) -> NDArray[np.float32]:
     """Return a line through (K, 3) points as segments (K - 1, 2, 3), without unknown points."""
     points = points[np.isfinite(points).all(axis=1)]
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)

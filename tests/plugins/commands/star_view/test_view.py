@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -11,13 +12,17 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from star_core import Registry, load, read_run
+from star_core import Camera, Registry, load, read_run
 from star_core.cli.main import main
 from star_view.command import simulate
-from star_view.page import LOOPBACK
+from star_view.footprints import MAX_DISTANCE, footprint
+from star_view.page import LOOPBACK, address, close, open_page
+from star_view.plan_scene import add_plan, planned_steps
 from star_view.replay import Replay
+from tests.plugins.commands.star_view.browser import Browser
 
 FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
 
@@ -56,6 +61,60 @@ def test_ellipsoids_are_two_standard_deviations(viewer: Replay) -> None:
     viewer.show(300)
     std = viewer._run.arrays["estimate_position_std"][300, 1]
     assert sorted(viewer.swarm.ellipsoids[1].scale) == pytest.approx(sorted(2 * std))
+
+
+def test_previous_and_next_jump_from_event_to_event(viewer: Replay) -> None:
+    times = [event["time"] for event in viewer._run.summary["events"]]
+    viewer.timeline.value = 0.5
+    with Browser(viewer.address) as browser:
+        browser.set("event", value="next ▶")
+        browser.wait_for("**2.70 s**")
+        assert viewer.timeline.value == pytest.approx(2.7)
+        browser.set("event", value="◀ previous")
+        browser.wait_for("**0.00 s**")
+    assert {0.0, 2.7} <= set(times)
+    assert times[-1] == pytest.approx(viewer._time[-1])
+
+
+def test_a_mission_is_shown_with_pads_and_the_steps_of_its_dry_run() -> None:
+    mission = load(FIRST_FLIGHT, registry := Registry())
+    steps = planned_steps([str(FIRST_FLIGHT)], registry)
+    assert [step.verb for step in steps] == [
+        "takeoff", "goto", "goto", "goto", "hold", "goto", "goto", "land",
+    ]  # fmt: skip
+    assert steps[0].paths["cf1"] == pytest.approx(np.array([[-1.2, 0, 0], [-1.2, 0, 0.8]]))
+    server = open_page(mission.scene.world, 18235, mission.name)
+    try:
+        add_plan(server, mission.scene.agents, steps)
+        with Browser(address(server)) as browser:
+            browser.wait_for("2. goto cf1, about 4.9 s")
+            pads = {"/pads/start/cf1", "/pads/landing/cf3", "/plan/2/cf1", "/plan/labels/0"}
+            assert pads <= browser.nodes
+    finally:
+        close(server)
+
+
+def test_a_mission_is_shown_without_its_plan_if_the_command_explain_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("STAR_BLOCK_PLUGINS", "explain")
+    assert planned_steps([str(FIRST_FLIGHT)], Registry()) == []
+
+
+def test_a_camera_that_looks_down_sees_the_floor_below_it() -> None:
+    camera = Camera(pitch=math.pi / 2, position=(0.0, 0.0, 0.0), distortion=(0.0,) * 5)
+    level = np.array([0.0, 0.0, 0.0, 1.0])
+    outline = footprint(camera, np.array([1.0, 2.0, 0.9]), level)
+    fx, fy, cx, cy = camera.matrix
+    assert outline[:, 2] == pytest.approx(0.0)
+    assert np.ptp(outline[:, 1]) == pytest.approx(0.9 * (camera.width - 1) / fx)
+    assert np.ptp(outline[:, 0]) == pytest.approx(0.9 * (camera.height - 1) / fy)
+    assert outline[0] == pytest.approx(outline[-1])
+    assert outline[:, 1].max() - 2.0 == pytest.approx(0.9 * cx / fx)
+    assert outline[:, 0].max() - 1.0 == pytest.approx(0.9 * cy / fy)
+    assert len(footprint(camera, np.full(3, np.nan), level)) == 0
+    ahead = footprint(Camera(pitch=0.0), np.array([0.0, 0.0, 1.0]), level)
+    assert np.linalg.norm(ahead[:, :2], axis=1).max() < MAX_DISTANCE + 0.1
 
 
 def test_ctrl_c_ends_it(tmp_path: Path) -> None:

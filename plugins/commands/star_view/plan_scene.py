@@ -1,0 +1,130 @@
+"""The plan of a mission on a page: pads, and the steps and paths of its dry run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
+from functools import partial
+from io import StringIO
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import viser
+
+from star_core import Agent, Array, Registry
+from star_view.swarm_scene import color_of, segments, switch
+
+PAD: Final = 0.15  # m, radius of a pad
+PAD_HEIGHT: Final = 0.004  # m above the floor, so that the floor does not shine through
+CIRCLE: Final = np.linspace(0.0, 2 * np.pi, 33)
+MAX_LABELS: Final = 40  # of steps: more hide the scene
+WIDTH: Final = 1.5  # px
+
+
+class PlannedStep(NamedTuple):
+    """A step of the dry run.
+
+    Attributes:
+        text: Verb and agents, and the expected duration.
+        verb: Of the mission language.
+        paths: Corners, (K, 3) m, of the path of each agent, by name.
+    """
+
+    text: str
+    verb: str
+    paths: Mapping[str, Array]
+
+
+def planned_steps(arguments: Sequence[str], registry: Registry) -> list[PlannedStep]:
+    """Return the steps that ``star explain`` finds in a mission, in order; none if it is missing.
+
+    Args:
+        arguments: Of the command: the mission and what is set in it.
+        registry: Of the commands.
+    """
+    if "explain" not in registry.names("command"):
+        return []
+    with redirect_stdout(StringIO()) as output:
+        registry.find("command", "explain").offer.make([*arguments, "--json"])
+    return list(_flattened(json.loads(output.getvalue())["plan"]))
+
+
+def add_plan(
+    server: viser.ViserServer, agents: Sequence[Agent], steps: Sequence[PlannedStep]
+) -> None:
+    """Add the agents' pads, the planned paths, and the list of steps."""
+    page, names = server.scene, [agent.name for agent in agents]
+    layers = [page.add_frame(f"/{name}", show_axes=False) for name in ("pads", "plan")]
+    ends = {agent.name: np.array(agent.start) for agent in agents}
+    for row, agent in enumerate(agents):
+        _add_pad(page, f"/pads/start/{agent.name}", ends[agent.name], color_of(row), filled=True)
+    labels: dict[tuple[float, ...], list[str]] = {}  # by their positions
+    for number, step in enumerate(steps, start=1):
+        for name, path in step.paths.items():
+            ends[name], color = path[-1], color_of(names.index(name))
+            if len(path) > 1:
+                _add_dashes(page, f"/plan/{number}/{name}", path, color)
+                labels.setdefault(tuple(path[-1].round(1)), []).append(f"{number} {step.verb}")
+    for i, (position, texts) in enumerate(labels.items() if len(labels) <= MAX_LABELS else ()):
+        page.add_label(
+            f"/plan/labels/{i}", ", ".join(texts), position=np.array(position),
+            font_screen_scale=0.7, anchor="top-center",
+        )  # fmt: skip
+    for row, name in enumerate(names):
+        if ends[name][2] < PAD:
+            _add_pad(page, f"/pads/landing/{name}", ends[name], color_of(row), filled=False)
+    with server.gui.add_folder("plan", expand_by_default=len(steps) <= MAX_LABELS):
+        for label, layer in zip(("pads", "planned steps"), layers, strict=True):
+            server.gui.add_checkbox(label, initial_value=True).on_update(partial(switch, layer))
+        server.gui.add_markdown(
+            "\n".join(f"{number}. {step.text}" for number, step in enumerate(steps, start=1))
+        )
+
+
+def _flattened(part: Mapping[str, Any]) -> Iterator[PlannedStep]:
+    """Yield the steps of a plan, each once, also if it is repeated."""
+    inner = part.get("in_order", part.get("at_once"))
+    if inner is not None:
+        for one in inner:
+            yield from _flattened(one)
+        return
+    takes = "" if part["takes_s"] is None else f", about {part['takes_s']:.1f} s"
+    fault = f" — {part['fault']}" if part["fault"] else ""
+    paths = {name: np.array(path) for name, path in part["paths"].items()}
+    yield PlannedStep(
+        f"{part['verb']} {', '.join(part['agents'])}{takes}{fault}", part["verb"], paths
+    )
+
+
+def _add_pad(
+    page: viser.SceneApi, name: str, at: Array, color: tuple[int, int, int], *, filled: bool
+) -> None:
+    """Add the pad of a start, a disc, or of a landing, a ring."""
+    middle = np.array([at[0], at[1], PAD_HEIGHT])
+    if filled:
+        page.add_cylinder(
+            name, radius=PAD, height=PAD_HEIGHT, color=color, opacity=0.35, position=middle,
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+    else:
+        ring = PAD * np.stack([np.cos(CIRCLE), np.sin(CIRCLE), 0 * CIRCLE], axis=1)
+        page.add_line_segments(
+            name, segments(middle + ring), color, thickness=WIDTH, thickness_units="screen"
+        )
+
+
+def _add_dashes(
+    page: viser.SceneApi, name: str, path: Array, color: tuple[int, int, int], dash: float = 0.06
+) -> None:
+    """Add a dashed line through the corners of a path, (K, 3) m."""
+    lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
+    along = np.arange(0.0, lengths[-1], 2 * dash)
+    ends = np.minimum(along + dash, lengths[-1])
+    points = [
+        np.stack([np.interp(where, lengths, path[:, axis]) for axis in range(3)], axis=1)
+        for where in (along, ends)
+    ]
+    page.add_line_segments(
+        name, np.stack(points, axis=1), color, thickness=WIDTH, thickness_units="screen"
+    )
