@@ -130,9 +130,9 @@ def grid(n: int, spacing: float, seed: int = 0) -> Scene:
     return Scene(agents, 1 / RATE, world, seed=seed)
 
 
-def hover(n: int, *, noise: bool = True) -> Simulator:
+def hover(n: int, *, noise: bool = True, controller: str = "ideal") -> Simulator:
     """A connected simulator with `n` drones in the air, steered by setpoints."""
-    simulator = Simulator(grid(n, 1.0), noise=noise)
+    simulator = Simulator(grid(n, 1.0), noise=noise, controller=controller)
     simulator.connect()
     simulator.drones["position"][:, 2] = simulator.drones["seen_position"][:, 2] = 1.0
     simulator.drones["believed_position"][:, 2] = 1.0
@@ -156,6 +156,7 @@ def seconds(call: Callable[[], object], times: int) -> float:
 def speed(n: int) -> dict[str, float]:
     """Agent-steps per second of kernel, whole transport and peer, and the kernel's ratios."""
     simulator, quiet, whole = hover(n), hover(n, noise=False), hover(n)
+    cascade = hover(n, controller="pid")
     peer = NumpySwarm(quiet.drones["position"].copy(), np.zeros(n))
     still, zero = np.zeros((n, 3)), np.zeros(n)
     tick = 0
@@ -173,16 +174,19 @@ def speed(n: int) -> dict[str, float]:
             seconds(lambda: quiet._advance(STEPS), times),  # noqa: SLF001
             seconds(transport_tick, times),
             seconds(lambda: peer.tick(still, zero, STEPS), max(1, times // 20)),
+            seconds(lambda: cascade._advance(STEPS), times),  # noqa: SLF001
         )
         for _ in range(5)
     ]
     work = n * STEPS
-    kernel, silent, transport, naive = (
+    kernel, silent, transport, naive, firmware = (
         work / statistics.median(column) for column in zip(*rounds, strict=True)
     )
     ratio = statistics.median(round_[3] / round_[0] for round_ in rounds)
     return {
         f"kernel_agent_steps_per_s_n{n}": kernel,
+        f"kernel_pid_agent_steps_per_s_n{n}": firmware,
+        f"kernel_pid_over_ideal_n{n}": statistics.median(row[0] / row[4] for row in rounds),
         f"kernel_without_noise_agent_steps_per_s_n{n}": silent,
         f"transport_agent_steps_per_s_n{n}": transport,
         f"numpy_agent_steps_per_s_n{n}": naive,

@@ -28,6 +28,13 @@ OPTIONS: dict[str, Any] = {
             "description": "Whether on-board estimates have the errors and drift of a Flow deck; "
             "without noise they equal the ground truth.",
         },
+        "controller": {
+            "enum": ["ideal", "pid", "mellinger"],
+            "default": "ideal",
+            "description": "What flies the drones: 'pid' and 'mellinger' are the firmware's "
+            "controllers with motors and battery identified from real flights; 'ideal' feeds "
+            "velocity and acceleration of trajectories forward and has stronger motors.",
+        },
         "battery": {
             "type": "number",
             "minimum": 0,

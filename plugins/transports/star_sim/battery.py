@@ -34,16 +34,20 @@ def thrust_at(voltage: float) -> float:
 
 
 @compiled
-def drain(drone: Record) -> None:
+def drain(drone: Record, resistance: float) -> None:
     """Discharge one drone's battery by one cycle, and set its voltage and motor limit.
 
     The power of a propeller goes with its thrust to the power of 1.5 (momentum theory), and its
     current with its power. An empty battery gives no thrust at all.
+
+    Args:
+        drone: The drone.
+        resistance: Of cell and leads, ohm.
     """
     power = 0.0
     for motor in range(4):
         power += drone.thrust[motor] * math.sqrt(drone.thrust[motor])
     current = ELECTRONICS_CURRENT + CURRENT_PER_POWER * power
     drone.charge = max(0.0, drone.charge - current * CYCLE / drone.capacity)
-    drone.voltage = open_voltage(drone.charge) - RESISTANCE * current
+    drone.voltage = open_voltage(drone.charge) - resistance * current
     drone.thrust_limit = thrust_at(drone.voltage) if drone.charge > 0 else 0.0

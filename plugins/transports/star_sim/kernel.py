@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
-from star_sim.battery import drain
-from star_sim.body import BATCH_SIZE, LANES, fly
+from star_sim.batch import BATCH_SIZE, LANES
+from star_sim.battery import RESISTANCE, drain
+from star_sim.body import fly
+from star_sim.cascade import regulate
 from star_sim.commander import follow
 from star_sim.compiled import Record, compiled, kernel
 from star_sim.contact import keep_out, separate, surface_below
 from star_sim.estimator import believe, lean
 from star_sim.position import aim
+from star_sim.powertrain import RESISTANCE as CASCADE_RESISTANCE
 from star_sim.supervisor import supervise
 
 BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once
@@ -20,6 +23,7 @@ BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once
 @kernel
 def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are no more
     drones: Record,
+    cascades: Record,
     order: Record,
     keys: Record,
     normals: Record,
@@ -41,6 +45,7 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
 
     Args:
         drones: (N,) records of `DRONE`, changed in place.
+        cascades: (N,) records of `CASCADE`, changed in place; None for the ideal controller.
         order: (N,) rows sorted along a line, for `separate`.
         keys: (N,) room for `separate`.
         normals: (BLOCK, N, 4) standard normal numbers.
@@ -65,9 +70,9 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
         if phase == 0:
             now = step * STEP
             for i in range(len(drones)):
-                _control(drones[i], now, imu)
+                _control(drones[i], None if cascades is None else cascades[i], now, imu)
         for first in range(0, len(drones), LANES):
-            fly(drones, first, ahead, batch)
+            fly(drones, cascades, first, ahead, batch)
         step += ahead
         if step % STEPS_PER_CYCLE == 0:
             if len(drones) > 1:
@@ -80,16 +85,19 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
                     keep_out(drone, boxes, spans, edges)
                     if imu is not None:
                         surface_below(drone, boxes, spans, edges)
-                drain(drone)
+                drain(drone, RESISTANCE if cascades is None else CASCADE_RESISTANCE)
                 errors = None if imu is None else imu[row, i]
                 believe(drone, cycle, normals[row, i], texture, noisy, errors, samples[row, i])
 
 
 @compiled
-def _control(drone: Record, now: float, imu: Record) -> None:
+def _control(drone: Record, cascade: Record, now: float, imu: Record) -> None:
     """Run the control loops of one drone at the start of a cycle."""
     follow(drone, now)
     supervise(drone, now)
+    if cascade is not None:
+        regulate(drone, cascade)
+        return
     aim(drone)
     if imu is not None:
         lean(drone)

@@ -26,6 +26,7 @@ from star_sim import commander
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.battery import HOVER_CURRENT, HOVER_TIME, VOLTAGE_OF_CHARGE
 from star_sim.camera_sim.options import CameraOptions
+from star_sim.cascade import CONTROLLERS, Cascades, cascades
 from star_sim.contact import SWEEP, prisms
 from star_sim.drone import OFF, standing
 from star_sim.error_profile import IDEAL, ErrorProfile
@@ -51,6 +52,7 @@ class Simulator:
     Args:
         scene: Agents, world and seed.
         noise: Whether estimates have errors; drones then also start slightly off their positions.
+        controller: Name in `star_sim.cascade.CONTROLLERS`, or ``ideal``.
         profile: Magnitudes of the errors of sensors and radio link.
         battery: Initial charge, as a fraction of full.
         endurance: Hover time with a full battery, s.
@@ -68,6 +70,7 @@ class Simulator:
         scene: Scene,
         *,
         noise: bool = True,
+        controller: str = "ideal",
         profile: ErrorProfile = IDEAL,
         battery: float = 1.0,
         endurance: float = HOVER_TIME,
@@ -93,6 +96,9 @@ class Simulator:
             battery,
         )
         self.drones["capacity"] = HOVER_CURRENT * endurance
+        self.cascades: Cascades | None = None
+        if controller != "ideal":
+            self.cascades = cascades(n, CONTROLLERS[controller])
         self._swap_time = swap_time
         self._grounded_since = np.full(n, np.nan)  # s, of drones that have flown
         self._texture = np.zeros((TEXTURE_POINTS, TEXTURE_POINTS))
@@ -253,6 +259,7 @@ class Simulator:
     def _advance(self, steps: int) -> None:
         advance(
             self.drones,
+            self.cascades,
             self._order,
             self._keys,
             self._normals,

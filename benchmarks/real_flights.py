@@ -1,0 +1,221 @@
+"""How closely simulated Crazyflies move like real ones, flight by flight.
+
+``python benchmarks/real_flights.py [FOLDER]`` reads recorded flights (``*.npz``) and, for each,
+
+* replays the recorded setpoints in the simulator, from the recorded start on the ground to where
+  the real drone landed or left its trajectory, and compares the paths at equal times, the lag
+  behind the setpoints and the PWM; a second replay adds the recorded errors of the on-board
+  estimate to what the simulated controller believes, and so tests controller and body alone;
+* predicts, from recorded states and PWM, the next sample and the state 0.5 s later, with the
+  simulator's rigid body and motors and with those of drone-models, where that is installed
+  (crazyflow simulates the same models).
+
+`benchmarks/recorded_flights.py` describes the files. The flights behind the figures in
+docs/simulator.md are those of NanoBench (Ullah and Baca, arXiv 2603.09908, 2026).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("SCIPY_ARRAY_API", "1")  # what drone-models requires before scipy comes
+
+import numpy as np
+from flight_models import Model, ours, predict, theirs
+from recorded_flights import FOLDER, Flight, read, rms
+
+from star_core import Agent, Array, Fence, Scene, World
+from star_sim import battery
+from star_sim.airframe import CYCLE
+from star_sim.drone import DEMAND, OFF, PLACE
+from star_sim.transport import Simulator
+
+TENTHS = np.linspace(0.0, 1.0, len(battery.VOLTAGE_OF_CHARGE))
+
+
+def replay(flight: Flight, controller: str, *, estimated: bool = False) -> dict[str, Array]:
+    """Fly the recorded setpoints in the simulator.
+
+    Args:
+        flight: A recorded one.
+        controller: Name of a controller of the transport `sim`.
+        estimated: Whether the simulated estimate errs by as much as the recorded one; otherwise it
+            does not.
+
+    Returns:
+        ``position`` (T, 3) m, ``pwm`` (T, 4) and ``voltage`` (T,) V at the recorded times; NaN
+        before the start.
+    """
+    data, began = flight.data, flight.began
+    start = data["position"][began]
+    x, y, z, w = data["attitude"][began]
+    yaw = float(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
+    world = World("recorded", Fence((-9.0, -9.0, 0.0), (9.0, 9.0, 9.0)))
+    agent = Agent("cf1", (float(start[0]), float(start[1]), 0.0), yaw)
+    simulator = Simulator(Scene((agent,), 0.05, world, seed=0), noise=False, controller=controller)
+    simulator.connect()
+    drone = simulator.drones[0]
+    drone["origin"], drone["origin_yaw"] = 0.0, 0.0
+    drone["believed_position"], drone["believed_yaw"] = (*start[:2], 0.0), yaw
+    drone["slip"] = 1.0, 0.0
+    rest = np.array(battery.VOLTAGE_OF_CHARGE)
+    drone["charge"] = np.interp(data["voltage"][: max(1, began - 30)].mean(), rest, TENTHS)
+    drone["feed_forward"] = 0.0  # the recorded setpoints were positions
+    drone["setpoint_time"] = np.inf
+    time = data["time"] - data["time"][began]
+    flown: dict[str, Array] = {
+        "position": np.full((len(time), 3), np.nan),
+        "pwm": np.full((len(time), 4), np.nan),
+        "voltage": np.full(len(time), np.nan),
+    }
+    for k in range(began, flight.counted.stop):
+        wanted = data["setpoint"][k]
+        if np.any(wanted != 0):
+            drone["mode"], drone["axes"] = DEMAND, PLACE
+            drone["reference_position"] = wanted[:3] - (0.0, 0.0, flight.floor)
+            drone["reference_yaw"] = np.radians(wanted[3])
+        else:
+            drone["mode"] = OFF
+        flown["position"][k] = drone["position"] + (0.0, 0.0, flight.floor)
+        flown["voltage"][k] = drone["voltage"]
+        if simulator.cascades is not None:
+            flown["pwm"][k] = simulator.cascades["pwm"][0]
+        simulator.wait(round(time[k + 1] / CYCLE) * CYCLE)
+        if estimated:
+            for name in ("position", "velocity"):
+                drone[f"believed_{name}"] += data[f"estimate_{name}"][k + 1] - data[name][k + 1]
+    return flown
+
+
+def lag(time: Array, path: Array, setpoint: Array) -> float:
+    """Return the delay, s, at which delayed (T, 2) setpoints are nearest to a (T, 2) path."""
+    delays = np.arange(0.0, 1.2, 0.005)
+    errors = []
+    for delay in delays:
+        late = [np.interp(time - delay, time, column) for column in setpoint.T]
+        inner = time > time[0] + delays[-1]
+        errors.append(((np.stack(late, axis=1) - path)[inner] ** 2).sum(axis=1).mean())
+    return float(delays[int(np.argmin(errors))])
+
+
+def compare(flight: Flight, controller: str) -> dict[str, float]:
+    """Return the figures of one replayed flight."""
+    data, part = flight.data, flight.counted
+    flown, known = replay(flight, controller), replay(flight, controller, estimated=True)
+    time, real, setpoint = data["time"][part], data["position"][part], data["setpoint"][part]
+    apart, still_apart = flown["position"][part] - real, known["position"][part] - real
+    return {
+        "seconds": float(time[-1] - time[0]),
+        "speed": flight.speed,
+        "lag_real": lag(time, real[:, :2], setpoint[:, :2]),
+        "lag_sim": lag(time, flown["position"][part][:, :2], setpoint[:, :2]),
+        "rms_xy": rms(apart[:, :2]),
+        "rms_z": rms(apart[:, 2:]),
+        "rms": rms(apart),
+        "estimated_lag_sim": lag(time, known["position"][part][:, :2], setpoint[:, :2]),
+        "estimated_rms_xy": rms(still_apart[:, :2]),
+        "estimated_rms_z": rms(still_apart[:, 2:]),
+        "pwm_real": float(data["pwm"][part].mean()),
+        "pwm_sim": float(flown["pwm"][part].mean()),
+        "voltage_real": float(data["voltage"][part].mean()),
+        "voltage_sim": float(flown["voltage"][part].mean()),
+    }
+
+
+def main() -> None:
+    """Print the figures."""
+    options = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    options.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    options.add_argument("--controller", choices=["ideal", "pid", "mellinger"])
+    options.add_argument("--json", action="store_true", help="print one JSON object, only")
+    given = options.parse_args()
+    paths = sorted(given.folder.glob("*.npz"))
+    if not paths:
+        options.error(f"no recorded flights in {given.folder}: give a folder, or STAR_REAL_FLIGHTS")
+    models: dict[str, Model] = {"simulator": ours}
+    for drone in ("cf2x_L250", "cf2x_P250"):
+        peer = theirs(drone)
+        if peer is not None:
+            models[f"drone-models {drone}"] = peer
+    figures: dict[str, Any] = {}
+    for path in paths:
+        flight = read(path)
+        row: dict[str, Any] = {"controller": given.controller or flight.controller}
+        row |= compare(flight, row["controller"])
+        row["predictions"] = {name: predict(flight, model) for name, model in models.items()}
+        figures[flight.name] = row
+        if not given.json:
+            print_row(flight.name, row, header=len(figures) == 1)
+    if given.json:
+        print(json.dumps(figures))
+    else:
+        print_summary(figures)
+
+
+COLUMNS = (  # title, key, format
+    ("s", "seconds", "5.1f"),
+    ("m/s", "speed", "5.2f"),
+    ("lag s, real", "lag_real", "6.2f"),
+    ("sim", "lag_sim", "6.2f"),
+    ("RMS m, xy", "rms_xy", "6.3f"),
+    ("z", "rms_z", "6.3f"),
+    ("known: lag", "estimated_lag_sim", "6.2f"),
+    ("xy", "estimated_rms_xy", "6.3f"),
+    ("z", "estimated_rms_z", "6.3f"),
+    ("PWM, real", "pwm_real", "6.0f"),
+    ("sim", "pwm_sim", "6.0f"),
+    ("V, real", "voltage_real", "5.2f"),
+    ("sim", "voltage_sim", "5.2f"),
+)
+
+
+def print_row(name: str, row: dict[str, Any], *, header: bool) -> None:
+    """Print one flight of the table."""
+    widths = [max(len(title), int(form[0])) for title, _, form in COLUMNS]
+    if header:
+        titles = "  ".join(
+            f"{title:>{w}}" for (title, _, _), w in zip(COLUMNS, widths, strict=True)
+        )
+        print(f"{'flight':16} {'controller':10}  {titles}")
+    numbers = "  ".join(
+        f"{format(row[key], form):>{w}}" for (_, key, form), w in zip(COLUMNS, widths, strict=True)
+    )
+    print(f"{name:16} {row['controller']:10}  {numbers}")
+
+
+def print_summary(figures: dict[str, Any]) -> None:
+    """Print medians and extremes over the flights at each speed, and the errors of predictions."""
+    rows = list(figures.values())
+    print(
+        "\nmedian (worst) at a speed   lag, sim - real s    RMS xy m        known: lag     RMS xy m"
+    )
+    for low, high in ((0.0, 0.6), (0.6, 0.85), (0.85, 9.9)):
+        some = [row for row in rows if low <= row["speed"] < high]
+        if some:
+            texts = []
+            for lag_key, rms_key in (
+                ("lag_sim", "rms_xy"),
+                ("estimated_lag_sim", "estimated_rms_xy"),
+            ):
+                late = np.array([row[lag_key] - row["lag_real"] for row in some])
+                apart = np.array([row[rms_key] for row in some])
+                texts.append(f"{np.median(late):6.3f} ({late[np.argmax(np.abs(late))]:6.3f})")
+                texts.append(f"{np.median(apart):6.3f} ({apart.max():.3f})")
+            speed = np.median([row["speed"] for row in some])
+            print(f"{speed:4.2f} m/s, {len(some):2} flights        " + "  ".join(texts))
+    share = [row["pwm_sim"] / row["pwm_real"] - 1 for row in rows]
+    print(f"PWM, sim over real: median {np.median(share):+.1%}, worst {max(share, key=abs):+.1%}")
+    print("\nmedians of the predictions' RMS errors: after 10 ms velocity m/s, rates rad/s;")
+    print("after 0.5 s position m, velocity m/s, tilt °")
+    for model in rows[0]["predictions"]:
+        columns = [list(row["predictions"][model].values()) for row in rows]
+        median = np.median(columns, axis=0)
+        print(f"{model:24}" + "".join(f"{value:9.3f}" for value in median))
+
+
+if __name__ == "__main__":
+    main()

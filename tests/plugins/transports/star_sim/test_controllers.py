@@ -1,0 +1,192 @@
+"""How drones fly under the firmware's controllers, with motors and battery of real flights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Array, Order, Registry, fly, load
+from star_sim import airframe, powertrain
+from star_sim.drone import DEMAND, FREE, PLACE, SPEED
+from star_sim.powertrain import motor_voltage
+
+Flying = Callable[..., Any]
+
+CONTROLLERS = ["pid", "mellinger"]
+CYCLE = airframe.CYCLE
+FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
+
+
+def hover(start: Flying, controller: str, height: float = 1.0, **options: Any) -> Any:
+    flight = start(controller=controller, rate=100.0, **options)
+    flight.order(Order.TAKEOFF, (0.0, 0.0, height), duration=2.0)
+    flight.fly(12.0)
+    return flight
+
+
+def chase(flight: Any, path: Callable[[float], tuple[float, float]], seconds: float) -> Array:
+    """Send position setpoints at 100 Hz, as a Crazyflie gets them; return (T, 2) true positions."""
+    drone = flight.simulator.drones[0]
+    drone["mode"], drone["axes"], drone["feed_forward"] = DEMAND, PLACE, 0.0
+    flown = []
+    for k in range(round(seconds / CYCLE)):
+        drone["reference_position"] = (*path(k * CYCLE), 1.0)
+        flight.fly(CYCLE)
+        flown.append(flight.position[0, :2])
+    return np.array(flown)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_drone_trails_a_circle_of_position_setpoints_by_half_a_second(
+    start: Flying, controller: str
+) -> None:
+    """Twenty real flights trail by 0.46 to 0.66 s; at 0.5 m/s by 0.46 to 0.56 s."""
+    flight = hover(start, controller)
+    rate = 0.5  # rad/s: 0.5 m/s at a radius of 1 m
+    flown = chase(flight, lambda t: (math.cos(rate * t), math.sin(rate * t)), 30.0)
+    turns = np.exp(-1j * rate * np.arange(len(flown)) * CYCLE)
+    last = round(2 * math.pi / rate / CYCLE)  # one whole circle
+    response = ((flown[:, 0] + 1j * flown[:, 1]) * turns)[-last:].mean()
+    assert 0.46 < -np.angle(response) / rate < 0.66
+    assert abs(response) == pytest.approx(1.0, abs=0.08)
+
+
+def test_a_position_step_is_limited_to_the_firmwares_speed_and_overshoots_a_little(
+    start: Flying,
+) -> None:
+    flight = hover(start, "pid")
+    flown = chase(flight, lambda _t: (3.0, 0.0), 10.0)[:, 0]
+    speed = np.diff(flown) / CYCLE
+    assert 0.85 < np.median(speed[100:200]) < 1.1  # PID_POS_VEL_X_MAX 1 m/s, and its overhead
+    assert 3.0 < flown.max() < 3.3
+    assert flown[-1] == pytest.approx(3.0, abs=0.03)
+
+
+def test_velocity_setpoints_have_reached_63_per_cent_after_a_third_of_a_second(
+    start: Flying,
+) -> None:
+    flight = hover(start, "pid")
+    speeds = [heard.velocity[0, 0] for heard in flight.fly(2.0, (0.5, 0.0, 0.0))]
+    reached = (1 + np.argmax(np.array(speeds) > 0.632 * 0.5)) * CYCLE
+    assert 0.28 < reached < 0.38
+    assert 0.43 < speeds[-1] < 0.5  # drag: the firmware's integral takes half a minute
+
+
+def test_tilt_stays_within_the_firmwares_limit_under_a_violent_setpoint(start: Flying) -> None:
+    flight = hover(start, "pid", 2.0)
+    tilts = []
+    for sign in (1, -1, 1, -1):
+        for heard in flight.fly(0.5, (5.0 * sign, 0, 0)):
+            upright = 1 - 2 * (heard.attitude[0, :2] ** 2).sum()
+            tilts.append(math.degrees(math.acos(upright)))
+    assert 15.0 < max(tilts) < 30.0  # 20° and the overshoot of the firmware's attitude loop
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_hover_takes_the_pwm_of_real_flights(start: Flying, controller: str) -> None:
+    """Real ones hover with 49 to 59 thousand; PWM times voltage is given by weight and motors."""
+    flight = hover(start, controller)
+    pwm, drone = flight.simulator.cascades["pwm"][0], flight.simulator.drones[0]
+    volts = math.sqrt(airframe.HOVER_THRUST / powertrain.THRUST_PER_SQUARED_VOLTAGE)
+    assert pwm == pytest.approx(65535 * volts / drone["voltage"], rel=0.01)
+    assert 49_000 < pwm.mean() < 59_000
+
+
+def test_the_voltage_falls_under_load_and_recovers_after_it(start: Flying) -> None:
+    """Over the recorded flights it falls by 0.55 to 0.75 V."""
+    flight = start(controller="pid")
+    resting = flight.simulator.drones["voltage"][0]
+    flight.rise()
+    loaded = flight.simulator.drones["voltage"][0]
+    assert 0.5 < resting - loaded < 0.75
+    flight.order(Order.STOP)
+    flight.fly(2.0)
+    assert resting - flight.simulator.drones["voltage"][0] < 0.15
+
+
+def test_the_pid_holds_its_height_while_the_battery_empties(start: Flying) -> None:
+    flight = hover(start, "pid", endurance=90.0)
+    before = flight.simulator.cascades["pwm"][0].mean()
+    flight.fly(50.0)
+    assert flight.simulator.cascades["pwm"][0].mean() > 1.03 * before
+    assert flight.position[0, 2] == pytest.approx(1.0, abs=0.02)
+
+
+def test_mellingers_law_hovers_a_decimetre_low_as_in_real_flights(start: Flying) -> None:
+    flight = hover(start, "mellinger")
+    assert -0.15 < flight.position[0, 2] - 1.0 < -0.08
+
+
+def test_on_board_trajectories_lag_under_pid_and_not_under_mellinger(start: Flying) -> None:
+    error = {}
+    for controller in ("ideal", *CONTROLLERS):
+        flight = hover(start, controller)
+        flight.order(Order.GOTO, (2.0, 0.0, 1.0), duration=4.0)
+        flight.fly(2.0)
+        reference = flight.simulator.drones["reference_position"][0, 0]
+        error[controller] = reference - flight.position[0, 0]
+    assert 0.3 < error["pid"] < 0.6  # half a second at up to 1.1 m/s
+    assert abs(error["mellinger"]) < 0.15
+    assert abs(error["ideal"]) < 0.15
+
+
+def test_a_manual_setpoint_is_flown_at_its_tilt_and_thrust(start: Flying) -> None:
+    flight = hover(start, "pid", 2.0)
+    drone = flight.simulator.drones[0]
+    drone["mode"], drone["axes"], drone["tilt"] = DEMAND, (FREE, FREE, SPEED), (0.0, 0.1)
+    drone["reference_velocity"] = 0.0
+    flight.fly(1.0)
+    assert flight.simulator.cascades["angles"][0] == pytest.approx([0.0, 0.1], abs=0.03)
+    assert flight.telemetry.velocity[0, 0] > 0.5
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_yaw_setpoint_is_followed(start: Flying, controller: str) -> None:
+    flight = hover(start, controller)
+    flight.fly(4.0, (0, 0, 0), yaw=1.0)
+    assert flight.simulator.drones["believed_yaw"][0] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_the_same_flight_gives_the_same_bits_alone_and_in_a_swarm(
+    start: Flying, controller: str
+) -> None:
+    apart = [(4.0 * i, 0.0, 0.0) for i in range(11)]
+    one, many = (start(at=at, controller=controller) for at in (apart[:1], apart))
+    for flight in (one, many):
+        flight.rise()
+        flight.fly(2.0, (0.4, -0.2, 0.1), yaw=0.5)
+    assert one.position[0].tolist() == many.position[0].tolist()
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_the_first_flight_completes(controller: str) -> None:
+    registry = Registry()
+    option = f"transport.controller={controller}"
+    summary = fly(load(FIRST_FLIGHT, registry, [option]), registry)
+    assert summary["outcome"] == "completed"
+    assert sum(summary["collisions"].values()) == 0
+
+
+def test_the_motors_voltage_inverts_the_firmwares_thrust() -> None:
+    for volts in np.linspace(0.8, 4.0, 30):
+        thrust = np.polynomial.polynomial.polyval(volts, powertrain.FIRMWARE_THRUST)
+        command = 65535 * thrust / powertrain.FIRMWARE_THRUST_MAX
+        assert motor_voltage(float(command)) == pytest.approx(volts, abs=1e-4)
+    assert motor_voltage(6999.0) == 0.0  # less than FIRMWARE_THRUST_MIN
+
+
+def test_motors_are_lowered_together_where_one_would_exceed_full_pwm(start: Flying) -> None:
+    flight = hover(start, "pid", 3.0, battery=0.3)
+    pwm = []
+    for _ in range(50):
+        flight.fly(CYCLE, (0.0, 0.0, 5.0), yaw=2.0)  # climbs and turns as hard as it can
+        pwm.append(flight.simulator.cascades["pwm"][0].copy())
+    greatest = np.max(pwm, axis=1)
+    assert greatest.max() == pytest.approx(65535.0, abs=1e-6)
+    assert (np.array(pwm)[greatest > 65534.0].min(axis=1) < 60000.0).any()
