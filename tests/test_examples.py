@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import runpy
 from pathlib import Path
 
+import nbformat
 import pytest
+from nbclient import NotebookClient
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -26,6 +29,32 @@ def test_missions_fly_from_python(
     assert sorted(folder.name for folder in Path("runs").iterdir()) == ["radius-0.2", "radius-0.3"]
 
 
+def test_the_notebook_runs_and_draws(tmp_path: Path) -> None:
+    notebook = nbformat.reads((EXAMPLES / "fly_and_plot.ipynb").read_text(), as_version=4)  # type: ignore[no-untyped-call]
+    client = NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}})
+    client.execute(env=os.environ | {"MPLCONFIGDIR": str(tmp_path)})
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    pictures = [output for output in outputs if "image/png" in output.get("data", {})]
+    printed = "".join(output.get("text", "") for output in outputs)
+    assert len(pictures) == 3
+    assert printed.startswith("cf1 cf2 cf3 fly in lab-4x4\ncompleted after ")
+    assert (tmp_path / "runs" / "notebook" / "first" / "summary.json").is_file()
+
+
+def test_the_code_of_the_page_on_python_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "python.md").read_text()
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(compile(block, "python.md", "exec"), names)  # noqa: S102 -- our own page
+    outcome, shapes, height = capsys.readouterr().out.splitlines()
+    assert outcome.startswith("completed 0.")
+    assert shapes.startswith("('cf1', 'cf2', 'cf3') (")
+    assert re.fullmatch(r"[01]\.\d\d m", height)
+
+
 def test_the_readme_of_the_examples_names_all_of_them() -> None:
-    named = re.findall(r"\]\(([^./)]+(?:\.py)?)\)", (EXAMPLES / "README.md").read_text())
+    named = re.findall(r"\]\(([^./)]+(?:\.py|\.ipynb)?)\)", (EXAMPLES / "README.md").read_text())
     assert sorted(named) == sorted({path.name for path in EXAMPLES.iterdir()} - {"README.md"})
