@@ -16,7 +16,7 @@ PALETTE: Final = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442",
 )  # fmt: skip
 ALARM: Final = "#b00020"
-MAX_POINTS: Final = 3000  # of a line
+MAX_POINTS: Final = 1500  # of a line
 
 
 def colour(i: int) -> str:
@@ -26,7 +26,7 @@ def colour(i: int) -> str:
 
 def line(x: Array, y: Array, name: str, paint: str, group: str = "") -> Figure:
     """Return a line, thinned out to `MAX_POINTS`."""
-    step = max(1, len(x) // MAX_POINTS)
+    step = max(1, -(-len(x) // MAX_POINTS))
     return {
         "type": "scatter",
         "mode": "lines",

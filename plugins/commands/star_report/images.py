@@ -17,6 +17,7 @@ from star_core import Run
 MAX_IMAGES: Final = 12
 MAX_EXAMINED: Final = 120  # images in which tags are searched for
 WIDTH: Final = 324  # px
+QUALITY: Final = 75  # %, of JPEG
 GREEN: Final = (80, 220, 60)  # BGR
 
 
@@ -85,7 +86,8 @@ def _examined(path: Path) -> Picture | None:
 
 def _shown(picture: Picture) -> str:
     height = round(picture.pixels.shape[0] * WIDTH / picture.pixels.shape[1])
-    _, jpeg = cv2.imencode(".jpg", cv2.resize(picture.pixels, (WIDTH, height)))
+    pixels = cv2.resize(picture.pixels, (WIDTH, height))
+    _, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     caption = f"{picture.path.parent.name}, {int(picture.path.stem) / 1000:.2f} s"
     if picture.tags:
         many = "tag" if len(picture.tags) == 1 else "tags"
