@@ -90,6 +90,10 @@ from star_core.toolkit.camera_model import square_poses as square_poses
 from star_core.toolkit.jit import compiled as compiled
 from star_core.toolkit.jit import subroutine as subroutine
 from star_core.toolkit.position_control import PositionController as PositionController
+from star_core.toolkit.progress import Progress as Progress
+from star_core.toolkit.progress import duration as duration
+from star_core.toolkit.progress import log as log
+from star_core.toolkit.progress import on_terminal as on_terminal
 from star_core.toolkit.timeouts import step_timeout as step_timeout
 from star_core.toolkit.timeouts import timeout as timeout
 from star_core.toolkit.trajectory import polynomial as polynomial

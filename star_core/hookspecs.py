@@ -75,6 +75,14 @@ def star_run_options() -> Iterable[RunOptionSpec]:  # type: ignore[empty-body]
     """Offer switches of ``star run``, each of which adds an observer to the flight."""
 
 
+@hookspec(firstresult=True)
+def star_expected_duration(mission: Mission, registry: Registry) -> float | None:
+    """Return the mission time that a flight takes if nothing delays it, s; None if unknown.
+
+    It is for the display of progress: called once, in flights that take long.
+    """
+
+
 @hookspec
 def star_check(mission: Mission, registry: Registry) -> Iterable[Problem]:  # type: ignore[empty-body]
     """Check a mission in which ``star check`` has found no other problem.

@@ -21,6 +21,7 @@ from star_core.mission import Mission
 from star_core.plugin_guard import PluginGuard, close_all, require_methods, require_signature
 from star_core.plugin_schema import PARTS, fill_defaults
 from star_core.registry import Registry
+from star_core.toolkit.progress import Progress
 
 TIME_TOLERANCE: Final = 1e-3  # s; clocks of computers have a resolution
 
@@ -70,7 +71,7 @@ class PluginPipeline:
         self._planner_options = options["planner"]
         try:
             for kind in PARTS:
-                with self._making[kind]:
+                with self._making[kind], Progress(f"preparing {self._making[kind].plugin}"):
                     make = specs[kind].make
                     require_signature(make, "make", ("scene",), options[kind])
                     self._plugins[kind] = make(mission.scene, **options[kind])
@@ -102,7 +103,7 @@ class PluginPipeline:
     def connect(self, trajectories: Sequence[Trajectory]) -> None:
         """Open the links, and upload the trajectories that agents may fly on board."""
         transport = self._plugins["transport"]
-        with self._making["transport"]:
+        with self._making["transport"], Progress(f"connecting to {self._n} agents"):
             if trajectories and not hasattr(transport, "upload"):
                 raise PluginError("flies no trajectories on board")
             transport.connect()

@@ -20,6 +20,7 @@ from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
 from star_core.shutdown import Shutdown
 from star_core.tick import ControlLoop
+from star_core.toolkit.progress import Progress
 
 
 def fly(
@@ -57,12 +58,13 @@ def fly(
         )
         run.fly()
     finally:
-        failures = [*(run.loop.executor.close() if run is not None else ()), *pipeline.close()]
-        if run is not None and run.reason is not None:  # it began to fly
-            for text in failures:
-                run.observers.event("failure", text)
-            summary = run.summary()
-            run.observers.notify("star_mission_ended", summary=deepcopy(summary))
+        with Progress("closing the links and the record"):
+            failures = [*(run.loop.executor.close() if run is not None else ()), *pipeline.close()]
+            if run is not None and run.reason is not None:  # it began to fly
+                for text in failures:
+                    run.observers.event("failure", text)
+                summary = run.summary()
+                run.observers.notify("star_mission_ended", summary=deepcopy(summary))
     return summary
 
 

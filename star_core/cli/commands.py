@@ -123,10 +123,13 @@ def _parse(
 def _run(arguments: Sequence[str]) -> int:
     from contextlib import nullcontext, redirect_stdout
 
-    from star_core.cli.main import installed
-    from star_core.cli.run import log_to_stderr, run_mission
+    from star_core.toolkit.progress import Progress
 
-    registry, answer = installed(), sys.stdout
+    with Progress("loading plugins"):
+        from star_core.cli.main import installed
+        from star_core.cli.run import log_to_stderr, run_mission
+
+        registry, answer = installed(), sys.stdout
     options = _parse("run", arguments, registry)
     log_to_stderr(verbose=options.verbose)
     # What plugins print must not be in the JSON.
@@ -150,9 +153,11 @@ def _check(arguments: Sequence[str]) -> int:
 
     from star_core.cli.check import check_file
     from star_core.cli.main import installed
+    from star_core.toolkit.progress import Progress
 
     options = _parse("check", arguments)
-    text, warnings = check_file(Path(options.mission), _assignments(options), installed())
+    with Progress(f"checking {options.mission}"):
+        text, warnings = check_file(Path(options.mission), _assignments(options), installed())
     for warning in warnings:
         print(warning, file=sys.stderr)
     print(text)

@@ -1,71 +1,78 @@
-"""Shows a flight in progress: a live table on a terminal, plain lines in a pipe."""
+"""Shows a flight in progress: events, and how far it is; on a terminal a table of the agents."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from typing import Any
-
-from rich.console import Console
-from rich.live import Live
-from rich.table import Table
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 from star_core.hookspecs import hookimpl
 from star_core.messages.events import Event, Flight, Tick
 from star_core.messages.state import AgentPhase
+from star_core.toolkit.progress import Progress, log
 
-REFRESH_PERIOD = 0.1  # s of wall time
-MAX_ROWS = 20  # agents in the table
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
-
-class _Console(Console):
-    """Raises when the reader of the pipe has exited, instead of ending the process."""
-
-    def on_broken_pipe(self) -> None:
-        raise BrokenPipeError
+MAX_ROWS: Final = 20  # agents in the table
+ESTIMATE_AFTER: Final = 2.0  # s of wall time; a shorter flight needs no estimate of its duration
 
 
-class Progress:
-    """An observer that writes to standard error.
+class FlightProgress:
+    """An observer that reports a flight on stderr.
 
     Args:
-        console: For the output.
+        estimate: Returns the expected mission time of the flight, s; None if it is not known.
+        events: Whether to report events.
     """
 
-    def __init__(self, console: Console | None = None) -> None:
-        self._console = console or _Console(stderr=True)
-        self._live: Live | None = None
+    def __init__(self, estimate: Callable[[], float | None], *, events: bool = True) -> None:
+        self._estimate = estimate
+        self._events = events
         self._names: tuple[str, ...] = ()
-        self._title = ""
-        self._shown = 0.0
+        self._tick: Tick | None = None
+        self._progress = Progress("")
+        self._estimate_at = 0.0  # s of wall time
 
     @hookimpl
     def star_mission_started(self, flight: Flight) -> None:
-        self._names = flight.scene.names
-        self._title = flight.mission
-        if self._console.is_terminal:
-            self._live = Live(console=self._console, auto_refresh=False, transient=True)
-            self._live.start()
+        self._names, self._tick = flight.scene.names, None
+        self._progress = Progress(
+            flight.mission, unit="s", estimated=True, detail=self._speed, view=self._table
+        )
+        self._estimate_at = time.monotonic() + ESTIMATE_AFTER
+        if flight.scene.realtime:  # in flight it would delay ticks
+            self._progress.total = self._estimate()
+        self._progress.done = 0.0
+        self._progress.__enter__()
 
     @hookimpl
     def star_ticked(self, tick: Tick) -> None:
-        now = time.monotonic()
-        if self._live is not None and now - self._shown > REFRESH_PERIOD:
-            self._shown = now
-            self._live.update(self._table(tick), refresh=True)
+        self._tick, self._progress.done = tick, tick.time
+        if self._progress.total is None and time.monotonic() >= self._estimate_at:
+            self._estimate_at = float("inf")
+            self._progress.total = self._estimate()
 
     @hookimpl
     def star_event(self, event: Event) -> None:
-        line = f"{event.time:8.2f} s  {event.text}"
-        self._console.print(line, markup=False, emoji=False, highlight=False, soft_wrap=True)
+        if self._events:
+            log(str(event))
 
     @hookimpl
     def star_mission_ended(self, summary: Mapping[str, Any]) -> None:
-        if self._live is not None:
-            self._live.stop()
+        self._progress.__exit__()
 
-    def _table(self, tick: Tick) -> Table:
-        table = Table(title=f"{self._title}  {tick.time:.1f} s  {tick.doing}", title_justify="left")
+    def _speed(self) -> str:
+        factor = self._progress.done / (time.monotonic() - self._progress.begun)
+        return f"{factor:.1f} times real time"
+
+    def _table(self) -> RenderableType:
+        from rich.table import Table
+
+        tick = self._tick
+        if tick is None:
+            return ""
+        table = Table(title=f"{tick.time:.1f} s  {tick.doing}", title_justify="left")
         for heading in ("agent", "phase", "x m", "y m", "z m", "battery V"):
             table.add_column(heading, justify="left" if heading == "agent" else "right")
         if len(self._names) > MAX_ROWS:

@@ -112,7 +112,10 @@ def _loaded() -> Registry:
     """Return the installed plugins after reporting those that were left out."""
     from contextlib import redirect_stdout
 
-    with redirect_stdout(sys.stderr):  # what plugins print must not be in the output
+    from star_core.toolkit.progress import Progress
+
+    # What plugins print must not be in the output.
+    with Progress("loading plugins"), redirect_stdout(sys.stderr):
         registry = installed()
     for source, why in registry.broken.items():
         print(f"star: plugin {source} is left out: {why}", file=sys.stderr)

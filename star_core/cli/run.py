@@ -10,19 +10,30 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from star_core.cli.live_view import Progress
+from star_core.cli.live_view import FlightProgress
 from star_core.cli.main import make
-from star_core.cli.run_folders import new_folder
+from star_core.cli.run_folders import LatestRun, new_folder
 from star_core.errors import InputError
-from star_core.mission import load
+from star_core.mission import Mission, load
 from star_core.operator import Operator
 from star_core.registry import Registry, Source
 from star_core.runner import fly, outcome_of
+from star_core.toolkit.progress import Progress, log
+
+log_messages = logging.getLogger(__name__)
+
+
+class _Stderr(logging.Handler):
+    """Writes log messages above the progress of the flight."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        log(self.format(record))
 
 
 def log_to_stderr(*, verbose: bool) -> None:
@@ -30,7 +41,7 @@ def log_to_stderr(*, verbose: bool) -> None:
     logging.basicConfig(
         level=logging.DEBUG if verbose else logging.WARNING,
         format="star: %(message)s",
-        stream=sys.stderr,
+        handlers=[_Stderr()],
     )
     logging.getLogger("numba").setLevel(logging.WARNING)
     logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger may have no transition
@@ -55,12 +66,15 @@ def run_mission(
         InputError: The mission cannot be flown, or there is a record at `out` already.
         PluginError: A plugin cannot be made, or the links cannot be opened.
     """
-    mission = load(Path(path), registry, assignments)
+    with Progress(f"loading {path}"):
+        mission = load(Path(path), registry, assignments)
     for warning in mission.warnings:
         print(warning, file=sys.stderr)
     folder = _folder(out, mission.name) if keep else None
-    if not as_json:
-        registry.add(Progress(), Source("star-swarm:progress"))
+    progress = FlightProgress(partial(_expected_duration, mission, registry), events=not as_json)
+    registry.add(progress, Source("star-swarm:progress"))
+    if keep and out is None:
+        registry.add(LatestRun(), Source("star-swarm:latest"))
     for name in observers:
         found = registry.find("run_option", name)
         observer = make("option", found, mission, registry)
@@ -71,6 +85,16 @@ def run_mission(
     return outcome_of(summary), json.dumps(summary, indent=2) if as_json else format_summary(
         summary, folder
     )
+
+
+def _expected_duration(mission: Mission, registry: Registry) -> float | None:
+    """Return how long plugins expect the mission to take, s, if one of them knows."""
+    try:
+        found = registry.manager.hook.star_expected_duration(mission=mission, registry=registry)
+        return None if found is None else float(found)
+    except Exception:
+        log_messages.debug("the duration of the mission cannot be estimated", exc_info=True)
+        return None
 
 
 def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:

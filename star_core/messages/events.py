@@ -100,3 +100,7 @@ class Event:
     text: str
     agent: str | None = None
     details: Mapping[str, Any] | None = None
+
+    def __str__(self) -> str:
+        """Return the line of the log."""
+        return f"{self.time:8.2f} s  {self.text}"

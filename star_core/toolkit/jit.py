@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import gc
 import hashlib
-import sys
-import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import cached_property, update_wrapper
 from pickle import UnpicklingError
 from types import CodeType, FunctionType, ModuleType
@@ -21,10 +18,12 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.event import Listener, TimingListener, register
 from numba.extending import typeof_impl
 
+from star_core.toolkit.progress import Progress
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 STACK_SIZE: Final = 2**16 + 2**10  # values of 8 bytes: just over half of a chunk of 1 MiB
-REPORT_PERIOD: Final = 1.5  # s, between two reports while a kernel is compiled
+REPORT_PERIOD: Final = 1.5  # s, between two lines while a kernel is compiled
 
 
 def compiled(function: Function, **options: Any) -> Function:
@@ -180,7 +179,7 @@ def _sources_of_code(
             yield from _sources(value, functions)
 
 
-class _Progress(Listener):
+class _CompilationReporter(Listener):
     """Reports on stderr which kernel is being compiled: at once, then every `REPORT_PERIOD`.
 
     The number of functions is that of all that a kernel may call; it need not call all of them.
@@ -190,7 +189,7 @@ class _Progress(Listener):
         self._compiling: list[Any] = []  # dispatchers, each called by the one before it
         self._functions: dict[FunctionType, None] = {}
         self._done: set[FunctionType] = set()
-        self._finished = threading.Event()
+        self._progress: Progress | None = None
         self._collects = True
 
     def on_start(self, event: Any) -> None:
@@ -200,33 +199,34 @@ class _Progress(Listener):
             gc.disable()  # saves a tenth of the time
         if not self._compiling and isinstance(dispatcher._cache, _KernelCache):  # noqa: SLF001
             kernel = dispatcher.py_func
-            self._functions, self._done, self._finished = {}, set(), threading.Event()
+            self._functions, self._done = {}, set()
             deque(_sources(kernel, self._functions), maxlen=0)
-            watched = (f"{kernel.__module__.partition('.')[0]}.{kernel.__name__}", self._finished)
-            self._report(watched[0])
-            threading.Thread(target=self._keep_reporting, args=watched, daemon=True).start()
+            name = f"{kernel.__module__.partition('.')[0]}.{kernel.__name__}"
+            self._progress = Progress(
+                "compiling kernels (once)",
+                len(self._functions),
+                detail=lambda: (
+                    f"{name}, {len(self._done)} of up to {len(self._functions)} functions"
+                ),
+                period=REPORT_PERIOD,
+                announced=True,
+            ).__enter__()
         self._compiling.append(dispatcher)
 
     def on_end(self, event: Any) -> None:
         function = self._compiling.pop().py_func
         if function in self._functions:
             self._done.add(function)
+        if self._progress is not None:
+            self._progress.done = len(self._done)
         if not self._compiling:
-            self._finished.set()
+            if self._progress is not None:
+                self._progress.__exit__()
+                self._progress = None
             if self._collects:
                 gc.enable()
-
-    def _keep_reporting(self, kernel: str, finished: threading.Event) -> None:
-        while not finished.wait(REPORT_PERIOD):
-            self._report(kernel)
-
-    def _report(self, kernel: str) -> None:
-        count = f"{len(self._done)} of up to {len(self._functions)} functions"
-        with suppress(OSError, ValueError):  # stderr is closed, or nothing reads it any more
-            sys.stderr.write(f"compiling kernels (once): {kernel}, {count}\n")
-            sys.stderr.flush()
 
 
 _timer = TimingListener()  # type: ignore[no-untyped-call]
 register("numba:compiler_lock", _timer)  # type: ignore[no-untyped-call]
-register("numba:compile", _Progress())  # type: ignore[no-untyped-call]
+register("numba:compile", _CompilationReporter())  # type: ignore[no-untyped-call]

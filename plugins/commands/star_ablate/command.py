@@ -20,7 +20,7 @@ from star_ablate.journal import Journal, StudyProgress
 from star_ablate.reading import read
 from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all
-from star_core import InputError, Registry, new_folder, write_report
+from star_core import InputError, Progress, Registry, new_folder, write_report
 
 JOURNAL: Final = "runs.jsonl"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
@@ -34,7 +34,8 @@ def main(arguments: Sequence[str]) -> int:
     """
     options = parser().parse_args(arguments)
     registry = Registry()
-    study = read(Path(options.study), registry, options.seeds)
+    with Progress(f"checking the missions of {options.study}"):
+        study = read(Path(options.study), registry, options.seeds)
     folder = _folder(options.out, study.name)
     try:
         status, table = _ablate(study, folder, options)
@@ -84,8 +85,8 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> tuple[in
         ]
         log, limit = folder / "log.txt", study.time_limit
         flights = fly_all(jobs, options.workers, log, limit, stopped=lambda: bool(interrupts))
-        progress = StudyProgress(study.name, len(runs), len(found))
-        with progress.bar, closing(flights):
+        progress = StudyProgress(study.name, len(runs), len(found), options.workers)
+        with progress, closing(flights):
             for index, result in flights:
                 found[missing[index].key] = result
                 journal.add(missing[index], result)

@@ -1,24 +1,18 @@
-"""The journal of a study, by which an unfinished one is resumed, and the progress on a terminal."""
+"""The journal of a study, by which an unfinished one is resumed, and its progress."""
 
 from __future__ import annotations
 
 import json
+import time
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
 from star_ablate.flight import Result
 from star_ablate.study import Run
+from star_core import Progress, duration, log, on_terminal
+
+WARM_FLIGHTS = 2  # for each worker, after its first; then the time of the study is estimated
 
 
 class Journal:
@@ -61,49 +55,45 @@ def _parsed(line: str) -> tuple[str, Result] | None:
         return None
 
 
-class StudyProgress:
-    """Writes to standard error.
+class StudyProgress(Progress):
+    """Reports each flight, and after the first ones how long the study takes.
 
     Args:
         title: The study's name.
         total: Number of runs.
         done: Number of runs completed before.
-        console: Output console.
-
-    Attributes:
-        bar: The live bar, a context manager; it does nothing if piped.
+        workers: Number of flights at a time.
     """
 
-    def __init__(self, title: str, total: int, done: int, console: Console | None = None) -> None:
-        self._console = console or Console(stderr=True)
-        self._total = total
-        self._done = done
+    def __init__(self, title: str, total: int, done: int, workers: int) -> None:
+        super().__init__(title, total, unit="flights", detail=self._outcomes)
+        self.done = done
+        self._workers = workers
+        self._flown = 0
         self._others: Counter[str] = Counter()  # outcomes other than completed
-        self.bar = Progress(
-            TextColumn(title),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[others]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=self._console,
-            transient=True,
-            disable=not self._console.is_terminal,
-        )
-        self._task = self.bar.add_task("", total=total, completed=done, others="")
 
     def add(self, run: Run, result: Result) -> None:
-        """Report a completed run; with a bar, only if its mission did not complete."""
-        self._done += 1
+        """Report a completed run; on a terminal only if its mission did not complete."""
+        self.done += 1
+        self._flown += 1
         because = f": {result.reason}" if result.reason else ""
         line = f"{run}: {result.outcome}{because}"
-        if not self._console.is_terminal:
-            self._print(f"[{self._done}/{self._total}] {line}, in {result.wall_time:.1f} s")
-        elif result.outcome != "completed":
+        if result.outcome != "completed":
             self._others[result.outcome] += 1
-            self._print(line)
-        others = ", ".join(f"{n} {outcome}" for outcome, n in self._others.items())
-        self.bar.update(self._task, completed=self._done, others=others)
+        if not on_terminal():
+            log(f"[{self.done}/{self.total}] {line}, in {result.wall_time:.1f} s")
+        elif result.outcome != "completed":
+            log(line)
+        if self._flown == self._workers:  # the first flights also import and compile
+            self.begun, self.before = time.monotonic(), self.done
+        if self._flown == (1 + WARM_FLIGHTS) * self._workers and (left := self.remaining()):
+            log(f"star: {self.rate():.1f} s per flight, about {duration(left)} left")
 
-    def _print(self, line: str) -> None:
-        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+    def rate(self) -> float:
+        """Return the wall time per flight, of all workers together, s."""
+        return (time.monotonic() - self.begun) / max(1, self.done - self.before)
+
+    def _outcomes(self) -> str:
+        others = [f"{count} {outcome}" for outcome, count in self._others.items()]
+        known = [f"{self.rate():.1f} s per flight"] if self.done > self.before else []
+        return ", ".join([*others, *known])

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from star_ablate.study import COLUMNS, Condition, Study
-from star_core import InputError, Mission, Problem, Registry, load, read_as
+from star_core import InputError, Mission, Problem, Progress, Registry, load, read_as
 
 MEASURES: Final = (
     "collisions.agent_agent",
@@ -116,20 +116,22 @@ def _conditions(
     conditions = []
     problems: list[str] = []
     combos = [dict(zip(factors, names, strict=True)) for names in product(*factors.values())]
-    for file in files:
-        found: dict[str, list[str]] = {}
-        for levels in combos:
-            try:
-                mission = _load(file, levels, factors, registry, document)
-                conditions.append(Condition(file.stem, levels, mission))
-            except InputError as error:
-                label = ", ".join(f"{name}: {level}" for name, level in levels.items())
-                for problem in dict.fromkeys(error.problems):
-                    found.setdefault(problem, []).append(label)
-        problems += [
-            problem if len(labels) == len(combos) else _with_level(problem, labels[0])
-            for problem, labels in found.items()
-        ]
+    with Progress("checking", len(files) * len(combos), unit="missions") as progress:
+        for file in files:
+            found: dict[str, list[str]] = {}
+            for levels in combos:
+                try:
+                    mission = _load(file, levels, factors, registry, document)
+                    conditions.append(Condition(file.stem, levels, mission))
+                except InputError as error:
+                    label = ", ".join(f"{name}: {level}" for name, level in levels.items())
+                    for problem in dict.fromkeys(error.problems):
+                        found.setdefault(problem, []).append(label)
+                progress.done += 1
+            problems += [
+                problem if len(labels) == len(combos) else _with_level(problem, labels[0])
+                for problem, labels in found.items()
+            ]
     if problems:
         raise InputError(list(dict.fromkeys(problems)))  # a level may be wrong in every mission
     return conditions

@@ -15,7 +15,7 @@ from typing import Any, Final
 from star_bench.files import NOISE, SPEED, STUDY, Campaign, write
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
 from star_bench.table import Key, Metrics, as_csv, as_markdown, metrics, rows
-from star_core import InputError, PluginError, Registry, new_folder, write_report
+from star_core import InputError, PluginError, Progress, Registry, new_folder, write_report
 
 FLOWN: Final = "flown"  # folder of the study's results
 SEEDS: Final = 5
@@ -42,7 +42,8 @@ def main(arguments: Sequence[str]) -> int:
             return 0
         sys.stderr.write(f"star: {campaign.runs} flights; all are checked before the first\n")
         status = _flown(study, folder / FLOWN, options.workers, registry)
-        found = rows(_read(folder / FLOWN / "results.csv", campaign))
+        with Progress("tabulating"):
+            found = rows(_read(folder / FLOWN / "results.csv", campaign))
         table = as_markdown(found)
         (folder / "bench.csv").write_text(as_csv(found), encoding="utf-8")
         (folder / "bench.md").write_text(table, encoding="utf-8")

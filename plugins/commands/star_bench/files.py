@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from star_bench.scenario import CEILING, HIGH, LOW, Scenario
 from star_bench.scenarios import Case
+from star_core import Progress
 
 NOISE: Final[Mapping[str, Mapping[str, Any]]] = {
     "off": {},
@@ -69,11 +70,13 @@ def write(campaign: Campaign, folder: Path) -> Path:
     """
     worlds = folder / MISSIONS / "worlds"
     worlds.mkdir(parents=True, exist_ok=True)
-    for case in campaign.cases:
-        scenario = case.draw()
-        file = f"{case.name}.yaml"
-        (folder / MISSIONS / file).write_text(mission_text(case, scenario), encoding="utf-8")
-        (worlds / file).write_text(world_text(case, scenario), encoding="utf-8")
+    with Progress("writing", len(campaign.cases), unit="scenarios") as progress:
+        for case in campaign.cases:
+            scenario = case.draw()
+            file = f"{case.name}.yaml"
+            (folder / MISSIONS / file).write_text(mission_text(case, scenario), encoding="utf-8")
+            (worlds / file).write_text(world_text(case, scenario), encoding="utf-8")
+            progress.done += 1
     study = folder / STUDY
     study.write_text(_lines(_study(campaign)), encoding="utf-8")
     return study

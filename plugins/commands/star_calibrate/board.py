@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core import Array, Image, InputError
+from star_core import Array, Image, InputError, Progress
 
 Corners = NDArray[np.float32]
 """(K, 2) px."""
@@ -101,7 +101,11 @@ def find_views(names: Sequence[str], board: Board) -> Views:
     if sizes := list(_sizes(images)):
         raise InputError(sizes, "wrong-image-size")
     height, width = next(iter(images.values())).shape
-    seen = {name: board.find(image) for name, image in images.items()}
+    seen: dict[str, Any] = {}
+    with Progress("finding the board", len(images), unit="images") as progress:
+        for name, image in images.items():
+            seen[name] = board.find(image)
+            progress.done += 1
     return Views(
         width,
         height,

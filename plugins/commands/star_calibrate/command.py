@@ -11,7 +11,7 @@ from typing import Final
 
 from star_calibrate.board import Board, Views, find_views
 from star_calibrate.lens import Lens, solve
-from star_core import InputError, read_as
+from star_core import InputError, Progress, read_as
 
 NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as in missions
 DEFAULT_NAME: Final = "calibrated"
@@ -32,7 +32,8 @@ def main(arguments: Sequence[str]) -> int:
     if options.out is not None:
         _check_replaceable(Path(options.out))
     views = find_views(options.images, board)
-    lens = solve(views, board)
+    with Progress("calibrating"):
+        lens = solve(views, board)
     text, file = as_text(lens, views), as_yaml(lens, name)
     if options.out is None:
         sys.stderr.write(text)

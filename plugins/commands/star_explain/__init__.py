@@ -31,6 +31,13 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         yield from problems(mission, registry)
 
 
+@hookimpl
+def star_expected_duration(mission: Mission, registry: Registry) -> float | None:
+    from star_explain.dry_run import dry_run
+
+    return dry_run(mission, registry).takes
+
+
 def _explain(arguments: Sequence[str]) -> int:
     from star_explain.command import main
 

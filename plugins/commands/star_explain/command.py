@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from star_core import Registry, load
+from star_core import Progress, Registry, load
 from star_explain.dry_run import Group, Part, StepResult, dry_run
 from star_explain.mermaid import mermaid
 from star_explain.plan import plan
@@ -24,8 +24,9 @@ def main(arguments: Sequence[str]) -> int:
     """
     options = parser().parse_args(arguments)
     registry = Registry()
-    mission = load(Path(options.mission), registry, options.set)
-    result = dry_run(mission, registry)
+    with Progress(f"rehearsing {options.mission}"):
+        mission = load(Path(options.mission), registry, options.set)
+        result = dry_run(mission, registry)
     if options.mermaid:
         text = mermaid(mission.name, result)
     elif options.json:

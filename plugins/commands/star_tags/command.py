@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from star_core import InputError
+from star_core import InputError, Progress
 from star_tags.page import Page, pdf, svg
 from star_tags.sheet import PAPERS
 from star_tags.world import pages
@@ -26,9 +26,10 @@ def main(arguments: Sequence[str]) -> int:
         raise InputError(
             f"--out {out}: expected a name that ends in .pdf or .svg", "invalid-argument"
         )
-    found = pages(world, options.paper)
     try:
-        files = _write(found, out)
+        with Progress("drawing the tags"):
+            found = pages(world, options.paper)
+            files = _write(found, out)
     except OSError as error:
         reason = f"--out {out}: cannot be written: {error.strerror}"
         raise InputError(reason, "unwritable-file") from error

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from star_core import hookimpl
 
 if TYPE_CHECKING:
-    from star_core import Flight, Tick
+    from star_core import Event, Flight, Tick
     from star_record.recorder import Recorder
 
 _recorders: list[Recorder] = []  # of the current flight, if it is recorded
@@ -27,6 +27,12 @@ def star_mission_started(flight: Flight) -> None:
 def star_ticked(tick: Tick) -> None:
     for recorder in _recorders:
         recorder.add(tick)
+
+
+@hookimpl
+def star_event(event: Event) -> None:
+    for recorder in _recorders:
+        recorder.log.write(event)
 
 
 @hookimpl

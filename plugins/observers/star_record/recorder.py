@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from star_core import Array, Flight, Frames, Image, Tick
+from star_record.text_log import TextLog
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +25,9 @@ class Recorder:
     Args:
         flight: The flight to record.
         folder: Output folder; created if missing.
+
+    Attributes:
+        log: The text log.
     """
 
     def __init__(self, flight: Flight, folder: Path) -> None:
@@ -35,9 +39,11 @@ class Recorder:
         self._unknown = {"truth_position", "truth_attitude", "signal"}  # in all ticks so far
         folder.mkdir(parents=True, exist_ok=True)
         self._write("manifest.json", flight.manifest)
+        self.log = TextLog(folder / "log.txt")
 
     def add(self, tick: Tick) -> None:
         """Store one tick."""
+        self.log.time = tick.time
         row: dict[str, Any] = {
             "time": tick.time,
             "estimate_position": tick.estimate.position,
@@ -87,6 +93,7 @@ class Recorder:
 
     def close(self, summary: Mapping[str, Any]) -> None:
         """Write the recorded data; the summary first, since the disk may be full."""
+        self.log.finish(summary)
         self._write("summary.json", summary)
         if summary["targets"]["total"]:
             self._write_targets(summary["targets"]["list"])

@@ -7,6 +7,7 @@ import struct
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -19,6 +20,7 @@ from star_core import (
     Frames,
     Order,
     PluginError,
+    Progress,
     Refusal,
     Scene,
     Setpoint,
@@ -116,7 +118,16 @@ class Radio:
         fly_without = self._options.absent == "fly-without"
         if self._broadcasts is not None:
             self._broadcasts.clear_groups()
-        absent = _faults(dict(enumerate(self.vehicles)), self._connect)
+        progress = Progress(
+            "radio: connected",
+            len(self.vehicles),
+            unit="agents",
+            detail=self._settling,
+            announced=True,
+        )
+        with progress:
+            connect = partial(self._connect, progress=progress)
+            absent = _faults(dict(enumerate(self.vehicles)), connect)
         self._connected[:] = [row not in absent for row in range(len(self.vehicles))]
         if self._ai_decks is not None and (fly_without or not absent):
             self._ai_decks.connect(self._options.response_timeout)
@@ -301,7 +312,12 @@ class Radio:
         state = self._telemetry.last[row, report.STATE]
         return not np.isnan(state) and int(state) & COMMANDER_STATES == Supervisor.COMMANDER_ACTIVE
 
-    def _connect(self, row: int, vehicle: Vehicle) -> None:
+    def _settling(self) -> str:
+        """Return whose estimators `connect` waits for."""
+        names = [vehicle.name for vehicle in self.vehicles if vehicle.settling]
+        return f"waiting for estimators to settle: {', '.join(names)}" if names else ""
+
+    def _connect(self, row: int, vehicle: Vehicle, progress: Progress) -> None:
         """Connect one drone; close its link on failure."""
         masks = {} if self._broadcasts is None else self._broadcasts.masks
         try:
@@ -311,6 +327,7 @@ class Radio:
         except Exception:
             vehicle.link.close()
             raise
+        progress.done += 1
 
 
 def _faults(

@@ -60,6 +60,7 @@ class Vehicle:
         clock: Clock of its reports.
         heard: Arrival of its last report, s of the computer's clock; before the first report, the
             creation time of this object.
+        settling: Whether `connect` waits for its estimator to settle.
         steered: Whether it is flown by setpoints.
         rebooted: Whether it rebooted since it was connected. It is not flown any more: it is on
             the floor, and its estimator has been reset.
@@ -73,6 +74,7 @@ class Vehicle:
         self.parameters: Table = {}
         self.clock = Clock()
         self.heard = time.monotonic()
+        self.settling = False
         self.steered = False
         self.rebooted = False
         self._period = 0.0  # s, of reports
@@ -126,7 +128,11 @@ class Vehicle:
         self._ask([Question.of(packet, packets.RESET, "the end of earlier reports")])
         self._begin_reports(layout.variables(variables))
         if options.reset:
-            self._convergence.wait(variables, self._ask)
+            self.settling = True
+            try:
+                self._convergence.wait(variables, self._ask)
+            finally:
+                self.settling = False
         if time.monotonic() - self.heard > REPORT_TIMEOUT:  # a late copy of a packet ended them
             self._begin_reports(layout.variables(variables))
         packet = orders.set_groups(groups)  # last: a drone in a group has been connected

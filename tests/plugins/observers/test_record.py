@@ -30,6 +30,7 @@ from star_core.mission import load
 from star_core.registry import Registry, Source
 from star_core.runner import fly
 from star_record.recorder import Recorder
+from star_record.text_log import TextLog
 from star_sim.transport import Simulator
 
 WORLD = """\
@@ -145,6 +146,7 @@ def trajectory(run: Run) -> dict[str, Any]:
 
 def test_a_run_leaves_a_manifest_a_summary_and_a_trajectory(run: Run) -> None:
     assert sorted(path.name for path in run[0].iterdir()) == [
+        "log.txt",
         "manifest.json",
         "summary.json",
         "timing.npz",
@@ -348,12 +350,32 @@ def test_targets_csv_tells_of_each_target_that_was_found_who_when_and_where() ->
     ]  # fmt: skip
     scene = load(Path("m.yaml"), Registry()).scene
     recorder = Recorder(Flight("kept", scene, {}, Path("out")), Path("out"))
-    recorder.close({"targets": {"found": 2, "total": 3, "list": found}})
+    targets = {"found": 2, "total": 3, "list": found}
+    recorder.close({"outcome": "completed", "reason": "", "targets": targets})
     assert Path("out/targets.csv").read_text().splitlines() == [
         "target,finder,time_s,x_m,y_m,z_m,error_m",
         "red,cf2,12.500,1.0000,-0.2500,0.0000,0.0300",
         '"blue, far",cf1,13.000,0.0000,2.0000,0.0000,0.1235',
     ]
+
+
+def test_log_txt_has_the_lines_of_stderr() -> None:
+    class Talker:
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            if 1.0 <= tick.time < 1.0 + 1e-6:
+                logging.getLogger("their_plugin").warning("said %d", 7)
+            logging.getLogger("their_plugin").info("not shown")
+
+    registry = Registry()
+    registry.add(Talker(), Source("their-dist:talker"))
+    summary = fly(load(Path("m.yaml"), registry), registry, folder=Path("out"))
+    lines = Path("out/log.txt").read_text().splitlines()
+    events = [f"{event['time']:8.2f} s  {event['text']}" for event in summary["events"]]
+    assert [line for line in lines if "star: " not in line] == [*events, lines[-1]]
+    assert lines[-1].endswith(" s  completed")
+    assert "    0.95 s  star: said 7" in lines  # the time of the tick before
+    assert not any(isinstance(one, TextLog) for one in logging.getLogger().handlers)
 
 
 def apart(a: Array, b: Array) -> Array:

