@@ -204,14 +204,15 @@ def _schema(arguments: Sequence[str]) -> int:
     from star_core.cli.main import installed
     from star_core.errors import StarError
     from star_core.mission_file import schema
+    from star_core.mission_file.editor_schema import for_editors
 
     options = _parse("schema", arguments)
     if options.of == "mission":
-        content = schema.compose(installed().offers())
+        content = for_editors(schema.compose(installed().offers()))
     elif options.of == "steps":
-        content = schema.compose_steps(installed().offers(), admit=True)
+        content = for_editors(schema.compose_steps(installed().offers()), parameters=True)
     else:
-        content = schema.load(options.of)
+        content = for_editors(schema.load(options.of))
     text = json.dumps(content, indent=2)
     if options.out:
         try:

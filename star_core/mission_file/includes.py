@@ -15,7 +15,7 @@ from star_core.errors import InputError, coded, suggestion
 from star_core.mission_file import schema
 from star_core.mission_file.file_kinds import Kind
 from star_core.mission_file.located import Document, Mark, Value
-from star_core.mission_file.parameter_schema import SIGN, is_parameter
+from star_core.mission_file.schema import SIGN, is_parameter
 from star_core.scene import inside
 
 _COORDINATES: Final = 3

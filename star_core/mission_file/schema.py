@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from functools import cache
@@ -14,23 +15,36 @@ from star_core.contracts import MissionSpec
 from star_core.errors import InputError
 from star_core.mission_file.file_kinds import Kind, require_kind
 from star_core.mission_file.located import Document
-from star_core.mission_file.parameter_schema import admitting, depends
 from star_core.mission_file.yaml_reader import read
 from star_core.plugin_schema import PARTS, SHARED, references
 
 if TYPE_CHECKING:
+    from jsonschema import ValidationError
     from jsonschema.protocols import Validator
 
     from star_core.mission_file.schema_errors import Fault
 
-NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
-"""Keywords whose values are no schemas, whatever they look like."""
+SIGN: Final = "$"
+"""Begins a string that names a parameter."""
+
+PARAMETER: Final = r"^\$."
+"""The pattern of strings that name a parameter."""
+
+_CONTAINERS: Final = ("anyOf", "oneOf", "contains")
+"""Rules that a list or a map may break for what it holds."""
 
 
 def load(name: str) -> dict[str, Any]:
-    """Read ``schemas/<name>.schema.json``, as for ``world``; every property has a title."""
-    schema = _as_written(name)
-    _entitle(schema, schema)
+    """Read ``schemas/<name>.schema.json``, as for ``world``."""
+    from importlib.resources import files
+
+    packaged = files("star_core") / "schemas"
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "schemas"
+    schema: dict[str, Any] = json.loads(
+        (folder / f"{name}.schema.json").read_text(encoding="utf-8")
+    )
+    if name == "mission":
+        schema["$defs"]["camera"]["properties"] |= _of_camera()
     return schema
 
 
@@ -57,7 +71,7 @@ def compose(offers: Mapping[str, Mapping[str, MissionSpec]]) -> dict[str, Any]:
         offers: By kind and name, each one `sound`; kinds that a mission file does not name are
             passed over.
     """
-    mission = _as_written("mission")
+    mission = load("mission")
     definitions = mission["$defs"]
     for kind in PARTS:
         made = {
@@ -70,26 +84,14 @@ def compose(offers: Mapping[str, Mapping[str, MissionSpec]]) -> dict[str, Any]:
             **_part(made),
         }
     _put_verbs(definitions, offers)
-    _entitle(mission, mission)
     return mission
 
 
-def compose_steps(
-    offers: Mapping[str, Mapping[str, MissionSpec]], *, admit: bool = False
-) -> dict[str, Any]:
-    """Return the schema of files of steps, whose steps are those of the schema of missions.
-
-    Args:
-        offers: As for `compose`.
-        admit: Whether it is itself to admit a parameter in the place of every value, as editors
-            need it; `problems` tells parameters apart by itself.
-    """
-    steps, definitions = _as_written("steps"), _as_written("mission")["$defs"]
+def compose_steps(offers: Mapping[str, Mapping[str, MissionSpec]]) -> dict[str, Any]:
+    """Return the schema of files of steps, whose steps are those of `compose`."""
+    steps, definitions = load("steps"), load("mission")["$defs"]
     _put_verbs(definitions, offers)
     steps["$defs"] = _referred_to(steps["properties"], definitions)
-    _entitle(steps, steps)
-    if admit:
-        steps["$defs"] = {name: admitting(held) for name, held in steps["$defs"].items()}
     return steps
 
 
@@ -113,11 +115,13 @@ def faults(
     document: Document, schema: Mapping[str, Any], *, parameters: bool = False
 ) -> list[Fault]:
     """Return every mistake in `document`; the arguments are those of `problems`."""
+    errors = list(validator()(dict(schema)).iter_errors(document.data))
+    if parameters:
+        errors = [error for error in errors if not _depends(error)]
+    if not errors:
+        return []
     from star_core.mission_file.schema_errors import explain
 
-    errors = validator()(dict(schema)).iter_errors(document.data)
-    if parameters:
-        errors = (error for error in errors if not depends(error))
     return list(explain(errors, document.data))
 
 
@@ -128,22 +132,32 @@ def located(document: Document, faults: Iterable[Fault]) -> list[str]:
     )
 
 
-def _as_written(name: str) -> dict[str, Any]:
-    from importlib.resources import files
+def is_parameter(value: Any) -> bool:
+    """Whether a value of a step is a parameter's.
 
-    packaged = files("star_core") / "schemas"
-    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "schemas"
-    schema: dict[str, Any] = json.loads(
-        (folder / f"{name}.schema.json").read_text(encoding="utf-8")
-    )
-    if name == "mission":
-        schema["$defs"]["camera"]["properties"] |= _of_camera()
-    return schema
+    >>> is_parameter("$height"), is_parameter("height"), is_parameter("$"), is_parameter(1)
+    (True, False, False, False)
+    """
+    return isinstance(value, str) and re.match(PARAMETER, value) is not None
+
+
+def _depends(error: ValidationError) -> bool:
+    """Whether it takes the values of parameters to know if this is a mistake."""
+    inside = _within(error.instance) if error.validator in _CONTAINERS else ()
+    return any(map(is_parameter, (error.instance, *inside)))
+
+
+def _within(value: Any) -> Iterator[Any]:
+    """Yield every value in a list or a map, and in those."""
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    for one in inner:
+        yield one
+        yield from _within(one)
 
 
 def _of_camera() -> dict[str, Any]:
     """Return what a camera has, be it in a mission or in a file of its own."""
-    properties: dict[str, Any] = _as_written("camera")["properties"]
+    properties: dict[str, Any] = load("camera")["properties"]
     return {name: held for name, held in properties.items() if name not in {"star", "name"}}
 
 
@@ -154,8 +168,6 @@ def validator() -> type[Validator]:
     A plugin that asks for a whole number is given an ``int``; a name that ends in a line break is
     no name of a folder.
     """
-    import re
-
     from jsonschema import Draft202012Validator, ValidationError
     from jsonschema.validators import extend
 
@@ -223,33 +235,6 @@ def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         },
         "allOf": rules or [True],
     }
-
-
-def _entitle(value: Any, root: Mapping[str, Any]) -> None:
-    """Give every property a title that has none and refers to none: its name in words.
-
-    Editors head what they say of a property with its title, or with that of what it is a part of.
-    """
-    if isinstance(value, list):
-        for one in value:
-            _entitle(one, root)
-    if not isinstance(value, dict):
-        return
-    for key, held in value.items():
-        if key not in NO_SCHEMAS:
-            _entitle(held, root)
-    properties = value.get("properties")
-    for name, held in properties.items() if isinstance(properties, dict) else ():
-        if not isinstance(held, dict) or "title" in held or "title" in _referred(held, root):
-            continue
-        held["title"] = name.removesuffix("_deg").replace("_", " ").capitalize()
-
-
-def _referred(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the definition of `root` that a schema refers to; an empty one if there is none."""
-    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
-    found: Mapping[str, Any] = root.get("$defs", {}).get(name, {})
-    return found
 
 
 def _options(kind: str, offer: MissionSpec, definitions: dict[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.registry import Registry
 
@@ -76,12 +77,12 @@ def types(schema: dict[str, Any]) -> set[str]:
     return {given} if isinstance(given, str) else set(given)
 
 
-MISSION = compose(Registry().offers())
-STEPS = compose_steps(Registry().offers(), admit=True)
+MISSION = for_editors(compose(Registry().offers()))
+STEPS = for_editors(compose_steps(Registry().offers()), parameters=True)
 SCHEMAS = {
     "mission": MISSION,
     "steps": STEPS,
-    **{name: load(name) for name in ("world", "camera", "study")},
+    **{name: for_editors(load(name)) for name in ("world", "camera", "study")},
 }
 EVERY = [
     (f"{name}{found.path}", found)

@@ -18,6 +18,7 @@ import pytest
 from star_core import InputError, load
 from star_core.cli.main import main
 from star_core.mission_file import schema
+from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps
 from star_core.mission_file.yaml_reader import parse
 from star_core.registry import Registry
@@ -94,12 +95,12 @@ def test_a_mission_is_short_says_in_a_comment_what_it_shows_and_names_its_schema
 
 def test_the_schema_beside_them_is_what_star_writes() -> None:
     beside = json.loads((MISSIONS / "mission.schema.json").read_text())
-    assert beside == compose(Registry().offers())
+    assert beside == for_editors(compose(Registry().offers()))
 
 
 def test_the_schema_of_steps_beside_them_is_what_star_writes() -> None:
     beside = json.loads((MISSIONS / "steps.schema.json").read_text())
-    assert beside == compose_steps(Registry().offers(), admit=True)
+    assert beside == for_editors(compose_steps(Registry().offers()), parameters=True)
 
 
 @pytest.mark.parametrize("path", sorted(MISSIONS.glob("steps/*.yaml")), ids=lambda path: path.stem)

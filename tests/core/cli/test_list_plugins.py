@@ -19,6 +19,7 @@ from star_core.cli import main as cli
 from star_core.cli.describe_plugin import describe
 from star_core.cli.list_plugins import as_json, as_text, chosen
 from star_core.cli.main import main
+from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.registry import KINDS, Registry, Source
 
@@ -273,7 +274,7 @@ def test_plugins_as_json_are_json(said: Said) -> None:
 def test_schema_prints_the_schema_that_missions_are_checked_against(said: Said) -> None:
     assert main(["schema"]) == 0
     printed = json.loads(said.readouterr().out)
-    assert printed == compose(Registry().offers())
+    assert printed == for_editors(compose(Registry().offers()))
     assert "takeoff" in printed["$defs"]["step"]["properties"]
 
 
@@ -282,7 +283,7 @@ def test_schema_of_steps_is_printed_with_every_verb_and_parameters_in_place_of_v
 ) -> None:
     assert main(["schema", "steps"]) == 0
     printed = json.loads(said.readouterr().out)
-    assert printed == compose_steps(Registry().offers(), admit=True)
+    assert printed == for_editors(compose_steps(Registry().offers()), parameters=True)
     verbs = compose(Registry().offers())["$defs"]["step"]["properties"]
     assert list(printed["$defs"]["step"]["properties"]) == list(verbs)
     assert printed["$defs"]["timeout"]["type"] == ["number", "string"]
@@ -290,14 +291,14 @@ def test_schema_of_steps_is_printed_with_every_verb_and_parameters_in_place_of_v
 
 def test_schema_of_a_world_is_printed(said: Said) -> None:
     assert main(["schema", "world"]) == 0
-    assert json.loads(said.readouterr().out) == load("world")
+    assert json.loads(said.readouterr().out) == for_editors(load("world"))
 
 
 def test_a_schema_is_written_to_a_file_in_place_of_being_printed(said: Said) -> None:
     assert main(["schema", "--out", "mission.schema.json"]) == 0
     assert said.readouterr().out == ""
     written = json.loads(Path("mission.schema.json").read_text())
-    assert written == compose(Registry().offers())
+    assert written == for_editors(compose(Registry().offers()))
 
 
 def test_a_schema_that_cannot_be_written_says_why(said: Said) -> None:

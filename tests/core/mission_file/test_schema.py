@@ -12,6 +12,7 @@ from jsonschema import Draft202012Validator
 
 from star_core.contracts import TaskSpec
 from star_core.mission_file import schema
+from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.located import Document
 from star_core.mission_file.schema import compose, compose_steps, load, problems
 from star_core.mission_file.yaml_reader import parse
@@ -136,7 +137,7 @@ def test_a_file_of_steps_is_held_to_the_steps_of_missions() -> None:
 def test_what_a_verb_refers_to_is_among_the_definitions_of_a_file_of_steps() -> None:
     push = offer("push", {"at": {"$ref": "#/$defs/b"}}, **{"$defs": {"b": {"type": "number"}}})
     for admit, expected in ((False, "number"), (True, ["number", "string"])):
-        made = compose_steps({"task": {"push": push}}, admit=admit)
+        made = for_editors(compose_steps({"task": {"push": push}}), parameters=admit)
         assert made["$defs"]["task.push"]["$defs"]["b"]["type"] == expected
 
 

@@ -1,22 +1,17 @@
-"""How schemas let parameters stand in the place of values that are not known yet."""
+"""Schemas for editors: with titles and, for files of steps, with parameters for values."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Mapping
+from typing import Any, Final
 
-if TYPE_CHECKING:
-    from jsonschema import ValidationError
+from star_core.mission_file.schema import PARAMETER
 
-SIGN: Final = "$"
-"""Begins a string that names a parameter."""
-
-PATTERN: Final = r"^\$."
-"""The pattern of strings that name a parameter."""
+NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
+"""Keywords whose values are no schemas, whatever they look like."""
 
 _NAMED: Final = {
-    "pattern": PATTERN,
+    "pattern": PARAMETER,
     "patternErrorMessage": "a string here is '$' and the name of a parameter",
 }
 # keywords under which schemas stand: by name, in a list, and one; `if` and `not` stay as they are
@@ -32,23 +27,18 @@ _OF_STRINGS: Final = (
 )
 """Rules that the name of a parameter may break."""
 
-_OF_PARTS: Final = ("anyOf", "oneOf", "contains")
-"""Rules that a list or a map may break for what it holds."""
 
+def for_editors(schema: dict[str, Any], *, parameters: bool = False) -> dict[str, Any]:
+    """Return a schema with a title for every property.
 
-def is_parameter(value: Any) -> bool:
-    """Whether a value of a step is a parameter's.
-
-    >>> is_parameter("$height"), is_parameter("height"), is_parameter("$"), is_parameter(1)
-    (True, False, False, False)
+    Args:
+        schema: To be changed in place.
+        parameters: Whether a parameter may stand in the place of every value of its definitions.
     """
-    return isinstance(value, str) and re.match(PATTERN, value) is not None
-
-
-def depends(error: ValidationError) -> bool:
-    """Whether it takes the values of parameters to know if this is a mistake."""
-    inside = _within(error.instance) if error.validator in _OF_PARTS else ()
-    return any(map(is_parameter, (error.instance, *inside)))
+    _entitle(schema, schema)
+    if parameters:
+        schema["$defs"] = {name: admitting(held) for name, held in schema["$defs"].items()}
+    return schema
 
 
 def admitting(schema: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,9 +82,28 @@ def _admitting(schema: Any) -> Any:
     return admitting(schema) if isinstance(schema, dict) else schema  # True is a schema too
 
 
-def _within(value: Any) -> Iterator[Any]:
-    """Every value in a list or a map, and in those."""
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    for one in inner:
-        yield one
-        yield from _within(one)
+def _entitle(value: Any, root: Mapping[str, Any]) -> None:
+    """Give every property a title that has none and refers to none: its name in words.
+
+    Editors head what they say of a property with its title, or with that of what it is a part of.
+    """
+    if isinstance(value, list):
+        for one in value:
+            _entitle(one, root)
+    if not isinstance(value, dict):
+        return
+    for key, held in value.items():
+        if key not in NO_SCHEMAS:
+            _entitle(held, root)
+    properties = value.get("properties")
+    for name, held in properties.items() if isinstance(properties, dict) else ():
+        if not isinstance(held, dict) or "title" in held or "title" in _referred(held, root):
+            continue
+        held["title"] = name.removesuffix("_deg").replace("_", " ").capitalize()
+
+
+def _referred(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the definition of `root` that a schema refers to; an empty one if there is none."""
+    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
+    found: Mapping[str, Any] = root.get("$defs", {}).get(name, {})
+    return found

@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from star_core.mission_file.editor_schema import admitting, for_editors
 from star_core.mission_file.located import Location
-from star_core.mission_file.parameter_schema import admitting, depends
+from star_core.mission_file.schema import _depends as depends
 from star_core.mission_file.schema import compose_steps
 from star_core.mission_file.yaml_reader import parse
 from star_core.registry import Registry
@@ -22,7 +23,7 @@ from star_core.registry import Registry
 MISSIONS = Path(__file__).parents[3] / "missions"
 OFFERS = Registry().offers()
 STRICT = compose_steps(OFFERS)
-ADMITTING = compose_steps(OFFERS, admit=True)
+ADMITTING = for_editors(compose_steps(OFFERS), parameters=True)
 STEPS = [
     step
     for path in sorted(MISSIONS.glob("*.yaml"))
