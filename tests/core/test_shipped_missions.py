@@ -58,13 +58,17 @@ def test_the_first_flight_says_what_it_needs_on_hardware() -> None:
 
 
 def test_checking_the_missions_imports_nothing_heavy() -> None:
-    """Between them they use every verb and plugin, so this holds for all built-in checks."""
+    """Between them they use every verb and plugin, so this holds for all built-in checks.
+
+    A timeout, as in search_flow, is rehearsed, for which numpy and scipy are imported.
+    """
+    paths = [str(path) for path in FILES if path.stem != "search_flow"]
     ask = (
         "import sys; from star_core.cli.main import main\n"
         "assert [main(['check', path]) for path in sys.argv[1:]] == [0] * len(sys.argv[1:])\n"
         f"assert not {{*{HEAVY!r}}} & {{*sys.modules}}"
     )
-    subprocess.run([sys.executable, "-c", ask, *map(str, FILES)], check=True)
+    subprocess.run([sys.executable, "-c", ask, *paths], check=True)
 
 
 def test_where_targets_are_is_told_to_every_plugin_as_the_schema_says() -> None:

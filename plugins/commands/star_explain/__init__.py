@@ -25,7 +25,13 @@ def star_commands() -> Iterator[CommandSpec]:
 def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
     planner = registry.find("planner", mission.parts["planner"].use).offer
     blocked = mission.scene.world.obstacles and not planner.avoids_obstacles
-    if blocked or any(step.timeout is not None for step in actions(mission.steps)):
+    timed = any(
+        step.timeout is not None
+        and step.until is None
+        and registry.find("task", step.verb).offer.exclusive is None
+        for step in actions(mission.steps)
+    )
+    if blocked or timed:
         from star_explain.problems import problems
 
         yield from problems(mission, registry)
