@@ -6,6 +6,7 @@ there. On the site these become pages of their own, so that it is complete witho
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -98,4 +99,13 @@ def _content(path: str) -> str:
         names = sorted(one.name for one in file.iterdir() if one.suffix in LANGUAGES)
         return head + "".join(f"- [{name}]({name})\n" for name in names)
     text = file.read_text(encoding="utf-8")
+    if file.suffix == ".ipynb":
+        return head + "\n".join(_cells(text))
     return f"{head}````{LANGUAGES.get(file.suffix, 'text')}\n{text}````\n"
+
+
+def _cells(notebook: str) -> Iterator[str]:
+    """Yield the cells of a notebook as Markdown, without their outputs."""
+    for cell in json.loads(notebook)["cells"]:
+        text = "".join(cell["source"])
+        yield f"```python\n{text}\n```\n" if cell["cell_type"] == "code" else f"{text}\n"
