@@ -1,5 +1,8 @@
 # The public names of STAR and their modules, listed once: `__init__.py` reads them here.
 
+from star_core.cli.output import output_folder as output_folder
+from star_core.cli.output import positive_integer as positive_integer
+from star_core.cli.output import writing as writing
 from star_core.cli.reports import write_report as write_report
 from star_core.cli.run_folders import new_folder as new_folder
 from star_core.contracts import Avoider as Avoider

@@ -95,32 +95,25 @@ class Repeat:
 Node: TypeAlias = Action | Parallel | Repeat
 
 
-def nodes(steps: Sequence[Node]) -> Iterator[Node]:
-    """Yield every step, each before the steps in it, in the order of the file."""
+def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
+    """Yield every step, each before the steps in it, in the order of the file.
+
+    Args:
+        steps: One after the other, or at once.
+        first: Whether to yield, of the steps in a ``repeat``, only the one with which it begins.
+    """
     for step in steps:
         yield step
         match step:
             case Parallel(branches):
-                yield from nodes(branches)
+                yield from nodes(branches, first=first)
             case Repeat(_, inner):
-                yield from nodes(inner)
+                yield from nodes(inner[:1] if first else inner, first=first)
 
 
-def actions(steps: Sequence[Node]) -> Iterator[Action]:
-    """Yield every action of some steps, in the order of the file."""
-    return (node for node in nodes(steps) if isinstance(node, Action))
-
-
-def first_actions(step: Node) -> Iterator[Action]:
-    """Yield the actions with which a step begins."""
-    match step:
-        case Action():
-            yield step
-        case Parallel(branches):
-            for branch in branches:
-                yield from first_actions(branch)
-        case Repeat(_, inner):
-            yield from first_actions(inner[0])
+def actions(steps: Sequence[Node], *, first: bool = False) -> Iterator[Action]:
+    """Yield every action of some steps, as `nodes` does."""
+    return (node for node in nodes(steps, first=first) if isinstance(node, Action))
 
 
 def rows_of(given: str | list[str], groups: Groups) -> tuple[int, ...]:

@@ -33,10 +33,10 @@ class Potential:
         self,
         scene: Scene,
         *,
-        radius: float = 0.2,
-        reach: float = 0.5,
-        gain: float = 0.002,
-        vertical: float = 0.6,
+        radius: float,
+        reach: float,
+        gain: float,
+        vertical: float,
     ) -> None:
         self._radius, self._reach, self._gain = radius, reach, gain
         self._vertical = vertical

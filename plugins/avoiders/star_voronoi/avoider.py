@@ -28,9 +28,7 @@ class Voronoi:
         vertical: Agents further apart in height than this are ignored, m.
     """
 
-    def __init__(
-        self, scene: Scene, *, radius: float = 0.2, horizon: float = 0.5, vertical: float = 0.6
-    ) -> None:
+    def __init__(self, scene: Scene, *, radius: float, horizon: float, vertical: float) -> None:
         self._radius, self._horizon, self._vertical = radius, horizon, vertical
         self._speed = scene.limits.speed
         self._reach = self._speed * horizon + radius  # m: farther borders have no effect

@@ -20,7 +20,14 @@ from star_ablate.journal import Journal, StudyProgress
 from star_ablate.reading import read
 from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all
-from star_core import InputError, Progress, Registry, new_folder, write_report
+from star_core import (
+    Progress,
+    Registry,
+    output_folder,
+    positive_integer,
+    write_report,
+    writing,
+)
 
 JOURNAL: Final = "runs.jsonl"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
@@ -36,14 +43,9 @@ def main(arguments: Sequence[str]) -> int:
     registry = Registry()
     with Progress(f"checking the missions of {options.study}"):
         study = read(Path(options.study), registry, options.seeds)
-    folder = _folder(options.out, study.name)
-    try:
+    folder = output_folder(options.out, study.name, JOURNAL)
+    with writing(folder):
         status, table = _ablate(study, folder, options)
-    except BrokenPipeError:  # the reader has closed the pipe
-        raise
-    except OSError as error:
-        wrong = f"{folder}: cannot be written: {error.strerror or error}"
-        raise InputError(wrong, "unwritable-file") from error
     if not options.quiet:
         sys.stdout.write(f"{table}\nresults: {folder}\n{write_report(folder, registry)}\n")
     return status
@@ -59,9 +61,13 @@ def parser() -> argparse.ArgumentParser:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     star.add_argument("study", help="study file (YAML)")
     star.add_argument(
-        "--workers", type=_positive, default=cores, metavar="N", help="parallel runs: %(default)s"
+        "--workers",
+        type=positive_integer,
+        default=cores,
+        metavar="N",
+        help="parallel runs: %(default)s",
     )
-    star.add_argument("--seeds", type=_positive, metavar="N", help="number of seeds")
+    star.add_argument("--seeds", type=positive_integer, metavar="N", help="number of seeds")
     star.add_argument(
         "--out", metavar="DIR", help="output folder; resumes its study (runs/TIME-STUDY)"
     )
@@ -134,31 +140,8 @@ def _record(folder: Path, run: Run) -> Path:
     return Path(folder, "runs", run.condition.file, *levels, f"seed={run.seed}")
 
 
-def _folder(out: str | None, name: str) -> Path:
-    """Return the output folder, which may contain the files of a study only."""
-    if out is None:
-        return new_folder(name)
-    folder = Path(out)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {out}: is not a folder", "unwritable-file")
-    if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
-        wrong = f"--out {out}: contains other files than a study; name another folder"
-        raise InputError(wrong, "unwritable-file")
-    return folder
-
-
 def _write(path: Path, text: str) -> None:
     """Write a file atomically."""
     new = path.with_name(f"{path.name}.new")
     new.write_text(text, encoding="utf-8")
     new.replace(path)
-
-
-def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise ValueError(text)
-    return number
-
-
-_positive.__name__ = "positive whole number"  # as argparse calls it

@@ -15,7 +15,16 @@ from typing import Any, Final
 from star_bench.files import NOISE, SPEED, STUDY, Campaign, write
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
 from star_bench.table import Key, Metrics, as_csv, as_markdown, metrics, rows
-from star_core import InputError, PluginError, Progress, Registry, new_folder, write_report
+from star_core import (
+    InputError,
+    PluginError,
+    Progress,
+    Registry,
+    output_folder,
+    positive_integer,
+    write_report,
+    writing,
+)
 
 FLOWN: Final = "flown"  # folder of the study's results
 SEEDS: Final = 5
@@ -34,8 +43,8 @@ def main(arguments: Sequence[str]) -> int:
         avoiders=levels(options.avoiders, registry),
         noises=tuple(NOISE) if options.noise == "both" else (options.noise,),
     )
-    folder = _folder(options.out)
-    try:
+    folder = output_folder(options.out, "bench", STUDY)
+    with writing(folder):
         study = write(campaign, folder)
         if options.write_only:
             sys.stdout.write(f"{len(campaign.cases)} missions and their study: {study}\n")
@@ -48,11 +57,6 @@ def main(arguments: Sequence[str]) -> int:
         (folder / "bench.csv").write_text(as_csv(found), encoding="utf-8")
         (folder / "bench.md").write_text(table, encoding="utf-8")
         _write_results(folder / "results.csv", folder / FLOWN / "results.csv", campaign)
-    except BrokenPipeError:  # the reader has closed the pipe
-        raise
-    except OSError as error:
-        wrong = f"{folder}: cannot be written: {error.strerror or error}"
-        raise InputError(wrong, "unwritable-file") from error
     report = write_report(folder, registry)
     sys.stdout.write(f"{table}\nresults: {folder}\n{report}\n")
     return status
@@ -80,12 +84,18 @@ def parser() -> argparse.ArgumentParser:
         help=f"numbers of agents, {MIN_AGENTS} to {MAX_AGENTS} (each scenario's own)",
     )
     star.add_argument(
-        "--seeds", type=_positive, default=SEEDS, metavar="N", help="seeds 0 to N-1: %(default)s"
+        "--seeds",
+        type=positive_integer,
+        default=SEEDS,
+        metavar="N",
+        help="seeds 0 to N-1: %(default)s",
     )
     star.add_argument(
         "--noise", choices=["both", *NOISE], default="both", help="estimation error: %(default)s"
     )
-    star.add_argument("--workers", type=_positive, metavar="N", help="parallel runs (all cores)")
+    star.add_argument(
+        "--workers", type=positive_integer, metavar="N", help="parallel runs (all cores)"
+    )
     star.add_argument(
         "--out", metavar="DIR", help="output folder; resumes its campaign (runs/TIME-bench)"
     )
@@ -153,29 +163,6 @@ def _write_results(out: Path, flown: Path, campaign: Campaign) -> None:
             case = cases[row["mission"]]
             scenario = f"{case.title}, {case.agents} agents"
             table.writerow(row | {"mission": scenario, "seed": case.seed})
-
-
-def _folder(out: str | None) -> Path:
-    """Return the output folder, which may contain the files of a campaign only."""
-    if out is None:
-        return new_folder("bench")
-    folder = Path(out)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {out}: is not a folder", "unwritable-file")
-    if folder.exists() and any(folder.iterdir()) and not (folder / STUDY).is_file():
-        wrong = f"--out {out}: contains other files; name another folder"
-        raise InputError(wrong, "unwritable-file")
-    return folder
-
-
-def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise ValueError(text)
-    return number
-
-
-_positive.__name__ = "positive whole number"  # as argparse calls it
 
 
 NOT_IN_LABELS: Final = re.compile(r"[^A-Za-z0-9 _.+-]")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from star_core import InputError, read_run
+from star_core import read_run, writing
 from star_export.tables import csv_files, tum_files
 
 FORMATS: Final = {"csv": csv_files, "tum": tum_files}
@@ -25,13 +25,9 @@ def main(arguments: Sequence[str]) -> int:
     out = Path(options.out) if options.out else run.folder / options.format
     for name, text in FORMATS[options.format](run):
         file = out / name
-        try:
+        with writing(file):
             out.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise InputError(
-                f"{file}: cannot be written: {error.strerror}", "unwritable-file"
-            ) from error
         sys.stdout.write(f"{file}\n")
     return 0
 

@@ -15,7 +15,6 @@ import threading
 from collections import deque
 from contextlib import suppress
 from enum import IntEnum
-from types import TracebackType
 from typing import Final, NamedTuple, Self
 
 from star_core import PluginError
@@ -265,12 +264,7 @@ class TcpPort:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.close()
 
     async def _serve(self) -> None:

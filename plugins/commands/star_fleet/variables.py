@@ -20,7 +20,7 @@ from star_sim import fusion
 from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
 from star_sim.attitude import ATTITUDE_GAIN
 from star_sim.drone import OFF
-from star_sim.report import report
+from star_sim.kernel import report
 from star_sim.transport import Simulator
 
 U8, U16, U32, I8, I16, I32, FLOAT, HALF = 1, 2, 3, 4, 5, 6, 7, 8  # types

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from star_core import InputError, Progress
+from star_core import InputError, Progress, writing
 from star_tags.page import Page, pdf, svg
 from star_tags.sheet import PAPERS
 from star_tags.world import pages
@@ -26,13 +26,9 @@ def main(arguments: Sequence[str]) -> int:
         raise InputError(
             f"--out {out}: expected a name that ends in .pdf or .svg", "invalid-argument"
         )
-    try:
-        with Progress("drawing the tags"):
-            found = pages(world, options.paper)
-            files = _write(found, out)
-    except OSError as error:
-        reason = f"--out {out}: cannot be written: {error.strerror}"
-        raise InputError(reason, "unwritable-file") from error
+    with writing(f"--out {out}"), Progress("drawing the tags"):
+        found = pages(world, options.paper)
+        files = _write(found, out)
     sys.stdout.write(f"{len(found)} tags on {options.paper}: {', '.join(map(str, files))}\n")
     return 0
 

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from star_core import Planner, Scene
 
 
-def make(scene: Scene, *, gain: float = 1.5, yaw_rate_deg: float = 90.0) -> Planner:
+def make(scene: Scene, **options: float) -> Planner:
     from star_straight.planner import Straight
 
-    return Straight(scene, gain=gain, yaw_rate_deg=yaw_rate_deg)
+    return Straight(scene, **options)
 
 
 @hookimpl

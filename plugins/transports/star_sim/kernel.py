@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
@@ -15,7 +17,7 @@ from star_sim.contact import keep_out, separate, surface_below
 from star_sim.estimator import believe, lean
 from star_sim.position import aim
 from star_sim.powertrain import RESISTANCE as CASCADE_RESISTANCE
-from star_sim.supervisor import supervise
+from star_sim.supervisor import bits, supervise
 
 BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once
 
@@ -101,3 +103,26 @@ def _control(drone: Record, cascade: Record, now: float, imu: Record) -> None:
     aim(drone)
     if imu is not None:
         lean(drone)
+
+
+@kernel
+def report(drones: Record, now: float, attitude: Record, state: Record) -> None:
+    """Write each drone's estimated attitude and the bits of its state.
+
+    Args:
+        drones: (N,) records.
+        now: Mission time, s.
+        attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame: turns by
+            roll about x, then by pitch about y, then by yaw about z.
+        state: (N,) bits of `Supervisor`.
+    """
+    for i in range(len(drones)):
+        drone = drones[i]
+        cr, sr = math.cos(drone.believed_roll / 2), math.sin(drone.believed_roll / 2)
+        cp, sp = math.cos(drone.believed_pitch / 2), math.sin(drone.believed_pitch / 2)
+        cy, sy = math.cos(drone.believed_yaw / 2), math.sin(drone.believed_yaw / 2)
+        attitude[i, 0] = sr * cp * cy - cr * sp * sy
+        attitude[i, 1] = cr * sp * cy + sr * cp * sy
+        attitude[i, 2] = cr * cp * sy - sr * sp * cy
+        attitude[i, 3] = cr * cp * cy + sr * sp * sy
+        state[i] = bits(drone, now)

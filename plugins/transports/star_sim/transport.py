@@ -32,11 +32,10 @@ from star_sim.drone import OFF, standing
 from star_sim.error_profile import IDEAL, ErrorProfile
 from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
-from star_sim.kernel import BLOCK, advance
+from star_sim.kernel import BLOCK, advance, report
 from star_sim.pace import Pace
 from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.radio_link import RadioLink
-from star_sim.report import report
 from star_sim.sensors import TEXTURE_POINTS, Wander, draw_errors, draw_texture, noise_streams
 
 MIN_SWAP_CHARGE = 0.95  # fraction of full: batteries with more are not replaced

@@ -17,7 +17,6 @@ from star_core.mission_file.step_tree import (
     Node,
     Parallel,
     actions,
-    first_actions,
     nodes,
 )
 from star_core.plugin_schema import JOIN, PARTS
@@ -168,7 +167,7 @@ def _shared(node: Parallel, scene: Scene) -> Iterator[Problem]:
 def _held_twice(node: Parallel, plugins: PluginChecks) -> Iterator[Problem]:
     """Yield steps that begin at once and hold the same exclusive resource, such as a port."""
     taken = set()
-    for step in first_actions(node):
+    for step in actions([node], first=True):
         held = plugins.held(step) if step.known else ()
         if held and (step.verb, held) in taken:
             what = ", ".join(f"{name} {value}" for name, value in held)

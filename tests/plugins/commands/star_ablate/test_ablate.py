@@ -192,7 +192,7 @@ def test_nothing_is_written_when_the_study_is_wrong(study: Study, tmp_path: Path
         (lambda out: out.write_text(""), "is not a folder"),
         (
             lambda out: (out / "thesis").mkdir(parents=True),
-            "contains other files than a study; name another folder",
+            "contains other files (no runs.jsonl); name another folder",
         ),
     ],
 )

@@ -151,7 +151,7 @@ def test_flags_that_are_no_numbers_or_words_are_refused(arguments: Sequence[str]
 def test_files_do_not_go_where_something_else_is(tmp_path: Path) -> None:
     (tmp_path / "thesis").mkdir()
     (tmp_path / "file").write_text("")
-    wrong = f"--out {tmp_path}: contains other files; name another folder"
+    wrong = f"--out {tmp_path}: contains other files (no study.yaml); name another folder"
     assert refused("--out", str(tmp_path)).startswith(f"{wrong} [")
     wrong = f"--out {tmp_path / 'file'}: is not a folder"
     assert refused("--out", str(tmp_path / "file")).startswith(f"{wrong} [")
