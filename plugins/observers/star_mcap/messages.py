@@ -6,9 +6,10 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Any, Final
 
+import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from star_core import Array
+from star_core import Array, Camera
 
 FILE: Final = "flight.mcap"
 """Name of the recording in the folder of a run."""
@@ -102,6 +103,24 @@ def twist_stamped(time: int, velocity: Iterable[float]) -> Any:
     """Return a velocity in the map."""
     twist = kind("geometry_msgs/Twist")(vector(velocity), vector((0.0, 0.0, 0.0)))
     return kind("geometry_msgs/TwistStamped")(header(time), twist)
+
+
+def camera_info(time: int, frame: str, camera: Camera) -> Any:
+    """Return the intrinsics of a camera: OpenCV's pinhole model, distortion k1, k2, p1, p2, k3."""
+    fx, fy, cx, cy = camera.matrix
+    return kind("sensor_msgs/CameraInfo")(
+        header=header(time, frame),
+        height=camera.height,
+        width=camera.width,
+        distortion_model="plumb_bob",
+        d=np.array(camera.distortion),
+        k=np.array([fx, 0, cx, 0, fy, cy, 0, 0, 1], float),
+        r=np.eye(3).ravel(),
+        p=np.array([fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0], float),
+        binning_x=0,
+        binning_y=0,
+        roi=kind("sensor_msgs/RegionOfInterest")(0, 0, 0, 0, False),  # noqa: FBT003 -- a message
+    )
 
 
 def odometry(

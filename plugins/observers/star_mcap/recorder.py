@@ -37,6 +37,7 @@ class Recorder:
     def __init__(self, flight: Flight, folder: Path, started: int) -> None:
         scene = flight.scene
         self._names = scene.names
+        self._cameras = [agent.camera for agent in scene.agents]
         self._images = flight.save_frames
         self._epoch = started if scene.realtime else 0
         self._channels: dict[str, int] = {}
@@ -219,9 +220,14 @@ class Recorder:
             name = self._names[agent]
             encoded, jpeg = cv2.imencode(".jpg", image)
             if encoded:
-                at = header(self._nanoseconds(moment), f"{name}/camera")
-                message = kind("sensor_msgs/CompressedImage")(at, "jpeg", jpeg.ravel())
+                at, frame = self._nanoseconds(moment), f"{name}/camera"
+                message = kind("sensor_msgs/CompressedImage")(
+                    header(at, frame), "jpeg", jpeg.ravel()
+                )
                 self._write(f"/{name}/camera/image/compressed", message)
+                if (camera := self._cameras[agent]) is not None:
+                    info = messages.camera_info(at, frame, camera)
+                    self._write(f"/{name}/camera/camera_info", info)
 
     def _write_text(self, topic: str, text: str) -> None:
         """Write a text when it changes."""

@@ -15,12 +15,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 import star_mcap
+from star_core import Camera
 from star_core.cli.main import main
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover
@@ -102,6 +104,42 @@ def test_an_estimate_has_the_covariance_and_the_velocity_of_the_body(run: Path) 
     assert odometry.pose.pose.position.x == kept["estimate_position"][k, 0, 0]
     assert odometry.pose.covariance[0] > 0
     assert odometry.header.frame_id == "map"
+
+
+def test_images_are_kept_at_five_per_second_with_the_intrinsics(tmp_path: Path) -> None:
+    (tmp_path / "room.yaml").write_text(
+        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+    )
+    (tmp_path / "look.yaml").write_text(
+        "star: 1\nname: look\nworld: room.yaml\ncameras: {eye: {rate: 15}}\n"
+        "swarm: {cf1: {start: [0, 0, 0], camera: eye}}\n"
+        "transport: sim\nlocalizer: flow\nplanner: straight\navoider: none\n"
+        "mission:\n  - takeoff: {height: 0.3, speed: 0.5}\n"
+    )
+    out = tmp_path / "run"
+    assert main(["run", str(tmp_path / "look.yaml"), "--out", str(out), "--save-frames"]) == 0
+    received: dict[str, list[Any]] = {}
+    with AnyReader([out / FILE]) as bag:
+        for connection, _time, data in bag.messages():
+            message = bag.deserialize(data, connection.msgtype)
+            received.setdefault(connection.topic, []).append(message)
+    images, infos = (
+        received[f"/cf1/camera/{name}"] for name in ("image/compressed", "camera_info")
+    )
+    stamps = [image.header.stamp.sec + 1e-9 * image.header.stamp.nanosec for image in images]
+    assert len(stamps) > 5
+    assert np.diff(stamps).min() >= 0.2 - 1e-6
+    pixels = cv2.imdecode(images[0].data, cv2.IMREAD_UNCHANGED)
+    assert pixels is not None
+    assert pixels.shape == (infos[0].height, infos[0].width)
+    assert len(infos) == len(images)
+    assert infos[0].header.frame_id == "cf1/camera"
+    assert infos[0].k[[0, 2, 4, 5]].tolist() == pytest.approx(list(_matrix()))
+
+
+def _matrix() -> tuple[float, ...]:
+    fx, fy, cx, cy = Camera().matrix
+    return fx, cx, fy, cy
 
 
 def test_a_recording_that_breaks_off_is_completed(run: Path, tmp_path: Path) -> None:
