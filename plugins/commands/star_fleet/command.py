@@ -80,7 +80,8 @@ def parser() -> argparse.ArgumentParser:
     star = argparse.ArgumentParser(
         prog="star fleet",
         description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
-        epilog="Noise, battery, endurance and camera are taken from the mission's transport `sim`.",
+        epilog="Noise, controller, battery, endurance and camera are taken from the mission's "
+        "transport `sim`.",
         allow_abbrev=False,
     )
     star.add_argument("mission", help="mission file (YAML)")
@@ -193,6 +194,7 @@ def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
         "noise": options.get("noise", True),
         "battery": options.get("battery", 1.0),
         "endurance": options.get("endurance", 420.0),
+        "controller": options.get("controller", "ideal"),
         "camera": camera if seen else None,
     }
 

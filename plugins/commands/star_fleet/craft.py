@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from star_core import Array, Corrections
 from star_fleet.setpoints import Demand
+from star_sim.cascade import CONTROLLERS
 from star_sim.drone import DEMAND, OFF
 from star_sim.pieces import Piece, enter
 from star_sim.transport import Simulator
+
+# ``ControllerType`` of ``controller.h``; the other ones are not simulated.
+CONTROLLER_TYPES: Final = {1: CONTROLLERS["pid"], 2: CONTROLLERS["mellinger"]}
 
 
 class Craft:
@@ -42,6 +47,19 @@ class Craft:
     def crashed(self) -> bool:
         """Whether it has tumbled in flight."""
         return bool(self._drone["crashed"])
+
+    @property
+    def controller(self) -> int:
+        """Number of the controller that flies it, as in ``stabilizer.controller``."""
+        if self._simulator.cascades is None:
+            return 1
+        kind = self._simulator.cascades["controller"][self._row]
+        return next(number for number, one in CONTROLLER_TYPES.items() if one == kind)
+
+    @controller.setter
+    def controller(self, number: int) -> None:
+        if self._simulator.cascades is not None and number in CONTROLLER_TYPES:
+            self._simulator.cascades["controller"][self._row] = CONTROLLER_TYPES[number]
 
     def stop(self) -> None:
         """Stop the motors."""

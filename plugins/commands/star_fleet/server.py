@@ -56,11 +56,12 @@ class Fleet:
         battery: Charge at the start, as a fraction of full.
         endurance: How long a full battery lets a drone hover, s.
         camera: How cameras err; None switches them off.
+        controller: Of the simulator. With ``pid`` or ``mellinger`` it is what flies until a client
+            sets the parameter ``stabilizer.controller``.
         speed: Simulated seconds per second.
         arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
         feed_forward: Whether a vehicle that follows a plan or holds a position heeds the velocity
-            and acceleration of its reference, as with the Mellinger controller. Without, it lags by
-            0.5 s, as with the firmware's default controller.
+            and acceleration of its reference; the controller ``pid`` never does.
         faults: Of every UDP link, in both directions; see `links` to change them in flight. A
             delay is rounded up to whole cycles of 10 ms.
         seed: Of the random numbers of the faults; the scene's if not given.
@@ -85,6 +86,7 @@ class Fleet:
         battery: float = 1.0,
         endurance: float = HOVER_TIME,
         camera: CameraOptions | None = None,
+        controller: str = "ideal",
         speed: float = 1.0,
         arms_itself: bool = True,
         feed_forward: bool = True,
@@ -97,6 +99,7 @@ class Fleet:
             battery=battery,
             endurance=endurance,
             camera=camera,
+            controller=controller,
             wanted=self.watched,
         )
         if not feed_forward:

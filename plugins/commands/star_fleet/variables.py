@@ -55,6 +55,7 @@ class Readings:
 
     def __init__(self, simulator: Simulator, info: Rows) -> None:
         self.drones, self.sample = simulator.drones, simulator.sample
+        self.cascades = simulator.cascades
         self.info = info
         self._now, self._fusion = simulator.time, simulator.fusion
         self._columns: dict[int, list[Any]] = {}
@@ -74,6 +75,13 @@ class Readings:
         attitude = np.empty((n, 4))
         report(self.drones, self._now, attitude, np.empty(n, np.int64))
         return attitude
+
+    @cached_property
+    def pwm(self) -> Array:
+        """(N, 4) of 65535; of the ideal controller, which has none, the thrust as a share of it."""
+        if self.cascades is not None:
+            return np.asarray(self.cascades["pwm"])
+        return np.asarray(self.drones["thrust"] * (FULL_PWM / THRUST_MAX))
 
     @cached_property
     def covariance(self) -> Array:
@@ -227,6 +235,9 @@ def _wanted_tilt(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
 
     def read(readings: Readings) -> Any:
         drones = readings.drones
+        if readings.cascades is not None:
+            wanted = (_DEGREES, -_DEGREES)[axis] * readings.cascades["wanted"][:, axis]
+            return np.where(drones["mode"] == OFF, 0.0, wanted)
         x, y, up = drones["push"].T
         yaw = drones["seen_yaw"]
         ahead, aside = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x
@@ -249,6 +260,8 @@ def _wanted_rate(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
 
 def _thrust(readings: Readings) -> Any:
     """Mean of all motors, of 65535 each."""
+    if readings.cascades is not None:
+        return readings.cascades["thrust"]
     return readings.drones["thrust"].mean(axis=1) / THRUST_MAX * FULL_PWM
 
 
@@ -283,7 +296,7 @@ VARIABLES: Final = (
     *_each("kalman", "varPX varPY varPZ", FLOAT, _velocity_variance),
     Variable("kalman.varD2", FLOAT, _variance(fusion.YAW)),
     Variable("range.zrange", U16, _range),
-    *_each("motor", "m1 m2 m3 m4", U16, _of, "thrust", scale=FULL_PWM / THRUST_MAX),
+    *_each("motor", "m1 m2 m3 m4", U16, _column, "pwm"),
     Variable("pm.vbat", FLOAT, _of("voltage")),
     Variable("pm.vbatMV", U16, _of("voltage", scale=1000)),
     Variable("pm.batteryLevel", U8, _battery_level),

@@ -73,6 +73,7 @@ class Vehicle:
         self._memories = Memories(address)
         self._parameters = parameters.Parameters(self._written)
         self._parameters.put("deck.bcAI", camera)
+        self._parameters.put("stabilizer.controller", craft.controller)
         self._high_level = HighLevel(craft, self._memories.trajectory, self._parameters)
         self._guidance = Guidance(craft, self._high_level)
         self._log = log.Log(row)
@@ -244,6 +245,8 @@ class Vehicle:
 
     def _written(self, name: str) -> None:
         """Apply the immediate effect of a written parameter."""
+        if name == "stabilizer.controller":
+            self._craft.controller = int(self._parameters[name])
         if name != "kalman.resetEstimation" or not self._parameters[name]:
             return
         x, y, yaw = (self._parameters[f"kalman.initial{axis}"] for axis in ("X", "Y", "Yaw"))

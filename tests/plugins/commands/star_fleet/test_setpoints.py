@@ -194,3 +194,21 @@ def test_sticks_fly_a_vehicle(start: Start) -> None:
         bench.fly(0.05)
     assert bench.turned
     assert bench.log("stateEstimate.vz")[0] > 0.1
+
+
+def test_the_parameter_of_the_controller_selects_what_flies(start: Start) -> None:
+    """PID trails a moving full state by half a second, Mellinger's law does not."""
+    level = int(compress(np.array([[0.0, 0.0, 0.0, 1.0]]))[0])
+    behind = {}
+    for number in (1, 2):
+        bench = start(controller="pid")
+        bench.write("stabilizer.controller", "B", number)
+        bench.takeoff(0.8, 2.0)
+        bench.fly(6.0)
+        for k in range(300):
+            state = (round(5 * k), 0, 800, 500, 0, 0, 0, 0, 0, level, 0, 0, 0)
+            bench.fly(0.01, "B9hI3h", 6, *state)
+        behind[number] = 5e-3 * 299 - bench.log("stateEstimate.x")[0]
+        assert 49_000 < bench.log("motor.m1")[0] < 59_000
+    assert 0.2 < behind[1] < 0.33
+    assert abs(behind[2]) < 0.1
