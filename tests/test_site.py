@@ -96,6 +96,8 @@ def test_every_option_of_every_plugin_is_described(site: Path) -> None:
             section = page.partition(f'id="{found.offer.name}"')[2].partition("<h2")[0]
             options = found.offer.options.get("properties", {})
             missing += [f"{name}: {one}" for one in options if f"<code>{one}</code>" not in section]
+            values = (" | ".join(o["enum"]) for o in options.values() if "enum" in o)
+            missing += [f"{name}: {one}" for one in values if f"<td>{one}</td>" not in section]
     assert missing == []
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ROOT: Final = Path(__file__).parents[2]
 LINK: Final = re.compile(r"(?<=\]\()(?![a-z]+:|#)[^)#\s]+")
 CODE: Final = re.compile(r"^( *)(```+).*?^\1\2", re.MULTILINE | re.DOTALL)
-TABLE_CODE: Final = re.compile(r"`[^`\n]*\\\|[^`\n]*`")  # GitHub needs the backslash there
+SPAN: Final = re.compile(r"`[^`\n]+`")  # in tables GitHub needs a backslash before a bar
 IN_NAV: Final = "[](../CHANGELOG.md) [](../CONTRIBUTING.md) [](../examples) [](../missions)"
 LANGUAGES: Final = {".py": "python", ".yaml": "yaml", ".toml": "toml", ".json": "json"}
 
@@ -53,7 +53,7 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
         path = _target(uri, found[0])
         return found[0] if path is None else relpath(page_of(path), dirname(uri))
 
-    return LINK.sub(replaced, TABLE_CODE.sub(lambda code: code[0].replace("\\|", "|"), markdown))
+    return LINK.sub(replaced, SPAN.sub(lambda code: code[0].replace("\\|", "|"), markdown))
 
 
 def page_of(path: str) -> str:
