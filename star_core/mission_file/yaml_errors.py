@@ -18,6 +18,7 @@ MINUS = "\u2212"
 PUNCTUATION = set("-:,[]{}#'\"")
 _QUOTES = {"\u2018": "'", "\u2019": "'", "\u201c": '"', "\u201d": '"'}
 _BLANK = re.compile(r"\s*(#.*)?")
+_NO_COLON = re.compile(r"\s*(?:- +)*(?P<key>[A-Za-z_][\w-]*) +[\[{]")
 _NO_SPACE = re.compile(r"\s*(?:- +)*(?P<key>[A-Za-z_][\w-]*):(?P<value>[^\s/].*)")
 
 
@@ -71,7 +72,9 @@ def explain(error: MarkedYAMLError, text: str) -> tuple[int, int, str]:
             break
     else:
         point = at
-        message = f"not YAML: {stop.problem}; check the punctuation here and on the line before"
+        rest = lines[at.line][at.column :].split()
+        what = f"{rest[0]!r} cannot stand here" if rest else f"not YAML: {stop.problem}"
+        message = f"{what}; check the punctuation here and on the line before"
     return point.line + 1, point.column + 1, " ".join(message.split())
 
 
@@ -145,6 +148,8 @@ def _no_space(stop: _Stop) -> _Answer:
 def _colon(stop: _Stop) -> _Answer:
     """Explain a colon that is missing, or is where none can stand."""
     at, lines = stop.at, stop.lines
+    if found := _NO_COLON.match(_bare(lines[at.line])):
+        return _Point(at.line, found.end("key")), f"put a colon after {found['key']!r}"
     if "expected ':'" in stop.problem:
         return stop.begun, _no_colon(lines[stop.begun.line])
     if "mapping values are not allowed" not in stop.problem:
@@ -193,22 +198,31 @@ def _indentation(stop: _Stop) -> _Answer:
     list too, or not.
     """
     at, lines = stop.at, stop.lines
-    if "<block end>" not in stop.problem or lines[at.line][: at.column].strip(" -"):
+    ended = "<block end>" in stop.problem or "<document start>" in stop.problem
+    above = _line_above(at.line, lines)
+    if not ended or above is None or lines[at.line][: at.column].strip(" -"):
         return None
-    here = _indent(lines[at.line])
-    listed = lines[at.line].lstrip().startswith("-")
-    others = [
+    here, there = _indent(lines[at.line]), _indent(lines[above])
+    listed = _is_item(lines[at.line])
+    if listed != _is_item(lines[above]) and here >= there:
+        kinds = ("an item of a list", "a key") if listed else ("a key", "an item of a list")
+        if here == there:
+            text = f"this is {kinds[0]}, line {above + 1} is {kinds[1]}; write both alike"
+        else:
+            text = f"this line is indented by {here}, but line {above + 1} is complete without it"
+        return at, text
+    _, _, i = min(
         (abs(_indent(line) - here), at.line - i, i)
         for i, line in enumerate(lines[: at.line])
-        if not _BLANK.fullmatch(line) and line.lstrip().startswith("-") == listed
-    ]
+        if not _BLANK.fullmatch(line) and (_is_item(line) == listed or i == above)
+    )
     wanted = "the items of a list" if listed else "keys that belong together"
-    if not others or min(others)[0] == 0:
-        return at, f"this line does not fit those above it; {wanted} begin in the same column"
-    _, _, i = min(others)
-    there = _indent(lines[i])
-    spaces = f"this line is indented by {here}, line {i + 1} by {there}"
+    spaces = f"this line is indented by {here}, line {i + 1} by {_indent(lines[i])}"
     return at, f"{spaces}; {wanted} begin in the same column"
+
+
+def _is_item(line: str) -> bool:
+    return line.lstrip().startswith("-")
 
 
 def _bracket(stop: _Stop) -> _Answer:
