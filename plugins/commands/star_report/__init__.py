@@ -26,7 +26,7 @@ def star_commands() -> Iterator[CommandSpec]:
 def star_run_options() -> Iterator[RunOptionSpec]:
     yield RunOptionSpec(
         name="report",
-        summary="Write report.html beside the record when the flight is over.",
+        summary="write report.html beside the record when the flight is over",
         make=_observer,
     )
 

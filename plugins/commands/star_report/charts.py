@@ -18,6 +18,7 @@ from star_report.series import (
     separation,
 )
 
+MIN_TICKS: Final = 2  # for which tick times are shown
 CONTACT: Final = 0.12  # m between the centres of two agents that touch
 APPROACHES: Final = ("collision", "close_approach")  # kinds of events
 STAGES: Final = {
@@ -82,7 +83,7 @@ def series(run: Run) -> Iterator[tuple[str, str, Figure]]:
 
 def tick_times(run: Run) -> Iterator[tuple[str, str, Figure]]:
     """Yield the figure of each tick's computing time, if that is recorded."""
-    if not run.timing:
+    if len(run.timing.get("time", ())) < MIN_TICKS:
         return
     lines = [
         line(*peaks(run.timing["time"], 1000 * run.timing[key], MAX_POINTS), name, colour(i))

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from star_core import Array, Obstacle, Run, box_edges, obstacle_meshes
+from star_core import Array, Obstacle, Run, Tag, box_edges, obstacle_meshes
 from star_report.figures import ALARM, Figure, colour, crosses, dotted, line
 from star_report.series import airborne, clearance, positions, separation
 
@@ -53,7 +53,7 @@ def top_view(run: Run) -> Figure:
                     "mode": "markers+text",
                     "x": [tag.position[0] for tag in tags],
                     "y": [tag.position[1] for tag in tags],
-                    "text": [str(tag.id) for tag in tags],
+                    "text": _labels(tags),
                     "hovertext": [f"{tag.of} ({tag.id})" for tag in tags],
                     "textposition": "top center",
                     "textfont": {"size": 9, "color": paint},
@@ -114,13 +114,13 @@ def replay(run: Run) -> Figure:
     data += [mesh for obstacle in run.world.obstacles for mesh in _prisms(obstacle)]
     for tags, paint in ((run.world.landmarks, LANDMARK), (run.world.targets, TARGET)):
         if tags:
-            place = np.array([tag.position for tag in tags])
+            points = np.array([tag.position for tag in tags])
             data.append(
                 {
                     "type": "scatter3d",
                     "mode": "markers+text",
-                    **_xyz(place),
-                    "text": [str(tag.id) for tag in tags],
+                    **_xyz(points),
+                    "text": _labels(tags),
                     "hovertext": [f"{tag.of} ({tag.id})" for tag in tags],
                     "textfont": {"size": 9, "color": paint},
                     "marker": {"size": 3, "color": paint, "symbol": "square"},
@@ -179,6 +179,12 @@ def replay(run: Run) -> Figure:
         "path": np.asarray(path, np.float32).ravel(),
         "time": np.asarray(frames, np.float32),
     }
+
+
+def _labels(tags: Sequence[Tag]) -> list[str]:
+    """Return names of targets, and numbers of landmarks' tags, which have several."""
+    names = [tag.of for tag in tags]
+    return names if len(set(names)) == len(names) else [str(tag.id) for tag in tags]
 
 
 def _outline(polygon: Sequence[tuple[float, float]]) -> Figure:
