@@ -20,7 +20,10 @@ AGENTS: Final = {"ground": "on the ground", "air": "in the air"}
 def describe(kind: str, found: Found) -> str:
     """Return the description of one plugin."""
     offer, schema = found.offer, options(found)
-    lines = [f"{offer.name}: {kind} of {found.source}", *_wrapped(offer.summary, 2)]
+    lines = [
+        f"{offer.name}: {kind.replace('_', ' ')} of {found.source}",
+        *_wrapped(offer.summary, 2),
+    ]
     if isinstance(offer, TaskSpec) and offer.before:
         lines += _wrapped(f"Its agents must be {AGENTS[offer.before]} when it begins.", 2)
     properties = schema.get("properties", {})
@@ -35,6 +38,8 @@ def _usage(kind: str, found: Found) -> str:
     name, schema = found.offer.name, options(found)
     if kind == "command":
         return f"`star {name} --help` describes its options."
+    if kind == "run_option":
+        return f"Example: star run MISSION --{name}"
     if kind == "task":
         example = flow(next(iter(schema.get("examples", ())), {}))
         return f"Example: - {name}: {example}. All verbs also have: {', '.join(SHARED)}."

@@ -46,7 +46,11 @@ def as_text(plugins: Plugins, broken: Mapping[Source, str]) -> str:
     """Return a table: names and summaries by kind; the distribution of those of third parties."""
     lines: list[str] = []
     for kind, group in groupby(plugins, key=lambda plugin: plugin[0]):
-        lines += [f"{kind}s", *columns(map(_row, (found for _, found in group))), ""]
+        lines += [
+            f"{kind}s".replace("_", " "),
+            *columns(map(_row, (found for _, found in group))),
+            "",
+        ]
     lines.append("`star plugins NAME` describes a plugin and its options.")
     return "\n".join([*lines, *(f"left out: {source}: {why}" for source, why in broken.items())])
 
