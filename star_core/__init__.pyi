@@ -90,6 +90,7 @@ from star_core.toolkit.camera_model import distort as distort
 from star_core.toolkit.camera_model import perspective as perspective
 from star_core.toolkit.camera_model import square_corners as square_corners
 from star_core.toolkit.camera_model import square_poses as square_poses
+from star_core.toolkit.camera_model import upright_misfit as upright_misfit
 from star_core.toolkit.jit import compiled as compiled
 from star_core.toolkit.jit import subroutine as subroutine
 from star_core.toolkit.position_control import PositionController as PositionController

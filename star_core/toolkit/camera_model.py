@@ -255,5 +255,21 @@ def square_poses(rays: Array, size: float) -> list[tuple[Pose, float]]:
     ]
 
 
+UPRIGHT_PENALTY: Final = 6.0
+"""Squared deviations by which corners must favor a square on a wall over one on the floor. Where a
+camera looks down at 45°, one may look like the other."""
+
+
+def upright_misfit(pose: Pose, misfit: float, up: Array) -> float:
+    """Return the misfit of one of the poses of a square, less a preference for level squares.
+
+    Args:
+        pose: Of the square in the camera's frame.
+        misfit: Sum of the squared residuals of its corners, in standard deviations.
+        up: (3,) unit vector against gravity in the camera's frame.
+    """
+    return misfit - UPRIGHT_PENALTY * float(pose.rotation[:, 2] @ up)
+
+
 def _float(given: object) -> Array:
     return np.asarray(given, np.float64)

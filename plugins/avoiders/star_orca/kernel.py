@@ -66,7 +66,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         speed: (N,) speed limit, m/s.
         avoids: (N,) False where the agent does not give way, so that the others avoid it alone.
         hard_planes: (N, H, 3) half-planes of the fence and of obstacles, and
-        hard_counts: (N,) their numbers: see `star_orca.hard_planes`.
+        hard_counts: (N,) their numbers: see `star_orca.avoider.hard_planes`.
         horizon: Time for which no two agents shall collide, s.
         communication_radius: Horizontal distance within which agents are neighbours, m.
         most: Greatest number of neighbours, the nearest.

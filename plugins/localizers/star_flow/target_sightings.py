@@ -21,13 +21,13 @@ from star_core import (
     rotation_from_quaternion,
     rotation_from_vector,
     square_corners,
+    upright_misfit,
 )
 from star_flow.drift import heading_variance
 
 CORNER_STD: Final = 0.3  # px, of a corner in u and in v
 DIRECTION_STD: Final = math.radians(1.0)  # rad, by mounting and attitude
 MAX_MISFIT: Final = 3.0  # standard deviations of a corner, root mean square
-UPRIGHT_PENALTY: Final = 6.0  # squared deviations by which corners must favor an upright square
 
 log = logging.getLogger(__name__)
 
@@ -134,11 +134,7 @@ def square_fix(rays: Array, size: float, up: Array, deviation: float) -> SquareF
 
     guesses = square_poses(rays, size) + square_poses(rays + _NUDGES, size)
     fixes = [fix for pose, _ in guesses if (fix := _refined(pose, rays, size, deviation))]
-    return min(
-        fixes,
-        key=lambda fix: fix.surprise - UPRIGHT_PENALTY * fix.pose.rotation[:, 2] @ up,
-        default=None,
-    )
+    return min(fixes, key=lambda fix: upright_misfit(fix.pose, fix.surprise, up), default=None)
 
 
 def _refined(pose: Pose, rays: Array, size: float, deviation: float) -> SquareFix | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -33,7 +34,6 @@ from star_sim.error_profile import IDEAL, ErrorProfile
 from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance, report
-from star_sim.pace import Pace
 from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.radio_link import RadioLink
 from star_sim.sensors import TEXTURE_POINTS, Wander, draw_errors, draw_texture, noise_streams
@@ -308,3 +308,22 @@ class Simulator:
             pitch=rows[:, 6],
             height=rows[:, 7],
         )
+
+
+class Pace:
+    """Slows a simulation down to a speed, which may change at any time."""
+
+    def __init__(self) -> None:
+        self._speed: float | None = None
+        self._begun = self._last = (0.0, 0.0)  # s: mission time and wall time
+
+    def keep(self, now: float, speed: float | None) -> None:
+        """Sleep until mission time `now`, s, is due; do not sleep if `speed` is None."""
+        clock = time.monotonic()
+        if speed != self._speed:
+            self._speed = speed
+            self._begun = self._last if self._last[0] else (0.0, clock)
+        if speed is not None:
+            mission, wall = self._begun
+            time.sleep(max(0.0, wall + (now - mission) / speed - clock))
+        self._last = now, time.monotonic()

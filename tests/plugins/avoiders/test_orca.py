@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from star_core import Array, Fence, Mask, Obstacle, World
-from star_orca.hard_planes import hard_planes
+from star_orca.avoider import hard_planes
 from star_orca.kernel import orca
 from star_orca.outlines import Outlines, outlines
 

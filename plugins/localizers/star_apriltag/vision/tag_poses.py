@@ -30,6 +30,7 @@ from star_core import (
     skew,
     square_corners,
     square_poses,
+    upright_misfit,
 )
 
 MODULES: Final = 8  # per row of a tag of family 36h11, with its black border
@@ -40,10 +41,6 @@ MAX_TILT: Final = math.radians(20.0)
 """Greatest angle between a solution's up and the on-board estimator's."""
 
 TILT_STD: Final = math.radians(1.0) / 0.9**2  # rad per squared meter, of a solution's tilt
-
-UPRIGHT_PENALTY: Final = 6.0
-"""Squared deviations by which an image must favor a target on a wall over one on the floor. Where a
-camera looks down at 45°, one may look like the other."""
 
 # Standard deviation of a corner, px: MIN_STD, and STD_AT for a tag of USUAL_SIZE at DISTANCE, which
 # grows with that POWER of the distance. Fitted to simulated flights over a surveyed map.
@@ -150,11 +147,8 @@ def seen_target(
     if square is None:
         return None
     camera = prediction.camera(lens.mounting)
-    up = prediction.pose.rotation[2]
-    best, _ = min(
-        square.solutions,
-        key=lambda one: one[1] - UPRIGHT_PENALTY * up @ (camera.rotation @ one[0].rotation)[:, 2],
-    )
+    up = prediction.pose.rotation[2] @ camera.rotation
+    best, _ = min(square.solutions, key=lambda one: upright_misfit(one[0], one[1], up))
     view = View(square_corners(size), rays, square.deviation, lens.row_delay(pixels))
     fix = refine((camera @ best).inverse(), [view], camera, motion=prediction.motion)
     if fix is None:
