@@ -93,6 +93,7 @@ from star_core.toolkit.camera_model import square_poses as square_poses
 from star_core.toolkit.camera_model import upright_misfit as upright_misfit
 from star_core.toolkit.jit import compiled as compiled
 from star_core.toolkit.jit import subroutine as subroutine
+from star_core.toolkit.mosaic import gray_from_mosaic as gray_from_mosaic
 from star_core.toolkit.position_control import PositionController as PositionController
 from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, Final
 
@@ -50,6 +51,12 @@ class PluginPipeline:
     def __init__(self, mission: Mission, registry: Registry) -> None:
         self._n = len(mission.scene.agents)
         self._scene = mission.scene
+        # rows of the agents whose cameras send mosaics, and the kinds of their pixels
+        self._mosaics = {
+            row: agent.camera.pixels
+            for row, agent in enumerate(mission.scene.agents)
+            if agent.camera is not None and agent.camera.pixels != "gray"
+        }
         self._plugins: dict[str, Any] = {}
         self._making = {kind: PluginGuard(str(mission.parts[kind]), self._n) for kind in PARTS}
         self.compute_time = ComputeTime(mission.scene.period, realtime=mission.scene.realtime)
@@ -123,7 +130,19 @@ class PluginPipeline:
     def receive(self) -> Telemetry:
         """Return what arrived since the last call."""
         with self._calling["transport"]:
-            return checked_telemetry(self._plugins["transport"].receive(), self._n)
+            telemetry = checked_telemetry(self._plugins["transport"].receive(), self._n)
+            return telemetry if not self._mosaics else self._without_mosaics(telemetry)
+
+    def _without_mosaics(self, telemetry: Telemetry) -> Telemetry:
+        """Return telemetry whose images are gray, for localizers and observers."""
+        from star_core.toolkit.mosaic import gray_from_mosaic  # imports OpenCV
+
+        frames = telemetry.frames
+        images = (
+            gray_from_mosaic(image, self._mosaics.get(row, "gray"))
+            for row, image in zip(frames.agent.tolist(), frames.image, strict=True)
+        )
+        return replace(telemetry, frames=replace(frames, image=tuple(images)))
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate the positions of the agents."""

@@ -15,7 +15,7 @@ FORWARD: Quaternion = (-0.5, 0.5, -0.5, 0.5)
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A mono camera with OpenCV's pinhole model. The defaults are an AI-deck's, pitched down.
+    """A camera with OpenCV's pinhole model. The defaults are an AI-deck's, pitched down.
 
     Its frame has x to the right of the image, y down, z ahead; the middle of the first pixel is at
     (0, 0). The intrinsics are those that the original STAR's users calibrated.
@@ -34,6 +34,8 @@ class Camera:
         exposure: Of each row of pixels, s.
         readout: Time from the readout of the first row to that of the last, s; rows are exposed
             one after the other.
+        pixels: ``gray``, or the colors of a Bayer mosaic's first two pixels and of those below
+            them, as ``bayer_rggb``. The core makes its images gray (`gray_from_mosaic`).
     """
 
     width: int = 324
@@ -47,6 +49,7 @@ class Camera:
     rate: float = 10.0
     exposure: float = 0.01
     readout: float = 0.03
+    pixels: str = "gray"
 
     @property
     def rotation(self) -> Quaternion:

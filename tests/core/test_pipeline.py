@@ -17,6 +17,7 @@ from star_core import (
     Command,
     Corrections,
     Goals,
+    Image,
     Order,
     PluginError,
     Registry,
@@ -27,6 +28,7 @@ from star_core import (
     hookimpl,
     load,
 )
+from star_core.pipeline import PluginPipeline
 from star_core.registry import Source
 from tests.core.conftest import Lab
 
@@ -406,3 +408,22 @@ def test_a_correction_of_no_agent_or_to_nowhere_names_the_localizer(
     lab.spoil("localizer", "locate", change(corrections=wrong), ONCE)
     assert lab.fly()["reason"].startswith(f"{NAMED['localizer']}: Estimate.corrections.")
     assert lab.robots.corrected == []
+
+
+def test_mosaics_are_gray_when_localizers_and_observers_get_them(missions: Path) -> None:
+    changes = ["cameras={color: {pixels: bayer_rggb}}", "swarm.cf2.camera=color"]
+    flown = load(missions / "three_eyes.yaml", Registry(), changes)
+    pipeline = PluginPipeline(flown, Registry())
+    images: dict[int, Image] = {}
+    try:
+        pipeline.connect(())
+        for tick in range(1, 12):
+            pipeline.wait(tick * 0.05)
+            frames = pipeline.receive().frames
+            images |= dict(zip(frames.agent.tolist(), frames.image, strict=True))
+    finally:
+        pipeline.close()
+    assert sorted(images) == [0, 1, 2]
+    for image in images.values():
+        red, green = image[::2, ::2].mean(), image[::2, 1::2].mean()
+        assert red == pytest.approx(green, rel=0.02)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core import Array, Image, InputError, Progress
+from star_core import Array, Image, InputError, Progress, gray_from_mosaic
 
 Corners = NDArray[np.float32]
 """(K, 2) px."""
@@ -81,8 +81,8 @@ class Views(NamedTuple):
     without: tuple[str, ...]  # names of the files without it
 
 
-def find_views(names: Sequence[str], board: Board) -> Views:
-    """Find the board in image files.
+def find_views(names: Sequence[str], board: Board, pixels: str = "gray") -> Views:
+    """Find the board in image files, of a camera with a kind of `pixels`.
 
     Raises:
         InputError: Files cannot be read, or their sizes differ or are no camera's.
@@ -91,7 +91,7 @@ def find_views(names: Sequence[str], board: Board) -> Views:
     images: dict[str, Image] = {}
     for name in names:
         try:
-            images[name] = _read(name)
+            images[name] = gray_from_mosaic(_read(name), pixels)
         except InputError as error:
             unreadable += error.problems
     if unreadable:

@@ -15,6 +15,7 @@ from star_core import InputError, Progress, read_as
 
 NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as in missions
 DEFAULT_NAME: Final = "calibrated"
+PIXELS: Final = ("gray", "bayer_rggb", "bayer_bggr", "bayer_grbg", "bayer_gbrg")
 MAX_SQUARE: Final = 1.0  # m: a larger one is probably in mm
 MIN_CORNERS: Final = 3  # inner corners each way, for OpenCV to find the pattern
 MIN_COVERAGE: Final = 0.75  # of the image's cells: with less its edges are uncertain
@@ -31,10 +32,10 @@ def main(arguments: Sequence[str]) -> int:
     name = _name(options.name, options.out)
     if options.out is not None:
         _check_replaceable(Path(options.out))
-    views = find_views(options.images, board)
+    views = find_views(options.images, board, options.pixels)
     with Progress("calibrating"):
         lens = solve(views, board)
-    text, file = as_text(lens, views), as_yaml(lens, name)
+    text, file = as_text(lens, views), as_yaml(lens, name, options.pixels)
     if options.out is None:
         sys.stderr.write(text)
         sys.stdout.write(file)
@@ -76,6 +77,13 @@ def parser() -> argparse.ArgumentParser:
         "--square", type=float, default=0.025, metavar="M", help="edge of a square, m (%(default)s)"
     )
     camera.add_argument(
+        "--pixels",
+        choices=PIXELS,
+        default="gray",
+        help="what the images are: gray, or raw mosaics of a color sensor by the colors of their"
+        " first two pixels and of those below them (%(default)s)",
+    )
+    camera.add_argument(
         "--name",
         help=f"name of the camera in missions (FILE without its ending, or {DEFAULT_NAME})",
     )
@@ -105,7 +113,7 @@ def as_text(lens: Lens, views: Views) -> str:
     return "\n".join(lines) + "\n"
 
 
-def as_yaml(lens: Lens, name: str) -> str:
+def as_yaml(lens: Lens, name: str, pixels: str) -> str:
     """Return the file of a camera, for missions."""
     matrix = ", ".join(f"{value:.2f}" for value in lens.matrix)
     distortion = ", ".join(f"{value:.5f}" for value in lens.distortion)
@@ -119,7 +127,7 @@ def as_yaml(lens: Lens, name: str) -> str:
         f"width: {lens.width}\n"
         f"height: {lens.height}\n"
         f"matrix: [{matrix}]\n"
-        f"distortion: [{distortion}]\n"
+        f"distortion: [{distortion}]\n" + ("" if pixels == "gray" else f"pixels: {pixels}\n")
     )
 
 

@@ -11,7 +11,7 @@ from star_core import Camera, Image, Rows, Tag, World
 from star_sim.camera_sim.camera_pose import Canvas, Exposure, Shot, mounting, optics, poses, rays
 from star_sim.camera_sim.floor_texture import GROUND, Floor, draw_floor
 from star_sim.camera_sim.obstacle_rasterizer import draw_prisms, faces
-from star_sim.camera_sim.sensor import develop, spread, vignette
+from star_sim.camera_sim.sensor import color_response, develop, spread, vignette
 from star_sim.camera_sim.tag_rasterizer import (
     CELLS,
     MODULES,
@@ -67,11 +67,12 @@ class Renderer:
         self._prisms = prisms(world)
         self._faces = faces(self._prisms[0])
         self._floor = floor
-        self._spread, self._vignette = spread(blur), vignette(camera)
+        self._spread = spread(blur)
+        self._vignette = vignette(camera) * color_response(camera)
         self._noise, self._shot_noise = noise, shot_noise
 
     def render(self, shot: Shot, rng: np.random.Generator, printed: Rows | None = None) -> Image:
-        """Return the (height, width) image of a shot.
+        """Return the (height, width) image of a shot; of a color camera, its mosaic.
 
         Args:
             shot: Pose and motion of the body.

@@ -12,6 +12,10 @@ from star_sim.compiled import Record, compiled, kernel
 
 VIGNETTING = 0.3  # of the light that is lost at the corner farthest from the axis
 
+COLOR_RESPONSE = {"r": 0.62, "g": 1.0, "b": 0.52}
+"""Of a color sensor's pixels to the light of white paper, over that of the green ones; assumed: a
+raw mosaic has no white balance."""
+
 # A standard normal number is approximated, up to 3.45 deviations, by the sum of the four uniform
 # bytes of a random one, with this mean and scale.
 BYTES_MEAN = np.float32(4 * 255 / 2)
@@ -33,6 +37,16 @@ def vignette(camera: Camera) -> NDArray[np.float32]:
     x, y = (np.arange(camera.width) - cx) / fx, (np.arange(camera.height) - cy) / fy
     square = x**2 + y[:, None] ** 2
     return np.asarray(1 - VIGNETTING * square / square.max(), np.float32)
+
+
+def color_response(camera: Camera) -> NDArray[np.float32]:
+    """Return how much of white light each pixel responds to, (height, width)."""
+    shape = camera.height, camera.width
+    if camera.pixels == "gray":
+        return np.ones(shape, np.float32)
+    kinds = [COLOR_RESPONSE[color] for color in camera.pixels.removeprefix("bayer_")]
+    rows, columns = np.indices(shape) % 2
+    return np.asarray(np.array(kinds, np.float32)[2 * rows + columns])
 
 
 @kernel

@@ -159,6 +159,24 @@ def test_a_mission_that_names_the_file_is_flown_with_the_lens_that_was_found(
     assert fly(flown, Registry())["outcome"] == "completed"
 
 
+def test_mosaics_of_a_color_camera_give_the_same_lens(
+    shots: list[str], lens: Lens, tmp_path: Path
+) -> None:
+    rows, columns = np.indices((TRUE.height, TRUE.width)) % 2
+    response = np.array([0.6, 1.0, 1.0, 0.5])[2 * rows + columns]
+    mosaics = []
+    for shot in shots:
+        gray = cv2.imread(shot, cv2.IMREAD_GRAYSCALE)
+        assert gray is not None
+        mosaics.append(str(tmp_path / Path(shot).name))
+        assert cv2.imwrite(mosaics[-1], np.rint(gray * response).astype(np.uint8))
+    out = tmp_path / "color.yaml"
+    assert main(["camera", *mosaics, "--pixels", "bayer_rggb", "-o", str(out)]) == 0
+    written = YAML(typ="safe").load(out)
+    assert written["pixels"] == "bayer_rggb"
+    assert written["matrix"] == pytest.approx(lens.matrix, abs=0.5)
+
+
 def test_the_file_states_its_origin_and_error(shots: list[str], lens: Lens, tmp_path: Path) -> None:
     out = tmp_path / "deck.yaml"
     main(["camera", *shots, "-o", str(out)])

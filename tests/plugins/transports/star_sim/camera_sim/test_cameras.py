@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 import star_sim
-from star_core import Agent, Array, Camera, Command, Order, Rows, Scene, Tag, fill_defaults
+from star_core import (
+    Agent,
+    Array,
+    Camera,
+    Command,
+    Order,
+    Rows,
+    Scene,
+    Tag,
+    fill_defaults,
+    gray_from_mosaic,
+)
 from star_core.testing import scene
 from star_core.world.quaternions import turned
 from star_sim.airframe import STEP
@@ -18,6 +29,7 @@ from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.cameras import NEVER, Cameras
 from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.options import camera_options
+from star_sim.camera_sim.sensor import COLOR_RESPONSE
 from star_sim.drone import Drones, standing
 
 AHEAD = 0.8  # m: what a camera that looks down at 45° sees from that height
@@ -301,6 +313,22 @@ def test_rendered_images_have_the_cameras_size_and_a_time() -> None:
     assert image.std() > 5  # it shows something
     assert (frames.taken[0], frames.arrived[0]) == pytest.approx((0.1, 0.25))
     assert not len(detections.tag)
+
+
+@pytest.mark.parametrize("pixels", ["bayer_rggb", "bayer_gbrg"])
+def test_a_color_camera_sends_its_mosaic(pixels: str) -> None:
+    images = []
+    for kind in ("gray", pixels):
+        cameras = Cameras(room(Camera(pixels=kind)), camera_options(pixel_noise_std=0.0))
+        cameras.take(hovering(1), cameras.next_step)
+        images.append(cameras.arrived(1.0)[0].image[0].astype(float))
+    gray, mosaic = images
+    for row, column, color in zip((0, 0, 1, 1), (0, 1, 0, 1), pixels[-4:], strict=True):
+        of_kind = np.s_[row::2, column::2]
+        response = COLOR_RESPONSE[color]
+        np.testing.assert_allclose(mosaic[of_kind], response * gray[of_kind], atol=1)
+    read = gray_from_mosaic(mosaic.astype(np.uint8), pixels)
+    assert np.corrcoef(read.ravel(), gray.ravel())[0, 1] > 0.99
 
 
 def heard(where: Scene, camera: dict[str, Any]) -> tuple[int, int]:
