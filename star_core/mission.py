@@ -184,27 +184,11 @@ def _world_document(document: Document) -> Document:
 
 
 def _scene(document: Document, data: Mapping[str, Any], world: World, *, realtime: bool) -> Scene:
-    cameras = {
-        name: Camera() if isinstance(given, Incomplete) else _camera(given)
-        for name, given in data.get("cameras", {}).items()
-    }
     unknown = UNLIMITED if isinstance(data["limits"], Incomplete) else {}
     limits = {**unknown, **data["limits"]}
     limits["height"] = tuple(limits["height"])
     return Scene(
-        agents=tuple(
-            Agent(
-                name=name,
-                start=world_file.point(given.get("start", UNKNOWN_START)),
-                yaw=math.radians(given.get("yaw_deg", 0.0)),
-                uri=given.get("uri"),
-                camera=cameras.get(
-                    given.get("camera"),
-                    Camera() if "camera" in given or isinstance(given, Incomplete) else None,
-                ),
-            )
-            for name, given in data["swarm"].items()
-        ),
+        agents=agents(data),
         period=1 / data["rate"],
         world=world,
         limits=Limits(**limits),
@@ -212,6 +196,27 @@ def _scene(document: Document, data: Mapping[str, Any], world: World, *, realtim
         realtime=realtime,
         folder=document.path.parent,
         groups=_groups(data),
+    )
+
+
+def agents(data: Mapping[str, Any]) -> tuple[Agent, ...]:
+    """Return the agents of a mission, in the order of its ``swarm``."""
+    cameras = {
+        name: Camera() if isinstance(given, Incomplete) else _camera(given)
+        for name, given in data.get("cameras", {}).items()
+    }
+    return tuple(
+        Agent(
+            name=name,
+            start=world_file.point(given.get("start", UNKNOWN_START)),
+            yaw=math.radians(given.get("yaw_deg", 0.0)),
+            uri=given.get("uri"),
+            camera=cameras.get(
+                given.get("camera"),
+                Camera() if "camera" in given or isinstance(given, Incomplete) else None,
+            ),
+        )
+        for name, given in data["swarm"].items()
     )
 
 

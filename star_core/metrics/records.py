@@ -12,9 +12,11 @@ import numpy as np
 
 from star_core.errors import InputError
 from star_core.messages.arrays import Array
+from star_core.mission import agents
 from star_core.mission_file import world_loader
 from star_core.mission_file.located import Document
 from star_core.mission_file.yaml_reader import parse
+from star_core.scene import Agent
 from star_core.world.world import World
 
 
@@ -29,6 +31,7 @@ class Run:
         arrays: The arrays of ``trajectory.npz`` by name, over ticks and agents, map frame, SI.
         timing: The arrays of ``timing.npz`` by name, over ticks, s; empty without that file.
         agents: Name of the agent in each row.
+        swarm: The agents with their starts and cameras, as the mission has them.
         world: Geofence, obstacles, landmarks and targets.
     """
 
@@ -38,6 +41,7 @@ class Run:
     arrays: Mapping[str, Array]
     timing: Mapping[str, Array]
     agents: tuple[str, ...]
+    swarm: tuple[Agent, ...]
     world: World
 
 
@@ -69,10 +73,12 @@ def read_run(folder: Path | str) -> Run:
         raise InputError(f"{text}: no '{Path(error.filename).name}'", "no-record") from error
     except (OSError, ValueError) as error:
         raise InputError(f"{folder}: the record cannot be read: {error}", "no-record") from error
-    agents = tuple(str(name) for name in arrays.pop("agents"))
+    names = tuple(str(name) for name in arrays.pop("agents"))
+    swarm = agents(manifest["mission"])
     source = folder / "manifest.json"
     document = Document(parse(json.dumps(manifest["world"]), str(source)), source)
-    return Run(folder, manifest, summary, arrays, timing, agents, world_loader.world(document))
+    world = world_loader.world(document)
+    return Run(folder, manifest, summary, arrays, timing, names, swarm, world)
 
 
 def _arrays(file: Path) -> dict[str, Array]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from star_core import Agent, Mission, Registry, Run, fly, load, read_run
+from star_core import Mission, Registry, Run, fly, load, read_run
 from star_view import require_viser
 from star_view.avoidance import radius
 from star_view.messages import PORT
@@ -30,7 +30,6 @@ def main(arguments: Sequence[str]) -> int:
     plan = None
     if path.is_dir():
         run = read_run(path)
-        agents = tuple(Agent(name, (0.0, 0.0, 0.0)) for name in run.agents)
     else:
         changes = list(options.set)
         mission = load(path, registry, changes)
@@ -38,12 +37,12 @@ def main(arguments: Sequence[str]) -> int:
             changes.append("transport=sim")
             mission = load(path, registry, changes)
         plan = planned_steps([str(path), *(f"--set={change}" for change in changes)], registry)
-        run, agents = simulate(mission, registry), mission.scene.agents
+        run = simulate(mission, registry)
     avoider = run.manifest["plugins"]["avoider"]
     kept_free = radius(avoider["name"], avoider["options"], registry)
-    viewer = Replay(run, agents, kept_free, port=options.port)
+    viewer = Replay(run, kept_free, port=options.port)
     if plan is not None:
-        add_plan(viewer.server, agents, plan)
+        add_plan(viewer.server, run.swarm, plan)
     for number in (signal.SIGINT, signal.SIGTERM):  # a program that was started with & ignores both
         signal.signal(number, signal.default_int_handler)
     try:

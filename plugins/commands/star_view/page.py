@@ -35,7 +35,7 @@ def open_page(world: World, port: int, title: str) -> viser.ViserServer:
     camera = server.initial_camera
     camera.fov = FIELD_OF_VIEW
     target = np.array([*centre[:2], low[2] + HEIGHT])
-    camera.position = tuple(target + extent * np.array([-0.27, -0.62, 0.6]))
+    camera.position = tuple(target + extent * np.array([-0.28, -0.68, 0.64]))
     camera.look_at = tuple(target)
     add_world(page, world)
     return server

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import viser
 
-from star_core import Agent, Run
+from star_core import Run
 from star_view.page import address, close, open_page
 from star_view.snapshot import of_record
 from star_view.swarm_scene import SwarmScene, color_of
@@ -25,7 +25,6 @@ class Replay:
 
     Args:
         run: The flight.
-        agents: Of the flight, in the order of its rows.
         radius: That the avoider keeps free around each agent, m; None if unknown.
         port: To serve on, or the next free one.
 
@@ -36,14 +35,12 @@ class Replay:
         status: What the agents do.
     """
 
-    def __init__(
-        self, run: Run, agents: tuple[Agent, ...], radius: float | None, *, port: int
-    ) -> None:
+    def __init__(self, run: Run, radius: float | None, *, port: int) -> None:
         self._run = run
         self._time = run.arrays["time"]
         self.server = open_page(run.world, port, run.summary["mission"])
         self._add_paths(self.server.scene)
-        self.swarm = SwarmScene(self.server, agents, radius)
+        self.swarm = SwarmScene(self.server, run.swarm, radius)
         self._add_controls(self.server.gui)
         self.show(0)
 

@@ -30,7 +30,7 @@ FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
 @pytest.fixture(scope="module")
 def viewer() -> Iterator[Replay]:
     mission = load(FIRST_FLIGHT, registry := Registry())
-    shown = Replay(simulate(mission, registry), mission.scene.agents, 0.25, port=18230)
+    shown = Replay(simulate(mission, registry), 0.25, port=18230)
     yield shown
     shown.close()
 
