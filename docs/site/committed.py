@@ -14,7 +14,7 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from enum import Enum
 from io import StringIO
 from pathlib import Path
@@ -83,7 +83,7 @@ def tables() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table(owner: type) -> Iterator[str]:
+def _table(owner: Any) -> Iterator[str]:
     doc = inspect.getdoc(owner) or ""
     summary, _, rest = doc.partition("\n\n")
     yield " ".join(summary.replace("``", "`").split())
@@ -96,18 +96,11 @@ def _table(owner: type) -> Iterator[str]:
     described = dict(_attributes(rest))
     yield "| field | type | content |"
     yield "|---|---|---|"
-    names = (
-        [one.name for one in fields(owner) if one.init and one.repr] if is_dataclass(owner) else []
-    )
-    for name in names or owner.__annotations__:
-        kind = str(_annotation(owner, name)).replace("|", "or").removesuffix(" or None")
-        yield f"| `{name}` | `{kind}` | {described[name].replace('|', chr(92) + '|')} |"
-
-
-def _annotation(owner: type, name: str) -> Any:
-    return next(
-        base.__annotations__[name] for base in owner.__mro__ if name in base.__annotations__
-    )
+    hidden = {one.name for one in fields(owner) if not (one.init and one.repr)}  # for the core
+    for name, annotation in owner.__annotations__.items():
+        if name not in hidden:
+            kind = annotation.replace("|", "or").removesuffix(" or None")
+            yield f"| `{name}` | `{kind}` | {described[name].replace('|', chr(92) + '|')} |"
 
 
 def _attributes(text: str) -> Iterator[tuple[str, str]]:
