@@ -79,7 +79,7 @@ def require_kind(document: Document, expected: Kind) -> None:
     if (kind, expected) == ("mission", "world") and data.get("world") != document.path.name:
         hint = f"its world is {data.get('world')!r}"
     hint = f"; {hint}" if hint else ""
-    hint += lacking(document) if kind == "steps" else ""
+    hint += lacking(document) if (kind, expected) == ("steps", "mission") else ""
     text = f"this is {NAMES[kind]}, expected {NAMES[expected]}{hint}"
     raise document.root.wrong(text, "wrong-file")
 

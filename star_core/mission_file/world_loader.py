@@ -82,7 +82,9 @@ def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | in
 def _fence(data: Mapping[str, Any]) -> Iterator[Problem]:
     low, high = data["fence"]["low"], data["fence"]["high"]
     if any(a >= b for a, b in zip(low, high, strict=True)):
-        message = f"the fence's low {low!r} is not below high {high!r} in x, y and z"
+        swapped = all(a > b for a, b in zip(low, high, strict=True))
+        hint = "; exchange low and high" if swapped else ""
+        message = f"the fence's low {low!r} is not below high {high!r} in x, y and z{hint}"
         yield Problem(("fence",), message, "empty-range")
 
 
