@@ -12,6 +12,7 @@ import numpy as np
 from star_core import Camera, Detections, Frames, Rows, Scene
 from star_sim.airframe import STEP
 from star_sim.camera_sim.camera_pose import Shot
+from star_sim.camera_sim.disturbances import Disturbances, lamps_and_clutter
 from star_sim.camera_sim.floor_texture import floor
 from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.ground_truth import CameraError, SurveyError, real_camera, real_tags
@@ -61,6 +62,8 @@ class Cameras:
             options.focal_length_std,
             options.image_center_std,
         )
+        others = lamps_and_clutter(scene.world.fence, scene.seed, options.lamps, options.clutter)
+        self._disturbances: dict[int, Disturbances] = {}
         self._latency: dict[int, float] = {}  # s, mean of each camera
         self._cameras: dict[int, Camera] = {}
         self._streams: dict[int, np.random.Generator] = {}
@@ -77,7 +80,17 @@ class Cameras:
             self._models[row] = (
                 OnboardDetector(camera, tags, scene.world, noise=options.corner_noise_std)
                 if ground is None
-                else Renderer(camera, tags, scene.world, ground, noise=options.pixel_noise_std)
+                else Renderer(
+                    camera, tags, scene.world, ground, others, noise=options.pixel_noise_std
+                )
+            )
+            self._disturbances[row] = Disturbances(
+                camera,
+                [scene.seed, row],
+                exposure_step=options.exposure_step,
+                fixed_pattern_std=options.fixed_pattern_std,
+                jpeg_quality=options.jpeg_quality,
+                vibration_std=math.radians(options.vibration_std_deg),
             )
         self._periods = {  # of each camera, from mission time 0 to its next image
             row: (i + 1) / len(self._cameras) for i, row in enumerate(self._cameras)
@@ -94,7 +107,7 @@ class Cameras:
     def compile(self, drones: Drones) -> None:
         """Render and discard an image, so that compilation does not delay the first one."""
         for row in list(self._models)[:1]:  # the compiled code serves all cameras
-            self._see(drones, row, np.random.default_rng(0))
+            self._see(_shot(drones, row), row, np.random.default_rng(0))
 
     def take(self, drones: Drones, step: int) -> None:
         """Take the images that are due at `step`, at the drones' true poses."""
@@ -107,7 +120,10 @@ class Cameras:
                 continue
             latency = self._latency[row] + self._options.latency_std * stream.standard_normal()
             lost = stream.random() < self._options.drop_rate
-            content = self._see(drones, row, stream)
+            disturbances = self._disturbances[row]
+            content = self._see(disturbances.shaken(_shot(drones, row)), row, stream)
+            if self._options.mode == "rendered":
+                content = disturbances.disturbed(content)
             if not lost:
                 taken = step * STEP
                 self._under_way.append((taken + max(0.0, latency), row, taken, content))
@@ -133,10 +149,8 @@ class Cameras:
             arrived=np.repeat(arrival, counts),
         )
 
-    def _see(self, drones: Drones, row: int, stream: np.random.Generator) -> Any:
+    def _see(self, shot: Shot, row: int, stream: np.random.Generator) -> Any:
         """Return an agent's image, or the visible tags and their corners."""
-        drone = drones[row]
-        shot = Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])
         model = self._models[row]
         if isinstance(model, Renderer):
             return model.render(shot, stream, self._misprinted(stream))
@@ -163,3 +177,8 @@ class Cameras:
         further = stream.integers(1, max(n, 2), len(tags))
         others = self._numbers[(np.searchsorted(self._numbers, tags) + further) % n]
         return np.where(wrong, others, tags)
+
+
+def _shot(drones: Drones, row: int) -> Shot:
+    drone = drones[row]
+    return Shot(drone["position"], drone["attitude"], drone["velocity"], drone["rates"])

@@ -45,6 +45,12 @@ class CameraOptions:
     mounting_position_std: float
     focal_length_std: float
     image_center_std: float
+    exposure_step: float
+    fixed_pattern_std: float
+    jpeg_quality: int
+    vibration_std_deg: float
+    lamps: int
+    clutter: int
     covered: Sequence[str]
 
 
@@ -56,6 +62,10 @@ def camera_options(profile: ErrorProfile = IDEAL, /, **given: Any) -> CameraOpti
 
 def _number(default: float, maximum: float, description: str) -> dict[str, Any]:
     return {"default": default, **_of_profile(maximum, description)}
+
+
+def _count(maximum: int, description: str) -> dict[str, Any]:
+    return {"default": 0, **_of_profile(maximum, description), "type": "integer"}
 
 
 def _of_profile(maximum: float, description: str) -> dict[str, Any]:
@@ -120,6 +130,20 @@ OPTIONS: dict[str, Any] = {
         ),
         "image_center_std": _of_profile(
             50, "Standard deviation of the optical axis in u and in v, px."
+        ),
+        "exposure_step": _number(
+            0.0, 0.9, "Greatest relative change of brightness by auto-exposure, every ten images."
+        ),
+        "fixed_pattern_std": _number(
+            0.0, 64, "Standard deviation of constant offsets of columns and of pixels, gray values."
+        ),
+        "jpeg_quality": _count(100, "Quality at which images are compressed; 0: not at all."),
+        "vibration_std_deg": _number(
+            0.0, 10, "Standard deviation of the body's attitude by vibration at 15 Hz, degrees."
+        ),
+        "lamps": _count(1000, "Number of saturated reflections of lamps on the floor."),
+        "clutter": _count(
+            1000, "Number of squares on the floor with a tag's paper and border, without its code."
         ),
         "covered": {
             "type": "array",

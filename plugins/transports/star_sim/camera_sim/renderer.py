@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from star_core import Camera, Image, Rows, Tag, World
+from star_core import Array, Camera, Image, Rows, Tag, World
 from star_sim.camera_sim.camera_pose import Canvas, Exposure, Shot, mounting, optics, poses, rays
 from star_sim.camera_sim.floor_texture import GROUND, Floor, draw_floor
 from star_sim.camera_sim.obstacle_rasterizer import draw_prisms, faces
@@ -42,6 +42,7 @@ class Renderer:
         tags: The true ones.
         world: For its obstacles; its own tags are not drawn.
         floor: Of `star_sim.camera_sim.floor_texture.floor`.
+        others: Other squares, and their (M, CELLS, CELLS) gray values with a margin of a module.
         noise: Standard deviation of the readout noise, gray values of 255.
         shot_noise: Variance of the shot noise, gray values² per gray value.
         blur: Standard deviation of the lens's blur, px.
@@ -53,6 +54,7 @@ class Renderer:
         tags: Sequence[Tag],
         world: World,
         floor: Floor,
+        others: tuple[Sequence[Tag], Array] = ((), np.empty((0, CELLS, CELLS))),
         *,
         noise: float = 4.0,
         shot_noise: float = 0.0,
@@ -62,8 +64,10 @@ class Renderer:
         self._rays = rays(camera)
         x, y = self._rays
         self._field = (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
-        frames = tag_frames(tags)
-        self._tags = TagTables(frames, corners(frames, CELLS / MODULES), prints(tags))
+        squares, patterns = others
+        frames = tag_frames([*tags, *squares])
+        patterns = np.concatenate([prints(tags), patterns])
+        self._tags = TagTables(frames, corners(frames, CELLS / MODULES), patterns)
         self._prisms = prisms(world)
         self._faces = faces(self._prisms[0])
         self._floor = floor
@@ -95,7 +99,8 @@ class Renderer:
         if len(self._tags.frames):
             tags = self._tags
             if printed is not None:
-                tags = tags._replace(prints=tags.prints[printed])
+                rows = np.append(printed, np.arange(len(printed), len(tags.prints)))
+                tags = tags._replace(prints=tags.prints[rows])
             draw_tags(canvas, exposure, tags)
         draw_floor(canvas, exposure, self._floor, GROUND, slices if moved > MIN_BLUR else 1)
         key = int(rng.integers(2**32))
