@@ -54,6 +54,7 @@ class LivePage:
         self._trail: deque[Snapshot] = deque()
         self._events: deque[Event] = deque(maxlen=EVENTS)
         self._images: dict[int, Image] = {}
+        self._latest: tuple[Snapshot, float] | None = None
         self._panel_shown = 0.0
         self.server = open_page(flight.world, flight.port, flight.mission)
         self.swarm = SwarmScene(self.server, flight.agents, flight.radius)
@@ -67,6 +68,7 @@ class LivePage:
             self.swarm.show(now)
         self._events.extend(news.events)
         self._images |= news.images
+        self._latest = now, news.factor
         wall = time.monotonic()
         if wall - self._panel_shown >= PANEL_PERIOD:
             self._panel_shown = wall
@@ -75,6 +77,8 @@ class LivePage:
 
     def end(self, summary: Mapping[str, Any]) -> None:
         """Show how the flight ended."""
+        if self._latest is not None:
+            self._show_table(*self._latest)
         reason = f": {summary['reason']}" if summary["reason"] else ""
         self._status.content = f"**{summary['outcome']}**{reason}"
         for control in (self.land, self.stop, self.speed):

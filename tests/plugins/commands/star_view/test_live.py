@@ -90,6 +90,7 @@ def test_the_page_changes_the_speed_of_the_simulation_and_nothing_else() -> None
         assert operator.simulation.speed == 1.0
         browser.set("speed", value=9.5)
         browser.wait_for("**completed**")
+        assert any("| cf1 | landed |" in text for text in browser.texts.values())
         assert operator.simulation.speed == 9.5
 
     assert watched(act, operator) == flown(None)
