@@ -92,7 +92,7 @@ def test_the_mission_that_is_spoilt_below_is_good(capsys: pytest.CaptureFixture[
     [
         (b"", "1:1: the file is empty, expected a map such as `star: 1`"),
         (b"- star: 1\n", "1:1: the file holds a list, expected a map such as `star: 1`"),
-        (b"star: 1\nname: [\n", "3:1: not YAML: expected the node content, but found '<stream"),
+        (b"star: 1\nname: [\n", "2:7: '[' is not closed; add ']'"),
         (b"star: 1\n\tname: x\n", "2:1: a tab stands here; YAML is indented with spaces"),
         (BOMB.encode(), "1:5: anchor '&a0' is refused; write the value out"),
         (b"a: !!python/name:os.system\n", "1:4: tag 'tag:yaml.org,2002:python/name:os.system' is"),
@@ -189,7 +189,7 @@ hold: {for: 0.5}  ->  goto: {}
 worlds/room.yaml  ->  ../room.yaml
     3:8: '../room.yaml' is outside the mission's folder; name a file inside it
 worlds/room.yaml  ->  /etc/passwd
-    3:8: '/etc/passwd' is outside the mission's folder; name a file inside it
+    3:8: '/etc/passwd' is an absolute path; write it from the mission's folder: paths/file.csv
 worlds/room.yaml  ->  worlds
     3:8: 'worlds' is no file; name a file in the mission's folder
 worlds/room.yaml  ->  worlds/rom.yaml
@@ -197,7 +197,7 @@ worlds/room.yaml  ->  worlds/rom.yaml
 hold: {for: 0.5}  ->  follow: {file: ../path.csv}
     15:20: '../path.csv' is outside the mission's folder; name a file inside it
 hold: {for: 0.5}  ->  follow: {file: /etc/passwd}
-    15:20: '/etc/passwd' is outside the mission's folder; name a file inside it
+    15:20: '/etc/passwd' is an absolute path; write it from the mission's folder: paths/file.csv
 hold: {for: 0.5}  ->  follow: {file: worlds}
     15:20: 'worlds' is no file; name a file in the mission's folder
 hold: {for: 0.5}  ->  follow: {file: path.csv}
@@ -213,7 +213,7 @@ hold: {for: 0.5}  ->  wait: {}
 hold: {for: 0.5}  ->  wait: {until: {elapse: 3}}
     15:20: wait: until: unknown option 'elapse'; did you mean 'elapsed'?
 hold: {for: 0.5}  ->  wait: {until: {elapsed: 3, found: 1}}
-    15:19: wait: until: has 2 keys, expected 1
+    15:19: wait: until: has 2 keys, expected 1; write `{all: [{elapsed: 3}, {found: 1}]}`...
 hold: {for: 0.5}  ->  wait: {until: {found: 1}}
     15:27: 1 is more than the 0 targets of the world
 hold: {for: 0.5}  ->  wait: {until: {near: {agent: cf9, within: 1}}}

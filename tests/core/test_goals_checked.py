@@ -198,7 +198,8 @@ def raises(*_: Any, **__: Any) -> Iterable[Any]:
         (
             Shelf(lambda *_, **__: [Problem((7,), "is far")]),
             "the check_goals of planner 'shelf' (their-dist 1.2:shelf) yields "
-            "Problem(path=(7,), message='is far', code='invalid-option'), "
+            "Problem(path=(7,), message='is far', code='invalid-option', "
+            "warning=False), "
             "expected Problem with the index of a goal",
         ),
         (
