@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Final, Self
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
 
-LINE_PERIOD: Final = 4.0  # s, without a terminal: longest time without a line
+LINE_PERIOD: Final = 3.0  # s, without a terminal: longest time without a line
 SHOW_AFTER: Final = 0.5  # s, on a terminal: shorter work is not shown
-REFRESH_PERIOD: Final = 0.1  # s
+REFRESH_PERIOD: Final = 0.2  # s
 MIN_ELAPSED: Final = 2.0  # s, before the remaining time is estimated
 BAR_WIDTH: Final = 30  # columns
 MINUTE, HOUR = 60, 3600  # s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +19,13 @@ class Hold:
 
 
 class Source(Protocol):
-    """Source of a step's goals: another process, or a planner in this one."""
+    """Source of a step's goals: another process, or a planner in this one.
+
+    Attributes:
+        messages: For the log, until the step takes them.
+    """
+
+    messages: list[str]
 
     def poll(
         self, estimate: Estimate, health: Health, agents: Mapping[str, int]
@@ -63,6 +69,11 @@ class External:
         return DEFAULT_TIMEOUT
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        output = self._step(estimate, health)
+        messages, self._source.messages = tuple(self._source.messages), []
+        return replace(output, messages=messages) if messages else output
+
+    def _step(self, estimate: Estimate, health: Health) -> TaskOutput:
         for answer in self._source.poll(estimate, health, self._row_of):
             match answer:
                 case Done():

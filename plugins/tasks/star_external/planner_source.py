@@ -72,6 +72,7 @@ class PlannerSource:
         self._label = f"external planner {point.name!r} ({origin})"
         self._every = ticks_between(rate, scene.period)
         self._ticks = 0
+        self.messages: list[str] = []
         with self._attributed():
             self._planner = point.load()(scene, rows)
             if not isinstance(self._planner, ExternalPlanner):

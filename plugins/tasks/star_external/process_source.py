@@ -14,6 +14,9 @@ In lock-step a simulation waits for exactly one line, valid or not, in answer to
 from __future__ import annotations
 
 import logging
+import math
+import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Final, Literal, TypeVar
 
@@ -28,6 +31,7 @@ End = TypeVar("End", Done, Failed)
 log = logging.getLogger(__name__)
 
 MAX_LINES: Final = 50  # read per tick; others wait in the buffers, which finally block the sender
+NUMBER: Final = re.compile(r"-?\d[\d.e+-]*")
 ROUNDING: Final = 1e-9  # s: tolerance of mission time against a whole number of ticks
 
 
@@ -45,6 +49,7 @@ class ProcessSource:
 
     Attributes:
         server: As given.
+        messages: For the log, until the step takes them.
     """
 
     def __init__(
@@ -74,12 +79,18 @@ class ProcessSource:
         self._begun: float | None = None  # s
         self._heard: float | None = None  # s, last line; None before a client connected
         self._silent = False
+        self._rejected: Counter[str] = Counter()  # lines by their error, without its numbers
+        self.messages: list[str] = []
 
     def poll(
         self, estimate: Estimate, health: Health, agents: Mapping[str, int]
     ) -> Iterator[Answer | Hold]:
         if self._begun is None:
             self._begun = estimate.time
+            if not self.server.accept(0.0):
+                # Not a message of the step: in lock-step it would come after the wait.
+                host, port = self.server.address
+                log.warning("external: listening on %s:%d, waiting for a client", host, port)
         if not self._enter():
             yield from self._queue()
             return
@@ -177,7 +188,18 @@ class ProcessSource:
             except InputError as error:
                 why = str(error)
         self.server.send(refusal(why, line.number))
+        self._report_rejected(why, line.number)
         return None
+
+    def _report_rejected(self, why: str, number: int) -> None:
+        """Report an invalid line if it is the first with such an error, the tenth, hundredth ..."""
+        kind = NUMBER.sub("0", why)
+        self._rejected[kind] += 1
+        count = self._rejected[kind]
+        if count == 1:
+            self.messages.append(f"rejected line {number}: {why}")
+        elif math.log10(count).is_integer():
+            self.messages.append(f"rejected {count} such lines so far, the last: {why}")
 
     def _after_silence(self, lasts: float, agents: Mapping[str, int]) -> Iterator[Failed | Hold]:
         """Hold or fail if no line has arrived for too long; `lasts` is the time since, s."""

@@ -206,6 +206,37 @@ def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> 
     assert goals(step(task)).position[0, 0] == (2 * MAX_LINES - 1) / 100
 
 
+def test_waiting_for_a_client_is_logged_once(
+    external: Make, connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    task = begun(external(lockstep=False))
+    step(task)
+    step(task, 0.05)
+    host, port = door_of(task).address
+    assert caplog.messages == [f"external: listening on {host}:{port}, waiting for a client"]
+    client, task = connect(), begun(external(lockstep=False))
+    flying(task, client, SOMEWHERE)
+
+
+def test_rejected_lines_are_reported_once_of_each_kind_and_counted(
+    external: Make, connect: Connect
+) -> None:
+    client, task = connect(), begun(external(lockstep=False))
+    flying(task, client, ALIVE)
+    said = []
+    for i in range(10):
+        said += flying(task, client, {"goals": {"cf1": {"position": [90 + i, 0, 1]}}}).messages
+    said += flying(task, client, {"go": 1}).messages
+    assert [text.partition(":")[0] for text in said] == [
+        "rejected line 2",
+        "rejected 10 such lines so far, the last",
+        "rejected line 12",
+    ]
+    assert "90" in said[0]
+    assert "99" in said[1]
+    assert step(task).messages == ()
+
+
 def test_agents_hold_when_the_client_is_silent(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False, max_silence=1.0))
     flying(task, client, SOMEWHERE)

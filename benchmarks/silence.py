@@ -1,0 +1,127 @@
+"""How long the commands of the README write nothing, in a pipe and on a terminal.
+
+Each command that needs no files of the user and no hardware is run with an empty cache of kernels
+and with a full one. Figures are the time to the first output, and the longest time without any
+until the command ends, or until the limit, at which it is interrupted. A command that serves is
+measured until it writes that it does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pty
+import re
+import select
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).parents[1]
+GOALS = {"pipe": 5.0, "terminal": 2.0}  # s
+NEEDS = re.compile(r"pictures/|environment\.yaml|--view\b|star new|runs/first\b.*-o")  # files
+SERVES = re.compile(r"star (view|fleet) ")
+SERVING = re.compile(rb"127\.0\.0\.1")
+LIMIT = 60.0  # s
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Figures of one run: times in s."""
+
+    command: str
+    output: str
+    cache: str
+    first: float
+    longest: float
+    total: float
+
+
+def commands() -> Iterator[str]:
+    """Yield the commands of the README that can be run unattended, each once."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
+    lines = [line.partition("#")[0].strip() for block in blocks for line in block.splitlines()]
+    known = [line for line in lines if line.startswith(("star ", "star-run "))]
+    yield from dict.fromkeys(line for line in known if not NEEDS.search(line))
+
+
+def measured(command: str, output: str, cache: str, folder: Path, limit: float) -> Figures:
+    """Run a command in `folder`, with its output into a pipe or onto a terminal."""
+    program, *arguments = shlex.split(command)
+    line = [str(Path(sys.executable).with_name(program)), *arguments]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / f"{cache}-kernels")}
+    reader, writer = pty.openpty() if output == "terminal" else os.pipe()
+    begun = last = time.monotonic()
+    process = subprocess.Popen(
+        line, stdout=writer, stderr=writer, stdin=subprocess.DEVNULL, cwd=folder, env=environment
+    )
+    os.close(writer)
+    first, longest, end = None, 0.0, begun + limit
+    while True:
+        ready, _, _ = select.select([reader], [], [], max(0.0, end - time.monotonic()))
+        now = time.monotonic()
+        try:
+            data = os.read(reader, 65536) if ready else b""
+        except OSError:  # what a terminal reports when its last writer has exited
+            data = b""
+        longest = max(longest, now - last)
+        if data and first is None:
+            first = now - begun
+        last = now
+        if not data or (SERVES.search(command) and SERVING.search(data)):
+            break
+    os.close(reader)
+    stop(process)
+    return Figures(command, output, cache, first or last - begun, longest, last - begun)
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """End a process that is still running."""
+    for number in (signal.SIGINT, signal.SIGINT, signal.SIGKILL):
+        try:
+            process.wait(0.2)
+        except subprocess.TimeoutExpired:
+            process.send_signal(number)
+    process.wait()
+
+
+def main() -> None:
+    """Print the figures."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--json", action="store_true", help="print JSON, a line for each run")
+    options.add_argument("--limit", type=float, default=LIMIT, help="s: %(default)g")
+    options.add_argument("--only", default="", metavar="TEXT", help="commands that contain TEXT")
+    given = options.parse_args()
+    if not given.json:
+        print("| command | output, kernels | first output, s | longest silence, s | total, s |")
+        print("|---|---|---:|---:|---:|")
+    for command in (line for line in commands() if given.only in line):
+        for output, goal in GOALS.items():
+            with TemporaryDirectory() as name:
+                folder = Path(name)
+                (folder / "missions").symlink_to(ROOT / "missions")
+                if "runs/first" in command and "--out" not in command:
+                    flight = "star run missions/first_flight.yaml --out runs/first"
+                    measured(flight, "pipe", "cold", folder, given.limit)
+                for cache, kernels in (("cold", "compiled"), ("warm", "loaded")):
+                    if cache == "warm" and (folder / "cold-kernels").exists():
+                        (folder / "cold-kernels").rename(folder / "warm-kernels")
+                    found = measured(command, output, cache, folder, given.limit)
+                    if given.json:
+                        print(json.dumps(asdict(found)), flush=True)
+                        continue
+                    late = " **over**" if found.longest > goal else ""
+                    row = f"| `{command}` | {output}, {kernels} | {found.first:.1f} "
+                    print(f"{row}| {found.longest:.1f}{late} | {found.total:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
