@@ -16,6 +16,7 @@ from star_core.scene import Scene
 from star_core.tick import ControlLoop
 
 MAX_LANDING_DELAY: Final = 10.0  # s after the planned end of its landing; then it has failed
+REPORT_WAIT_AFTER: Final = 3.0  # s after that end; most drones report sooner
 MAX_SILENCE: Final = 3.0  # s; an agent not heard for longer is not waited for after its landing
 
 
@@ -57,6 +58,7 @@ class Shutdown:
         goals.doing = ["landing"]
         self._command_landings(np.arange(n), estimate, goals, at_once=at_once)
         age = np.zeros(n)  # s, of each agent's newest report
+        waits = False  # for a report after the planned end of all landings
         while (up := vehicles.phases.among(*AIRBORNE)).any():
             if self._operator.stops > 1:
                 vehicles.emergency_stop(up)
@@ -68,6 +70,10 @@ class Shutdown:
                 text = f"{names} did not report to be on the ground"
                 self._observers.event("failure", text)
                 return text if (up & ~self._loop.unassigned()).any() else self._fallen(end)
+            if vehicles.time >= commanded + REPORT_WAIT_AFTER and not waits:
+                waits = True
+                names = self._scene.named(np.flatnonzero(up).tolist())
+                self._observers.event("landing", f"waiting for {names} to report a landing")
             telemetry = vehicles.receive()
             age = telemetry.age
             estimate = vehicles.locate(telemetry)

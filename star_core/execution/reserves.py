@@ -20,6 +20,7 @@ PAD_CLEARANCE: Final = 0.5  # m in the plane from an agent that takes off to oth
 PAD_RADIUS: Final = 0.15  # m in the plane from its pad, within which a returning agent lands
 SETTLED: Final = 0.15  # m/s; an agent slower than that can land
 MAX_REPORT_AGE: Final = 0.5  # s, of an agent that takes off
+REPORT_WAIT_AFTER: Final = 2.0  # s without a reserve that is ready
 CLIMB_SPEED: Final = 0.3  # m/s, as of the verb `takeoff`
 ON_GROUND: Final = (AgentPhase.GROUNDED, AgentPhase.LANDED)
 
@@ -39,7 +40,7 @@ class ReserveManager:
         assignments: The agents of the mission.
         rules: Their actions so far; reset for an agent that is ready again.
         reserve: The mission's ``reserve`` with its defaults.
-        report: Reports what is done: text, and the agent.
+        report: Reports what is done: text, and the agent if it concerns one.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class ReserveManager:
         assignments: Assignments,
         rules: Rules,
         reserve: Mapping[str, Any],
-        report: Callable[[str, str], None],
+        report: Callable[[str, str | None], None],
     ) -> None:
         self._scene = scene
         self._assignments = assignments
@@ -57,6 +58,7 @@ class ReserveManager:
         self._report = report
         self._pad = np.array([agent.start for agent in scene.agents])
         self._low_since = np.full(len(scene.agents), np.nan)  # s
+        self._report_at: float | None = None  # s, if it waits for a reserve
         self._climbing: dict[int, tuple[int, float]] = {}  # slot and latest end, s, by row
         self._unfit: set[int] = set()  # agents that did not climb when launched
         self._returning: dict[int, float | None] = {}  # latest arrival at their pads, s, by row
@@ -69,11 +71,36 @@ class ReserveManager:
         self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
         self._finish_climbs(time, health, goals)
         self._return(tick, goals)
-        for slot in self._wanted(time):
+        wanted = self._wanted(time)
+        if not wanted:
+            self._report_at = None
+        for slot in wanted:
             row = self._ready(tick.estimate, health)
             if row is None:
+                self._report_wait(slot, time, health)
                 return
+            self._report_at = None
             self._launch(row, slot, tick, goals)
+
+    def _report_wait(self, slot: int, time: float, health: Health) -> None:
+        """Report once, after a while, why no reserve is ready."""
+        if self._report_at is None:
+            self._report_at = time + REPORT_WAIT_AFTER
+        if time < self._report_at:
+            return
+        self._report_at = np.inf
+        on_ground = among(health.phase, *ON_GROUND) & self._assignments.unassigned()
+        limit = self._options["ready_above"]
+        reasons = [
+            f"{self._scene.agents[row].name} is at {health.battery[row]:.2f} V, {limit:g} V needed"
+            if health.battery[row] <= limit
+            else f"{self._scene.agents[row].name} cannot take off yet"
+            for row in np.flatnonzero(on_ground).tolist()
+        ]
+        relieved = self._scene.named(self._assignments.holders([slot]).values())
+        aim = f"relieve {relieved}" if relieved else "fill a slot"
+        why = ", ".join(reasons) or "none is on the ground"
+        self._report(f"waiting for a reserve to {aim}: {why}", None)
 
     def _wanted(self, time: float) -> list[int]:
         """Return the slots that need a reserve and have none climbing, the most urgent first."""

@@ -177,6 +177,7 @@ def test_agents_that_do_not_report_to_be_down_are_named_and_not_waited_for_for_e
     summary = lab.fly(IN_THE_AIR)
     assert summary["outcome"] == "failed"
     assert summary["reason"] == "cf2 did not report to be on the ground"
+    assert lab.said("landing") == ["waiting for cf2 to report a landing"]
     assert summary["reason"] in lab.said("failure")
     assert lab.ticks[-1].time == pytest.approx(3.0 + LANDING + MAX_LANDING_DELAY, abs=0.3)
     assert lab.closed["transport"] == 1

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from star_core import InputError, read_run
+from star_core import InputError, Progress, read_run
 from star_report import study
 
 
@@ -39,7 +39,8 @@ def write(folder: Path, out: Path | None = None) -> Path:
         InputError: The folder holds no complete record, or the page cannot be written.
     """
     out = out or folder / "report.html"
-    text = _page(folder)
+    with Progress(f"drawing the report of {folder}"):
+        text = _page(folder)
     try:
         out.write_text(text, encoding="utf-8")
     except OSError as error:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from star_core import Mission, Registry, Run, fly, load, read_run
+from star_core import Mission, Progress, Registry, Run, fly, load, read_run
 from star_view import require_viser
 from star_view.avoidance import radius
 from star_view.messages import PORT
@@ -27,22 +27,23 @@ def main(arguments: Sequence[str]) -> int:
     from star_view.replay import Replay
 
     path, registry = Path(options.path), Registry()
-    plan = None
-    if path.is_dir():
-        run = read_run(path)
-    else:
-        changes = list(options.set)
-        mission = load(path, registry, changes)
-        if mission.scene.realtime:  # the page shows a simulation of it
-            changes.append("transport=sim")
+    with Progress(f"preparing {path}"):
+        plan = None
+        if path.is_dir():
+            run = read_run(path)
+        else:
+            changes = list(options.set)
             mission = load(path, registry, changes)
-        plan = planned_steps([str(path), *(f"--set={change}" for change in changes)], registry)
-        run = simulate(mission, registry)
-    avoider = run.manifest["plugins"]["avoider"]
-    kept_free = radius(avoider["name"], avoider["options"], registry)
-    viewer = Replay(run, kept_free, port=options.port)
-    if plan is not None:
-        add_plan(viewer.server, run.swarm, plan)
+            if mission.scene.realtime:  # the page shows a simulation of it
+                changes.append("transport=sim")
+                mission = load(path, registry, changes)
+            plan = planned_steps([str(path), *(f"--set={change}" for change in changes)], registry)
+            run = simulate(mission, registry)
+        avoider = run.manifest["plugins"]["avoider"]
+        kept_free = radius(avoider["name"], avoider["options"], registry)
+        viewer = Replay(run, kept_free, port=options.port)
+        if plan is not None:
+            add_plan(viewer.server, run.swarm, plan)
     for number in (signal.SIGINT, signal.SIGTERM):  # a program that was started with & ignores both
         signal.signal(number, signal.default_int_handler)
     try:
@@ -80,7 +81,6 @@ def parser() -> argparse.ArgumentParser:
 
 def simulate(mission: Mission, registry: Registry) -> Run:
     """Fly a mission in simulation and return its record, which is not kept."""
-    sys.stderr.write(f"star: simulating {mission.name} ...\n")
-    with TemporaryDirectory() as folder:
+    with Progress(f"simulating {mission.name}", announced=True), TemporaryDirectory() as folder:
         fly(mission, registry, folder=Path(folder))
         return read_run(folder)

@@ -223,7 +223,7 @@ def test_rejected_lines_are_reported_once_of_each_kind_and_counted(
 ) -> None:
     client, task = connect(), begun(external(lockstep=False))
     flying(task, client, ALIVE)
-    said = []
+    said: list[str] = []
     for i in range(10):
         said += flying(task, client, {"goals": {"cf1": {"position": [90 + i, 0, 1]}}}).messages
     said += flying(task, client, {"go": 1}).messages
