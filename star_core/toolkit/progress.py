@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 LINE_PERIOD: Final = 3.0  # s, without a terminal: longest time without a line
 SHOW_AFTER: Final = 0.5  # s, on a terminal: shorter work is not shown
 REFRESH_PERIOD: Final = 0.2  # s
+MAX_PAUSE: Final = 1.0  # s, between works that are short, but together long
 MIN_ELAPSED: Final = 2.0  # s, before the remaining time is estimated
 BAR_WIDTH: Final = 30  # columns
 MINUTE, HOUR = 60, 3600  # s
@@ -139,10 +140,14 @@ class _Reporter:
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
         self._live: Any = None  # rich's
+        self._since = 0.0  # s, begin of the first of the works that follow each other
+        self._until = 0.0  # s, end of the last
         self._written = 0.0  # s, time of the last line
 
     def begin(self, work: Progress) -> None:
         with self._lock:
+            if not self._running and time.monotonic() - self._until > MAX_PAUSE:
+                self._since = time.monotonic()
             self._running.append(work)
             if work.announced and not on_terminal():
                 self.write(str(work))
@@ -153,6 +158,7 @@ class _Reporter:
     def end(self, work: Progress) -> None:
         with self._lock:
             self._running.remove(work)
+            self._until = time.monotonic()
             if not self._running and self._live is not None:
                 live, self._live = self._live, None
                 with suppress(OSError, ValueError):  # the terminal is gone
@@ -184,13 +190,13 @@ class _Reporter:
             self._ended.clear()
 
     def _report(self, running: list[Progress]) -> None:
-        now, first, last = time.monotonic(), running[0], running[-1]
+        now, last = time.monotonic(), running[-1]
         if self._live is not None:
             self._live.update(self._picture(), refresh=True)
         elif on_terminal():
-            if now - first.begun >= SHOW_AFTER:
+            if now - self._since >= SHOW_AFTER:
                 self._show()
-        elif now - max(first.begun, self._written) >= last.period:
+        elif now - max(self._since, self._written) >= last.period:
             self.write(str(last))
 
     def _show(self) -> None:

@@ -72,6 +72,14 @@ def test_short_works_in_a_long_one_do_not_silence_it(
     assert "inside ...\n" in pipe.getvalue()
 
 
+def test_short_works_after_each_other_are_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe, until = a_pipe(monkeypatch), time.monotonic() + SOON
+    while "next" not in pipe.getvalue() and time.monotonic() < until:
+        with Progress("next", period=4 * REFRESH_PERIOD):
+            time.sleep(2 * REFRESH_PERIOD)
+    assert "next ...\n" in pipe.getvalue()
+
+
 def test_the_remaining_time_is_that_of_the_work_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [10.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
