@@ -1,9 +1,9 @@
 """How long the commands of the README write nothing, in a pipe and on a terminal.
 
 Each command that needs no files of the user and no hardware is run with an empty cache of kernels
-and with a full one. Figures are the time to the first output, and the longest time without any
-until the command ends, or until the limit, at which it is interrupted. A command that serves is
-measured until it writes that it does.
+and with that of the installation. Figures are the time to the first output, and the longest time
+without any until the command ends, or until the limit, at which it is interrupted. A command that
+serves is measured until it writes that it does.
 """
 
 from __future__ import annotations
@@ -57,11 +57,16 @@ def measured(command: str, output: str, cache: str, folder: Path, limit: float) 
     """Run a command in `folder`, with its output into a pipe or onto a terminal."""
     program, *arguments = shlex.split(command)
     line = [str(Path(sys.executable).with_name(program)), *arguments]
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / f"{cache}-kernels")}
+    empty = {"NUMBA_CACHE_DIR": str(folder / "kernels")} if cache == "empty" else {}
     reader, writer = pty.openpty() if output == "terminal" else os.pipe()
     begun = last = time.monotonic()
     process = subprocess.Popen(
-        line, stdout=writer, stderr=writer, stdin=subprocess.DEVNULL, cwd=folder, env=environment
+        line,
+        stdout=writer,
+        stderr=writer,
+        stdin=subprocess.DEVNULL,
+        cwd=folder,
+        env=os.environ | empty,
     )
     os.close(writer)
     first, longest, end = None, 0.0, begun + limit
@@ -110,10 +115,8 @@ def main() -> None:
                 (folder / "missions").symlink_to(ROOT / "missions")
                 if "runs/first" in command and "--out" not in command:
                     flight = "star run missions/first_flight.yaml --out runs/first"
-                    measured(flight, "pipe", "cold", folder, given.limit)
-                for cache, kernels in (("cold", "compiled"), ("warm", "loaded")):
-                    if cache == "warm" and (folder / "cold-kernels").exists():
-                        (folder / "cold-kernels").rename(folder / "warm-kernels")
+                    measured(flight, "pipe", "full", folder, given.limit)
+                for cache, kernels in (("empty", "compiled"), ("full", "loaded")):
                     found = measured(command, output, cache, folder, given.limit)
                     if given.json:
                         print(json.dumps(asdict(found)), flush=True)
