@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 LINE_PERIOD: Final = 3.0  # s, without a terminal: longest time without a line
 SHOW_AFTER: Final = 0.5  # s, on a terminal: shorter work is not shown
 REFRESH_PERIOD: Final = 0.2  # s
-MAX_PAUSE: Final = 1.0  # s, between works that are short, but together long
+MAX_PAUSE: Final = 3.0  # s, between works that are short, but together long
 MIN_ELAPSED: Final = 2.0  # s, before the remaining time is estimated
 BAR_WIDTH: Final = 30  # columns
 MINUTE, HOUR = 60, 3600  # s

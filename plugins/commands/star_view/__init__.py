@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 
-from star_core import CommandSpec, InputError, Mission, Registry, RunOptionSpec, hookimpl
+from star_core import CommandSpec, InputError, Mission, Progress, Registry, RunOptionSpec, hookimpl
 
 
 @hookimpl
@@ -30,7 +30,8 @@ def star_run_options() -> Iterator[RunOptionSpec]:
 
 
 def _view(arguments: Sequence[str]) -> int:
-    from star_view.command import main
+    with Progress("loading star view"):
+        from star_view.command import main
 
     return main(arguments)
 
