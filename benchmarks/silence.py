@@ -115,7 +115,7 @@ def main() -> None:
                 (folder / "missions").symlink_to(ROOT / "missions")
                 if "runs/first" in command and "--out" not in command:
                     flight = "star run missions/first_flight.yaml --out runs/first"
-                    measured(flight, "pipe", "full", folder, given.limit)
+                    measured(flight, "pipe", "full", folder, LIMIT)
                 for cache, kernels in (("empty", "compiled"), ("full", "loaded")):
                     found = measured(command, output, cache, folder, given.limit)
                     if given.json:
