@@ -52,6 +52,7 @@ def a_pipe(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     """Return what is written to stderr, a pipe, from now on."""
     text = io.StringIO()
     monkeypatch.setattr(sys, "stderr", text)
+    monkeypatch.setattr("star_core.toolkit.progress._reporter._until", 0.0)  # no work before
     return text
 
 
