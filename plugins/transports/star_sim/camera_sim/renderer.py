@@ -34,8 +34,8 @@ class Renderer:
 
     Modeled are the lens with its distortion, motion blur, rolling shutter, the lens's blur and
     vignetting, and noise. Tags may lie on any plane; their backs are not visible; obstacles and
-    nearer tags hide them. Other drones, shadows, reflections and changes of exposure are not
-    modeled, and obstacles have no motion blur.
+    nearer tags hide them. Other drones and shadows are not modeled, and obstacles have
+    no motion blur; `star_sim.camera_sim.disturbances` changes images afterwards.
 
     Args:
         camera: The true one; see `star_sim.camera_sim.ground_truth`.
