@@ -47,12 +47,12 @@ def test_json_is_all_that_is_printed_and_is_what_is_recorded(said: Said) -> None
     assert main(["run", "hop.yaml", "--json", "--out", "out"]) == 0
     out, err = said.readouterr()
     assert json.loads(out) == recorded("summary.json")
-    assert err == ""
+    assert "begins" not in err  # progress of a slow flight is reported there
 
 
 def test_a_run_is_recorded_below_runs_by_time_and_name(said: Said) -> None:
     assert main(["run", "hop.yaml"]) == 0
-    (folder,) = Path("runs").iterdir()
+    (folder,) = (one for one in Path("runs").iterdir() if not one.is_symlink())
     assert folder.name[10] == "T"
     assert folder.name.endswith("-hop")
     assert said.readouterr().out.endswith(f"  record            {folder}\n")
@@ -66,6 +66,7 @@ def test_runs_of_one_second_are_recorded_apart(monkeypatch: pytest.MonkeyPatch) 
         "2026-01-02T030405-hop",
         "2026-01-02T030405-hop-2",
         "2026-01-02T030405-hop-3",
+        "latest",
     ]
 
 

@@ -25,10 +25,11 @@ from star_core import (
     fill_defaults,
 )
 from star_core.testing import estimate, health
-from star_straight import make as make_straight
+from star_straight import star_planners
 from star_verbs.specs import SPECS
 
 SPEC = {spec.name: spec for spec in SPECS}
+(STRAIGHT,) = star_planners()
 
 
 def all_located(_time: float) -> Mask:
@@ -64,7 +65,7 @@ class Swarm:
     def __init__(self, scene: Scene, position: Array, phase: AgentPhase) -> None:
         n = len(scene.agents)
         self.scene = scene
-        self.planner = make_straight(scene)
+        self.planner = STRAIGHT.make(scene, **fill_defaults({}, STRAIGHT.options))
         self.position = np.array(position, np.float64)
         self.velocity = np.zeros((n, 3))
         self.yaw = np.zeros(n)

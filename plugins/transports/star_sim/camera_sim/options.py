@@ -70,7 +70,12 @@ def _count(maximum: int, description: str) -> dict[str, Any]:
 
 def _of_profile(maximum: float, description: str) -> dict[str, Any]:
     """Return the schema of a number whose default depends on the profile."""
-    return {"type": "number", "minimum": 0, "maximum": maximum, "description": description}
+    return {
+        "type": "number",
+        "minimum": 0,
+        "maximum": maximum,
+        "description": f"{description.removesuffix('.')}; by default that of the profile.",
+    }
 
 
 OPTIONS: dict[str, Any] = {
@@ -98,7 +103,7 @@ OPTIONS: dict[str, Any] = {
         "timestamps": {
             "type": "boolean",
             "description": "Whether images carry the time of their exposure; without, localizers "
-            "infer it from their arrival.",
+            "infer it from their arrival; by default as in the profile.",
         },
         "pixel_noise_std": _number(4.0, 64, "Standard deviation of a pixel's gray value, of 255."),
         "corner_noise_std": _number(
