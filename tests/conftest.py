@@ -7,10 +7,15 @@ from typing import Any, Final
 import pytest
 from hypothesis import settings
 
+from star_core.toolkit import progress
+
 ROOT = Path(__file__).parents[1]
 
 # Recording to MCAP starts a process for each flight: only the tests of it do that.
 os.environ["STAR_BLOCK_PLUGINS"] = "mcap"
+
+# Tests of one process are no work that lasts: the progress of each counts from its own beginning.
+progress.MAX_PAUSE = -1.0  # type: ignore[misc]
 
 # Times are measured in benchmarks, not in tests. The default examples are the same in every run;
 # `--hypothesis-profile=campaign` tries more, and others each time.

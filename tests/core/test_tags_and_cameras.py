@@ -120,7 +120,7 @@ def test_targets_are_kept_apart_from_landmarks(tmp_path: Path) -> None:
             ("size: 0.1", "size: 0"),
             "world.yaml:6:62: landmarks.wall.size: 0 is less than the minimum",
         ),
-        (("tags: [7]", "tags: [587]"), "world.yaml:6:17: landmarks.wall.tags.0: 587 is greater"),
+        (("tags: [7]", "tags: [587]"), "world.yaml:6:17: landmarks.wall.tags: 587 is greater"),
         (("tags: [7]", "tags: []"), "world.yaml:6:16: landmarks.wall.tags: is empty, expected"),
         (("at: [0.0, 2.5, 1.0]", "at: [0.0, .nan, 1.0]"), "world.yaml:6:31: .nan is not"),
         (("camera: aideck", "camera: aidek"), "m.yaml:7:35: no camera named 'aidek'; did you mean"),

@@ -23,7 +23,7 @@ MOTOR_LAG = 0.069  # s, of the thrust after the PWM
 RESISTANCE = 0.268  # ohm, cell and leads, for the currents of `star_sim.battery`
 DRAG = 0.0125  # N s/m, along the body's x and its y axis
 # Of the air on the propellers, which are above the centre of mass and flap: it raises the side that
-# moves ahead, and lets a drone tilt by a quarter less than its controller wants.
+# moves ahead, and lets a drone tilt less than its controller wants.
 MOMENT = 4.66e-4  # N m / (m/s)
 
 # ``platform_defaults_cf2.h``: VMOTOR2THRUST0 to 3 of the 2.1+, THRUST_MIN, THRUST_MAX.
@@ -63,7 +63,7 @@ def motor_voltage(command: float) -> float:
 
     Example:
         >>> round(motor_voltage(65535.0), 3)
-        3.091
+        3.08
     """
     thrust = command * (FIRMWARE_THRUST_MAX / FULL)
     a, b, c, d = FIRMWARE_THRUST

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_core import Array, Estimate, Registry, Setpoint
+from star_core import Array, Estimate, Registry, Setpoint, fill_defaults
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
 from star_core.safety.filter import SafetyFilter
@@ -79,11 +79,9 @@ FIRST = np.array([True, False])
 def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
     """How near the first agent comes to the one that is not heard, m, on its way to a goal."""
     room = scene(2)
-    made = (
-        Registry()
-        .find("avoider", avoider)
-        .offer.make(room, **({} if avoider == "none" else {"radius": RADIUS}))
-    )
+    spec = Registry().find("avoider", avoider).offer
+    options = {} if avoider == "none" else {"radius": RADIUS}
+    made = spec.make(room, **fill_defaults(options, spec.options))
     tracker, guard = UnheardAgents(2), SafetyFilter(room)
     speed, position = 0.5, np.array([start, np.zeros(3)])
     last = np.array([[0.0, 0.0, 0.0], [speed, 0.0, 0.0]])

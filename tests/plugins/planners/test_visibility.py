@@ -106,7 +106,10 @@ def test_in_an_empty_world_it_flies_as_straight_does(
     there = there * [1, 1, 0.25] + [0, 0, 1]  # within the heights
     (offer,) = star_straight.star_planners()
     now, wanted = estimate(here), goals(there, velocity=velocity, yaw=np.array([1.0, 2, 3]))
-    one, other = planner(empty).plan(now, wanted), offer.make(empty).plan(now, wanted)
+    one, other = (
+        planner(empty).plan(now, wanted),
+        offer.make(empty, **fill_defaults({}, offer.options)).plan(now, wanted),
+    )
     assert np.array_equal(one.setpoint.velocity, other.setpoint.velocity)
     assert np.array_equal(one.setpoint.yaw, other.setpoint.yaw)
     assert not one.unreachable.any()
