@@ -74,6 +74,7 @@ def test_short_works_in_a_long_one_do_not_silence_it(
 
 
 def test_short_works_after_each_other_are_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("star_core.toolkit.progress.MAX_PAUSE", 3.0)
     pipe, until = a_pipe(monkeypatch), time.monotonic() + SOON
     while "next" not in pipe.getvalue() and time.monotonic() < until:
         with Progress("next", period=4 * REFRESH_PERIOD):
