@@ -61,7 +61,7 @@ mission: [takeoff: {height: 0.8}, land: {}]
 
 
 class Block(NamedTuple):
-    """A fenced block of a page, and the name of the file that it is said to be."""
+    """A fenced block of a page, and the name of the file that its caption gives."""
 
     page: Path
     name: str
