@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,12 +12,11 @@ from typing import Final
 import numpy as np
 
 from star_core import Array, Rows, Trajectory, polynomial, transformed
-from star_sim.airframe import STEP
+from star_sim.airframe import NEVER, STEP
 from star_sim.compiled import Record
 from star_sim.drone import TRAJECTORY, Drones
 
 ORDER: Final = 7
-NEVER: Final = sys.maxsize  # number of a step
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from star_core import Array
-from star_sim.airframe import CYCLE, STEP
+from star_sim.airframe import CYCLE, NEVER, STEP
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
 
-NEVER: Final = 1 << 62  # steps
 _STREAM: Final = 7336
 
 

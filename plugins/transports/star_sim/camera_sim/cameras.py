@@ -5,12 +5,12 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from star_core import Camera, Detections, Frames, Rows, Scene
-from star_sim.airframe import STEP
+from star_sim.airframe import NEVER, STEP
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.disturbances import Disturbances, lamps_and_clutter
 from star_sim.camera_sim.floor_texture import floor
@@ -20,7 +20,6 @@ from star_sim.camera_sim.options import CameraOptions
 from star_sim.camera_sim.renderer import Renderer
 from star_sim.drone import Drones
 
-NEVER: Final = 1 << 62  # steps
 _STREAM, _SURVEY_STREAM, _MOUNTING_STREAM = 7341, 7342, 7343
 
 

@@ -10,18 +10,6 @@ from star_core import fill_defaults
 from star_sim.error_profile import IDEAL, ErrorProfile
 
 MODES = ("rendered", "geometric", "off")
-BY_PROFILE = (  # options whose defaults are those of the profile
-    "timestamps",
-    "latency_offset_std",
-    "survey_std",
-    "survey_yaw_std_deg",
-    "survey_height_std",
-    "survey_tilt_std_deg",
-    "mounting_std_deg",
-    "mounting_position_std",
-    "focal_length_std",
-    "image_center_std",
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,8 +43,15 @@ class CameraOptions:
 
 
 def camera_options(profile: ErrorProfile = IDEAL, /, **given: Any) -> CameraOptions:
-    """Return options as given in a mission, with the defaults of `OPTIONS` for the others."""
-    of_profile = {name: getattr(profile, name) for name in BY_PROFILE}
+    """Return options as given in a mission, with defaults for the others.
+
+    The defaults are those of `OPTIONS`, or of the profile for options that have none there.
+    """
+    of_profile = {
+        name: getattr(profile, name)
+        for name, option in OPTIONS["properties"].items()
+        if "default" not in option
+    }
     return CameraOptions(**fill_defaults(of_profile | given, OPTIONS))
 
 

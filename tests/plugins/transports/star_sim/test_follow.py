@@ -10,7 +10,8 @@ import pytest
 from numpy.polynomial import polynomial
 
 from star_core import Array, Command, ContractError, Order, Supervisor, Trajectory
-from star_sim.pieces import NEVER, Piece, pieces_of
+from star_sim.airframe import NEVER
+from star_sim.pieces import Piece, pieces_of
 
 Flying = Callable[..., Any]
 

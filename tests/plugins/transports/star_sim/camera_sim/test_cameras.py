@@ -24,9 +24,9 @@ from star_core import (
 )
 from star_core.testing import scene
 from star_core.world.quaternions import turned
-from star_sim.airframe import STEP
+from star_sim.airframe import NEVER, STEP
 from star_sim.camera_sim.camera_pose import Shot
-from star_sim.camera_sim.cameras import NEVER, Cameras
+from star_sim.camera_sim.cameras import Cameras
 from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.options import camera_options
 from star_sim.camera_sim.sensor import COLOR_RESPONSE
