@@ -45,7 +45,7 @@ air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` 
 	$(BIN)/python -m pytest -q -m campaign tests/end_to_end/test_over_the_air.py
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
-	$(BIN)/python -m pip install --quiet --no-deps pyrvo pupil-apriltags drone-models \
+	$(BIN)/python -m pip install --quiet --no-deps pupil-apriltags drone-models \
 	casadi array-api-compat array-api-extra
 	for topic in startup demo sim tick orca planner camera detector mosaic disturbances landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
 
