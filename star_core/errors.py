@@ -88,6 +88,10 @@ class ContractError(StarError):
     code = "contract-broken"
 
 
+class CommandError(ContractError):
+    """A command that cannot be sent; its task does not give it again."""
+
+
 class RowCountError(ContractError):
     """Fields of one table differ in their number of rows.
 

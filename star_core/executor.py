@@ -23,6 +23,7 @@ from star_core.mission import Mission
 from star_core.mission_file.conditions import in_words
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
 from star_core.observers import Observers
+from star_core.plugin_guard import Strikes
 from star_core.plugin_schema import JOIN, LEAVE
 from star_core.registry import Registry
 
@@ -36,6 +37,7 @@ class StepExecutor:
         assignments: The agents of the mission; an agent that loses its slot leaves its steps.
         observers: Receive the begin and the end of each step; their events end steps.
         compute_time: Measures each task.
+        strikes: Counts the failures of each.
 
     Attributes:
         reason: Why the mission failed, once it has.
@@ -49,12 +51,15 @@ class StepExecutor:
         assignments: Assignments,
         observers: Observers,
         compute_time: ComputeTime,
+        strikes: Strikes,
     ) -> None:
         n = len(mission.scene.agents)
         self._assignments = assignments
         self._tasks = TaskPool(mission, registry, compute_time)
         self._goals = GoalBuffer(n, mission.scene.limits.speed, self._tasks.trajectories)
-        self._shared = Execution(mission.scene, assignments, self._tasks, self._goals, observers)
+        self._shared = Execution(
+            mission.scene, assignments, self._tasks, self._goals, observers, strikes
+        )
         self._tick: TickContext
         self._running = self._sequence(mission.steps)
         self._time = 0.0

@@ -61,6 +61,7 @@ class Mission:
         steps: What to do, one after the other.
         safety: What becomes of agents in trouble, by the trouble.
         reserve: Agents that replace others, and when; empty if there are none.
+        plugin_strikes: Number of failures of a plugin in flight at which all agents land.
         collisions: ``fail`` if a collision fails the mission, ``record`` if it is only recorded.
         document: The mission as read, with what was set on the command line.
         world: The world as read.
@@ -73,6 +74,7 @@ class Mission:
     steps: tuple[Node, ...]
     safety: Mapping[str, Mapping[str, Any]]
     reserve: Mapping[str, Any]
+    plugin_strikes: int
     collisions: str
     document: Document
     world: Document
@@ -132,6 +134,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         steps=steps,
         safety=data["safety"],
         reserve=data["reserve"],
+        plugin_strikes=data["plugin_strikes"],
         collisions=data["collisions"],
         document=document,
         world=world,

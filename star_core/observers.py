@@ -12,6 +12,7 @@ import pluggy
 from star_core.hookspecs import PluginCall, plugin_calls
 from star_core.messages.events import Event
 from star_core.metrics.timing import ComputeTime, Stopwatch
+from star_core.watchdog import PluginTimeout
 
 log = logging.getLogger(__name__)
 
@@ -100,7 +101,7 @@ class Observers:
         try:
             with self._watch(call):
                 yield
-        except (Exception, SystemExit) as error:
+        except (Exception, SystemExit, PluginTimeout) as error:
             log.debug("observer %s raised", call.plugin, exc_info=True)
             self._drop(call.plugin, f"{hook} raised {type(error).__name__}: {error}")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, Final
@@ -15,11 +16,18 @@ from star_core.errors import ContractError, PluginError
 from star_core.messages.arrays import Array, Mask, Rows, require_rows, require_type
 from star_core.messages.commands import Command, Trajectory
 from star_core.messages.state import Estimate, Goals, Plan, Setpoint, Truth
-from star_core.messages.telemetry import Telemetry
-from star_core.messages.vision import Corrections
+from star_core.messages.telemetry import Odometry, Telemetry
+from star_core.messages.vision import Corrections, Detections, Frames, Sightings
 from star_core.metrics.timing import ComputeTime, Stopwatch
 from star_core.mission import Mission
-from star_core.plugin_guard import PluginGuard, close_all, require_methods, require_signature
+from star_core.plugin_guard import (
+    PluginGuard,
+    Strikes,
+    ToleratingGuard,
+    close_all,
+    require_methods,
+    require_signature,
+)
 from star_core.plugin_schema import PARTS, fill_defaults
 from star_core.registry import Registry
 from star_core.toolkit.progress import Progress
@@ -37,7 +45,8 @@ CONTRACTS: Final = {
 class PluginPipeline:
     """Calls the plugins, validates what they return, and names the plugin that breaks its contract.
 
-    Every method may raise `PluginError`.
+    Every method may raise `PluginError`. Failures in flight are tolerated at first where a method
+    says what it returns instead.
 
     Args:
         mission: Names the plugins.
@@ -45,6 +54,7 @@ class PluginPipeline:
 
     Attributes:
         compute_time: Of every plugin of the flight.
+        strikes: Failures in flight of every plugin.
         safety_time: Measures the safety filter.
     """
 
@@ -59,7 +69,13 @@ class PluginPipeline:
         }
         self._plugins: dict[str, Any] = {}
         self._making = {kind: PluginGuard(str(mission.parts[kind]), self._n) for kind in PARTS}
-        self.compute_time = ComputeTime(mission.scene.period, realtime=mission.scene.realtime)
+        self.compute_time = ComputeTime(
+            mission.scene.period, realtime=mission.scene.realtime, brake=self._brake
+        )
+        self.strikes = Strikes(mission.plugin_strikes)
+        self._telemetry: Telemetry  # the last, like the next two
+        self._estimate: Estimate
+        self._sent: Setpoint | None = None  # without agents that have received a command since
         self.safety_time = Stopwatch(perf_counter)
         self._watches = {
             kind: self.compute_time.of(guard.plugin, waits=kind == "transport")
@@ -68,6 +84,9 @@ class PluginPipeline:
         self._calling = {
             kind: PluginGuard(guard.plugin, self._n, self._watches[kind])
             for kind, guard in self._making.items()
+        }
+        self._tolerating = {
+            kind: ToleratingGuard(guard, self.strikes) for kind, guard in self._calling.items()
         }
         specs = {kind: registry.find(kind, mission.parts[kind].use).offer for kind in PARTS}
         options = {
@@ -128,10 +147,20 @@ class PluginPipeline:
             return now
 
     def receive(self) -> Telemetry:
-        """Return what arrived since the last call."""
-        with self._calling["transport"]:
+        """Return what arrived since the last call: nothing new if the transport fails."""
+        with self._tolerating["transport"]:
             telemetry = checked_telemetry(self._plugins["transport"].receive(), self._n)
-            return telemetry if not self._mosaics else self._without_mosaics(telemetry)
+            self._telemetry = self._without_mosaics(telemetry) if self._mosaics else telemetry
+            return self._telemetry
+        self._telemetry = replace(
+            self._telemetry,
+            age=self._telemetry.age + self._scene.period,
+            odometry=Odometry.none(),
+            frames=Frames.none(),
+            detections=Detections.none(),
+            refusals=(),
+        )
+        return self._telemetry
 
     def _without_mosaics(self, telemetry: Telemetry) -> Telemetry:
         """Return telemetry whose images are gray, for localizers and observers."""
@@ -145,20 +174,23 @@ class PluginPipeline:
         return replace(telemetry, frames=replace(frames, image=tuple(images)))
 
     def locate(self, telemetry: Telemetry) -> Estimate:
-        """Estimate the positions of the agents."""
-        with self._calling["localizer"]:
+        """Estimate the positions of the agents: as in the last tick if the localizer fails."""
+        with self._tolerating["localizer"]:
             estimate = checked_estimate(self._plugins["localizer"].locate(telemetry), self._n)
             if not abs(estimate.time - telemetry.time) <= TIME_TOLERANCE:
                 raise ContractError(
                     f"Estimate.time is {estimate.time!r}, expected the telemetry's, "
                     f"{telemetry.time!r}"
                 )
+            self._estimate = estimate
             return estimate
+        return renewed(self._estimate, telemetry.time)
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
-        """Plan the next setpoint."""
-        with self._calling["planner"]:
+        """Plan the next setpoint: none if the planner fails."""
+        with self._tolerating["planner"]:
             return checked_plan(self._plugins["planner"].plan(estimate, goals), self._n)
+        return Plan.none(self._n)
 
     def refuses(self, position: Array) -> Mask:
         """Return which positions, (K, 3) m, the planner would not fly to: (K,)."""
@@ -171,38 +203,60 @@ class PluginPipeline:
         return refused
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        """Return the setpoint nearest to `wanted` that keeps the agents apart."""
-        with self._calling["avoider"]:
+        """Return the setpoint nearest to `wanted` that keeps the agents apart.
+
+        If the avoider fails it is `wanted`: the tick then brakes all agents.
+        """
+        with self._tolerating["avoider"]:
             return checked_setpoint(self._plugins["avoider"].avoid(estimate, wanted), self._n)
+        return wanted
 
     def command(self, command: Command) -> None:
         """Send a command whose positions are in odometry frames."""
         with self._calling["transport"]:
             self._plugins["transport"].command(command)
+        if self._sent is not None:
+            others = ~np.isin(np.arange(self._n), command.agent)
+            self._sent = replace(self._sent, active=self._sent.active & others)
 
     def correct(self, corrections: Corrections) -> None:
-        """Send pose corrections to the on-board estimators."""
-        with self._calling["transport"]:
+        """Send pose corrections to the on-board estimators, unless the transport fails."""
+        with self._tolerating["transport"]:
             self._plugins["transport"].correct(corrections)
 
     def send(self, setpoint: Setpoint) -> Setpoint:
-        """Send a setpoint in odometry frames, and return the one that was sent."""
-        with self._calling["transport"]:
+        """Send a setpoint in odometry frames; return the one that was sent, or is to be."""
+        with self._tolerating["transport"]:
+            self._sent = setpoint
             sent = self._plugins["transport"].send(setpoint)
             return setpoint if sent is setpoint else checked_setpoint(sent, self._n)
+        return setpoint
+
+    def _brake(self) -> None:
+        """Let the agents that setpoints fly brake while another plugin hangs."""
+        if self._sent is not None:
+            with suppress(Exception):
+                still = np.zeros((self._n, 3))
+                self._plugins["transport"].send(replace(self._sent, velocity=still))
 
     def truth(self) -> Truth | None:
-        """Return the ground truth, if the transport has it."""
-        with self._calling["transport"]:
+        """Return the ground truth, if the transport has it and does not fail."""
+        with self._tolerating["transport"]:
             truth = self._plugins["transport"].truth()
             if truth is None:
                 return None
             require_rows(require_type(truth, Truth), len(truth.position), self._n)
             return truth  # type: ignore[no-any-return]
+        return None
 
     def close(self) -> list[str]:
         """Close every plugin that has ``close()``; return their errors."""
         return close_all((self._making[kind], plugin) for kind, plugin in self._plugins.items())
+
+
+def renewed(last: Estimate, time: float) -> Estimate:
+    """Return the last estimate for the present time, without what was sent with it once."""
+    return replace(last, time=time, corrections=Corrections.none(), sightings=Sightings.none())
 
 
 # Shapes and types of a table are checked when it is made; these functions check its values.

@@ -5,14 +5,56 @@ from __future__ import annotations
 import inspect
 import logging
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from types import MappingProxyType, TracebackType
 from typing import Any
 
-from star_core.errors import ContractError, PluginError, RowCountError, StarError
+from star_core.errors import CommandError, ContractError, PluginError, RowCountError, StarError
+from star_core.watchdog import PluginTimeout
 
 log = logging.getLogger(__name__)
+
+
+class Strikes:
+    """Counts the failures of each plugin in flight, and tolerates the first ones.
+
+    Args:
+        limit: Number of failures of one plugin that is not tolerated any more.
+
+    Attributes:
+        pending: Messages about those that were tolerated and have not been reported.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._count = Counter[str]()
+        self._in_flight = False
+        self.pending: list[str] = []
+
+    def begin_tick(self, *, in_flight: bool) -> None:
+        """Begin a tick; on the ground no failure is tolerated: nothing would have been lost."""
+        self._in_flight = in_flight
+
+    def tolerates(self, plugin: str, error: PluginError) -> bool:
+        """Count a failure; return whether the flight goes on."""
+        if not self._in_flight or isinstance(error.__cause__, PluginTimeout | CommandError):
+            return False
+        self._count[plugin] += 1
+        count = self._count[plugin]
+        if count >= self._limit:
+            return False
+        self.pending.append(
+            f"all agents brake: {error.message} (failure {count}; all land at the "
+            f"{self._limit}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(self._limit, 'th') })"
+        )
+        return True
+
+    def drain(self) -> list[str]:
+        """Return the pending messages once."""
+        drained, self.pending = self.pending, []
+        return drained
 
 
 class PluginGuard:
@@ -49,18 +91,49 @@ class PluginGuard:
         trace: TracebackType | None,
     ) -> None:
         self._stopwatch.__exit__(kind, error, trace)
-        if not isinstance(error, Exception | SystemExit):
+        if not isinstance(error, Exception | SystemExit | PluginTimeout):
             return
         log.debug("%s raised", self.plugin, exc_info=error)
         if isinstance(error, RowCountError) and self._agents is not None:
             raise PluginError(f"{self.plugin}: {error.among(self._agents)}") from error
         if isinstance(error, StarError):
             raise PluginError(f"{self.plugin}: {error}") from error
-        innermost = traceback.extract_tb(trace)[-1]
+        frames = traceback.extract_tb(trace)
+        innermost = frames[-2 if isinstance(error, PluginTimeout) else -1]  # not the watchdog's
         text = " ".join(f"{type(error).__name__}: {error}".split())  # on one line
         raise PluginError(
             f"{self.plugin}: {text} ({innermost.filename}:{innermost.lineno})"
         ) from error
+
+
+class ToleratingGuard:
+    """Likewise, but suppresses failures as long as they are tolerated.
+
+    Args:
+        guard: Names the plugin.
+        strikes: Counts its failures.
+    """
+
+    def __init__(self, guard: PluginGuard, strikes: Strikes) -> None:
+        self._guard = guard
+        self._strikes = strikes
+
+    def __enter__(self) -> None:
+        self._guard.__enter__()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        try:
+            self._guard.__exit__(kind, error, trace)
+        except PluginError as failure:
+            if self._strikes.tolerates(self._guard.plugin, failure):
+                return True
+            raise
+        return False
 
 
 def close_all(plugins: Iterable[tuple[PluginGuard, object]]) -> list[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,7 @@ def fly(
     """
     folder = None if folder is None else Path(folder)
     operator = operator or Operator()
+    before = set(threading.enumerate())
     pipeline = PluginPipeline(mission, registry)
     run: _Run | None = None
     try:
@@ -56,16 +58,29 @@ def fly(
             flight=Flight(mission.name, mission.scene, manifest(mission), folder, save_frames),
             operator=operator,
         )
-        run.fly()
+        with pipeline.compute_time.watchdog:
+            run.fly()
     finally:
         with Progress("closing the links and the record"):
             failures = [*(run.loop.executor.close() if run is not None else ()), *pipeline.close()]
             if run is not None and run.reason is not None:  # it began to fly
                 for text in failures:
                     run.observers.event("failure", text)
+                if text := _leaked(before):
+                    run.observers.event("plugin", text)
                 summary = run.summary()
                 run.observers.notify("star_mission_ended", summary=deepcopy(summary))
     return summary
+
+
+def _leaked(before: Collection[threading.Thread]) -> str:
+    """Return which threads were started since, and keep the process from its end."""
+    leaked = [t.name for t in threading.enumerate() if t not in before and not t.daemon]
+    if not leaked:
+        return ""
+    count = f"{len(leaked)} thread{'s' if len(leaked) > 1 else ''}"
+    still = "still run" if len(leaked) > 1 else "still runs"
+    return f"{count} {still} after the flight: {', '.join(sorted(set(leaked)))}"
 
 
 def outcome_of(summary: Mapping[str, Any]) -> int:

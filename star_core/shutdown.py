@@ -95,6 +95,8 @@ class Shutdown:
         try:
             return self.land_all("fail", at_once=True)
         except PluginError as error:
+            if reason := self._wait_unheard():
+                return reason
             for row in np.flatnonzero(self._vehicles.phases.among(*AIRBORNE)).tolist():
                 name = self._scene.agents[row].name
                 text = f"{name} is left to the transport's close, and its own timeouts"
@@ -102,6 +104,27 @@ class Shutdown:
             text = f"no agent could be landed: {error}"
             self._observers.event("failure", text)
             return text
+
+    def _wait_unheard(self) -> str:
+        """Wait for the end of all landings without telemetry; return what failed.
+
+        Returns:
+            Empty if not all agents were commanded to land, or time does not advance.
+        """
+        vehicles = self._vehicles
+        up = vehicles.phases.among(*AIRBORNE)
+        try:
+            while vehicles.time < vehicles.down_by:
+                vehicles.wait()
+        except PluginError:
+            return ""
+        if (up != vehicles.phases.among(AgentPhase.LANDING)).any():
+            return ""
+        text = (
+            f"{self._scene.named(np.flatnonzero(up).tolist())} did not report to be on the ground"
+        )
+        self._observers.event("failure", text)
+        return text
 
     def _fallen(self, end: str) -> str:
         """Return which agents of a completed mission ended in emergency, if any."""

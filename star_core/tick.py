@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -24,9 +25,7 @@ from star_core.messages.state import (
     Estimate,
     Goals,
     Health,
-    Paths,
     Plan,
-    Setpoint,
     among,
 )  # fmt: skip
 from star_core.messages.telemetry import Telemetry
@@ -85,7 +84,7 @@ class ControlLoop:
         self._safety = SafetyFilter(scene)
         self.vehicles = VehicleInterface(scene, pipeline, observers)
         self.executor = StepExecutor(
-            mission, registry, self._assignments, observers, pipeline.compute_time
+            mission, registry, self._assignments, observers, pipeline.compute_time, pipeline.strikes
         )
         report = partial(observers.event, "relief")
         self._reserves = (
@@ -124,6 +123,8 @@ class ControlLoop:
         plan = self._pipeline.plan(estimate, merged)
         wanted = self.vehicles.setpoint(plan.setpoint, estimate)
         avoided = self._pipeline.avoid(estimate, wanted)
+        if self._pipeline.strikes.pending:
+            avoided = replace(avoided, active=np.zeros_like(avoided.active))  # brake
         near = self._near(estimate)
         with self._pipeline.safety_time:
             safe, corrected = self._safety.filter(estimate, avoided, wanted, near)
@@ -140,11 +141,9 @@ class ControlLoop:
     def watch(self, telemetry: Telemetry, estimate: Estimate, health: Health) -> None:
         """Record a tick in which no plugin is called but the transport, and nothing is sent."""
         n = len(self._scene.agents)
-        none = np.zeros(n, np.bool_)
-        still = Setpoint(np.zeros((n, 3)), np.zeros(n), none)
-        plan = Plan(still, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), none)
-        outputs = telemetry, estimate, health, Goals.none(n), plan, still, self.vehicles.truth()
-        unchanged = Corrected(none, none, none)
+        plan, truth = Plan.none(n), self.vehicles.truth()
+        outputs = telemetry, estimate, health, Goals.none(n), plan, plan.setpoint, truth
+        unchanged = Corrected(*np.zeros((3, n), np.bool_))
         timing = self.vehicles.timing.of_tick(self._pipeline.took())
         tick = Tick(self.vehicles.time, *outputs, "landing", unchanged, timing)
         self._record(tick, self._near(estimate))
@@ -214,6 +213,8 @@ class ControlLoop:
 
     def _record(self, tick: Tick, near: Pairs) -> None:
         """Measure a tick and pass it to the observers."""
+        for failure in self._pipeline.strikes.drain():
+            self._observers.event("plugin", failure)
         self._report(self.metrics.add(tick, near))
         self._observers.notify("star_ticked", tick=tick)
 

@@ -13,12 +13,11 @@ from star_core.messages.commands import Command, Order
 from star_core.messages.rotations import Transform
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint, Truth
 from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.messages.vision import Corrections, Sightings
 from star_core.metrics.targets import Targets
 from star_core.metrics.timing import TickTiming
 from star_core.observers import Observers
 from star_core.phases import Phases
-from star_core.pipeline import PluginPipeline
+from star_core.pipeline import PluginPipeline, renewed
 from star_core.safety.monitor import MAX_REPORT_AGE, EstimateGate, UnheardAgents
 from star_core.scene import Scene
 
@@ -74,27 +73,28 @@ class VehicleInterface:
 
     def receive(self) -> Telemetry:
         """Wait for the next tick, and return what arrived since the last one."""
+        self.wait()
+        return self._pipeline.receive()
+
+    def wait(self) -> None:
+        """Wait for the next tick."""
         due = self._due * self._scene.period
         self.time = self._pipeline.wait(due)
         self._observers.begin_tick(self.time)
+        in_flight = bool(self.phases.among(*AIRBORNE).any())
+        self._pipeline.strikes.begin_tick(in_flight=in_flight)
         if late := self.timing.note(due, self.time, self._pipeline.took()):
             self._observers.event("late", late)
         for slow in self._pipeline.compute_time.end_tick():
             log.warning("%s", slow)
             self._observers.event("slow", slow)
         self._due = max(self._due, int(self.time / self._scene.period + 1e-6)) + 1
-        return self._pipeline.receive()
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate the positions of the agents; send corrections to their own estimators."""
         if self._localizer_failed and self.estimate is not None:
-            estimate = replace(
-                self.estimate,
-                time=telemetry.time,
-                valid=np.zeros(len(self.estimate.valid), np.bool_),
-                corrections=Corrections.none(),
-                sightings=Sightings.none(),
-            )
+            unlocated = np.zeros(len(self.estimate.valid), np.bool_)
+            estimate = replace(renewed(self.estimate, telemetry.time), valid=unlocated)
         else:
             estimate = self._with_known_frames(self._pipeline.locate(telemetry))
             if len(estimate.corrections.agent):

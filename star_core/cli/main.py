@@ -23,11 +23,15 @@ USAGE = "usage: star [-h] [--version] COMMAND ..."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run ``star`` and return its exit status: 0 done, 1 failed in flight, 2 bad input."""
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    """Run ``star`` and return its exit status: 0 done, 1 failed in flight, 2 bad input.
+
+    Without arguments it is the process's program, and no thread delays the end of that.
+    """
+    if arguments is None:
+        return _without_threads(main(sys.argv[1:]))
     try:
         try:
-            return _main(arguments)
+            return _main(list(arguments))
         finally:
             sys.stdout.flush()  # raises BrokenPipeError here if the reader has exited
     except StarError as error:
@@ -44,7 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run ``star-run``, which is ``star run``."""
-    return main(["run", *(sys.argv[1:] if arguments is None else arguments)])
+    if arguments is None:
+        return _without_threads(run(sys.argv[1:]))
+    return main(["run", *arguments])
 
 
 def installed() -> Registry:
@@ -120,6 +126,17 @@ def _loaded() -> Registry:
     for source, why in registry.broken.items():
         print(f"star: plugin {source} is left out: {why}", file=sys.stderr)
     return registry
+
+
+def _without_threads(status: int) -> int:
+    """Return an exit status, or exit at once if Python would wait for a plugin's threads."""
+    import os
+    import threading
+
+    if not all(one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
+        sys.stderr.flush()
+        os._exit(status)
+    return status
 
 
 def _leave_quietly() -> None:

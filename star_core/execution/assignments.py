@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from star_core.contracts import TaskOutput
-from star_core.errors import ContractError
-from star_core.messages.arrays import Array, Mask, require_rows, require_type
+from star_core.errors import CommandError, ContractError
+from star_core.messages.arrays import Array, Mask, Rows, require_rows, require_type
 from star_core.messages.commands import Command, Trajectory
 from star_core.messages.state import Estimate, Goals
 from star_core.scene import Scene
@@ -147,23 +147,14 @@ class GoalBuffer:
                 a trajectory that was not uploaded.
         """
         for command in output.commands:
-            self._check(require_type(command, Command), own)
-            self.commands.append(command)
-        if output.goals is None:
-            return
-        goals = require_type(output.goals, Goals)
-        require_rows(goals, len(goals.active), len(own))
-        if (goals.active > own).any():
-            raise ContractError("has goals for agents that are not its own")
-        rows = np.flatnonzero(goals.active)
-        for name in ("position", "velocity", "yaw", "speed"):
-            values = getattr(goals, name)[rows]
-            if not np.isfinite(values).all():
-                raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
-            getattr(self, name)[rows] = values
-        if (goals.speed[rows] < 0).any():
-            raise ContractError(f"Goals.speed is {goals.speed.tolist()!r}, expected 0 or more")
-        self.active[rows] = True
+            self._check_command(require_type(command, Command), own)
+        if output.goals is not None:
+            goals = require_type(output.goals, Goals)
+            rows = self._check_goals(goals, own)
+            for name in ("position", "velocity", "yaw", "speed"):
+                getattr(self, name)[rows] = getattr(goals, name)[rows]
+            self.active[rows] = True
+        self.commands += output.commands
 
     def set_goal(self, row: int, position: Array, yaw: float, speed: float) -> None:
         """Set the goal of one agent, at rest."""
@@ -184,11 +175,25 @@ class GoalBuffer:
         """Return the merged goals as a table."""
         return Goals(self.position, self.velocity, self.yaw, self.speed, self.active)
 
-    def _check(self, command: Command, own: Mask) -> None:
+    def _check_goals(self, goals: Goals, own: Mask) -> Rows:
+        """Return the rows of the agents that have goals."""
+        require_rows(goals, len(goals.active), len(own))
+        if (goals.active > own).any():
+            raise ContractError("has goals for agents that are not its own")
+        rows = np.flatnonzero(goals.active)
+        for name in ("position", "velocity", "yaw", "speed"):
+            values = getattr(goals, name)[rows]
+            if not np.isfinite(values).all():
+                raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
+        if (goals.speed[rows] < 0).any():
+            raise ContractError(f"Goals.speed is {goals.speed.tolist()!r}, expected 0 or more")
+        return rows
+
+    def _check_command(self, command: Command, own: Mask) -> None:
         agents, rows = command.agent.tolist(), np.flatnonzero(own).tolist()
         if not set(agents) <= set(rows):
-            raise ContractError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
+            raise CommandError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
         if command.trajectory is not None and command.trajectory not in self._trajectories:
-            raise ContractError(
+            raise CommandError(
                 "orders a trajectory that no task had among its trajectories before take-off"
             )

@@ -20,7 +20,14 @@ from star_core.mission import Mission
 from star_core.mission_file.conditions import ConditionContext, holds, longest
 from star_core.mission_file.step_tree import Action, actions
 from star_core.observers import Observers
-from star_core.plugin_guard import PluginGuard, close_all, require_methods, require_signature
+from star_core.plugin_guard import (
+    PluginGuard,
+    Strikes,
+    ToleratingGuard,
+    close_all,
+    require_methods,
+    require_signature,
+)
 from star_core.plugin_schema import fill_defaults
 from star_core.registry import Registry
 from star_core.scene import Scene
@@ -63,6 +70,7 @@ class Execution:
         tasks: Made before take-off.
         goals: Of all steps, merged.
         observers: Receive the messages of tasks; their events end steps.
+        strikes: Counts the failures of tasks.
     """
 
     scene: Scene
@@ -70,6 +78,7 @@ class Execution:
     tasks: TaskPool
     goals: GoalBuffer
     observers: Observers
+    strikes: Strikes
 
     def log(self, what: str, action: Action, rows: Rows, rounds: Rounds) -> None:
         """Report an event of a step: ``patrol.yaml:5 goto cf1 [2/3] done``."""
@@ -156,11 +165,13 @@ class StepRun:
         goals.doing.append(f"{self.action.verb} {self.team.label}")
         if reason := self._disabled(tick):
             return Status.FAILURE, reason
-        with self.guard:
-            output = require_type(self.task.step(tick.estimate, tick.health), TaskOutput)
-            if not isinstance(output.status, Status):
-                raise ContractError(f"TaskOutput.status is {output.status!r}, expected a Status")
-            goals.add(output, self.team.own)
+        output = TaskOutput()
+        with ToleratingGuard(self.guard, self.shared.strikes):
+            given = require_type(self.task.step(tick.estimate, tick.health), TaskOutput)
+            if not isinstance(given.status, Status):
+                raise ContractError(f"TaskOutput.status is {given.status!r}, expected a Status")
+            goals.add(given, self.team.own)
+            output = given
         for message in output.messages:
             text = f"{self.action.verb}: {message}"
             self.shared.report("task", text, self.action, self.team.rows, self.rounds)

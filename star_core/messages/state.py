@@ -250,6 +250,13 @@ class Plan:
     def __post_init__(self) -> None:
         freeze_arrays(self, {}, flags=("unreachable",), others={"setpoint": len(self.setpoint.yaw)})
 
+    @classmethod
+    def none(cls, n: int) -> Self:
+        """Return a plan without a setpoint for `n` agents."""
+        inactive = np.zeros(n, np.bool_)
+        setpoint = Setpoint(np.zeros((n, 3)), np.zeros(n), inactive)
+        return cls(setpoint, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), inactive)
+
 
 @dataclass(frozen=True, slots=True)
 class Truth:

@@ -10,6 +10,7 @@ from time import perf_counter, thread_time
 from typing import Any, Final
 
 from star_core.toolkit.jit import compile_time
+from star_core.watchdog import Watchdog
 
 log = logging.getLogger(__name__)
 
@@ -28,6 +29,8 @@ class Stopwatch:
 
     Attributes:
         clock: Returns a time, s.
+        watchdog: Interrupts blocks that do not end.
+        waits: As of `ComputeTime.of`.
         elapsed: Time spent so far, s.
         total: Likewise, without compilation by numba.
         before: `total` before this tick, s.
@@ -38,6 +41,8 @@ class Stopwatch:
     """
 
     clock: Callable[[], float]
+    watchdog: Watchdog | None = None
+    waits: bool = False
     elapsed: float = 0.0
     total: float = 0.0
     before: float = 0.0
@@ -51,8 +56,12 @@ class Stopwatch:
     def __enter__(self) -> None:
         self._compiled = compile_time()
         self._begun = self.clock()
+        if self.watchdog is not None:
+            self.watchdog.begin(first=not self.ticks, transport=self.waits)
 
     def __exit__(self, *_error: object) -> None:
+        if self.watchdog is not None:
+            self.watchdog.end()
         elapsed = self.clock() - self._begun
         self.elapsed += elapsed
         self.total += max(0.0, elapsed - (compile_time() - self._compiled))
@@ -66,9 +75,16 @@ class ComputeTime:
         period: From one tick to the next, s.
         realtime: Whether mission time goes on by itself; a plugin that takes too long then makes
             ticks late, which is reported as that.
+        brake: Of the `Watchdog`.
+
+    Attributes:
+        watchdog: Interrupts plugins that hang.
     """
 
-    def __init__(self, period: float, *, realtime: bool) -> None:
+    def __init__(
+        self, period: float, *, realtime: bool, brake: Callable[[], None] = lambda: None
+    ) -> None:
+        self.watchdog = Watchdog(period, realtime=realtime, brake=brake)
         self._limit = math.inf if realtime else max(MIN_SLOW_TIME, MIN_SLOW_PERIODS * period)
         self._period = period
         self._watches: dict[str, Stopwatch] = {}
@@ -82,7 +98,8 @@ class ComputeTime:
         """
         watch = self._watches.get(plugin)
         if watch is None:
-            watch = self._watches[plugin] = Stopwatch(thread_time if waits else perf_counter)
+            clock = thread_time if waits else perf_counter
+            watch = self._watches[plugin] = Stopwatch(clock, self.watchdog, waits)
         return watch
 
     def end_tick(self) -> list[str]:

@@ -95,7 +95,8 @@ def sound_parts(
     for name, camera in cameras.items():
         if "file" in camera:  # which could not be read, or it would have been replaced
             cameras[name] = Incomplete(camera)
-    keys = (*PARTS, "limits", "safety", "reserve", "rate", "seed", "name", "collisions", "world")
+    defaulted = ("rate", "seed", "plugin_strikes", "collisions")
+    keys = (*PARTS, *defaulted, "limits", "safety", "reserve", "name", "world")
     sound = {key: refused.without(data[key], (key,)) for key in keys if key in data}
     sound = {key: held for key, held in sound.items() if held is not None}
     sound |= {"swarm": swarm, "cameras": cameras, "groups": named("groups", [])}
@@ -106,7 +107,7 @@ def sound_parts(
         given = sound.get(key, Incomplete() if key in data else {})
         filled = isinstance(given, Incomplete) or (key == "reserve" and not given)
         sound[key] = given if filled else fill_defaults(given, properties[key], schema["$defs"])
-    defaults = {key: properties[key]["default"] for key in ("rate", "seed", "collisions")}
+    defaults = {key: properties[key]["default"] for key in defaulted}
     return defaults | sound
 
 

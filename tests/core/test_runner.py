@@ -158,7 +158,7 @@ def test_a_transport_that_obeys_orders_lands_all_agents_though_it_sends_nothing(
 def test_all_agents_land_without_a_localizer_that_is_broken(lab: Lab) -> None:
     lab.spoil("localizer", "locate", BOOM, FLYING)
     lab.fly()
-    blind = [tick for tick in lab.ticks if tick.time > 2.0]
+    blind = [tick for tick in lab.ticks if tick.time > 2.2]
     assert blind
     assert not any(tick.estimate.valid.any() for tick in blind)
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
@@ -167,7 +167,7 @@ def test_all_agents_land_without_a_localizer_that_is_broken(lab: Lab) -> None:
 def test_nothing_is_sent_once_a_planner_is_broken(lab: Lab) -> None:
     lab.spoil("planner", "plan", BOOM, FLYING)
     lab.fly()
-    assert max(time for time, _ in lab.robots.sent) == pytest.approx(1.9)
+    assert max(time for time, _ in lab.robots.sent) == pytest.approx(2.1)  # two were tolerated
 
 
 def test_agents_that_do_not_report_to_be_down_are_named_and_not_waited_for_for_ever(
