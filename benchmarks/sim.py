@@ -20,6 +20,7 @@ import numpy as np
 from star_core import Agent, Array, Command, Fence, Order, Scene, Setpoint, World
 from star_sim import airframe, attitude, position
 from star_sim.drone import VELOCITY
+from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
 from star_sim.transport import Simulator
 
 RATE = 20  # Hz, ticks
@@ -130,9 +131,11 @@ def grid(n: int, spacing: float, seed: int = 0) -> Scene:
     return Scene(agents, 1 / RATE, world, seed=seed)
 
 
-def hover(n: int, *, noise: bool = True, controller: str = "ideal") -> Simulator:
+def hover(
+    n: int, *, noise: bool = True, controller: str = "ideal", profile: ErrorProfile = IDEAL
+) -> Simulator:
     """A connected simulator with `n` drones in the air, steered by setpoints."""
-    simulator = Simulator(grid(n, 1.0), noise=noise, controller=controller)
+    simulator = Simulator(grid(n, 1.0), noise=noise, controller=controller, profile=profile)
     simulator.connect()
     simulator.drones["position"][:, 2] = simulator.drones["seen_position"][:, 2] = 1.0
     simulator.drones["believed_position"][:, 2] = 1.0
@@ -157,6 +160,7 @@ def speed(n: int) -> dict[str, float]:
     """Agent-steps per second of kernel, whole transport and peer, and the kernel's ratios."""
     simulator, quiet, whole = hover(n), hover(n, noise=False), hover(n)
     cascade = hover(n, controller="pid")
+    realistic = hover(n, controller="pid", profile=REALISTIC)
     peer = NumpySwarm(quiet.drones["position"].copy(), np.zeros(n))
     still, zero = np.zeros((n, 3)), np.zeros(n)
     tick = 0
@@ -175,17 +179,19 @@ def speed(n: int) -> dict[str, float]:
             seconds(transport_tick, times),
             seconds(lambda: peer.tick(still, zero, STEPS), max(1, times // 20)),
             seconds(lambda: cascade._advance(STEPS), times),  # noqa: SLF001
+            seconds(lambda: realistic._advance(STEPS), times),  # noqa: SLF001
         )
         for _ in range(5)
     ]
     work = n * STEPS
-    kernel, silent, transport, naive, firmware = (
+    kernel, silent, transport, naive, firmware, world = (
         work / statistics.median(column) for column in zip(*rounds, strict=True)
     )
     ratio = statistics.median(round_[3] / round_[0] for round_ in rounds)
     return {
         f"kernel_agent_steps_per_s_n{n}": kernel,
         f"kernel_pid_agent_steps_per_s_n{n}": firmware,
+        f"kernel_pid_realistic_agent_steps_per_s_n{n}": world,
         f"kernel_pid_over_ideal_n{n}": statistics.median(row[0] / row[4] for row in rounds),
         f"kernel_without_noise_agent_steps_per_s_n{n}": silent,
         f"transport_agent_steps_per_s_n{n}": transport,

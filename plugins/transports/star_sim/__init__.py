@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, hookimpl
@@ -11,6 +12,15 @@ from star_sim.error_profile import PROFILES
 
 if TYPE_CHECKING:
     from star_core import Scene, Transport
+
+
+def _share(description: str) -> dict[str, Any]:
+    return {"type": "number", "minimum": 0, "maximum": 1, "description": description}
+
+
+def _delay(description: str) -> dict[str, Any]:
+    return {"type": "number", "minimum": 0, "maximum": 2, "description": description}
+
 
 OPTIONS: dict[str, Any] = {
     "type": "object",
@@ -62,6 +72,56 @@ OPTIONS: dict[str, Any] = {
             "description": "Simulation speed: mission seconds per second of wall time, 1 is real "
             "time; null is as fast as possible.",
         },
+        "aerodynamics": {
+            "type": "boolean",
+            "description": "Whether drones feel the downwash of those above and the ground effect; "
+            "by default as in the profile: realistic has them.",
+        },
+        "wind": {
+            "type": "object",
+            "additionalProperties": False,
+            "description": "Wind and its gusts; still air if not given.",
+            "examples": [{"velocity": [0.5, 0, 0], "gusts": 0.2}],
+            "properties": {
+                "velocity": {
+                    "type": "array",
+                    "items": {"type": "number", "minimum": -20, "maximum": 20},
+                    "minItems": 3,
+                    "maxItems": 3,
+                    "default": [0.0, 0.0, 0.0],
+                    "description": "Mean velocity of the air, map frame, m/s.",
+                },
+                "gusts": {
+                    "type": "number",
+                    "minimum": 0,
+                    "maximum": 10,
+                    "default": 0.0,
+                    "description": "Standard deviation of the gusts along each axis, m/s; each "
+                    "drone has its own.",
+                },
+                "gust_time": {
+                    "type": "number",
+                    "exclusiveMinimum": 0,
+                    "default": 2.0,
+                    "description": "Correlation time of the gusts, s.",
+                },
+            },
+        },
+        "radio": {
+            "type": "object",
+            "additionalProperties": False,
+            "description": "Loss and delay of the radio link, if there is noise; by default those "
+            "of the profile.",
+            "examples": [{"setpoint_loss": 0.2, "report_loss": 0.2}],
+            "properties": {
+                "report_loss": _share("Fraction of the drones' reports that are lost."),
+                "setpoint_loss": _share(
+                    "Fraction of the setpoints that are lost; commands are sent again."
+                ),
+                "report_delay": _delay("Time until a report arrives, in steps of 0.01 s."),
+                "setpoint_delay": _delay("Time until a setpoint or a command arrives, s."),
+            },
+        },
         "camera": camera_options.OPTIONS,
     },
 }
@@ -72,15 +132,20 @@ def make(
     *,
     profile: str,
     camera: Mapping[str, Any] | None = None,
+    radio: Mapping[str, Any] | None = None,
+    aerodynamics: bool | None = None,
     **options: Any,
 ) -> Transport:
     """Return the simulator of a scene's agents."""
     from star_sim.transport import Simulator
 
-    wanted = camera_options.camera_options(PROFILES[profile], **camera or {})
+    errors = replace(PROFILES[profile], **radio or {})
+    if aerodynamics is not None:
+        errors = replace(errors, aerodynamics=aerodynamics)
+    wanted = camera_options.camera_options(errors, **camera or {})
     return Simulator(
         scene,
-        profile=PROFILES[profile],
+        profile=errors,
         camera=None if wanted.mode == "off" else wanted,
         **options,
     )

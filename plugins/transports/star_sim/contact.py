@@ -3,7 +3,7 @@
 A drone is an upright cylinder of `FRAME_RADIUS` and `HEIGHT`. Overlapping drones are separated and
 keep `BOUNCE` of their closing speed. The propellers reach 1 cm further, so colliding drones are
 closer than a propeller span for longer than a tick, and a metric sampled once per tick counts the
-collision. Real collisions mostly end on the floor. Downwash is not modelled.
+collision. Real collisions mostly end on the floor.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 ``ideal`` has a Flow deck that drifts like one, and no further error: an exact accelerometer, a
 level floor, a lossless link without delay, and a careful survey. ``realistic`` has the errors of a
-Crazyflie with a Flow deck and an AI-deck in a careful lab. "NanoBench" is the set of 21 recorded
-flights of arXiv 2603.09908, from which `benchmarks/imu_errors.py` identifies the figures; "assumed"
-marks those without a source.
+Crazyflie with a Flow deck and an AI-deck in a careful lab, and feels the air that others move.
+"NanoBench" is the set of 21 recorded flights of arXiv 2603.09908, from which
+`benchmarks/imu_errors.py` identifies the figures; "assumed" marks those without a source.
 """
 
 from __future__ import annotations
@@ -40,10 +40,13 @@ class ErrorProfile:
     ranger_bias: float  # m, constant
     surfaces: bool  # whether ranger and flow sensor measure the distance to what is below
 
-    # Radio link.
-    report_delay: int  # cycles of 10 ms from a sample to its arrival
+    aerodynamics: bool  # whether there are downwash and ground effect
+
+    # Radio link; the values that the option ``radio`` does not give.
+    report_delay: float  # s from a sample to its arrival, in whole cycles of 10 ms
     report_loss: float  # fraction of the packets
     setpoint_delay: float  # s from sending to effect, of setpoints and commands
+    setpoint_loss: float = 0.0  # fraction of the setpoints
 
     # Default values of the options of ``camera``, which has the units.
     timestamps: bool
@@ -65,7 +68,8 @@ IDEAL: Final = ErrorProfile(
     gyro_noise=math.radians(0.14),  # 0.014 °/s/√Hz of a BMI088 over 100 Hz
     ranger_bias=0.0,
     surfaces=False,
-    report_delay=0,
+    aerodynamics=False,
+    report_delay=0.0,
     report_loss=0.0,
     setpoint_delay=0.0,
     timestamps=True,
@@ -91,7 +95,8 @@ REALISTIC: Final = ErrorProfile(
     accelerometer_noise=0.003 * GRAVITY,  # NanoBench, above 10 Hz
     ranger_bias=0.01,  # VL53L1X: ±20 mm of error, read as two deviations
     surfaces=True,
-    report_delay=1,  # assumed: a log block waits for up to a cycle and takes some ms on the air
+    aerodynamics=True,
+    report_delay=0.01,  # assumed: a log block waits for up to a cycle and takes some ms on the air
     report_loss=0.02,  # assumed
     setpoint_delay=0.01,  # assumed: a packet waits for those of the other agents
     timestamps=False,  # as `radio` receives images

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from star_sim.aerodynamics import push, wash
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.batch import BATCH_SIZE, LANES
 from star_sim.battery import RESISTANCE, drain
@@ -23,7 +24,7 @@ BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once
 
 
 @kernel
-def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are no more
+def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there are no more
     drones: Record,
     cascades: Record,
     order: Record,
@@ -35,6 +36,8 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
     edges: Record,
     samples: Record,
     imu: Record,
+    air: Record,
+    near: Record,
     step: int,
     steps: int,
     noisy: bool,  # noqa: FBT001 -- a kernel's arguments have no names
@@ -60,6 +63,10 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
             written at the end of each cycle.
         imu: (BLOCK, N, WANDERING) errors of the IMU and the flow sensor; None without, for which
             nothing is compiled then.
+        air: (BLOCK, N, 3) velocities of the air in the map, m/s; None for still air without effect
+            on the drones, for which nothing is compiled then.
+        near: (N, `star_sim.aerodynamics.COLUMNS`) buffer for the downwash; None without downwash
+            and ground effect, for which nothing is compiled then.
         step: Steps since the start.
         steps: To take.
         noisy: Whether the estimators err.
@@ -79,10 +86,15 @@ def advance(  # noqa: PLR0913, PLR0917 -- see star_sim.drone for why there are n
         if step % STEPS_PER_CYCLE == 0:
             if len(drones) > 1:
                 separate(drones, order, keys)
+                if near is not None:
+                    wash(drones, order, keys, near)
             cycle = step // STEPS_PER_CYCLE
             row = (cycle - 1) % BLOCK
             for i in range(len(drones)):
                 drone = drones[i]
+                if air is not None:
+                    washed = None if near is None else near[i]
+                    push(drone, air[row, i], washed, None if cascades is None else cascades[i])
                 if boxes is not None:
                     keep_out(drone, boxes, spans, edges)
                     if imu is not None:

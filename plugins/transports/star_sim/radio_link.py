@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from star_core import Array
+from star_core import Array, Mask
 from star_sim.airframe import CYCLE, NEVER, STEP
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
@@ -19,13 +19,13 @@ _STREAM: Final = 7336
 
 
 class RadioLink:
-    """Delays what is sent, and delays and loses what the drones stream.
+    """Delays what is sent and what the drones stream, and loses some of it.
 
-    Packets to the drones arrive in the order in which they were sent. None is lost: the radio
-    resends them. Of the samples each agent loses its own.
+    Packets to the drones arrive in the order in which they were sent. Commands are not lost: the
+    radio resends them. Of setpoints and samples each agent loses its own.
 
     Args:
-        profile: Delays and the fraction of samples that are lost.
+        profile: Delays, and the fractions of samples and setpoints that are lost.
         seed: Of the flight.
         agents: Number of drones.
 
@@ -46,6 +46,11 @@ class RadioLink:
         self._packets.append((step + round(self._profile.setpoint_delay / STEP), effect))
         self.next_step = self._packets[0][0]
 
+    def heard(self, active: Mask) -> Mask:
+        """Return which of the agents in `active`, (N,), receive the next setpoint."""
+        lost = self._profile.setpoint_loss
+        return active if lost == 0.0 else active & (self._random.random(len(active)) >= lost)
+
     def deliver(self, step: int) -> None:
         """Call the effects of the packets that have arrived before a step."""
         while self._packets and self._packets[0][0] <= step:
@@ -59,7 +64,7 @@ class RadioLink:
             samples: (cycles, N, SAMPLE) of the drones since the last call.
         """
         self._late.extend(samples)
-        count = max(0, len(self._late) - self._profile.report_delay)
+        count = max(0, len(self._late) - round(self._profile.report_delay / CYCLE))
         here, self._late = self._late[:count], self._late[count:]
         rows = []
         for row in here:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from star_core import (
     Truth,
 )
 from star_sim import commander
+from star_sim.aerodynamics import COLUMNS, Wind
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.battery import HOVER_CURRENT, HOVER_TIME, VOLTAGE_OF_CHARGE
 from star_sim.camera_sim.options import CameraOptions
@@ -52,12 +55,14 @@ class Simulator:
         scene: Agents, world and seed.
         noise: Whether estimates have errors; drones then also start slightly off their positions.
         controller: Name in `star_sim.cascade.CONTROLLERS`, or ``ideal``.
-        profile: Magnitudes of the errors of sensors and radio link.
+        profile: Magnitudes of the errors of sensors and radio link; whether there are downwash and
+            ground effect.
         battery: Initial charge, as a fraction of full.
         endurance: Hover time with a full battery, s.
         swap_time: Time on the ground until a battery is replaced, s; None never replaces one.
         speed: As the attribute, at the start.
         camera: Camera error model; None disables cameras.
+        wind: Velocity, gusts and their correlation time: see `star_sim.aerodynamics.Wind`.
         wanted: Whether the images of the agent in a row are needed; others are not rendered.
 
     Attributes:
@@ -76,6 +81,7 @@ class Simulator:
         swap_time: float | None = None,
         speed: float | None = None,
         camera: CameraOptions | None = None,
+        wind: Mapping[str, Any] | None = None,
         wanted: Callable[[int], bool] = lambda _row: True,
     ) -> None:
         n = len(scene.agents)
@@ -115,8 +121,13 @@ class Simulator:
         self._wander = Wander(profile, scene.seed, n) if noise and profile.imu else None
         self._imu: Array | None = None  # (BLOCK, N, WANDERING) errors of the current block
         self._boxes, self._spans, self._edges = prisms(scene.world)
-        delayed = noise and profile.setpoint_delay > 0
-        self._link = RadioLink(profile, scene.seed, n) if delayed else None
+        lossy = profile.report_loss or profile.setpoint_loss
+        imperfect = noise and (lossy or profile.report_delay or profile.setpoint_delay)
+        self._link = RadioLink(profile, scene.seed, n) if imperfect else None
+        self._wind = None if wind is None else Wind(**wind, seed=scene.seed, agents=n)
+        self._near = np.zeros((n, COLUMNS)) if profile.aerodynamics else None
+        still = np.zeros((BLOCK, n, 3))
+        self._air = None if wind is None and self._near is None else still  # of the current block
         self._uploaded: dict[Trajectory, tuple[Piece, ...]] = {}
         self._queue = Queue(self.drones)
 
@@ -156,8 +167,8 @@ class Simulator:
                 self._cameras.take(self.drones, self._step)
                 due = min(due, self._cameras.next_step)
             cycle = self._step // STEPS_PER_CYCLE
-            if self._noise and self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
-                self._draw_noise()
+            if self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
+                self._draw()
             full = (cycle // BLOCK + 1) * BLOCK * STEPS_PER_CYCLE
             steps = min(due, full) - self._step
             self._advance(steps)
@@ -234,7 +245,10 @@ class Simulator:
         if not finite[setpoint.active].all():
             rows = np.flatnonzero(setpoint.active & ~finite)
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
-        self._send(lambda: commander.take(self.drones, setpoint, self._step * STEP))
+        heard = setpoint
+        if self._link is not None:
+            heard = replace(setpoint, active=self._link.heard(setpoint.active))
+        self._send(lambda: commander.take(self.drones, heard, self._step * STEP))
         return setpoint
 
     def truth(self) -> Truth | None:
@@ -268,17 +282,21 @@ class Simulator:
             self._edges,
             self._samples,
             self._imu,
+            self._air,
+            self._near,
             self._step,
             steps,
             self._noise,
         )
 
-    def _draw_noise(self) -> None:
+    def _draw(self) -> None:
         """Draw the random numbers of the next block of cycles."""
         for row, stream in enumerate(self._streams):
             self._normals[:, row] = stream.standard_normal((BLOCK, 4))
         if self._wander is not None:
             self._imu = self._wander.block(BLOCK)
+        if self._wind is not None:
+            self._air = self._wind.block(BLOCK)
 
     def _replace_batteries(self, now: float, duration: float) -> None:
         """Give full batteries to drones that have been on the ground for `duration`, s."""
