@@ -72,6 +72,9 @@ from star_core.metrics.records import read_run as read_run
 from star_core.mission import Mission as Mission
 from star_core.mission import load as load
 from star_core.mission_file.conditions import in_words as in_words
+from star_core.mission_file.fault_file import Fault as Fault
+from star_core.mission_file.fault_file import faults_of as faults_of
+from star_core.mission_file.fault_file import read_faults as read_faults
 from star_core.mission_file.inner_plugin import check_inner as check_inner
 from star_core.mission_file.inner_plugin import make_inner as make_inner
 from star_core.mission_file.located import Value as Value

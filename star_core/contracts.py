@@ -37,6 +37,9 @@ class Transport(Protocol):
     If its agents can fly trajectories on board it also has ``upload(trajectories)``: it is called
     once, after `connect` and before anything moves, with a tuple of every `Trajectory` that a task
     may order, if there is one. With a transport without it, such missions are not flown.
+
+    If it can simulate failing drones it also has ``inject(faults)``: it is called before `connect`
+    with every `Fault` of motors, batteries, flow sensors, gyros and rangers.
     """
 
     def connect(self) -> None:
@@ -352,14 +355,17 @@ class CommandSpec(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptionSpec(Spec):
-    """Announces a switch of ``star run``, ``--NAME``, that adds an observer to the flight.
+    """Announces an option of ``star run``, ``--NAME``, that adds an observer to the flight.
 
     Attributes:
-        make: ``make(mission, registry)`` returns the observer, an object with observing hooks, or
-            raises `InputError`. It is called before the links are opened.
+        make: ``make(mission, registry)`` returns the observer, an object with hooks, or raises
+            `InputError`. It is called before the plugins of the mission are made. With a `metavar`
+            it is ``make(mission, registry, value)``.
+        metavar: What the option's value is called in ``star run --help``; None if it has no value.
     """
 
     make: Callable[..., object]
+    metavar: str | None = None
 
 
 SPECS: Mapping[str, type[Spec]] = {

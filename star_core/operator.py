@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,10 +18,13 @@ class Operator:
         stops: Requests to end the flight: the first lands all agents, the second stops the motors.
         simulation: Its ``speed`` can be changed during the flight; None if mission time advances by
             itself, or as the transport likes.
+        report: ``report(kind, text, agent, details)`` records an event; the last two may be
+            omitted. It does nothing before the flight.
     """
 
     stops: int = 0
     simulation: Paced | None = None
+    report: Callable[..., None] = lambda *_event: None
 
     def land_all(self) -> None:
         """Land all agents, and end the flight."""

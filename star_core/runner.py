@@ -53,6 +53,7 @@ def fly(
         run = _Run(mission, registry, pipeline, operator)
         pipeline.connect(run.loop.executor.trajectories)
         operator.simulation = pipeline.paced
+        operator.report = run.observers.event
         run.observers.notify(
             "star_mission_started",
             flight=Flight(mission.name, mission.scene, manifest(mission), folder, save_frames),

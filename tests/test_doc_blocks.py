@@ -137,7 +137,7 @@ def test_every_yaml_block_is_checked(block: Block, capsys: pytest.CaptureFixture
         schema = json.loads((ROOT / "schemas" / "study.schema.json").read_text())
         Draft202012Validator(schema).validate(content)
         return
-    whole = bool(keys & {"fence", "parameters"}) or {"swarm", "world", "mission"} <= keys
+    whole = bool(keys & {"fence", "parameters", "faults"}) or {"swarm", "world", "mission"} <= keys
     assert check(block.text if whole else in_mission(content)) == 0, capsys.readouterr().err
 
 

@@ -74,7 +74,7 @@ def files_page() -> str:
     """Return the page of the keys of missions and the other files."""
     lines = ["# Keys of files", "", "A dot separates nested keys; `NAME` is a name of your choice."]
     lines += [NOTE]
-    for kind in ("mission", "world", "camera", "study"):
+    for kind in ("mission", "world", "camera", "study", "faults"):
         schema = json.loads((ROOT / "schemas" / f"{kind}.schema.json").read_text("utf-8"))
         lines += ["", f"## {kind.capitalize()}", "", schema["description"], ""]
         lines += table(schema, "key")

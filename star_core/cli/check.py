@@ -1,4 +1,4 @@
-"""Checks a file: a mission, steps, a world or a camera."""
+"""Checks a file: a mission, steps, a world, a camera or faults."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from star_core.errors import InputError
 from star_core.hookspecs import plugin_calls
 from star_core.mission import Mission, checked
 from star_core.mission_file import schema
+from star_core.mission_file.fault_file import check_faults
 from star_core.mission_file.file_kinds import kind_of, lacking
 from star_core.mission_file.includes import check_alone
 from star_core.mission_file.located import Document
@@ -35,7 +36,7 @@ def check_file(
         InputError: Something is wrong with it.
     """
     document = read(path)
-    others = {"steps": _steps, "world": _world, "camera": _camera}
+    others = {"steps": _steps, "world": _world, "camera": _camera, "faults": check_faults}
     if found := others.get(kind_of(document.data)):
         return f"{path}: {found(override(document, assignments), registry)}", ()
     mission = checked(document, registry, assignments)

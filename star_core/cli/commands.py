@@ -20,7 +20,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(name="run", summary="Fly a mission (= star-run).", make=_run, group="Fly")
     yield CommandSpec(
         name="check",
-        summary="Check a mission, or steps, a world or a camera.",
+        summary="Check a mission, or steps, a world, a camera or faults.",
         make=_check,
         group="Author",
     )
@@ -52,7 +52,7 @@ def parser(command: str, registry: Registry | None = None) -> argparse.ArgumentP
 
     line = argparse.ArgumentParser(prog=f"star {command}", allow_abbrev=False)
     if command in {"run", "check"}:
-        many = "; or steps, a world, a camera" * (command == "check")
+        many = "; or steps, a world, a camera, faults" * (command == "check")
         line.add_argument(
             "mission", help=f"mission file (YAML), or a name of `star missions`{many}"
         )
@@ -74,10 +74,11 @@ def parser(command: str, registry: Registry | None = None) -> argparse.ArgumentP
         line.add_argument("--json", action="store_true", help="print the summary as JSON, only")
         line.add_argument("--verbose", action="store_true", help="show the tracebacks of plugins")
         for name, spec in registry.offers()["run_option"].items() if registry else ():
-            line.add_argument(
-                f"--{name}", dest="observers", action="append_const", const=name, help=spec.summary
-            )
-        line.set_defaults(observers=[])
+            flag, what = f"--{name}", spec.summary
+            if spec.metavar is None:
+                line.add_argument(flag, dest=flag, action="store_const", const=(), help=what)
+            else:
+                line.add_argument(flag, dest=flag, nargs=1, metavar=spec.metavar, help=what)
     if command == "errors":
         line.add_argument("code", nargs="?", help="the code in brackets; all codes if not given")
     if command == "plugins":
@@ -90,7 +91,7 @@ def parser(command: str, registry: Registry | None = None) -> argparse.ArgumentP
             "of",
             nargs="?",
             default="mission",
-            choices=["mission", "steps", "world", "camera", "study"],
+            choices=["mission", "steps", "world", "camera", "study", "faults"],
             help="kind of file: %(default)s",
         )
         line.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
@@ -141,7 +142,11 @@ def _run(arguments: Sequence[str]) -> int:
             out=options.out,
             keep=not options.no_record,
             save_frames=options.save_frames,
-            observers=options.observers,
+            observers={
+                key.removeprefix("--"): values
+                for key, values in vars(options).items()
+                if key.startswith("--") and values is not None
+            },
             as_json=options.json,
         )
         print(text, file=answer)

@@ -39,7 +39,8 @@ def _usage(kind: str, found: Found) -> str:
     if kind == "command":
         return f"`star {name} --help` describes its options."
     if kind == "run_option":
-        return f"Example: star run MISSION --{name}"
+        value = f" {found.offer.metavar}" if found.offer.metavar else ""
+        return f"Example: star run MISSION --{name}{value}"
     if kind == "task":
         example = flow(next(iter(schema.get("examples", ())), {}))
         return f"Example: - {name}: {example}. All verbs also have: {', '.join(SHARED)}."

@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import count
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 from typing import Any
 
 from star_core.cli.live_view import FlightProgress
@@ -55,12 +55,12 @@ def run_mission(
     out: str | None,
     keep: bool,
     save_frames: bool,
-    observers: Sequence[str] = (),
+    observers: Mapping[str, Sequence[str]] = MappingProxyType({}),
     as_json: bool,
 ) -> tuple[int, str]:
     """Fly the mission at `path` and show its progress; return exit status and text to print.
 
-    The names in `observers` are those of the run options that were given.
+    `observers` has the run options that were given, with their values.
 
     Raises:
         InputError: The mission cannot be flown, or there is a record at `out` already.
@@ -75,9 +75,9 @@ def run_mission(
     registry.add(progress, Source("star-swarm:progress"))
     if keep and out is None:
         registry.add(LatestRun(), Source("star-swarm:latest"))
-    for name in observers:
+    for name, values in observers.items():
         found = registry.find("run_option", name)
-        observer = make("option", found, mission, registry)
+        observer = make("option", found, mission, registry, *values)
         registry.add(observer, replace(found.source, plugin=f"{found.source.plugin}:{name}"))
     operator = Operator()
     with _signals(operator):

@@ -10,7 +10,7 @@ from star_core.mission_file.located import Document
 from star_core.plugin_schema import PARTS
 
 Kind: TypeAlias = Literal[
-    "mission", "steps", "world", "camera", "study", "crazyswarm2", "original STAR"
+    "mission", "steps", "world", "camera", "study", "faults", "crazyswarm2", "original STAR"
 ]
 
 NAMES: Final[Mapping[Kind, str]] = {
@@ -19,12 +19,14 @@ NAMES: Final[Mapping[Kind, str]] = {
     "world": "a world",
     "camera": "a camera",
     "study": "a study",
+    "faults": "a file of faults",
     "crazyswarm2": "a file of Crazyswarm2",
     "original STAR": "a file of the original STAR",
 }
 _OWN: Final[Mapping[Kind, set[str]]] = {  # keys that only these files have
     "mission": {"world", "swarm", "agents", "drones", *PARTS},  # `agents` is meant for `swarm`
     "study": {"missions", "factors", "measures"},
+    "faults": {"faults"},
     "world": {"fence", "obstacles", "landmarks", "targets"},
     "camera": {"width", "height", "matrix", "distortion", "position", "exposure", "readout"}
     | {"roll_deg", "pitch_deg", "yaw_deg"},
@@ -38,6 +40,7 @@ _HINTS: Final[Mapping[tuple[Kind, Kind], str]] = {  # by what a file is, and wha
     ("world", "mission"): "name a mission that is flown in it",
     ("camera", "mission"): "name a mission that has it",
     ("study", "mission"): "`star ablate` checks and flies it",
+    ("faults", "mission"): "`star run MISSION --faults FILE` injects them",
     ("mission", "study"): "`star run` flies it",
 }
 
@@ -49,6 +52,8 @@ def kind_of(data: Mapping[str, Any]) -> Kind:
     ``mission`` itself.
     """
     keys = set(data)
+    if keys & _OWN["faults"]:
+        return "faults"
     more = keys - {"star", "name", "mission"}
     if keys & _OWN["mission"]:
         return "mission"

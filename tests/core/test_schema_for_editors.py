@@ -82,7 +82,7 @@ STEPS = for_editors(compose_steps(Registry().offers()), parameters=True)
 SCHEMAS = {
     "mission": MISSION,
     "steps": STEPS,
-    **{name: for_editors(load(name)) for name in ("world", "camera", "study")},
+    **{name: for_editors(load(name)) for name in ("world", "camera", "study", "faults")},
 }
 EVERY = [
     (f"{name}{found.path}", found)

@@ -45,6 +45,6 @@ def server(command: list[str]) -> Iterator[LanguageServer]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with what ``star schema`` writes: ``mission.schema.json`` and the others."""
     made = tmp_path_factory.mktemp("missions")
-    for name in ("mission", "steps", "world", "camera", "study"):
+    for name in ("mission", "steps", "world", "camera", "study", "faults"):
         assert main(["schema", name, "--out", str(made / f"{name}.schema.json")]) == 0
     return made

@@ -10,7 +10,7 @@ LANES = 8
 
 # The rigid body and its motors: position, velocity, attitude, rates, thrust of each motor.
 X, Y, Z, VX, VY, VZ, QX, QY, QZ, QW, P, Q, R, F1, F2, F3, F4 = (LANES * k for k in range(17))
-ON = LANES * 17  # 1 while the motors are on, otherwise 0
+VOLTAGE = LANES * 17
 
 # Input of the ideal controller: wanted force, its reciprocal norm, yaw rate, limit of a motor.
 PX, PY, PZ, SHARE, YAW_RATE, CEILING = (LANES * k for k in range(18, 24))
@@ -21,7 +21,8 @@ ROLL, PITCH, YAW_ERROR, ROLL_SIN, ROLL_COS, PITCH_TAN = (LANES * k for k in rang
 INTEGRAL = LANES * 33  # of roll, pitch and yaw, then of their three rates
 LAST_RATE = LANES * 39  # of the three rates, in the step before
 PWM = LANES * 42  # of each motor
-VOLTAGE = LANES * 46
-GAIN = LANES * 47  # see `star_sim.stabilizer.GAINS`
+GAIN = LANES * 46  # see `star_sim.stabilizer.GAINS`
 
-BATCH_SIZE = LANES * 58  # numbers, of eight drones
+ON = LANES * 57  # of each motor: its share of the thrust, 0 while it is off
+
+BATCH_SIZE = LANES * 61  # numbers, of eight drones

@@ -136,9 +136,9 @@ def _push(s: Record, i: int) -> tuple[float, float, float, float]:
     w1, w2, w3, w4 = mix(lift, aside, ahead, s[YAW_RATE + i], rates, s[CEILING + i])
     return (
         s[F1 + i] + MOTOR_STEP * (s[ON + i] * w1 - s[F1 + i]),
-        s[F2 + i] + MOTOR_STEP * (s[ON + i] * w2 - s[F2 + i]),
-        s[F3 + i] + MOTOR_STEP * (s[ON + i] * w3 - s[F3 + i]),
-        s[F4 + i] + MOTOR_STEP * (s[ON + i] * w4 - s[F4 + i]),
+        s[F2 + i] + MOTOR_STEP * (s[ON + LANES + i] * w2 - s[F2 + i]),
+        s[F3 + i] + MOTOR_STEP * (s[ON + 2 * LANES + i] * w3 - s[F3 + i]),
+        s[F4 + i] + MOTOR_STEP * (s[ON + 3 * LANES + i] * w4 - s[F4 + i]),
     )
 
 
@@ -195,11 +195,11 @@ def _interleave(drone: Record, s: Record, i: int) -> None:
         s[P + at], s[PX + at] = drone.rates[axis], drone.push[axis]
     for k in range(4):
         s[QX + LANES * k + i], s[F1 + LANES * k + i] = drone.attitude[k], drone.thrust[k]
+        s[ON + LANES * k + i] = 0.0 if drone.mode == OFF else drone.motor_share[k]
     px, py, pz = s[PX + i], s[PY + i], s[PZ + i]
     s[SHARE + i] = 1.0 / most(1e-9, math.sqrt(px * px + py * py + pz * pz))
     s[YAW_RATE + i] = drone.yaw_rate
     s[CEILING + i] = drone.thrust_limit
-    s[ON + i] = 0.0 if drone.mode == OFF else 1.0
 
 
 @compiled
@@ -230,7 +230,8 @@ def _interleave_cascade(drone: Record, cascade: Record, s: Record, i: int) -> No
         s[GAIN + LANES * k + i] = GAINS[cascade.controller, k]
     s[VOLTAGE + i] = drone.voltage
     if drone.charge <= 0.0:
-        s[ON + i] = 0.0
+        for motor in range(4):
+            s[ON + LANES * motor + i] = 0.0
 
 
 @compiled

@@ -92,6 +92,10 @@ DRONE = np.dtype(
         ("heading", "f8", 2),  # m/s ahead and aside, where `in_body`
         ("in_body", "i8"),  # whether the horizontal velocity turns with the drone
         ("turn_rate", "f8"),  # rad/s, at which the yaw that is wanted changes
+        # Faults: shares of what works, 1 without.
+        ("motor_share", "f8", 4),  # of each motor's thrust
+        ("flow_share", "f8"),  # of the flow sensor's correction
+        ("ranger_share", "f8"),  # of the ranger's correction
     ],
     align=True,
 )
@@ -118,7 +122,8 @@ def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: fl
     drones["seen_yaw"] = drones["origin_yaw"] = yaw
     drones["slip"] = np.stack([np.cos(yaw), -np.sin(yaw)], axis=1)
     drones["misalignment"][:, 0] = 1.0
-    drones["feed_forward"] = 1.0
+    for name in ("feed_forward", "motor_share", "flow_share", "ranger_share"):
+        drones[name] = 1.0
     drones["motors_time"] = -np.inf
     drones["charge"] = charge
     drones["capacity"] = battery.CAPACITY

@@ -140,14 +140,16 @@ def _dead_reckon(
     height = drone.believed_position[2] + drone.origin[2]
     ahead, aside = flow(drone, normal, texture, heading, height, upright, 0.0)
     cos, sin = heading
-    ahead = FLOW_GAIN * (ahead - cos * vx - sin * vy)
-    aside = FLOW_GAIN * (aside - cos * vy + sin * vx)
+    gain = drone.flow_share * FLOW_GAIN
+    ahead = gain * (ahead - cos * vx - sin * vy)
+    aside = gain * (aside - cos * vy + sin * vx)
     vx += cos * ahead - sin * aside
     vy += sin * ahead + cos * aside
 
     z = drone.believed_position[2] + CYCLE * vz
     if cycle % RANGER_CYCLES == 0:
-        surprise = ranged(drone.position[2], normal[3]) - drone.origin[2] - z
+        surprise = ranged(drone.position[2], normal[3]) + drone.ranger_bias - drone.origin[2] - z
+        surprise *= drone.ranger_share
         z += HEIGHT_GAIN * surprise
         vz += CLIMB_GAIN * surprise
     drone.believed_position[0] += CYCLE * vx
@@ -207,6 +209,8 @@ def _reckon_with_imu(
     seen_ahead, seen_aside = flow(drone, normal, texture, heading, height, upright, imu[0])
     seen_ahead += height * imu[2] - ahead  # the body's rotation is compensated with the gyro
     seen_aside += -height * imu[1] - aside
+    seen_ahead *= drone.flow_share
+    seen_aside *= drone.flow_share
     drone.tilt_error[0] -= TILT_GAIN * seen_aside
     drone.tilt_error[1] += TILT_GAIN * seen_ahead
     ahead += IMU_FLOW_GAIN * seen_ahead
@@ -215,6 +219,7 @@ def _reckon_with_imu(
     z = drone.believed_position[2] + CYCLE * vz
     if cycle % RANGER_CYCLES == 0:
         surprise = ranged(drone.position[2] - drone.surface, normal[3]) + drone.ranger_bias - z
+        surprise *= drone.ranger_share
         z += HEIGHT_GAIN * surprise
         vz += CLIMB_GAIN * surprise
     vx, vy = cos * ahead - sin * aside, sin * ahead + cos * aside

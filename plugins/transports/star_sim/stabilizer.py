@@ -101,8 +101,9 @@ def stabilize(s: Record, i: int) -> tuple[float, float, float, float]:
     v3 = motor_voltage(thrust + torque_x + torque_y - torque_z)
     v4 = motor_voltage(thrust + torque_x - torque_y + torque_z)
     excess = most(0.0, most(most(v1, v2), most(v3, v4)) - volts)
-    v1, v2 = s[ON + i] * most(0.0, v1 - excess), s[ON + i] * most(0.0, v2 - excess)
-    v3, v4 = s[ON + i] * most(0.0, v3 - excess), s[ON + i] * most(0.0, v4 - excess)
+    v1, v2 = s[ON + i] * most(0.0, v1 - excess), s[ON + LANES + i] * most(0.0, v2 - excess)
+    v3 = s[ON + 2 * LANES + i] * most(0.0, v3 - excess)
+    v4 = s[ON + 3 * LANES + i] * most(0.0, v4 - excess)
     share = FULL / volts
     s[PWM + i], s[PWM + LANES + i] = share * v1, share * v2
     s[PWM + 2 * LANES + i], s[PWM + 3 * LANES + i] = share * v3, share * v4

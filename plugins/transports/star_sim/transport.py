@@ -16,6 +16,7 @@ from star_core import (
     ContractError,
     Corrections,
     Detections,
+    Fault,
     Frames,
     Odometry,
     Order,
@@ -33,6 +34,7 @@ from star_sim.camera_sim.options import CameraOptions
 from star_sim.cascade import CONTROLLERS, Cascades, cascades
 from star_sim.contact import SWEEP, prisms
 from star_sim.drone import OFF, standing
+from star_sim.drone_faults import DroneFaults
 from star_sim.error_profile import IDEAL, ErrorProfile
 from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
@@ -130,6 +132,7 @@ class Simulator:
         self._air = None if wind is None and self._near is None else still  # of the current block
         self._uploaded: dict[Trajectory, tuple[Piece, ...]] = {}
         self._queue = Queue(self.drones)
+        self._faults: DroneFaults | None = None
 
     @property
     def time(self) -> float:
@@ -149,6 +152,10 @@ class Simulator:
             self._cameras.compile(self.drones)
         self.receive()
 
+    def inject(self, faults: Sequence[Fault]) -> None:
+        """Simulate faults of motors, batteries and sensors from now on."""
+        self._faults = DroneFaults(self.drones, faults, self._scene.seed, noise=self._noise)
+
     def upload(self, trajectories: Sequence[Trajectory]) -> None:
         """Store trajectories for later commands."""
         self._uploaded = {trajectory: pieces_of(trajectory) for trajectory in trajectories}
@@ -156,6 +163,8 @@ class Simulator:
     def wait(self, until: float) -> float:
         """Simulate whole steps of 2 ms up to mission time `until`, s, or the next step after it."""
         end = math.ceil(until / STEP - 1e-6)
+        if self._faults is not None:
+            self._faults.apply(self._step * STEP)
         while self._step < end:
             if self._queue.next_step <= self._step:
                 self._queue.advance(self._step)
