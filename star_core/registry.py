@@ -26,6 +26,9 @@ are loaded."""
 BLOCK_PLUGINS: Final = "STAR_BLOCK_PLUGINS"
 """Environment variable: names of entry points that are not loaded, separated by commas."""
 
+ALLOW_PLUGINS: Final = "STAR_ALLOW_PLUGINS"
+"""Environment variable: likewise, of those beside STAR's own that are loaded; by default all."""
+
 KINDS: Final = tuple(SPECS)
 
 
@@ -85,11 +88,10 @@ class Registry:
         self._sources: dict[str, Source] = {}
         self._results: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
         self._found: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
-        blocked = os.environ.get(BLOCK_PLUGINS, "").split(",")
         for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)) if installed else ():
-            if entry.name in blocked:
-                continue
             source = _source(entry)
+            if not _permitted(entry.name, source):
+                continue
             try:
                 self.add(entry.load(), source)
             except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever an import may raise
@@ -277,6 +279,13 @@ def _require_known_hooks(manager: pluggy.PluginManager, plugin: str) -> None:
             known = [name for name in vars(hookspecs) if name.startswith("star_")]
             hint = suggestion(caller.name, known)
             raise PluginError(f"no hook named {caller.name!r}{hint}", "contract-broken")
+
+
+def _permitted(name: str, source: Source) -> bool:
+    """Return whether the environment lets an entry point be loaded."""
+    blocked = os.environ.get(BLOCK_PLUGINS, "").split(",")
+    allowed = os.environ.get(ALLOW_PLUGINS)
+    return name not in blocked and (source.own or allowed is None or name in allowed.split(","))
 
 
 def _source(entry: EntryPoint) -> Source:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import os
+import secrets
 from collections.abc import Iterator
 from functools import partial
 from ipaddress import AddressValueError, IPv4Address
@@ -18,6 +21,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+TOKEN: Final = "STAR_EXTERNAL_TOKEN"  # noqa: S105 -- a name
+"""Environment variable: token of clients on other hosts; by default each flight has a new one."""
+
 PROCESS_OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "port": {
         "type": "integer",
@@ -29,7 +35,8 @@ PROCESS_OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "listen": {
         "type": "string",
         "description": "IPv4 address to listen on. The default accepts connections from this "
-        "computer only; otherwise any host that reaches the port can control the agents.",
+        "computer only; from others, a client has to send the flight's token first, which the log "
+        "shows.",
         "default": "127.0.0.1",
         "examples": ["0.0.0.0"],  # noqa: S104 -- what an editor shows, not the default
     },
@@ -176,15 +183,18 @@ def make(
         return External(scene, rows, PlannerSource(scene, rows, find_planner(planner), rate))
     server = servers.get((listen, port))
     if server is None or server.closed:
-        server = servers[listen, port] = TcpServer(listen, port)
-        _log_address(server, asked=port)
+        beyond = not IPv4Address(listen).is_loopback
+        token = os.environ.get(TOKEN) or secrets.token_hex(8) if beyond else None
+        server = servers[listen, port] = TcpServer(listen, port, token)
+        _log_address(server, asked=port, token=token)
     return External(scene, rows, ProcessSource(scene, server, rate=rate, **options))
 
 
-def _log_address(server: TcpServer, asked: int) -> None:
-    """Log a port that was chosen automatically, and warn if other hosts can connect."""
+def _log_address(server: TcpServer, asked: int, token: str | None) -> None:
+    """Log a port that was chosen automatically, and the token that other hosts need."""
     host, port = server.address
     if asked == 0:
         log.warning("external: listens on %s:%d", host, port)
-    if not IPv4Address(host).is_loopback:
-        log.warning("external: any host that reaches %s:%d can control the agents", host, port)
+    if token is not None:
+        line = json.dumps({"token": token})
+        log.warning("external: hosts that reach %s:%d must send %s first", host, port, line)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hmac
+import json
 import os
 import selectors
 import socket
@@ -16,6 +18,7 @@ MAX_UNREAD: Final = 262144  # bytes buffered for a client that does not read
 MAX_READS: Final = 16  # per tick of a line that is too long: the rest is dropped in later ticks
 
 BUSY: Final = b'{"error": "another process is connected", "line": 0}\n'
+DENIED: Final = b'{"error": "the first line must be {\\"token\\": ...} with the flight\'s token"}\n'
 
 
 class Line(NamedTuple):
@@ -38,6 +41,8 @@ class TcpServer:
     Args:
         listen: IPv4 address.
         port: 0 for any free port.
+        token: What a client's first line, ``{"token": "..."}``, must contain; None accepts any
+            client.
 
     Attributes:
         address: Address and port it listens on.
@@ -50,7 +55,7 @@ class TcpServer:
         PluginError: The port cannot be opened.
     """
 
-    def __init__(self, listen: str, port: int) -> None:
+    def __init__(self, listen: str, port: int, token: str | None = None) -> None:
         try:
             self._server = socket.create_server((listen, port))
         except OSError as error:
@@ -64,12 +69,13 @@ class TcpServer:
         self.turn = 0
         self.closed = False
         self._client: socket.socket | None = None
+        self._token = token
         self._forget()
 
     @property
     def connected(self) -> bool:
         """Whether a client is connected, or has sent lines that were not read yet."""
-        return self._client is not None
+        return self._client is not None and self._trusted
 
     def accept(self, wait: float) -> bool:
         """Wait up to `wait` seconds for a client; return whether one is connected.
@@ -93,7 +99,7 @@ class TcpServer:
         """
         self._flush()
         most = 0 if now else MAX_UNREAD - len(line)
-        if self._client is None or self._ended or len(self._unsent) > most:
+        if not self.connected or self._ended or len(self._unsent) > most:
             return False
         self._unsent += line
         self._flush()
@@ -131,6 +137,7 @@ class TcpServer:
 
     def _forget(self) -> None:
         self._received, self._unsent = bytearray(), bytearray()
+        self._trusted = self._token is None
         self._ended = False  # the client's stream has ended
         self._dropping = False  # the rest of a line that is too long
         self._count = 0
@@ -140,14 +147,33 @@ class TcpServer:
             while True:
                 client, _ = self._server.accept()
                 client.settimeout(0.0)
-                if self._client is None:
+                if not self.connected:
+                    self.disconnect()  # one that has not sent its token
                     self._client = client
-                    self.client_count += 1
+                    self.client_count += self._trusted
                     client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     continue
-                with client, suppress(OSError):
-                    client.send(BUSY)
-                    client.shutdown(socket.SHUT_WR)
+                _dismiss(client, BUSY)
+        if self._client is not None and not self._trusted:
+            self._check_token(self._client)
+
+    def _check_token(self, client: socket.socket) -> None:
+        """Accept the client if its first line has the token, disconnect it after any other."""
+        self._receive()
+        if (line := self._next()) is None:
+            if self._ended:
+                self.disconnect()
+            return
+        try:
+            sent = str(json.loads(line.text or b"")["token"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            sent = ""
+        if hmac.compare_digest(sent.encode(errors="replace"), (self._token or "").encode()):
+            self._trusted = True
+            self.client_count += 1
+        else:
+            _dismiss(client, DENIED)
+            self.disconnect()
 
     def _receive(self) -> None:
         """Read from the client, as far as the buffer has room."""
@@ -206,3 +232,10 @@ class TcpServer:
                 wanted = selectors.EVENT_WRITE if self._unsent else 0
                 selector.register(self._client, selectors.EVENT_READ | wanted)
             selector.select(seconds)
+
+
+def _dismiss(client: socket.socket, why: bytes) -> None:
+    """Send a client an error and disconnect it."""
+    with client, suppress(OSError):
+        client.send(why)
+        client.shutdown(socket.SHUT_WR)

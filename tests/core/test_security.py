@@ -1,0 +1,192 @@
+"""The claims of docs/security.md."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import InputError, Registry, load, read_run
+from star_core.cli.main import main
+from star_core.mission_file.yaml_reader import parse
+from star_core.scene import inside
+from star_external.tcp_server import TcpServer
+
+ROOT = Path(__file__).parents[2]
+MISSION = """\
+star: 1
+name: evil
+world: room.yaml
+swarm: {cf1: {start: [0, 0, 0]}}
+transport: {use: sim, profile: ideal, controller: ideal}
+localizer: flow
+planner: straight
+avoider: none
+mission: [takeoff: {height: 0.3}, land: {}]
+"""
+WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+SCRIPT = "</script><script>alert(1)</script>"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "room.yaml").write_text(WORLD)
+    (tmp_path / "evil.yaml").write_text(MISSION)
+    return tmp_path
+
+
+def test_each_claim_names_its_tests() -> None:
+    named = set(re.findall(r"`(test_\w+)`", (ROOT / "docs/security.md").read_text()))
+    here = {name for name in globals() if name.startswith("test_")}
+    assert named == here - {"test_each_claim_names_its_tests"}
+
+
+@pytest.mark.parametrize(
+    "text", ["a: !!python/object/apply:os.system [ls]", "a: !exec ls", "a: &x 1", "%YAML 1.1\n---"]
+)
+def test_yaml_makes_no_objects(text: str) -> None:
+    with pytest.raises(InputError, match="refused"):
+        parse(text, "m.yaml")
+
+
+def test_a_name_in_a_mission_is_not_imported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "evil_star.py").write_text("raise SystemExit('imported')")
+    monkeypatch.syspath_prepend(folder)
+    for old, new in [("avoider: none", "avoider: evil_star"), ("land:", "evil_star:")]:
+        (folder / "evil.yaml").write_text(MISSION.replace(old, new))
+        with pytest.raises(InputError, match="evil_star"):
+            load(folder / "evil.yaml", Registry())
+    assert "evil_star" not in sys.modules
+
+
+def test_small_files_stay_small() -> None:
+    levels = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12)]
+    for text in ["a0: &a0 [x]\n" + "\n".join(levels), "a: " + "[" * 1000]:
+        with pytest.raises(InputError):
+            parse(text, "m.yaml")
+
+
+def test_files_are_inside_the_folder(folder: Path) -> None:
+    mission = folder / "mission"
+    mission.mkdir()
+    (mission / "link.yaml").symlink_to(folder / "room.yaml")
+    for name in ["../room.yaml", "link.yaml", str(folder / "room.yaml")]:
+        with pytest.raises(InputError):
+            inside(mission, name)
+
+
+def test_records_are_not_unpickled(folder: Path) -> None:
+    assert main(["run", str(folder / "evil.yaml"), "--out", str(folder / "run")]) == 0
+    read_run(folder / "run")
+    np.savez(folder / "run/trajectory.npz", agents=np.array([object()], dtype=object))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_run(folder / "run")
+
+
+def test_only_pipes_carry_pickles() -> None:
+    found = set()
+    for top in ("star_core", "plugins"):
+        for file in (ROOT / top).rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.Attribute) and ast.unparse(node).startswith("pickle.load"):
+                    found.add(file.parent.name + "/" + file.name)
+                if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                    found.add(file.name)
+    assert found == {"star_mcap/__main__.py", "star_view/live_page.py"}
+
+
+def test_servers_listen_on_the_loopback_address() -> None:
+    external = Registry().find("task", "external").offer.options["properties"]
+    assert external["listen"]["default"] == "127.0.0.1"
+    for file in (ROOT / "plugins").rglob("*.py"):
+        for host in re.findall(
+            r"host: str = \"(.*?)\"|\"--host\", default=\"(.*?)\"", file.read_text()
+        ):
+            assert "127.0.0.1" in host, file
+
+
+@pytest.mark.parametrize(
+    ("first", "obeyed"),
+    [
+        ('{"token": "secret"}', True),
+        ('{"token": "other"}', False),
+        ('{"token": null}', False),
+        ('{"goals": {}}', False),
+        ("[" * 9000, False),
+        ("", False),
+    ],
+)
+def test_other_hosts_need_the_token(first: str, *, obeyed: bool) -> None:
+    server = TcpServer("127.0.0.1", 0, token="secret")  # noqa: S106
+    with socket.create_connection(server.address, timeout=5.0) as client:
+        client.sendall(f'{first}\n{{"done": true}}\n'.encode())
+        assert server.accept(0.3) is obeyed
+        assert server.send(b"state\n") is obeyed
+        assert len(server.receive(9, 0.1)) == obeyed
+    server.close()
+
+
+def test_reports_escape_text(folder: Path) -> None:
+    pytest.importorskip("plotly")
+    assert main(["run", str(folder / "evil.yaml"), "--out", str(folder / "run")]) == 0
+    for name in ("summary.json", "manifest.json"):
+        file = folder / "run" / name
+        file.write_text(json.dumps(_poisoned(json.loads(file.read_text()))))
+    assert main(["report", str(folder / "run")]) == 0
+    page = (folder / "run/report.html").read_text()
+    assert SCRIPT not in page
+    assert "alert(1)" in page
+
+
+def _poisoned(value: Any, key: str = "") -> Any:
+    """Return a record with a script in each text that comes from a mission."""
+    if isinstance(value, dict):
+        return {name: _poisoned(each, name) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_poisoned(each, key) for each in value]
+    texts = {"reason", "mission", "text", "mission_file", "verb", "source"}
+    return f"{value}{SCRIPT}" if key in texts and isinstance(value, str) else value
+
+
+def test_plugins_are_allowed_and_blocked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("one_star", "two_star"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('loaded')")
+        info = tmp_path / f"{name}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[star.plugins]\n{name} = {name}\n")
+
+    def tried(**environment: str) -> set[str]:
+        with monkeypatch.context() as patch:
+            for name, value in environment.items():
+                patch.setenv(name, value)
+            plugins = Registry()
+            assert "sim" in plugins.names("transport")
+            return {source.plugin for source in plugins.broken}
+
+    assert tried() == {"one_star:one_star", "two_star:two_star"}
+    assert tried(STAR_ALLOW_PLUGINS="one_star") == {"one_star:one_star"}
+    assert tried(STAR_ALLOW_PLUGINS="") == set()
+    assert tried(STAR_BLOCK_PLUGINS="one_star") == {"two_star:two_star"}
+
+
+def test_a_flight_opens_no_connection(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = []
+    original = socket.socket.connect
+
+    def connect(self: socket.socket, address: Any) -> None:
+        if self.family != socket.AF_UNIX:
+            opened.append(address)
+        original(self, address)
+
+    monkeypatch.setattr(socket.socket, "connect", connect)
+    assert main(["run", str(folder / "evil.yaml"), "--no-record"]) == 0
+    assert opened == []
