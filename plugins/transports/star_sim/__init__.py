@@ -14,14 +14,6 @@ if TYPE_CHECKING:
     from star_core import Scene, Transport
 
 
-def _share(description: str) -> dict[str, Any]:
-    return {"type": "number", "minimum": 0, "maximum": 1, "description": description}
-
-
-def _delay(description: str) -> dict[str, Any]:
-    return {"type": "number", "minimum": 0, "maximum": 2, "description": description}
-
-
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
@@ -114,12 +106,18 @@ OPTIONS: dict[str, Any] = {
             "of the profile.",
             "examples": [{"setpoint_loss": 0.2, "report_loss": 0.2}],
             "properties": {
-                "report_loss": _share("Fraction of the drones' reports that are lost."),
-                "setpoint_loss": _share(
-                    "Fraction of the setpoints that are lost; commands are sent again."
+                "report_loss": camera_options.of_profile(
+                    1, "Fraction of the drones' reports that are lost."
                 ),
-                "report_delay": _delay("Time until a report arrives, in steps of 0.01 s."),
-                "setpoint_delay": _delay("Time until a setpoint or a command arrives, s."),
+                "setpoint_loss": camera_options.of_profile(
+                    1, "Fraction of the setpoints that are lost (commands are sent again)."
+                ),
+                "report_delay": camera_options.of_profile(
+                    2, "Time until a report arrives, in steps of 0.01 s."
+                ),
+                "setpoint_delay": camera_options.of_profile(
+                    2, "Time until a setpoint or a command arrives, s."
+                ),
             },
         },
         "camera": camera_options.OPTIONS,

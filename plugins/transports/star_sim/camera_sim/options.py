@@ -56,14 +56,14 @@ def camera_options(profile: ErrorProfile = IDEAL, /, **given: Any) -> CameraOpti
 
 
 def _number(default: float, maximum: float, description: str) -> dict[str, Any]:
-    return {"default": default, **_of_profile(maximum, description)}
+    return {"default": default, **of_profile(maximum, description)}
 
 
 def _count(maximum: int, description: str) -> dict[str, Any]:
-    return {"default": 0, **_of_profile(maximum, description), "type": "integer"}
+    return {"default": 0, **of_profile(maximum, description), "type": "integer"}
 
 
-def _of_profile(maximum: float, description: str) -> dict[str, Any]:
+def of_profile(maximum: float, description: str) -> dict[str, Any]:
     """Return the schema of a number whose default depends on the profile."""
     return {
         "type": "number",
@@ -104,31 +104,31 @@ OPTIONS: dict[str, Any] = {
         "corner_noise_std": _number(
             0.2, 10, "Standard deviation of a corner in u and in v, px; with mode: geometric."
         ),
-        "latency_offset_std": _of_profile(
+        "latency_offset_std": of_profile(
             1, "Standard deviation of each camera's constant difference from the latency, s."
         ),
-        "survey_std": _of_profile(
+        "survey_std": of_profile(
             1, "Standard deviation of a sheet's position along each of its axes, m."
         ),
-        "survey_yaw_std_deg": _of_profile(
+        "survey_yaw_std_deg": of_profile(
             45, "Standard deviation of a sheet's rotation on its surface, degrees."
         ),
-        "survey_height_std": _of_profile(
+        "survey_height_std": of_profile(
             1, "Standard deviation of a sheet's position across its surface, m."
         ),
-        "survey_tilt_std_deg": _of_profile(
+        "survey_tilt_std_deg": of_profile(
             45, "Standard deviation of a sheet's tilt about each of its axes, degrees."
         ),
-        "mounting_std_deg": _of_profile(
+        "mounting_std_deg": of_profile(
             45, "Standard deviation of a camera's attitude about each of its axes, degrees."
         ),
-        "mounting_position_std": _of_profile(
+        "mounting_position_std": of_profile(
             0.1, "Standard deviation of a camera's position along each axis, m."
         ),
-        "focal_length_std": _of_profile(
+        "focal_length_std": of_profile(
             0.2, "Standard deviation of a camera's focal length, as a fraction."
         ),
-        "image_center_std": _of_profile(
+        "image_center_std": of_profile(
             50, "Standard deviation of the optical axis in u and in v, px."
         ),
         "exposure_step": _number(
