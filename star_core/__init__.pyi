@@ -102,6 +102,7 @@ from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration
 from star_core.toolkit.progress import log as log
 from star_core.toolkit.progress import on_terminal as on_terminal
+from star_core.toolkit.tag_overlay import image_with_tags as image_with_tags
 from star_core.toolkit.timeouts import step_timeout as step_timeout
 from star_core.toolkit.timeouts import timeout as timeout
 from star_core.toolkit.trajectory import polynomial as polynomial

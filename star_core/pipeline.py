@@ -256,7 +256,13 @@ class PluginPipeline:
 
 def renewed(last: Estimate, time: float) -> Estimate:
     """Return the last estimate for the present time, without what was sent with it once."""
-    return replace(last, time=time, corrections=Corrections.none(), sightings=Sightings.none())
+    return replace(
+        last,
+        time=time,
+        corrections=Corrections.none(),
+        sightings=Sightings.none(),
+        detections=Detections.none(),
+    )
 
 
 # Shapes and types of a table are checked when it is made; these functions check its values.
@@ -285,7 +291,10 @@ def checked_estimate(answer: object, n: int) -> Estimate:
     frames = estimate.map_from_odom
     _require_finite("Estimate.map_from_odom.yaw", frames.yaw, estimate.valid)
     _require_finite("Estimate.map_from_odom.translation", frames.translation, estimate.valid)
-    _require_agents("Estimate.sightings.agent", estimate.sightings.agent, n)
+    for name in ("sightings", "detections"):
+        _require_agents(f"Estimate.{name}.agent", getattr(estimate, name).agent, n)
+    found = estimate.detections
+    _require_finite("Estimate.detections.corners", found.corners, np.ones(len(found.tag), np.bool_))
     corrections = estimate.corrections
     if len(corrections.agent):
         _require_agents("Estimate.corrections.agent", corrections.agent, n)

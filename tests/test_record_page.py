@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
+from star_core import Detections
 from star_core.cli.main import main
 
 PAGE = Path(__file__).parents[1] / "docs" / "record.md"
@@ -28,6 +30,7 @@ def test_every_array_and_key_is_described(hop: Path) -> None:
     arrays = set(np.load(hop / "run" / "trajectory.npz").files)
     assert arrays == described["trajectory.npz"] - {"signal"}  # there is no radio
     assert set(np.load(hop / "run" / "timing.npz").files) == described["timing.npz"]
+    assert {field.name for field in fields(Detections)} == described["detections.npz"]
     summary = json.loads((hop / "run" / "summary.json").read_text())
     assert set(summary) == described["summary.json"]
     assert set(summary["steps"][0]) == described["steps"]

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from star_core.messages.arrays import Mask
     from star_core.messages.state import Estimate, Goals, Health, Plan, Setpoint, Truth
     from star_core.messages.telemetry import Telemetry
+    from star_core.messages.vision import Detections
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,12 @@ class Tick:
     doing: str
     corrected: Corrected
     timing: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def detections(self) -> Detections:
+        """All tags detected in images: on board, and by the localizer."""
+        found = self.telemetry.detections
+        return found.merged((found, self.estimate.detections))
 
 
 @dataclass(frozen=True, slots=True)

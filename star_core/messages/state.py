@@ -17,7 +17,7 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
 from star_core.messages.rotations import Transform
-from star_core.messages.vision import Corrections, Sightings
+from star_core.messages.vision import Corrections, Detections, Sightings
 
 
 class AgentPhase(IntEnum):
@@ -66,6 +66,8 @@ class Estimate:
         possible_travel: (N, 3) m. An agent that is no longer heard may have stopped at `position`
             or flown on, up to `position + possible_travel`. Set by the core, not by localizers;
             zero for agents that are heard, which is the default.
+        detections: All tags that the localizer detected in images since the last tick, also those
+            that it did not use; for records and displays only. Results of an image may be late.
     """
 
     time: float
@@ -78,6 +80,7 @@ class Estimate:
     sightings: Sightings = field(default_factory=Sightings.none)
     corrections: Corrections = field(default_factory=Corrections.none)
     possible_travel: Array = field(default_factory=partial(_zeros, 0))
+    detections: Detections = field(default_factory=Detections.none)
 
     def __post_init__(self) -> None:
         frames = {"map_from_odom": len(self.map_from_odom.yaw)}

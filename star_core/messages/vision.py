@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from functools import cache
-from typing import Self, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core.messages.arrays import Array, Rows, freeze_arrays
+from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
 
 Image: TypeAlias = NDArray[np.uint8]
 """(height, width) grey values."""
@@ -36,6 +37,11 @@ class Frames:
         numbers: dict[str, tuple[int, ...]] = {"taken": (), "arrived": ()}
         freeze_arrays(self, numbers, integers=("agent",), others=images, per="image")
 
+    @property
+    def time(self) -> Array:
+        """(K,) `taken`, or `arrived` where that is unknown, s."""
+        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
+
     @classmethod
     @cache  # tables are read-only
     def none(cls) -> Self:
@@ -45,15 +51,17 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class Detections:
-    """Tags detected in images by a camera's own processor.
+    """Tags detected in images, by a camera's own processor or by the localizer.
 
     Attributes:
         agent: (K,) row of the agent whose camera saw the tag.
         tag: (K,) the tag's number.
         corners: (K, 4, 2) its corners in the distorted image, px: bottom left, bottom right, top
             right and top left of the upright tag.
-        taken: (K,) as in `Frames`.
-        arrived: (K,) as in `Frames`.
+        taken: (K,) of the image, as in `Frames`.
+        arrived: (K,) of the image, as in `Frames`.
+        rejected: K reasons for which the localizer did not use a tag; empty texts for those that it
+            used, which is the default.
     """
 
     agent: Rows
@@ -61,14 +69,34 @@ class Detections:
     corners: Array
     taken: Array
     arrived: Array
+    rejected: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        freeze_arrays(
-            self,
-            {"corners": (4, 2), "taken": (), "arrived": ()},
-            integers=("agent", "tag"),
-            per="tag",
-        )
+        reasons = tuple(map(str, self.rejected))
+        others = {"rejected": len(reasons)} if reasons else {}
+        numbers = {"corners": (4, 2), "taken": (), "arrived": ()}
+        freeze_arrays(self, numbers, integers=("agent", "tag"), others=others, per="tag")
+        object.__setattr__(self, "rejected", reasons or ("",) * len(self.tag))
+
+    @property
+    def time(self) -> Array:
+        """(K,) `taken`, or `arrived` where that is unknown, s: equal to that of the image."""
+        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
+
+    @classmethod
+    def merged(cls, tables: Iterable[Self]) -> Self:
+        """Return the rows of several tables, in order."""
+        some = [table for table in tables if len(table.tag)]
+        if len(some) <= 1:
+            return some[0] if some else cls.none()
+        names = [field.name for field in fields(cls)]
+        columns: Any = (np.concatenate([getattr(one, name) for one in some]) for name in names)
+        return cls(*columns)
+
+    def of(self, rows: Rows | Mask) -> Self:
+        """Return some rows, (K,)."""
+        columns: Any = (np.array(getattr(self, field.name))[rows] for field in fields(self))
+        return type(self)(*columns)
 
     @classmethod
     @cache  # tables are read-only

@@ -12,6 +12,7 @@ import numpy as np
 
 from star_core.errors import InputError
 from star_core.messages.arrays import Array
+from star_core.messages.vision import Detections
 from star_core.mission import agents
 from star_core.mission_file import world_loader
 from star_core.mission_file.located import Document
@@ -29,6 +30,7 @@ class Run:
         manifest: The mission and world as flown, plugins, seed, packages.
         summary: Outcome, figures, steps and events.
         arrays: The arrays of ``trajectory.npz`` by name, over ticks and agents, map frame, SI.
+        detections: All tags detected in images.
         timing: The arrays of ``timing.npz`` by name, over ticks, s; empty without that file.
         agents: Name of the agent in each row.
         swarm: The agents with their starts and cameras, as the mission has them.
@@ -39,6 +41,7 @@ class Run:
     manifest: Mapping[str, Any]
     summary: Mapping[str, Any]
     arrays: Mapping[str, Array]
+    detections: Detections
     timing: Mapping[str, Array]
     agents: tuple[str, ...]
     swarm: tuple[Agent, ...]
@@ -66,7 +69,9 @@ def read_run(folder: Path | str) -> Run:
         manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         arrays = _arrays(folder / "trajectory.npz")
-        timing = _arrays(times) if (times := folder / "timing.npz").exists() else {}
+        timing = _arrays(file) if (file := folder / "timing.npz").exists() else {}
+        found = _arrays(file) if (file := folder / "detections.npz").exists() else None
+        detections = Detections.none() if found is None else Detections(**found)
     except FileNotFoundError as error:
         what = "the record of an interrupted run" if (folder / "manifest.json").exists() else "none"
         text = f"{folder}: expected the folder of a recorded run, found {what}"
@@ -78,9 +83,9 @@ def read_run(folder: Path | str) -> Run:
     source = folder / "manifest.json"
     document = Document(parse(json.dumps(manifest["world"]), str(source)), source)
     world = world_loader.world(document)
-    return Run(folder, manifest, summary, arrays, timing, names, swarm, world)
+    return Run(folder, manifest, summary, arrays, detections, timing, names, swarm, world)
 
 
-def _arrays(file: Path) -> dict[str, Array]:
+def _arrays(file: Path) -> dict[str, Any]:
     with np.load(file) as arrays:
         return {name: arrays[name] for name in arrays.files}

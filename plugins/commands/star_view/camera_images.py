@@ -1,31 +1,63 @@
-"""Camera images with the AprilTags in them."""
+"""Camera images with the detected tags, side by side."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
-from functools import cache
-from typing import Any, Final, TypeAlias
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from star_core import Image
+from star_core import Detections, Image, image_with_tags
 
-ColorImage: TypeAlias = NDArray[np.uint8]
-"""(height, width, 3) red, green and blue."""
-
-TAG: Final = (0, 220, 90)
-TEXT: Final = (255, 255, 255)
+WHITE: Final = (255, 255, 255)
 TILE: Final = 480  # px, width of a camera's image among several
 GAP: Final = 6  # px, between two
+KEPT: Final = 8  # images of a camera whose tags are awaited
+MAX_DELAY: Final = 0.5  # s, of an image with tags behind the newest one
+SAME: Final = 5e-4  # s, between the times of an image and of its tags
 
 
-def mosaic(images: Mapping[str, Image]) -> ColorImage:
-    """Return the images of some cameras, by name, side by side, with the tags in them."""
-    columns = math.ceil(math.sqrt(len(images)))
-    tiles = [_tile(name, image) for name, image in images.items()]
+class Picture(NamedTuple):
+    """An image with its tags."""
+
+    image: Image
+    found: Detections
+
+
+class CameraStream:
+    """The latest images of one camera and the tags that the localizer found in them, maybe late."""
+
+    def __init__(self) -> None:
+        self._images: deque[tuple[float, Image]] = deque(maxlen=KEPT)
+        self._found: deque[Detections] = deque(maxlen=KEPT)
+
+    def add(self, time: float, image: Image) -> None:
+        """Add an image with its time, s."""
+        self._images.append((time, image))
+
+    def add_tags(self, found: Detections) -> None:
+        """Add tags of this camera's images."""
+        self._found.append(found)
+
+    def picture(self) -> Picture | None:
+        """Return the newest image with tags, or the newest of all if that is too old."""
+        found, shown = Detections.merged(self._found), None
+        for time, image in reversed(self._images):
+            tags = found.of(np.abs(found.time - time) < SAME)
+            if shown is None:
+                newest, shown = time, Picture(image, tags)
+            if len(tags.tag) and newest - time <= MAX_DELAY:
+                return Picture(image, tags)
+        return shown
+
+
+def mosaic(pictures: Mapping[str, Picture]) -> Image:
+    """Return the pictures of some cameras, by name, side by side, (height, width, 3) RGB."""
+    columns = math.ceil(math.sqrt(len(pictures)))
+    tiles = [_tile(name, picture) for name, picture in pictures.items()]
     height = max(len(tile) for tile in tiles) + GAP
     rows = math.ceil(len(tiles) / columns)
     whole = np.full((rows * height - GAP, columns * (TILE + GAP) - GAP, 3), 255, np.uint8)
@@ -35,30 +67,9 @@ def mosaic(images: Mapping[str, Image]) -> ColorImage:
     return whole
 
 
-def _tile(name: str, image: Image) -> ColorImage:
-    """Return an image in color, as wide as a tile, with its name, and outlines of the tags."""
-    corners, numbers, _ = _detector().detectMarkers(image)
-    scale = TILE / image.shape[1]
-    size = TILE, round(image.shape[0] * scale)
-    tile = cv2.cvtColor(cv2.resize(image, size), cv2.COLOR_GRAY2RGB)
-    for tag, outline in zip(() if numbers is None else np.ravel(numbers), corners, strict=True):
-        pixels = np.round(outline.reshape(-1, 1, 2) * scale).astype(np.int32)
-        cv2.polylines(tile, [pixels], isClosed=True, color=TAG, thickness=2)
-        _write(tile, str(tag), (int(pixels[:, 0, 0].max()) + 4, int(pixels[:, 0, 1].max())), TAG)
-    _write(tile, name, (8, 22), TEXT)
-    return np.asarray(tile, np.uint8)
-
-
-def _write(image: Any, text: str, at: tuple[int, int], color: tuple[int, int, int]) -> None:
-    for shade, width in ((0, 0, 0), 4), (color, 2):
-        cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.7, shade, width, cv2.LINE_AA)
-
-
-@cache
-def _detector() -> Any:
-    """Return OpenCV's detector, for tags of a few pixels."""
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 5
-    parameters.perspectiveRemovePixelPerCell = 8
-    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    return cv2.aruco.ArucoDetector(family, parameters)
+def _tile(name: str, picture: Picture) -> Image:
+    """Return a picture as wide as a tile, with its name."""
+    tile = image_with_tags(*picture, TILE)
+    for shade, width in ((0, 0, 0), 4), (WHITE, 2):
+        cv2.putText(tile, name, (8, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.7, shade, width, cv2.LINE_AA)
+    return tile

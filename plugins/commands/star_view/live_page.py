@@ -19,8 +19,8 @@ from typing import Any, Final, cast
 import numpy as np
 import viser
 
-from star_core import Event, Image
-from star_view.camera_images import mosaic
+from star_core import Event
+from star_view.camera_images import CameraStream, mosaic
 from star_view.messages import News, Watched
 from star_view.page import address, close, open_page
 from star_view.snapshot import Snapshot
@@ -53,7 +53,7 @@ class LivePage:
         self._names = [agent.name for agent in flight.agents]
         self._trail: deque[Snapshot] = deque()
         self._events: deque[Event] = deque(maxlen=EVENTS)
-        self._images: dict[int, Image] = {}
+        self._streams = [CameraStream() for _ in flight.agents]
         self._latest: tuple[Snapshot, float] | None = None
         self._panel_shown = 0.0
         self.server = open_page(flight.world, flight.port, flight.mission)
@@ -67,7 +67,11 @@ class LivePage:
         with self.server.atomic():
             self.swarm.show(now)
         self._events.extend(news.events)
-        self._images |= news.images
+        for row, image in news.images.items():
+            self._streams[row].add(*image)
+        for found in news.detections:
+            for row in set(found.agent.tolist()):
+                self._streams[row].add_tags(found.of(found.agent == row))
         self._latest = now, news.factor
         wall = time.monotonic()
         if wall - self._panel_shown >= PANEL_PERIOD:
@@ -95,8 +99,8 @@ class LivePage:
 
     def _show_images(self) -> None:
         """Show the newest image of each camera with the tags in it."""
-        if self._images:
-            named = {self._names[row]: image for row, image in sorted(self._images.items())}
+        pictures = zip(self._names, (stream.picture() for stream in self._streams), strict=True)
+        if named := {name: picture for name, picture in pictures if picture is not None}:
             self._cameras.image = mosaic(named)
             self._cameras.visible = True
 

@@ -18,9 +18,9 @@ from contextlib import suppress
 from dataclasses import replace
 from threading import Event as Flag
 from threading import Thread
-from typing import IO, Any, Final, cast
+from typing import IO, Any, Final, TypeVar, cast
 
-from star_core import Event, Flight, Frames, Image, Odometry, Operator, Tick, hookimpl
+from star_core import Detections, Event, Flight, Frames, Image, Odometry, Operator, Tick, hookimpl
 from star_view.messages import PORT, News, Watched
 
 RATE: Final = 15.0  # Hz of wall time: of the page
@@ -31,6 +31,7 @@ CLOSE_TIMEOUT: Final = 5.0  # s
 WINDOW: Final = 1.0  # s of wall time over which the real-time factor is taken
 
 log = logging.getLogger(__name__)
+Item = TypeVar("Item")
 
 
 class LiveView:
@@ -54,8 +55,10 @@ class LiveView:
         self.address = ""
         self._served, self._connected, self._ended = Flag(), Flag(), Flag()
         self._tick: Tick | None = None
-        self._images: dict[int, Image] = {}  # newest of each camera, by row
-        self._sent: dict[int, Image] = {}
+        # newest of each camera with its time, by row
+        self._images: dict[int, tuple[float, Image]] = {}
+        self._sent: dict[int, tuple[float, Image]] = {}
+        self._detections: deque[Detections] = deque()
         self._events: deque[Event] = deque()
 
     @hookimpl
@@ -84,7 +87,10 @@ class LiveView:
     def star_ticked(self, tick: Tick) -> None:
         frames = tick.telemetry.frames
         if len(frames.agent):
-            self._images.update(zip(frames.agent.tolist(), frames.image, strict=True))
+            timed = zip(frames.time.tolist(), frames.image, strict=True)
+            self._images.update(zip(frames.agent.tolist(), timed, strict=True))
+        if len((found := tick.detections).tag):
+            self._detections.append(found)
         self._tick = tick
 
     @hookimpl
@@ -134,9 +140,9 @@ class LiveView:
         newest = self._images.copy()
         images = {row: image for row, image in newest.items() if self._sent.get(row) is not image}
         self._sent = newest
-        events = tuple(self._events.popleft() for _ in range(len(self._events)))
+        events, found = _drained(self._events), _drained(self._detections)
         telemetry = replace(tick.telemetry, odometry=Odometry.none(), frames=Frames.none())
-        return News(replace(tick, telemetry=telemetry), factor, images, events)
+        return News(replace(tick, telemetry=telemetry), factor, images, found, events)
 
     def _receive(self) -> None:
         """Do what the operator asks for on the page."""
@@ -162,6 +168,11 @@ class LiveView:
                 self._operator.stop_motors()
             case {"speed": float(speed) | int(speed)} if self._operator.simulation is not None:
                 self._operator.simulation.speed = float(speed)
+
+
+def _drained(queue: deque[Item]) -> tuple[Item, ...]:
+    """Remove the items of a queue, and return them."""
+    return tuple(queue.popleft() for _ in range(len(queue)))
 
 
 def _slope(clocks: deque[tuple[float, float]]) -> float:

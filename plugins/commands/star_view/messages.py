@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from star_core import Agent, Event, Image, Tick, World
+from star_core import Agent, Detections, Event, Image, Tick, World
 
 PORT: Final = 8080
 
@@ -36,11 +36,13 @@ class News(NamedTuple):
     Attributes:
         tick: The newest, without odometry and images.
         factor: Mission time over wall time, lately.
-        images: The newest of each camera, by row.
+        images: The newest of each camera with its time, s, by row.
+        detections: All.
         events: All.
     """
 
     tick: Tick
     factor: float
-    images: Mapping[int, Image]
+    images: Mapping[int, tuple[float, Image]]
+    detections: tuple[Detections, ...]
     events: tuple[Event, ...]

@@ -55,6 +55,7 @@ class CameraReport(NamedTuple):
     tags: Rows  # (K,) numbers of those
     corners: Array  # (K, 4, 2) px
     arrived: float | None = None  # time of arrival, s; None if it does not matter
+    stamped: bool = True  # whether `taken` is known; else it is derived from `arrived`
 
 
 class AgentEstimator(Protocol):
@@ -67,7 +68,7 @@ class AgentEstimator(Protocol):
     def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         """Add the samples in `rows`, which are the agent's."""
 
-    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
+    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState | None] | None:
         """Add an image; return its analysis and the predicted state at its exposure.
 
         Raises:

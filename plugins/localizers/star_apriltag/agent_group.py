@@ -49,6 +49,8 @@ class TickOutput(NamedTuple):
     fixed: frozenset[int] = frozenset()  # rows of the agents with an accepted landmark
     # targets seen, each as the columns of `star_core.Sightings`
     sightings: tuple[tuple[Any, ...], ...] = ()
+    # tags detected in images, each as the columns of `star_core.Detections`
+    detections: tuple[tuple[Any, ...], ...] = ()
 
 
 def merged(outputs: Iterable[TickOutput]) -> TickOutput:
@@ -56,7 +58,10 @@ def merged(outputs: Iterable[TickOutput]) -> TickOutput:
     result = TickOutput()
     for one in outputs:
         result = TickOutput(
-            result.anchors | one.anchors, result.fixed | one.fixed, result.sightings + one.sightings
+            result.anchors | one.anchors,
+            result.fixed | one.fixed,
+            result.sightings + one.sightings,
+            result.detections + one.detections,
         )
     return result
 
@@ -82,6 +87,7 @@ class AgentGroup:
             estimator.add_odometry(reports.odometry, rows, motors=bool(reports.motors[row]))
         fixed: set[int] = set()
         sightings: list[tuple[Any, ...]] = []
+        detections: list[tuple[Any, ...]] = []
         for image in reports.images:
             try:
                 result = self._estimators[image.row].add_image(image)
@@ -91,13 +97,16 @@ class AgentGroup:
                 continue
             if result is not None:
                 analysis, state = result
-                sightings += _sightings(image, analysis, state)
+                if state is not None:
+                    sightings += _sightings(image, analysis, state)
                 fixed |= {image.row} if analysis.views else set()
+                if image.image is not None:
+                    detections += _detections(image, analysis)
         for estimator in self._estimators.values():
             estimator.advance(reports.time)
         anchors = {row: one.anchor for row, one in self._estimators.items()}
         new = {row: anchor for row, anchor in anchors.items() if anchor.node is not before[row]}
-        return TickOutput(new, frozenset(fixed), tuple(sightings))
+        return TickOutput(new, frozenset(fixed), tuple(sightings), tuple(detections))
 
 
 def _first_of_each(tags: tuple[Tag, ...], count: int) -> tuple[Tag, ...]:
@@ -125,3 +134,10 @@ def _sightings(
         ahead = rotation @ target.pose.rotation[:, 0]
         yaw = math.atan2(ahead[1], ahead[0])
         yield image.row, target.tag, image.taken, state.position + away, yaw, covariance
+
+
+def _detections(image: CameraReport, analysis: ImageAnalysis) -> Iterator[tuple[Any, ...]]:
+    """Yield the tags detected in one image: the columns of `star_core.Detections`."""
+    taken = image.taken if image.stamped else math.nan
+    for tag, corners, rejected in analysis.detected:
+        yield image.row, tag, corners, taken, image.arrived, rejected

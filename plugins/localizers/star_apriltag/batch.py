@@ -22,7 +22,7 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from star_apriltag.agent_estimator import CameraReport
-from star_apriltag.dead_reckoning import AgentState, Anchor, odometry_leg
+from star_apriltag.dead_reckoning import Anchor, odometry_leg
 from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.smoother import Node
 from star_apriltag.vision.detector import Detector
@@ -58,7 +58,7 @@ class BatchEstimator:
     def advance(self, now: float) -> None:
         """Do nothing: there are no nodes without tags."""
 
-    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
+    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, None] | None:
         if self._lens is None or self._detector is None:
             return None
         time = report.taken if report.arrived is None else report.arrived
@@ -77,7 +77,10 @@ class BatchEstimator:
                 seen[number] = _as_gtsam(turned @ pose)
         if seen:
             self._optimize(time, seen)
-        return None
+        reasons = ("" if tag in seen else "no landmark, or unsolved" for tag in tags.tolist())
+        return ImageAnalysis(
+            detected=tuple(zip(tags.tolist(), corners, reasons, strict=True))
+        ), None
 
     def _optimize(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:
         """Add a node with the tags seen from it, in the body, and optimize everything."""

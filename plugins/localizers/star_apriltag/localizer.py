@@ -10,12 +10,13 @@ from typing import Any, Final
 import numpy as np
 
 from star_apriltag.agent_estimator import CameraReport, Settings
-from star_apriltag.agent_group import TickInput
+from star_apriltag.agent_group import TickInput, TickOutput
 from star_apriltag.dead_reckoning import AgentState, DeadReckoner
 from star_apriltag.odometry_track import ReportOdometry
 from star_apriltag.worker_pool import WorkerPool, default_processes
 from star_core import (
     Corrections,
+    Detections,
     Estimate,
     Scene,
     Sightings,
@@ -78,7 +79,7 @@ class AprilTag:
             rows = np.flatnonzero(odometry.agent == row)
             reckoner.add_odometry(odometry, rows, motors=bool(motors[row]))
         states = [reckoner.at(telemetry.time) for reckoner in self._reckoners]
-        estimate = self._estimate(telemetry, states, output.sightings)
+        estimate = self._estimate(telemetry, states, output)
         if self._feedback is None or not output.fixed:
             return estimate
         fixed = output.fixed - self._odometry.silent  # velocities in reports contain corrections
@@ -86,7 +87,7 @@ class AprilTag:
         return replace(estimate, corrections=corrections)
 
     def _estimate(
-        self, telemetry: Telemetry, states: list[AgentState], seen: tuple[tuple[Any, ...], ...]
+        self, telemetry: Telemetry, states: list[AgentState], output: TickOutput
     ) -> Estimate:
         position = np.array([state.position for state in states])
         yaw = np.array([math.remainder(state.yaw, math.tau) for state in states])
@@ -101,7 +102,6 @@ class AprilTag:
         )
         located = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]) <= self._max_position_std
         located[self._pool.lost] = False
-        columns: Iterable[Any] = map(np.array, zip(*seen, strict=True))
         return Estimate(
             time=telemetry.time,
             position=position,
@@ -110,8 +110,14 @@ class AprilTag:
             covariance=covariance,
             valid=located & reported & (telemetry.age <= self._max_report_age),
             map_from_odom=self._frames,
-            sightings=Sightings(*columns) if seen else Sightings.none(),
+            sightings=_table(Sightings, output.sightings),
+            detections=_table(Detections, output.detections),
         )
+
+
+def _table(kind: Any, rows: tuple[tuple[Any, ...], ...]) -> Any:
+    """Return a table of rows."""
+    return kind(*map(np.array, zip(*rows, strict=True))) if rows else kind.none()
 
 
 def camera_reports(telemetry: Telemetry, latency: float) -> tuple[CameraReport, ...]:
@@ -123,9 +129,10 @@ def camera_reports(telemetry: Telemetry, latency: float) -> tuple[CameraReport, 
     frames, found = telemetry.frames, telemetry.detections
     no_tags = (np.zeros(0, np.int64), np.zeros((0, 4, 2)))
     taken = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived - latency)
+    stamped = np.isfinite(frames.taken).tolist()
     times = zip(frames.agent.tolist(), taken.tolist(), frames.arrived.tolist(), strict=True)
-    for (row, time, arrived), image in zip(times, frames.image, strict=True):
-        reports.append(CameraReport(row, time, image, *no_tags, arrived))
+    for (row, time, arrived), image, known in zip(times, frames.image, stamped, strict=True):
+        reports.append(CameraReport(row, time, image, *no_tags, arrived, known))
     taken = np.where(np.isfinite(found.taken), found.taken, found.arrived - latency)
     for row, time in sorted(set(zip(found.agent.tolist(), taken.tolist(), strict=True))):
         rows = (found.agent == row) & (taken == time)
@@ -194,8 +201,8 @@ class Feedback:
             turn = max(MIN_YAW_STD, STD_FACTOR * math.sqrt(state.covariance[3, 3]))
             deviations = max(MIN_STD, STD_FACTOR * spread), turn if self._turns else math.inf
             found.append((row, position, attitude, *deviations))
-        columns: Any = map(np.array, zip(*found, strict=True))
-        return Corrections(*columns) if found else Corrections.none()
+        corrections: Corrections = _table(Corrections, tuple(found))
+        return corrections
 
     def _step_back(self, row: int) -> None:
         """Move a frame one step towards its initial pose."""

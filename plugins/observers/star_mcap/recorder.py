@@ -184,22 +184,21 @@ class Recorder:
                 self._write(f"/{name}/battery", battery)
 
     def _write_detections(self, tick: Tick) -> None:
-        """Write tags that were detected on board, and targets that were located."""
-        found = tick.telemetry.detections
-        detection = kind("apriltag_msgs/AprilTagDetection")
+        """Write the tags of each image, those that were not used apart, and located targets."""
+        found, images = tick.detections, dict[tuple[int, float, str], list[Any]]()
         point = kind("apriltag_msgs/Point")
-        for agent in np.unique(found.agent):
-            tags = [
-                detection(
-                    "36h11", int(found.tag[k]), 0, 0.0, 0.0, point(*found.corners[k].mean(axis=0)),
-                    [point(*corner) for corner in found.corners[k].tolist()], np.zeros(9),
-                )
-                for k in np.flatnonzero(found.agent == agent)
-            ]  # fmt: skip
-            name = self._names[agent]
-            array = kind("apriltag_msgs/AprilTagDetectionArray")
+        for k, (agent, moment) in enumerate(zip(found.agent, found.time, strict=True)):
+            topic = "detections/rejected" if found.rejected[k] else "detections"
+            tag = kind("apriltag_msgs/AprilTagDetection")(
+                "36h11", int(found.tag[k]), 0, 0.0, 0.0, point(*found.corners[k].mean(axis=0)),
+                [point(*corner) for corner in found.corners[k].tolist()], np.zeros(9),
+            )  # fmt: skip
+            images.setdefault((agent, moment, topic), []).append(tag)
+        for (agent, moment, topic), tags in images.items():
+            frame = f"{self._names[agent]}/camera"
+            head = header(self._nanoseconds(moment), frame)
             self._write(
-                f"/{name}/camera/detections", array(header(self._now, f"{name}/camera"), tags)
+                f"/{frame}/{topic}", kind("apriltag_msgs/AprilTagDetectionArray")(head, tags)
             )
         seen = tick.estimate.sightings
         for k, agent in enumerate(seen.agent):
@@ -210,10 +209,9 @@ class Recorder:
         import cv2
 
         frames = tick.telemetry.frames
-        for agent, taken, arrived, image in zip(
-            frames.agent, frames.taken, frames.arrived, frames.image, strict=True
+        for agent, moment, image in zip(
+            frames.agent, frames.time.tolist(), frames.image, strict=True
         ):
-            moment = float(taken if np.isfinite(taken) else arrived)
             if moment < self._next_image[agent]:
                 continue
             self._next_image[agent] = moment + IMAGE_PERIOD

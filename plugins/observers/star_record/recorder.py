@@ -6,12 +6,13 @@ import csv
 import json
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from star_core import Array, Flight, Frames, Image, Tick
+from star_core import Array, Detections, Flight, Frames, Image, Tick
 from star_record.text_log import TextLog
 
 log = logging.getLogger(__name__)
@@ -35,6 +36,7 @@ class Recorder:
         self._agents = flight.scene.names
         self._columns: dict[str, list[Array]] = {}
         self._timing: dict[str, list[float]] = {}
+        self._detections: list[Detections] = []
         self._save_frames = flight.save_frames
         self._unknown = {"truth_position", "truth_attitude", "signal"}  # in all ticks so far
         folder.mkdir(parents=True, exist_ok=True)
@@ -70,6 +72,8 @@ class Recorder:
             row[name] = np.full(shape, np.nan) if value is None else value
             if value is not None:
                 self._unknown.discard(name)
+        if len((found := tick.detections).tag):
+            self._detections.append(found)
         if self._save_frames:
             self._save_images(tick.telemetry.frames)
         for name, value in row.items():
@@ -79,8 +83,7 @@ class Recorder:
 
     def _save_images(self, frames: Frames) -> None:
         """Write images; after the first failure, save no more of them."""
-        times = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived)
-        for row, time, image in zip(frames.agent, times, frames.image, strict=True):
+        for row, time, image in zip(frames.agent, frames.time, frames.image, strict=True):
             if time < 0:  # taken before the flight began
                 continue
             path = self._folder / "frames" / self._agents[row] / f"{round(1000 * time):07d}.png"
@@ -107,6 +110,10 @@ class Recorder:
         )
         times: dict[str, Any] = {name: np.array(rows) for name, rows in self._timing.items()}
         np.savez_compressed(self._folder / "timing.npz", **times)
+        if self._detections:
+            found = Detections.merged(self._detections)
+            seen: dict[str, Any] = {one.name: getattr(found, one.name) for one in fields(found)}
+            np.savez_compressed(self._folder / "detections.npz", **seen)
 
     def _write_targets(self, found: Sequence[Mapping[str, Any]]) -> None:
         """Write ``targets.csv``: one line for each found target."""

@@ -13,6 +13,7 @@ import pytest
 from star_core import (
     Avoider,
     ContractError,
+    Detections,
     Estimate,
     Paths,
     Plan,
@@ -235,6 +236,40 @@ def test_sightings_are_of_agents_that_exist() -> None:
     )
     found = refused(checked_estimate, replace(GOOD, sightings=far), 2)
     assert found == "Estimate.sightings.agent is [7], expected rows below 2 [contract-broken]"
+
+
+@pytest.mark.parametrize(
+    ("agent", "corner", "message"),
+    [
+        (2, 0.0, "Estimate.detections.agent is [2], expected rows below 2 [contract-broken]"),
+        (1, np.nan, "Estimate.detections.corners of row 0 is"),
+    ],
+)
+def test_detections_are_of_agents_that_exist_at_pixels(
+    agent: int, corner: float, message: str
+) -> None:
+    corners, time = np.full((1, 4, 2), corner), np.zeros(1)
+    bad = Detections(np.array([agent]), np.array([7]), corners, time, time)
+    assert refused(checked_estimate, replace(GOOD, detections=bad), 2).startswith(message)
+
+
+def test_detections_have_a_reason_each_if_any() -> None:
+    none, time = np.zeros(2, np.int64), np.zeros(2)
+    with pytest.raises(ContractError, match="rejected"):
+        Detections(none, none, np.zeros((2, 4, 2)), time, time, ("far",))
+
+
+def test_detections_of_several_tables_are_merged_in_order() -> None:
+    time = np.array([1.0, np.nan])
+    rows = np.arange(2)
+    one = Detections(rows, rows, np.zeros((2, 4, 2)), time, time + 1)
+    two = Detections(rows + 2, rows, np.ones((2, 4, 2)), time, np.full(2, 3.0), ("far", ""))
+    both = Detections.merged([Detections.none(), one, two])
+    assert both.agent.tolist() == [0, 1, 2, 3]
+    assert both.rejected == ("", "", "far", "")
+    assert both.time[[0, 2, 3]].tolist() == [1.0, 1.0, 3.0]
+    assert both.of(both.agent == 2).rejected == ("far",)
+    assert not len(Detections.merged([]).of(np.zeros(0, np.int64)).tag)
 
 
 def test_reasons_of_a_plan_are_a_map() -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from star_apriltag.vision.body_pose import MIN_DEPTH, View
 from star_apriltag.vision.expected_tags import ExpectedTag
 from star_apriltag.vision.tag_poses import CELLS, MODULES, USUAL_SIZE
-from star_core import Array, CameraModel, Image, Mask, Pose
+from star_core import Array, CameraModel, Image, Mask, Pose, square_corners
 
 SEARCH_STDS: Final = 3.0  # standard deviations of the expected pixel that are searched
 MARGIN: Final = 3.0  # px, beyond that
@@ -47,6 +47,7 @@ class TagMatch(NamedTuple):
 
     tag: int  # its number
     pixel: Array  # (2,) its center, px
+    corners: Array  # (4, 2) px, as expected around that
     view: View  # the same as a measurement, of one point
     correlation: float  # with its template, at most 1
 
@@ -92,7 +93,9 @@ def match_tag(image: Image, expected: ExpectedTag, lens: CameraModel) -> TagMatc
         deviation / float(lens.magnification(ray)),
         lens.row_delay(pixel)[None],
     )
-    return TagMatch(tag.number, pixel, view, float(correlation[row, column]))
+    corners = lens.project(expected.pose.apply(square_corners(tag.size)))
+    corners += pixel - expected.pixel
+    return TagMatch(tag.number, pixel, corners, view, float(correlation[row, column]))
 
 
 def _region(expected: ExpectedTag, lens: CameraModel, spread: Array) -> Region | None:

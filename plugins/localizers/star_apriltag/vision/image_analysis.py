@@ -32,6 +32,8 @@ class ImageAnalysis:
     other: Fix | None = None
     # tags of the map that were not detected, but found where they were expected
     matches: tuple[TagMatch, ...] = ()
+    # all tags: number, (4, 2) corners, px, and why it is not used, or an empty text
+    detected: tuple[tuple[int, Array, str], ...] = ()
 
     def with_verdict(self, verdict: Verdict) -> tuple[SeenLandmark, ...]:
         """Return the landmarks with a verdict."""
@@ -89,29 +91,39 @@ class ImageAnalyzer:
         if analysis.with_verdict(Verdict.ELSEWHERE) and not analysis.accepted:
             return analysis  # all tags contradict the prediction, which cannot guide then
         expected = self._expected.expect(prediction, exclude=found.tag.tolist())
-        matches = [match_tag(image, one, self.lens) for one in expected]
-        return replace(analysis, matches=tuple(match for match in matches if match is not None))
+        searched = (match_tag(image, one, self.lens) for one in expected)
+        matches = tuple(match for match in searched if match is not None)
+        matched = tuple((match.tag, match.corners, "") for match in matches)
+        return replace(analysis, matches=matches, detected=analysis.detected + matched)
 
     def evaluate(self, tags: Rows, corners: Array, prediction: Prediction) -> ImageAnalysis:
         """Evaluate tags by their (K,) numbers and (K, 4, 2) corners, px."""
         landmarks: list[SeenLandmark] = []
         targets: list[SeenTarget] = []
         rays = self.lens.undistort(corners)
-        for tag, pixels, seen in zip(tags.tolist(), corners, rays, strict=True):
+        rejected = ["neither a landmark nor a target"] * len(tags)
+        rows: list[int] = []  # of the landmarks
+        for i, (tag, pixels, seen) in enumerate(zip(tags.tolist(), corners, rays, strict=True)):
             if tag in self._map:
+                rows.append(i)
                 landmarks.append(seen_landmark(self._map[tag], pixels, seen, self.lens, prediction))
             elif tag in self._sizes:
                 size = self._sizes[tag]
                 target = seen_target(tag, size, pixels, seen, self.lens, prediction)
                 targets.extend([] if target is None else [target])
+                rejected[i] = str(Verdict.UNSOLVED) if target is None else ""
         elsewhere = [s for s in landmarks if s.verdict is Verdict.ELSEWHERE]
         other = joint_fix(elsewhere, self.lens, prediction)
         fix = self._consistent(landmarks, prediction)
+        for i, landmark in zip(rows, landmarks, strict=True):
+            accepted = landmark.verdict is Verdict.ACCEPTED
+            rejected[i] = "" if accepted else str(landmark.verdict)
         return ImageAnalysis(
             landmarks=tuple(landmarks),
             targets=tuple(targets),
             fix=fix,
             other=other if other is not None and other.misfit <= MAX_JOINT_MISFIT else None,
+            detected=tuple(zip(tags.tolist(), corners, rejected, strict=True)),
         )
 
     def _consistent(self, landmarks: list[SeenLandmark], prediction: Prediction) -> Fix | None:

@@ -108,19 +108,30 @@ def test_an_estimate_without_truth_has_no_error_figure(run: Run, tmp_path: Path)
     assert "Position error</h2>" not in (tmp_path / "report.html").read_text()
 
 
-def test_images_with_tags_are_shown_with_the_numbers_of_the_tags(run: Run, tmp_path: Path) -> None:
+def test_images_with_detections_are_shown_with_the_tags_and_why_one_is_not_used(
+    run: Run, tmp_path: Path
+) -> None:
     shutil.copytree(run.folder, tmp_path, dirs_exist_ok=True)
-    frames = tmp_path / "frames" / "cf1"
+    frames = tmp_path / "frames" / "cf2"
     frames.mkdir(parents=True)
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     for k in range(30):
-        image = np.full((120, 160), 200, np.uint8)
-        if k in {11, 23}:
-            image[30:90, 50:110] = cv2.aruco.generateImageMarker(dictionary, k, 60)
-        cv2.imwrite(str(frames / f"{100 * k:07d}.png"), image)
+        cv2.imwrite(str(frames / f"{100 * k:07d}.png"), np.full((120, 160), 200, np.uint8))
+    assert main(["report", str(tmp_path)]) == 0
+    assert "no detections" in (tmp_path / "report.html").read_text()
+    np.savez(
+        tmp_path / "detections.npz",
+        agent=[1, 1, 1, 0],
+        tag=[11, 23, 24, 5],
+        corners=np.tile([[50, 90], [110, 90], [110, 30], [50, 30]], (4, 1, 1)),
+        taken=[1.1, np.nan, np.nan, 1.2],
+        arrived=[1.3, 2.3, 2.3, 1.3],
+        rejected=["", "", "too far", ""],
+    )
     assert main(["report", str(tmp_path)]) == 0
     page = (tmp_path / "report.html").read_text()
-    assert re.findall(r"<figcaption>(.*?)<", page) == ["cf1, 1.10 s: tag 11", "cf1, 2.30 s: tag 23"]
+    captions = re.findall(r"<figcaption>(.*?)<", page)
+    assert captions == ["cf2, 1.10 s: tag 11", "cf2, 2.30 s: tags 23, 24 (too far)"]
+    assert "In 2 of 30 images" in page
 
 
 def test_approaches_of_agents_are_marked_beside_the_closest(run: Run) -> None:

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ import numpy as np
 import pytest
 
 import star_view
-from star_core import Operator, Registry, Tick, fly, hookimpl, load
+from star_core import Detections, Operator, Registry, Telemetry, Tick, fly, hookimpl, load
 from star_core.cli.main import main
 from star_core.registry import Source
-from star_view.camera_images import TAG, mosaic
+from star_core.testing import estimate
+from star_view.camera_images import CameraStream, Picture, mosaic
 from star_view.live_view import LiveView
 from tests.plugins.commands.star_view.browser import PATIENCE, Browser
 
@@ -142,14 +144,58 @@ def test_a_flight_that_is_not_watched_does_not_import_the_view(hop: Path) -> Non
     assert not {"viser", "star_view.live_view", "star_view.messages"} & {*modules.split()}
 
 
-def test_tags_in_images_are_outlined() -> None:
-    import cv2
+GREEN, ORANGE = (0, 220, 90), (255, 140, 0)
+BLANK = np.full((244, 324), 128, np.uint8)
 
-    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    image = np.full((244, 324), 255, np.uint8)
-    image[80:180, 100:200] = cv2.aruco.generateImageMarker(family, 7, 100)
-    blank = np.full((244, 324), 128, np.uint8)
-    shown = mosaic({"cf1": image, "cf2": blank, "cf3": blank})
-    outlined = (shown == TAG).all(axis=2)
+
+def tags(*numbers: int, time: float = 0.0, rejected: str = "") -> Detections:
+    """Return tags at the same pixels of an image of the first agent."""
+    n = len(numbers)
+    square = np.array([[100.0, 180.0], [200.0, 180.0], [200.0, 80.0], [100.0, 80.0]])
+    times, row = np.full(n, time), np.zeros(n, np.int64)
+    return Detections(row, np.array(numbers), np.tile(square, (n, 1, 1)), times, times,
+                      (rejected,) * n)  # fmt: skip
+
+
+@pytest.mark.parametrize(("rejected", "color"), [("", GREEN), ("too far", ORANGE)])
+def test_tags_of_the_localizer_are_outlined(rejected: str, color: tuple[int, int, int]) -> None:
+    none = Detections.none()
+    shown = mosaic({
+        "cf1": Picture(BLANK, tags(7, rejected=rejected)),
+        "cf2": Picture(BLANK, none),
+        "cf3": Picture(BLANK, replace(tags(7), corners=np.full((1, 4, 2), np.nan))),
+    })  # fmt: skip
+    outlined = (shown == color).all(axis=2)
     assert outlined[: 244 * 480 // 324, :480].sum() > 300
     assert not outlined[:, 490:].any()
+    assert not outlined[380:].any()
+
+
+def test_an_image_is_shown_with_its_own_tags_which_come_later() -> None:
+    stream = CameraStream()
+    assert stream.picture() is None
+    for k in range(3):
+        stream.add(0.1 * k, BLANK + np.uint8(k))
+    picture = stream.picture()
+    assert picture is not None
+    assert (picture.image[0, 0], len(picture.found.tag)) == (130, 0)
+    stream.add_tags(tags(7, time=0.1))
+    picture = stream.picture()
+    assert picture is not None
+    assert (picture.image[0, 0], picture.found.tag.tolist()) == (129, [7])
+    stream.add(0.9, BLANK)
+    picture = stream.picture()
+    assert picture is not None
+    assert (picture.image[0, 0], len(picture.found.tag)) == (128, 0)
+
+
+def test_a_view_receives_the_detections_of_every_tick() -> None:
+    view, zero, row = LiveView(None), np.zeros((1, 3)), np.zeros(1)
+    board = Telemetry(0.0, zero, zero, np.zeros((1, 4)), row, np.zeros(1, np.int64), row)
+    other: list[Any] = [None] * 7
+    for number in 7, 8:
+        tick = Tick(0.0, board, replace(estimate(zero), detections=tags(number)), *other)
+        view.star_ticked(tick)
+    news = view._news(tick, 1.0)
+    assert [found.tag.tolist() for found in news.detections] == [[7], [8]]
+    assert view._news(tick, 1.0).detections == ()

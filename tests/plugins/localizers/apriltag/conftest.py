@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 
 import star_apriltag
@@ -299,6 +300,14 @@ def off(estimates: Sequence[Estimate], circle: Circle, row: int = 0) -> Array:
     return np.array(
         [np.linalg.norm(e.position[row] - circle.body(e.time).position) for e in estimates]
     )
+
+
+def marked(tag: int) -> Image:
+    """A white image with a tag at columns 100 to 200 of rows 80 to 180."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    image = blank(255)
+    image[80:180, 100:200] = cv2.aruco.generateImageMarker(family, tag, 100)
+    return image
 
 
 def blank(value: int = 0, height: int = 244, width: int = 324) -> Image:

@@ -18,6 +18,7 @@ from tests.plugins.localizers.apriltag.conftest import (
     blank,
     flown,
     localizer,
+    marked,
     off,
     room,
     sheets,
@@ -149,6 +150,27 @@ def test_an_image_of_a_wrong_size_is_reported(caplog: pytest.LogCaptureFixture) 
     circle = Circle(1)
     localizer(room([circle], TAGS)).locate(framed(telemetry([circle], 0.5), blank(0, 9, 9)))
     assert "image is (9, 9) of uint8, expected (244, 324) of uint8" in caplog.text
+
+
+@pytest.mark.parametrize("method", ["smoother", "batch"])
+@pytest.mark.parametrize("stamped", [True, False])
+def test_detections_are_published_with_the_time_of_their_image(
+    method: str,
+    stamped: bool,  # noqa: FBT001 -- whether the camera has a clock
+) -> None:
+    made = localizer(room([circle := Circle(1)], TAGS), method=method)
+    heard = framed(telemetry([circle], 0.5), marked(77))
+    if not stamped:
+        heard = replace(heard, frames=replace(heard.frames, taken=np.full(1, np.nan)))
+    assert not len(made.locate(heard).detections.tag)  # that image is analyzed beside the next tick
+    found = made.locate(telemetry([circle], 0.6)).detections
+    assert (found.agent.tolist(), found.tag.tolist()) == ([0], [77])
+    np.testing.assert_allclose(found.corners.min(axis=1), [[99.5, 79.5]], atol=0.6)
+    np.testing.assert_allclose(found.corners.max(axis=1), [[199.5, 179.5]], atol=0.6)
+    np.testing.assert_array_equal(found.taken, heard.frames.taken)
+    np.testing.assert_array_equal(found.time, heard.frames.time)
+    assert "landmark" in found.rejected[0]
+    assert not len(made.locate(telemetry([circle], 0.7)).detections.tag)
 
 
 def test_an_image_of_an_agent_without_a_camera_is_exclude() -> None:

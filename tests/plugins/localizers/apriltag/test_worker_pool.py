@@ -18,7 +18,7 @@ from star_apriltag import worker_pool
 from star_apriltag.agent_group import TickInput
 from star_apriltag.localizer import AprilTag, camera_reports
 from star_apriltag.worker_pool import RemoteWorker, WorkerPool, default_processes
-from star_core import Agent, Estimate, Frames, Scene
+from star_core import Agent, Estimate, Frames, Scene, Telemetry
 from tests.plugins.localizers.apriltag.conftest import (
     SETTINGS,
     TARGET,
@@ -26,6 +26,7 @@ from tests.plugins.localizers.apriltag.conftest import (
     Circle,
     blank,
     flown,
+    marked,
     off,
     room,
     sheets,
@@ -54,9 +55,18 @@ def processes(made: AprilTag) -> list[int]:
     return [w._process.pid for w in made._pool._workers if isinstance(w, RemoteWorker)]
 
 
+def with_image(heard: Telemetry) -> Telemetry:
+    """With an image of an unknown tag, at about a tick in ten."""
+    if round(heard.time / TICK) % 10:
+        return heard
+    now = np.array([heard.time])
+    image = Frames(np.zeros(1, np.int64), now - 0.01, now, (marked(77),))
+    return replace(heard, frames=image)
+
+
 def flight(workers: int) -> list[Estimate]:
     with localizer(room(CIRCLES, TAGS), workers) as made:
-        return flown(made, CIRCLES, 2.0, [*TAGS, TARGET])
+        return flown(made, CIRCLES, 2.0, [*TAGS, TARGET], change=with_image)
 
 
 def test_a_flight_is_the_same_however_many_processes_there_are() -> None:
@@ -69,6 +79,11 @@ def test_a_flight_is_the_same_however_many_processes_there_are() -> None:
                 for a, b in zip(here, other, strict=True)
             )
     assert [e.sightings.tag.tolist() for e in here] == [e.sightings.tag.tolist() for e in two]
+    times = [e.detections.taken.tolist() for e in here]
+    assert [one for time in times for one in time] == pytest.approx(
+        np.arange(10, 40, 10) * TICK - 0.01
+    )
+    assert times == [e.detections.taken.tolist() for e in two]
 
 
 def test_a_tick_does_not_wait_for_a_process_in_real_time() -> None:

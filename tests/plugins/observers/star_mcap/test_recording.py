@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 import star_mcap
-from star_core import Camera
+from star_core import Camera, read_run
 from star_core.cli.main import main
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover
@@ -104,6 +104,39 @@ def test_an_estimate_has_the_covariance_and_the_velocity_of_the_body(run: Path) 
     assert odometry.pose.pose.position.x == kept["estimate_position"][k, 0, 0]
     assert odometry.pose.covariance[0] > 0
     assert odometry.header.frame_id == "map"
+
+
+def test_tags_that_the_localizer_detected_are_recorded_with_the_stamps_of_their_images(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "room.yaml").write_text(
+        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+        "landmarks: {mat: {tags: [3], at: [0.6, 0, 0]}}\n"
+    )
+    (tmp_path / "look.yaml").write_text(
+        "star: 1\nname: look\nworld: room.yaml\n"
+        "swarm: {cf1: {start: [0, 0, 0], camera: aideck}}\n"
+        "transport: sim\n"
+        "localizer: {use: apriltag, processes: 0}\nplanner: straight\navoider: none\n"
+        "mission:\n  - takeoff: {height: 0.5, speed: 0.5}\n  - hold: {for: 0.6}\n"
+    )
+    out = tmp_path / "run"
+    assert main(["run", str(tmp_path / "look.yaml"), "--out", str(out), "--save-frames"]) == 0
+    found = read_run(out).detections
+    assert set(found.tag.tolist()) == {3}
+    assert len(found.tag) > 2
+    recorded = []
+    with AnyReader([out / FILE]) as bag:
+        for connection, _time, data in bag.messages():
+            if connection.topic == "/cf1/camera/detections":
+                message: Any = bag.deserialize(data, connection.msgtype)
+                recorded.append((message.header.stamp, message.detections[0]))
+    stamps = [stamp.sec + 1e-9 * stamp.nanosec for stamp, _ in recorded]
+    assert stamps == pytest.approx(found.time)
+    assert [(c.x, c.y) for c in recorded[0][1].corners] == pytest.approx(found.corners[0])
+    assert {int(path.stem) for path in out.glob("frames/cf1/*.png")} >= {
+        round(1000 * moment) for moment in found.time
+    }
 
 
 def test_images_are_kept_at_five_per_second_with_the_intrinsics(tmp_path: Path) -> None:
