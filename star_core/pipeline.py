@@ -293,8 +293,9 @@ def checked_estimate(answer: object, n: int) -> Estimate:
     _require_finite("Estimate.map_from_odom.translation", frames.translation, estimate.valid)
     for name in ("sightings", "detections"):
         _require_agents(f"Estimate.{name}.agent", getattr(estimate, name).agent, n)
-    found = estimate.detections
-    _require_finite("Estimate.detections.corners", found.corners, np.ones(len(found.tag), np.bool_))
+    if len(corners := estimate.detections.corners):
+        everywhere = np.ones(len(corners), np.bool_)
+        _require_finite("Estimate.detections.corners", corners, everywhere)
     corrections = estimate.corrections
     if len(corrections.agent):
         _require_agents("Estimate.corrections.agent", corrections.agent, n)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from contextlib import redirect_stdout
+from hmac import compare_digest
 from io import StringIO
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import viser
@@ -41,9 +42,17 @@ def open_page(world: World, port: int, title: str) -> viser.ViserServer:
     return server
 
 
-def address(server: viser.ViserServer) -> str:
-    """Return where a page is."""
-    return f"http://{LOOPBACK}:{server.get_port()}"
+def address(server: viser.ViserServer, token: str = "") -> str:
+    """Return where a page is, and what its connection is to present as a token, if any."""
+    where = f"{LOOPBACK}:{server.get_port()}"
+    return f"http://{where}" + (f"/?websocket=ws://{where}/{token}" if token else "")
+
+
+def presents(server: viser.ViserServer, client: int | None, token: str) -> bool:
+    """Return whether a client has connected with a token."""
+    connections: Any = server._websock_server._live_connections  # noqa: SLF001 -- viser has no other
+    connection = connections.get(client)
+    return connection is not None and compare_digest(connection.request.path, f"/{token}")
 
 
 def close(server: viser.ViserServer) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from functools import partial
@@ -13,6 +14,7 @@ import numpy as np
 import viser
 
 from star_core import Agent, Array, Registry
+from star_view.footprints import footprint
 from star_view.swarm_scene import color_of, segments, switch
 
 PAD: Final = 0.15  # m, radius of a pad
@@ -53,12 +55,12 @@ def planned_steps(arguments: Sequence[str], registry: Registry) -> list[PlannedS
 def add_plan(
     server: viser.ViserServer, agents: Sequence[Agent], steps: Sequence[PlannedStep]
 ) -> None:
-    """Add the agents' pads, the planned paths, and the list of steps."""
+    """Add the agents' pads, the planned paths, first camera footprints, and the list of steps."""
     page, names = server.scene, [agent.name for agent in agents]
     layers = [page.add_frame(f"/{name}", show_axes=False) for name in ("pads", "plan")]
     ends = {agent.name: np.array(agent.start) for agent in agents}
     for row, agent in enumerate(agents):
-        _add_pad(page, f"/pads/start/{agent.name}", ends[agent.name], color_of(row), filled=True)
+        _add_start(page, agent, steps, color_of(row))
     labels: dict[tuple[float, ...], list[str]] = {}  # by their positions
     for number, step in enumerate(steps, start=1):
         for name, path in step.paths.items():
@@ -80,6 +82,21 @@ def add_plan(
         server.gui.add_markdown(
             "\n".join(f"{number}. {step.text}" for number, step in enumerate(steps, start=1))
         )
+
+
+def _add_start(
+    page: viser.SceneApi, agent: Agent, steps: Sequence[PlannedStep], color: tuple[int, int, int]
+) -> None:
+    """Add an agent's pad, and what its camera sees of the floor where the agent first hovers."""
+    _add_pad(page, f"/pads/start/{agent.name}", np.array(agent.start), color, filled=True)
+    if agent.camera is None:
+        return
+    level = np.array([0.0, 0.0, math.sin(agent.yaw / 2), math.cos(agent.yaw / 2)])
+    ends = (step.paths[agent.name][-1] for step in steps if agent.name in step.paths)
+    views = (footprint(agent.camera, end, level) for end in ends)
+    view = next((view for view in views if len(view)), None)  # none is seen from the floor
+    if view is not None:
+        _add_dashes(page, f"/plan/footprints/{agent.name}", view, color)
 
 
 def _flattened(part: Mapping[str, Any]) -> Iterator[PlannedStep]:

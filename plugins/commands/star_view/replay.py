@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any, Final
 
+import cv2
 import numpy as np
 import viser
 
 from star_core import Run
+from star_view.camera_images import Picture, mosaic
 from star_view.page import address, close, open_page
 from star_view.snapshot import of_record
 from star_view.swarm_scene import SwarmScene, color_of
@@ -38,6 +41,9 @@ class Replay:
     def __init__(self, run: Run, radius: float | None, *, port: int) -> None:
         self._run = run
         self._time = run.arrays["time"]
+        # saved images of each agent, by their times, ms
+        self._frames = {name: _saved(run, name) for name in run.agents}
+        self._shown: list[Path] = []
         self.server = open_page(run.world, port, run.summary["mission"])
         self._add_paths(self.server.scene)
         self.swarm = SwarmScene(self.server, run.swarm, radius)
@@ -71,7 +77,31 @@ class Replay:
         now = of_record(self._run, tick, TRAIL)
         with self.server.atomic():
             self.swarm.show(now)
+        self._show_images(round(1000 * now.time))
         self.status.content = f"**{now.time:.2f} s** {now.doing}\n\n{now.states(self._run.agents)}"
+
+    def _show_images(self, now: int) -> None:
+        """Show the newest saved image of each camera at a time, ms, with the detected tags."""
+        past = {
+            row: (time, frames[time])
+            for row, frames in enumerate(self._frames.values())
+            if (time := max((one for one in frames if one <= now), default=None)) is not None
+        }
+        paths = [path for _, path in past.values()]
+        if paths == self._shown:
+            return
+        self._shown, found = paths, self._run.detections
+        ms = np.round(1000 * found.time)
+        pictures = {
+            self._run.agents[row]: Picture(
+                np.asarray(image, np.uint8), found.of((found.agent == row) & (ms == time))
+            )
+            for row, (time, path) in past.items()
+            if (image := cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)) is not None
+        }
+        self._cameras.visible = bool(pictures)
+        if pictures:
+            self._cameras.image = mosaic(pictures)
 
     def _add_paths(self, page: viser.SceneApi) -> None:
         """Add the whole path of each agent, pale."""
@@ -102,6 +132,9 @@ class Replay:
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1 x")
         self._add_events(gui, events)
         self.status = gui.add_markdown("")
+        self._cameras = gui.add_image(
+            np.zeros((1, 1, 3), np.uint8), label="cameras", format="jpeg", visible=False
+        )
         self.swarm.add_controls(gui)
 
         def update(_event: Any) -> None:
@@ -132,3 +165,8 @@ class Replay:
 
         chosen.on_update(jump)
         buttons.on_click(step)
+
+
+def _saved(run: Run, agent: str) -> dict[int, Path]:
+    """Return the saved images of an agent by their times, ms."""
+    return {int(path.stem): path for path in run.folder.glob(f"frames/{agent}/*.png")}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from types import TracebackType
 from typing import Any, Self
+from urllib.parse import parse_qs, urlsplit
 
 import msgspec
 import viser
@@ -34,7 +35,9 @@ class Browser:
 
     def __init__(self, address: str) -> None:
         self._socket = connect(
-            address.replace("http", "ws"),
+            (parse_qs(urlsplit(address).query).get("websocket") or [address.replace("http", "ws")])[
+                0
+            ],
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
             compression=None,
             max_size=None,
@@ -77,7 +80,7 @@ class Browser:
             properties = message.get("props") or message.get("updates") or {}
             if isinstance(label := properties.get("label"), str):
                 self.controls[label] = message
-            for key in "_markdown", "content":
+            for key in "_markdown", "content", "body":
                 if key in properties:
                     self.texts[message["uuid"]] = str(properties[key])
             if "name" in message:

@@ -38,9 +38,11 @@ def flown(view: LiveView | None, operator: Operator | None = None, speed: str = 
     return {key: value for key, value in summary.items() if key not in WALL}
 
 
-def watched(act: Callable[[Browser], None], operator: Operator | None = None) -> Any:
+def watched(
+    act: Callable[[Browser], None], operator: Operator | None = None, view: LiveView | None = None
+) -> Any:
     """Fly a mission in real time, and use its page; return its summary."""
-    view = LiveView(0.3, port=PORT)
+    view = view or LiveView(0.3, port=PORT)
     with ThreadPoolExecutor() as pool:
         flight = pool.submit(flown, view, operator, "null")
         deadline = time.monotonic() + PATIENCE
@@ -56,20 +58,26 @@ def test_a_watched_flight_is_the_same_flight() -> None:
     assert flown(LiveView(0.3, port=PORT)) == flown(None)
 
 
-def test_the_page_shows_agents_steps_and_events_and_lands_all_agents() -> None:
-    operator = Operator()
+def test_the_page_shows_agents_steps_and_events_and_lands_all_agents_with_its_token() -> None:
+    operator, view = Operator(), LiveView(0.3, port=PORT)
 
     def act(browser: Browser) -> None:
         browser.wait_for("takeoff all agents begins")
         browser.wait_for("taking off")
         browser.wait_for("times real time")
         assert {"/agents/cf3", "/estimates/cf1/ellipsoid", "/radii/cf2"} <= browser.nodes
+        with Browser(view.address.partition("/?")[0]) as stranger:
+            for control, value in ("stop motors", True), ("land all", True), ("speed", 9.0):
+                stranger.set(control, value=value)
+            stranger.wait_for("Open the page at the whole address")
         assert operator.stops == 0
         browser.set("land all", value=True)
         browser.wait_for("**aborted**: interrupted by the operator")
 
-    summary = watched(act, operator)
+    summary = watched(act, operator, view)
     assert operator.stops == 1
+    assert operator.simulation is not None
+    assert operator.simulation.speed == 1.0
     assert summary["reason"] == "interrupted by the operator"
     assert summary["flight_time_s"] < 15.0
     assert "stops the motors" not in str(summary["events"])

@@ -10,17 +10,19 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from star_core import Camera, Registry, load, read_run
+from star_core import Agent, Camera, Detections, Registry, load, read_run
 from star_core.cli.main import main
 from star_view.command import simulate
 from star_view.footprints import MAX_DISTANCE, footprint
 from star_view.page import LOOPBACK, address, close, open_page
-from star_view.plan_scene import add_plan, planned_steps
+from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
 from tests.plugins.commands.star_view.browser import Browser
 
@@ -92,6 +94,46 @@ def test_a_mission_is_shown_with_pads_and_the_steps_of_its_dry_run() -> None:
             assert pads <= browser.nodes
     finally:
         close(server)
+
+
+def test_camera_footprints_are_shown_where_agents_first_hover() -> None:
+    start = (1.0, 0.0, 0.0)
+    agents = [Agent(name, start, camera=Camera()) for name in ("cf1", "cf2")]
+    agents.append(Agent("cf3", start))
+    rise = np.array([start, (1.0, 0.0, 0.8)])
+    hop = {"cf1": rise, "cf2": rise[[0, 0]], "cf3": rise}
+    world = load(FIRST_FLIGHT, Registry()).scene.world
+    server = open_page(world, 18236, "hop")
+    try:
+        add_plan(server, agents, [PlannedStep("1", "takeoff", hop), PlannedStep("2", "hold", {})])
+        with Browser(address(server)) as browser:
+            browser.wait_for("1. 1")
+            shown = {node for node in browser.nodes if node.startswith("/plan/footprints/")}
+    finally:
+        close(server)
+    assert shown == {"/plan/footprints/cf1"}
+
+
+def test_a_replay_shows_the_saved_images_with_the_detected_tags(
+    viewer: Replay, tmp_path: Path
+) -> None:
+    frames = tmp_path / "frames" / "cf2"
+    frames.mkdir(parents=True)
+    for moment in 1000, 1250, 2000:
+        cv2.imwrite(str(frames / f"{moment:07d}.png"), np.full((244, 324), 128, np.uint8))
+    corners = np.array([[[100.0, 180.0], [200.0, 180.0], [200.0, 80.0], [100.0, 80.0]]])
+    found = Detections(np.array([1]), np.array([7]), corners, np.array([1.25]), np.array([1.4]))
+    replay = Replay(replace(viewer._run, folder=tmp_path, detections=found), None, port=18237)
+    try:
+        green = {}
+        for tick in 10, 22, 26, 45:
+            replay.show(tick)
+            visible = replay._cameras.visible
+            green[tick] = visible and (replay._cameras.image == (0, 220, 90)).all(axis=2).any()
+    finally:
+        replay.close()
+    assert not viewer._cameras.visible
+    assert green == {10: False, 22: False, 26: True, 45: False}
 
 
 def test_a_mission_is_shown_without_its_plan_if_the_command_explain_is_missing(

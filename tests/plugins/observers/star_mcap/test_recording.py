@@ -211,12 +211,12 @@ def test_a_killed_flight_leaves_a_complete_recording(run: Path, tmp_path: Path) 
     path = tmp_path / "run" / FILE
     deadline = time.monotonic() + 20
     while True:
-        with path.open("rb") as stream:
-            summary = None
-            try:
+        summary = None
+        try:
+            with path.open("rb") as stream:
                 summary = make_reader(stream).get_summary()
-            except Exception:  # noqa: BLE001 -- not complete yet
-                assert time.monotonic() < deadline
+        except Exception:  # noqa: BLE001 -- not complete yet
+            assert time.monotonic() < deadline
         if summary is not None:
             break
         time.sleep(0.05)
