@@ -242,11 +242,7 @@ class PluginPipeline:
     def truth(self) -> Truth | None:
         """Return the ground truth, if the transport has it and does not fail."""
         with self._tolerating["transport"]:
-            truth = self._plugins["transport"].truth()
-            if truth is None:
-                return None
-            require_rows(require_type(truth, Truth), len(truth.position), self._n)
-            return truth  # type: ignore[no-any-return]
+            return checked_truth(self._plugins["transport"].truth(), self._n)
         return None
 
     def close(self) -> list[str]:
@@ -277,6 +273,15 @@ def checked_telemetry(answer: object, n: int) -> Telemetry:
     for name in ("odometry", "frames", "detections"):
         _require_agents(f"Telemetry.{name}.agent", getattr(telemetry, name).agent, n)
     return telemetry
+
+
+def checked_truth(answer: object, n: int) -> Truth | None:
+    """Return a transport's ground truth of `n` rows, if it has it; raise `ContractError`."""
+    if answer is None:
+        return None
+    truth = require_type(answer, Truth)
+    require_rows(truth, len(truth.position), n)
+    return truth
 
 
 def checked_estimate(answer: object, n: int) -> Estimate:

@@ -1,58 +1,308 @@
-"""The checks that authors of plugins run: parts that ship pass them, and violations are refused."""
+"""The checks that authors of plugins run: installed plugins pass them, violations are refused."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import ContractError, Estimate, Registry, Setpoint, fill_defaults
-from star_core.testing import check_avoider, check_localizer, check_planner, scene
+from star_core import (
+    AgentPhase,
+    Camera,
+    Command,
+    ContractError,
+    Fence,
+    Goals,
+    Obstacle,
+    Order,
+    Registry,
+    Scene,
+    Setpoint,
+    Status,
+    Supervisor,
+    Tag,
+    TaskOutput,
+    Transform,
+    fill_defaults,
+)
+from star_core import testing as kit
+from tests.core.conftest import Dash, Seer
+from tests.core.robots import Robots
+
+WALL = Obstacle("wall", (((7.0, -6.0), (7.2, -6.0), (7.2, 6.0), (7.0, 6.0)),), (0.0, 3.0))
+OPTIONS: dict[str, dict[str, Any]] = {
+    "apriltag": {"processes": 0},
+    "goto": {"by": [0.0, 0.0, 0.1]},
+    "formation": {"shape": "line", "centre": [0.0, 0.0, 0.8]},
+    "follow": {"path": "box", "size": 1.0, "centre": [0.0, 0.0, 0.8]},
+}
 
 
-def made(kind: str, name: str, n: int) -> Any:
-    spec = Registry().find(kind, name).offer
-    return spec.make(scene(n), **fill_defaults({}, spec.options))
+def hall(n: int) -> Scene:
+    """A room with a wall, a landmark, and a camera on every agent."""
+    room = kit.scene(n)
+    landmark = Tag(1, 0.168, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), "landmark")
+    world = replace(room.world, obstacles=(WALL,), landmarks=(landmark,))
+    return replace(
+        room,
+        agents=tuple(replace(agent, camera=Camera()) for agent in room.agents),
+        world=replace(world, fence=Fence((-30.0, -30.0, 0.0), (30.0, 30.0, 3.0))),
+    )
 
 
-@pytest.mark.parametrize("n", [1, 3])
-@pytest.mark.parametrize("name", ["none", "orca", "potential", "voronoi"])
-def test_avoiders_that_ship_keep_their_contract(name: str, n: int) -> None:
-    check_avoider(made("avoider", name, n), n)
+def installed(*kinds: str) -> list[Any]:
+    registry = Registry()
+    offers = ((kind, registry.find(kind, name)) for kind in kinds for name in registry.names(kind))
+    return [
+        pytest.param(kind, found.offer, id=f"{kind}-{found.offer.name}")
+        for kind, found in offers
+        if found.source.own
+    ]
 
 
-@pytest.mark.parametrize("n", [1, 3])
-@pytest.mark.parametrize("name", ["straight", "visibility"])
-def test_planners_that_ship_keep_their_contract(name: str, n: int) -> None:
-    check_planner(made("planner", name, n), n)
+@pytest.mark.parametrize(
+    ("kind", "spec"), installed("transport", "localizer", "planner", "avoider", "task")
+)
+def test_installed_plugins_keep_their_contracts(kind: str, spec: Any) -> None:
+    if getattr(spec, "realtime", False) or getattr(spec, "exclusive", None):
+        pytest.skip("needs drones, or another process")
+    options = fill_defaults(OPTIONS.get(spec.name, {}), spec.options)
+    check = getattr(kit, f"check_{kind}")
+    if kind == "task":
+        phase = AgentPhase.GROUNDED if spec.before == "ground" else AgentPhase.FLYING
+        check(lambda scene, rows: spec.make(scene, rows, **options), hall, phase)
+    else:
+        check(lambda scene: spec.make(scene, **options), kit.scene if kind == "transport" else hall)
 
 
-@pytest.mark.parametrize("n", [1, 3])
-def test_the_localizer_flow_keeps_its_contract(n: int) -> None:
-    check_localizer(made("localizer", "flow", n), n)
+def wrong(plugin: Any, method: str, change: Callable[..., Any], calls: range = range(10**6)) -> Any:
+    """Return a plugin with a method that returns ``change(right, *inputs)`` in some calls."""
+    right, count = getattr(plugin, method), itertools.count()
+
+    def answer(*inputs: Any) -> Any:
+        return change(right, *inputs) if next(count) in calls else right(*inputs)
+
+    setattr(plugin, method, answer)
+    return plugin
 
 
-class Careless:
-    """Mixes what is not known of one agent into what it answers for the others."""
-
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        return replace(wanted, velocity=wanted.velocity + estimate.position.sum())
-
-    def plan(self, *_given: object) -> None: ...
-
-    def locate(self, telemetry: Any) -> Any:
-        answer = made("localizer", "flow", 3).locate(telemetry)
-        return replace(answer, valid=np.ones(3, np.bool_), position=telemetry.position)
+def velocity(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    return lambda right, *inputs: replace(right(*inputs), velocity=change(right(*inputs).velocity))
 
 
-def test_violations_are_refused() -> None:
-    with pytest.raises(ContractError, match=r"Setpoint.velocity of row 1 is \[nan"):
-        check_avoider(Careless())
-    with pytest.raises(ContractError, match="returned NoneType, expected Plan"):
-        check_planner(Careless())  # type: ignore[arg-type]
-    with pytest.raises(ContractError, match=r"Estimate.position of row 2 is \[nan"):
-        check_localizer(Careless())
-    with pytest.raises(ContractError, match=r"object has no avoid\(\)"):
-        check_avoider(object())  # type: ignore[arg-type]
+def unfreezes(right: Callable[..., Any], now: Any, *rest: Any) -> Any:
+    now.position.flags.writeable = True
+    now.position[:] = 0.0
+    return right(now, *rest)
+
+
+DICE = np.random.default_rng(0)
+AVOIDERS = [
+    (lambda *_: None, "avoider of 1 agent, all fly: returned NoneType, expected S"),
+    (
+        lambda _, now, wanted: replace(wanted, velocity=wanted.velocity + now.position.sum()),
+        r"2 agents, agent 0 is not located, its row is NaN: Setpoint.velocity of row 1 is \[nan",
+    ),
+    (
+        lambda _, now, wanted: replace(wanted, active=np.ones(len(now.yaw), np.bool_)),
+        "row 0 is not active in wanted, but active in the result",
+    ),
+    (velocity(lambda a: a + DICE.random()), r"return different Setpoint.velocity .* draw random"),
+    (unfreezes, r"avoid\(\) changed Estimate.position of its input: make another table by"),
+    (velocity(lambda a: a[:, :2]), r"Setpoint.velocity has shape \(1, 2\), expected \(1, 3\)"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), AVOIDERS)
+def test_avoiders_that_break_their_contract_are_refused(
+    change: Callable[..., Any], message: str
+) -> None:
+    idle = SimpleNamespace(avoid=lambda _now, wanted: wanted)
+    wrong(idle, "avoid", change)
+    with pytest.raises(ContractError, match=message):
+        kit.check_avoider(lambda _scene: idle)
+
+
+def test_an_error_of_a_plugin_itself_has_the_case_beside_it() -> None:
+    raising = SimpleNamespace(avoid=lambda _now, _wanted: dict[str, float]()["gain"])
+    with pytest.raises(KeyError) as caught:
+        kit.check_avoider(lambda _scene: raising)
+    assert caught.value.__notes__[0].startswith("avoider of 1 agent, all fly; agents that are not")
+
+
+PLANNERS = [
+    (lambda *_: None, "returned NoneType, expected Plan"),
+    (
+        lambda right, now, goals: replace(
+            right(now, goals),
+            setpoint=Setpoint(goals.position - now.position, goals.yaw, goals.active),
+        ),
+        r"goals for all agents, also .* Setpoint.velocity of row 0 is \[nan",
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), PLANNERS)
+def test_planners_that_break_their_contract_are_refused(
+    change: Callable[..., Any], message: str
+) -> None:
+    with pytest.raises(ContractError, match=message):
+        kit.check_planner(lambda scene: wrong(Dash(scene), "plan", change))
+
+
+def seer(scene: Scene) -> Any:
+    n = len(scene.agents)
+    starts = Transform(np.zeros(n), np.array([agent.start for agent in scene.agents]))
+    known = lambda right, heard: replace(  # noqa: E731
+        right(heard), valid=np.isfinite(heard.position[:, 0])
+    )
+    return wrong(Seer(starts), "locate", known)
+
+
+LOCALIZERS = [
+    (lambda right, heard: replace(right(heard), time=0.0), r"Estimate.time is 0.0, expected"),
+    (
+        lambda right, heard: replace(right(heard), valid=heard.age < 1.0),
+        r"before any agent was heard: Estimate.position of row 0 is \[nan",
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), LOCALIZERS)
+def test_localizers_that_break_their_contract_are_refused(
+    change: Callable[..., Any], message: str
+) -> None:
+    kit.check_localizer(seer)
+    with pytest.raises(ContractError, match=message):
+        kit.check_localizer(lambda scene: wrong(seer(scene), "locate", change))
+
+
+class Still:
+    """A task whose agents stay where they are."""
+
+    def __init__(self, scene: Scene, rows: tuple[int, ...]) -> None:
+        self.own = np.isin(np.arange(len(scene.agents)), rows)
+
+    def begin(self, estimate: Any, _health: Any) -> float:
+        self.goals = Goals(
+            estimate.position, 0 * estimate.position, estimate.yaw, 1 + estimate.yaw, self.own
+        )
+        return 5.0
+
+    def step(self, _estimate: Any, _health: Any) -> TaskOutput:
+        return TaskOutput(self.goals)
+
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        own = np.isin(np.arange(len(self.own)), rows)
+        self.goals = replace(self.goals, active=own)
+
+
+ONE = np.ones(1)
+DONE: Any = "done"
+TASKS: list[tuple[str, Callable[..., Any], str]] = [
+    ("begin", lambda *_: 0.0, r"tick 0: begin\(\) returned 0.0, expected the timeout"),
+    ("step", lambda *_: None, "returned NoneType, expected TaskOutput"),
+    ("step", lambda *_: TaskOutput(status=DONE), "TaskOutput.status is 'done', expected a Status"),
+    (
+        "step",
+        lambda *_: TaskOutput(status=Status.FAILURE),
+        "task of 1 agent, tick 0: failed without TaskOutput.reason",
+    ),
+    (
+        "step",
+        lambda _, now, __: TaskOutput(
+            Goals(now.position, now.velocity, now.yaw, now.yaw, now.valid)
+        ),
+        "task of 2 agents, tick 0: has goals for agents that are not its own",
+    ),
+    (
+        "step",
+        lambda *_: TaskOutput(
+            commands=(Command(Order.LAND, np.zeros(1, np.int64), np.zeros((1, 3)), ONE, ONE),)
+        ),
+        r"task of 50 agents, tick 20: commands agents \[0\], its own are \(2, 4",
+    ),
+    ("on_agents_removed", lambda *_: None, "task of 50 agents, tick 20: has goals for"),
+    (
+        "step",
+        lambda right, now, health: TaskOutput(
+            replace(right(now, health).goals, position=now.position)
+        ),
+        r"tick 5: Goals.position is \[\[nan",
+    ),
+]
+
+
+@pytest.mark.parametrize(("method", "change", "message"), TASKS)
+def test_tasks_that_break_their_contract_are_refused(
+    method: str, change: Callable[..., Any], message: str
+) -> None:
+    with pytest.raises(ContractError, match=message):
+        kit.check_task(lambda scene, rows: wrong(Still(scene, rows), method, change))
+
+
+def robots(scene: Scene) -> Robots:
+    n = len(scene.agents)
+    there = Robots(Transform(np.zeros(n), np.zeros((n, 3))))
+    there.close = lambda: None  # type: ignore[attr-defined]
+    return there
+
+
+def without(*flags: Supervisor) -> Callable[..., Any]:
+    drop = ~int(sum(flags))
+    return lambda right: replace(right(), state=right().state & drop)
+
+
+TRANSPORTS = [
+    (
+        "wait",
+        lambda right, until: right(until) - 0.01,
+        r"before the take-off: wait\(0.05\) ret",
+    ),
+    ("receive", without(Supervisor.FLYING), "after a take-off: row 0 must report Supervisor.FLYI"),
+    (
+        "receive",
+        without(Supervisor.COMMANDER_FINISHED),
+        "row 0 must report Supervisor.COMMANDER_FINISHED after a command",
+    ),
+    ("receive", lambda right: replace(right(), time=99.0), "Telemetry.time is 99.0, later than"),
+    ("command", lambda *_: None, r"after a take-off: row 0 is \[0.6\] m from where"),
+    ("send", lambda *_: None, "with setpoints along x: returned NoneType"),
+    (
+        "send",
+        lambda right, wanted: right(replace(wanted, active=~wanted.active)),
+        r"with setpoints along x: row 0 is \[0.4\] m from",
+    ),
+    ("truth", lambda *_: DICE, "returned Generator, expected Truth"),
+    (
+        "receive",
+        lambda right: replace(right(), battery=right().battery + DICE.random()),
+        "different Telemetry.battery",
+    ),
+]
+
+
+@pytest.mark.parametrize(("method", "change", "message"), TRANSPORTS)
+def test_transports_that_break_their_contract_are_refused(
+    method: str, change: Callable[..., Any], message: str
+) -> None:
+    with pytest.raises(ContractError, match=message):
+        kit.check_transport(lambda scene: wrong(robots(scene), method, change))
+
+
+def test_the_times_of_calls_are_returned_and_kept_for_pytest_to_print() -> None:
+    idle = SimpleNamespace(avoid=lambda _now, wanted: wanted)
+    times = kit.check_avoider(lambda _scene: idle)
+    assert list(times) == [1, 2, 50]
+    assert kit.reports[-1].startswith("SimpleNamespace: ")
+
+
+def test_the_fixture_flies_missions_and_reads_their_records(fly: Any, scene: Any) -> None:
+    flown = fly("first_flight", "transport.speed=null", "mission=[{hold: {for: 0.1}}]")
+    assert flown.summary["outcome"] == "completed"
+    assert len(scene(3).agents) == len(flown.agents)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Avoider, Limits, Obstacle, Scene, Setpoint, fill_defaults
-from star_core.testing import check_avoider, estimate, scene
+from star_core.testing import estimate, scene
 
 SPEED, LAG, CONTACT = 0.5, 0.25, 0.12  # m/s, s, m
 Polygon = tuple[tuple[float, float], ...]
@@ -173,12 +172,6 @@ def test_one_that_stands_far_below_is_in_nothings_way(name: str) -> None:
 
 
 @everyone
-@pytest.mark.parametrize("n", [1, 3, 20])
-def test_they_keep_the_contract(name: str, n: int) -> None:
-    check_avoider(made(name, room(n, box(0.5, 0.5, 0.7, 0.7))), n)
-
-
-@everyone
 def test_a_swarm_of_nothing_is_no_trouble(name: str) -> None:
     nothing = Setpoint(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.bool_))
     assert len(made(name, room(0)).avoid(estimate(np.zeros((0, 3))), nothing).velocity) == 0
@@ -210,14 +203,6 @@ def test_answers_turn_and_shift_with_the_room_and_do_not_depend_on_rows(
     assert ask(position + np.array([3, -4, 0.1]), wish) == pytest.approx(expected, abs=1e-6)
     assert ask(position[order], wish[order]) == pytest.approx(expected[order], abs=1e-6)
     assert ask(position @ turn.T, wish @ turn.T) == pytest.approx(expected @ turn.T, abs=1e-6)
-
-
-@pytest.mark.parametrize("name", ["voronoi", "potential"])
-def test_every_option_has_a_unit_and_a_default(name: str) -> None:
-    (offer,) = import_module(f"star_{name}").star_avoiders()
-    properties = offer.options["properties"]
-    assert all(re.search(r", (s|m|m⁴/s)\b", one["description"]) for one in properties.values())
-    assert all("default" in option for option in properties.values())
 
 
 def test_nothing_is_compiled_in_flight() -> None:

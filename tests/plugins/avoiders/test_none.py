@@ -6,7 +6,7 @@ import numpy as np
 
 import star_none
 from star_core import Setpoint
-from star_core.testing import check_avoider, estimate, scene
+from star_core.testing import estimate, scene
 
 
 def test_what_is_wanted_is_flown_whoever_is_in_the_way() -> None:
@@ -14,8 +14,3 @@ def test_what_is_wanted_is_flown_whoever_is_in_the_way() -> None:
     wish = Setpoint(np.array([[0.5, 0, 0], [-0.5, 0, 0]]), np.zeros(2), np.ones(2, np.bool_))
     now = estimate(np.array([[0.0, 0, 1], [0.3, 0, 1]]))
     assert offer.make(scene(2)).avoid(now, wish) is wish
-
-
-def test_it_keeps_the_contract() -> None:
-    (offer,) = star_none.star_avoiders()
-    check_avoider(offer.make(scene(3)))

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from jsonschema import Draft202012Validator
 
 import star_straight
 from star_core import Array, Goals, Limits, Planner, Scene, fill_defaults
@@ -153,10 +152,3 @@ def test_after_a_pause_the_heading_turns_from_where_the_agent_looks() -> None:
     straight.plan(first, Goals.none(1))
     plan = straight.plan(replace(first, yaw=np.radians([45])), wanted)
     assert np.degrees(plan.setpoint.yaw) == pytest.approx([48])
-
-
-def test_every_option_has_a_default_and_a_description() -> None:
-    (offer,) = star_straight.star_planners()
-    Draft202012Validator.check_schema(offer.options)
-    for option in offer.options["properties"].values():
-        assert {"default", "description"} <= set(option)

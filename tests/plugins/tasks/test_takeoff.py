@@ -37,13 +37,6 @@ def test_the_shortest_climb_takes_a_second(make: Any, fly: Any) -> None:
     assert command.duration.tolist() == [1.0, 1.0]
 
 
-def test_only_its_own_agents_get_a_goal(make: Any, fly: Any) -> None:
-    room = scene(2)
-    flown = fly(make("takeoff", room, (1,)), room, GROUND, phase=AgentPhase.GROUNDED)
-    assert flown.goals[-1].active.tolist() == [False, True]
-    assert flown.commands[0].agent.tolist() == [1]
-
-
 def test_who_is_in_the_air_already_is_named(make: Any, fly: Any) -> None:
     room = scene(2)
     flown = fly(make("takeoff", room, (0, 1)), room, GROUND, phase=AgentPhase.FLYING)

@@ -48,7 +48,7 @@ def test_new_plugins_of_every_kind_pass_their_own_tests(tmp_path: Path) -> None:
         check=False,
     )
     assert tests.returncode == 0, tests.stdout + tests.stderr
-    assert "13 passed" in tests.stdout
+    assert "15 passed" in tests.stdout
 
 
 def _install(folder: Path) -> None:

@@ -11,8 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import star_sim
-from star_core import Paced, Setpoint, Transport, fill_defaults
-from star_core.testing import scene
+from star_core import Paced, Setpoint
 from star_sim.battery import HOVER_TIME
 
 Flying = Callable[..., Any]
@@ -21,10 +20,6 @@ Flying = Callable[..., Any]
 def errand(flight: Any) -> None:
     flight.rise()
     flight.fly(2.0, (0.2, 0.3, 0.0), yaw=0.4)
-
-
-def test_it_is_a_transport() -> None:
-    assert isinstance(star_sim.make(scene(2), **fill_defaults({}, star_sim.OPTIONS)), Transport)
 
 
 def test_two_runs_are_the_same_to_the_last_bit(start: Flying) -> None:
@@ -149,12 +144,6 @@ def test_its_speed_can_be_changed_by_the_core(start: Flying) -> None:
 def test_without_a_speed_it_never_sleeps(start: Flying, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda _: pytest.fail("slept"))
     start().fly(1.0)
-
-
-def test_closing_twice_is_harmless(start: Flying) -> None:
-    simulator = start().simulator
-    simulator.close()
-    simulator.close()
 
 
 def test_the_options_are_a_schema() -> None:
