@@ -40,6 +40,10 @@ class Transport(Protocol):
 
     If it can simulate failing drones it also has ``inject(faults)``: it is called before `connect`
     with every `Fault` of motors, batteries, flow sensors, gyros and rangers.
+
+    If it lands agents by itself when the flight fails it may have ``record_in(folder)``, called
+    once after `connect` if the flight is recorded, and ``note_frames(map_from_odom)``: the
+    `Transform` of `Estimate.map_from_odom`, last known for each agent, before each `send`.
     """
 
     def connect(self) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from star_core.contracts import Avoider, Localizer, Paced, Planner, Transport
 from star_core.errors import ContractError, PluginError
 from star_core.messages.arrays import Array, Mask, Rows, require_rows, require_type
 from star_core.messages.commands import Command, Trajectory
+from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate, Goals, Plan, Setpoint, Truth
 from star_core.messages.telemetry import Odometry, Telemetry
 from star_core.messages.vision import Corrections, Detections, Frames, Sightings
@@ -126,8 +128,11 @@ class PluginPipeline:
         times = {kind: self._watches[kind].elapsed for kind in kinds}
         return times | {"safety": self.safety_time.elapsed}
 
-    def connect(self, trajectories: Sequence[Trajectory]) -> None:
-        """Open the links, and upload the trajectories that agents may fly on board."""
+    def connect(self, trajectories: Sequence[Trajectory], folder: Path | None = None) -> None:
+        """Open the links, and upload the trajectories that agents may fly on board.
+
+        `folder` is that of the record, if there is one.
+        """
         transport = self._plugins["transport"]
         with self._making["transport"], Progress(f"connecting to {self._n} agents"):
             if trajectories and not hasattr(transport, "upload"):
@@ -135,6 +140,8 @@ class PluginPipeline:
             transport.connect()
             if trajectories:
                 transport.upload(trajectories)
+            if folder is not None and hasattr(transport, "record_in"):
+                transport.record_in(folder)
 
     def wait(self, until: float) -> float:
         """Let time pass until `until`, s, and return the mission time it is then, s."""
@@ -224,11 +231,14 @@ class PluginPipeline:
         with self._tolerating["transport"]:
             self._plugins["transport"].correct(corrections)
 
-    def send(self, setpoint: Setpoint) -> Setpoint:
+    def send(self, setpoint: Setpoint, map_from_odom: Transform) -> Setpoint:
         """Send a setpoint in odometry frames; return the one that was sent, or is to be."""
+        transport = self._plugins["transport"]
         with self._tolerating["transport"]:
             self._sent = setpoint
-            sent = self._plugins["transport"].send(setpoint)
+            if hasattr(transport, "note_frames"):
+                transport.note_frames(map_from_odom)
+            sent = transport.send(setpoint)
             return setpoint if sent is setpoint else checked_setpoint(sent, self._n)
         return setpoint
 

@@ -51,7 +51,7 @@ def fly(
     run: _Run | None = None
     try:
         run = _Run(mission, registry, pipeline, operator)
-        pipeline.connect(run.loop.executor.trajectories)
+        pipeline.connect(run.loop.executor.trajectories, folder)
         operator.simulation = pipeline.paced
         operator.report = run.observers.event
         run.observers.notify(

@@ -148,7 +148,7 @@ class VehicleInterface:
             velocity=to_map.turn_back(setpoint.velocity),
             yaw=setpoint.yaw - to_map.yaw,
         )
-        sent = self._pipeline.send(odom)
+        sent = self._pipeline.send(odom, to_map)
         if sent is odom:
             return setpoint
         return replace(sent, velocity=to_map.turn(sent.velocity), yaw=sent.yaw + to_map.yaw)

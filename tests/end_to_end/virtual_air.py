@@ -101,7 +101,7 @@ star: 1
 name: short
 world: room.yaml
 rate: 20
-transport: {{use: radio, cache: '{cache}'}}
+transport: {{use: radio, guardian: false, cache: '{cache}'}}
 localizer: flow
 planner: straight
 avoider: none

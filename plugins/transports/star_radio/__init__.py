@@ -21,12 +21,14 @@ def make(scene: Scene, **options: Any) -> Transport:
     """Return the transport for a scene's agents; its links are not open yet.
 
     Raises:
-        PluginError: The motion-capture system or the dongle for broadcasts is not available.
+        PluginError: The motion-capture system or, without a guardian, the dongle for broadcasts is
+            not available.
     """
+    from star_radio.guarded import GuardedRadio
     from star_radio.options import RadioOptions
     from star_radio.transport import Radio
 
-    return Radio(scene, RadioOptions(**options))
+    return (GuardedRadio if options["guardian"] else Radio)(scene, RadioOptions(**options))
 
 
 def check(scene: Scene, **options: Any) -> Iterable[Problem]:

@@ -45,6 +45,12 @@ OPTIONS: dict[str, Any] = {
             "description": "Period of an agent's state reports, s, in steps of 0.01; null selects "
             "0.01, or the shortest period that its dongle can carry.",
         },
+        "guardian": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether a process of its own owns the links: if the flight does not "
+            "answer for 0.3 s its agents hover, after 1 s, or if it has ended, they land.",
+        },
         "mode": {
             "enum": ["legacy", "inline"],
             "default": "legacy",
@@ -156,6 +162,7 @@ class RadioOptions:
     connect_timeout: float
     setpoints: str
     report_period: float | None
+    guardian: bool
     mode: str
     udp: str
     cache: str | None

@@ -7,9 +7,9 @@ import struct
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -17,10 +17,8 @@ from star_core import (
     Command,
     ContractError,
     Corrections,
-    Frames,
     Order,
     PluginError,
-    Progress,
     Refusal,
     Scene,
     Setpoint,
@@ -35,15 +33,12 @@ from star_radio.connection import udp_links
 from star_radio.connection.cflib_link import silence_cflib
 from star_radio.connection.link import Link
 from star_radio.connection.tables import Tables, user_cache
-from star_radio.mocap import MotionCapture
 from star_radio.options import RadioOptions
+from star_radio.sensors import Sensors, connecting
 from star_radio.steering import Steering, Velocities, WholeStates
 from star_radio.telemetry import TelemetryBuffer
 from star_radio.trajectories import TrajectoryMemory, rotation_error
 from star_radio.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from star_radio.camera.ai_decks import AiDecks
 
 log = logging.getLogger(__name__)
 
@@ -73,6 +68,9 @@ class Radio:
 
     Attributes:
         vehicles: The drone of each row.
+        connected: (N,) which of them are connected, and did not reboot.
+        began: The computer's clock at mission time 0, s; None before the first `wait`.
+        progress: Of `connect`.
 
     Raises:
         PluginError: The motion-capture system or the dongle for broadcasts is not available.
@@ -84,15 +82,10 @@ class Radio:
         self._scene, self._options = scene, options
         self._tables = Tables(Path(options.cache) if options.cache else user_cache())
         self._report_period = options.report_period or budget.report_period(uris, options.mode)
-        self._mocap = MotionCapture(scene, **options.mocap) if options.mocap else None
+        self._sensors = Sensors(scene, options)
         self._broadcasts: BroadcastCommands | None = None
         if options.broadcast is not None:
             self._broadcasts = BroadcastCommands(scene, options.broadcast)
-        self._ai_decks: AiDecks | None = None
-        if options.cameras:
-            from star_radio.camera.ai_decks import AiDecks  # OpenCV is slow to import
-
-            self._ai_decks = AiDecks(scene, options.cameras, options.camera_latency)
         self._steering: Steering = Velocities()
         if options.setpoints == "full-state":
             self._steering = WholeStates(len(uris))
@@ -103,14 +96,18 @@ class Radio:
         )
         self._memory = TrajectoryMemory()
         self._awaiting_start: set[int] = set()  # rows commanded to follow, not yet reported active
-        self._connected = np.zeros(len(self.vehicles), np.bool_)
+        self.connected = np.zeros(len(self.vehicles), np.bool_)
         self._refusals: list[Refusal] = []
         self._telemetry = TelemetryBuffer(self.vehicles)
-        self._began: float | None = None  # s of the computer's clock, at mission time 0
+        self.began: float | None = None
         self._kept_alive = -np.inf  # s, last reset of the watchdog
+        self.progress = connecting(len(self.vehicles), self.settling)
 
-    def connect(self) -> None:
+    def connect(self, *, shown: bool = True) -> None:
         """Open all links in parallel.
+
+        Args:
+            shown: Whether to report the progress on stderr.
 
         Raises:
             PluginError: Agents cannot be reached; the message lists each with its reason.
@@ -118,24 +115,16 @@ class Radio:
         fly_without = self._options.absent == "fly-without"
         if self._broadcasts is not None:
             self._broadcasts.clear_groups()
-        progress = Progress(
-            "radio: connected",
-            len(self.vehicles),
-            unit="agents",
-            detail=self._settling,
-            announced=True,
-        )
-        with progress:
-            connect = partial(self._connect, progress=progress)
-            absent = _faults(dict(enumerate(self.vehicles)), connect)
-        self._connected[:] = [row not in absent for row in range(len(self.vehicles))]
-        if self._ai_decks is not None and (fly_without or not absent):
-            self._ai_decks.connect(self._options.response_timeout)
+        with self.progress if shown else nullcontext():
+            absent = _faults(dict(enumerate(self.vehicles)), self._connect)
+        self.connected[:] = [row not in absent for row in range(len(self.vehicles))]
+        if fly_without or not absent:
+            self._sensors.connect()
         if not absent:
             return
         count = f"{len(absent)} of {len(self.vehicles)}"
         text = f"cannot reach {count} agents: {'; '.join(absent.values())}"
-        if not self._connected.any():
+        if not self.connected.any():
             raise PluginError(text, "agents-unreachable")
         if not fly_without:
             raise PluginError(
@@ -152,7 +141,7 @@ class Radio:
             PluginError: They do not fit, or drones refuse; the message lists each such drone.
         """
         self._memory = TrajectoryMemory(trajectories)
-        present = {row: self.vehicles[row] for row in np.flatnonzero(self._connected).tolist()}
+        present = {row: self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()}
         agents = self._scene.agents
         refused = _faults(
             present, lambda row, one: self._memory.upload(one.upload, agents[row].yaw)
@@ -166,9 +155,9 @@ class Radio:
 
     def wait(self, until: float) -> float:
         now = time.monotonic()
-        if self._began is None:
-            self._began = now
-        for row in np.flatnonzero(self._connected).tolist():
+        if self.began is None:
+            self.began = now
+        for row in np.flatnonzero(self.connected).tolist():
             if row in self._awaiting_start and self._follows(row):
                 self._awaiting_start.discard(row)
                 self.vehicles[row].confirm()  # a repeated command would restart it from here
@@ -178,19 +167,18 @@ class Radio:
                     self._refusals.append(Refusal(row, failure.text))
             if self.vehicles[row].rebooted:
                 log.warning("radio: %s rebooted", self.vehicles[row].name)
-                self._connected[row] = False
+                self.connected[row] = False
         if self._options.watchdog and now - self._kept_alive >= KEEP_ALIVE_PERIOD:
             self._kept_alive = now
             for vehicle in self._present():
                 vehicle.link.post(orders.keep_alive(vehicle.version))
-        time.sleep(max(0.0, self._began + until - time.monotonic()))
-        return time.monotonic() - self._began
+        time.sleep(max(0.0, self.began + until - time.monotonic()))
+        return time.monotonic() - self.began
 
     def receive(self) -> Telemetry:
-        began = time.monotonic() if self._began is None else self._began
-        frames = Frames.none() if self._ai_decks is None else self._ai_decks.frames(began)
+        began = time.monotonic() if self.began is None else self.began
         refusals, self._refusals = tuple(self._refusals), []
-        return self._telemetry.gather(began, frames, refusals)
+        return self._telemetry.gather(began, self._sensors.frames(began), refusals)
 
     def command(self, command: Command) -> None:
         """Send a command to the connected agents and repeat it until it is confirmed.
@@ -201,7 +189,7 @@ class Radio:
         Raises:
             ContractError: A trajectory was not uploaded.
         """
-        rows = [(i, row) for i, row in enumerate(command.agent.tolist()) if self._connected[row]]
+        rows = [(i, row) for i, row in enumerate(command.agent.tolist()) if self.connected[row]]
         self._awaiting_start.difference_update(command.agent.tolist())
         if command.trajectory is not None:
             rows = [(i, row) for i, row in rows if self._can_follow(row, float(command.yaw[i]))]
@@ -229,9 +217,7 @@ class Radio:
 
     def correct(self, corrections: Corrections) -> None:
         """Send pose corrections to the estimators, preceded by changed standard deviations."""
-        rows = [
-            (i, row) for i, row in enumerate(corrections.agent.tolist()) if self._connected[row]
-        ]
+        rows = [(i, row) for i, row in enumerate(corrections.agent.tolist()) if self.connected[row]]
         deviations = corrections.position_deviation, corrections.attitude_deviation
         for i, row in rows:
             self.vehicles[row].set_noise(*(float(deviation[i]) for deviation in deviations))
@@ -248,7 +234,7 @@ class Radio:
         if not finite[setpoint.active].all():
             rows = np.flatnonzero(setpoint.active & ~finite)
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
-        active = setpoint.active & self._connected
+        active = setpoint.active & self.connected
         sent = setpoint
         if active.sum() != setpoint.active.sum():
             sent = Setpoint(setpoint.velocity, setpoint.yaw, active)
@@ -261,9 +247,7 @@ class Radio:
         return sent
 
     def truth(self) -> Truth | None:
-        if self._mocap is None or self._began is None:
-            return None
-        return self._mocap.truth(self._began)
+        return None if self.began is None else self._sensors.truth(self.began)
 
     def close(self) -> None:
         """Land flying drones, end the reports and close the links, all drones in parallel."""
@@ -276,12 +260,12 @@ class Radio:
                     vehicle.retry(time.monotonic())
         with ThreadPoolExecutor(len(self.vehicles)) as pool:
             list(pool.map(Link.close, [vehicle.link for vehicle in self.vehicles]))
-        for resource in (self._udp_links, self._ai_decks, self._mocap, self._broadcasts):
+        for resource in (self._udp_links, self._sensors, self._broadcasts):
             if resource is not None:
                 resource.close()
 
     def _present(self) -> list[Vehicle]:
-        return [self.vehicles[row] for row in np.flatnonzero(self._connected).tolist()]
+        return [self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()]
 
     def _packet(self, command: Command, i: int, version: int) -> bytes:
         """Return the packet of row `i` of a command."""
@@ -312,12 +296,12 @@ class Radio:
         state = self._telemetry.last[row, report.STATE]
         return not np.isnan(state) and int(state) & COMMANDER_STATES == Supervisor.COMMANDER_ACTIVE
 
-    def _settling(self) -> str:
+    def settling(self) -> str:
         """Return whose estimators `connect` waits for."""
         names = [vehicle.name for vehicle in self.vehicles if vehicle.settling]
         return f"waiting for estimators to settle: {', '.join(names)}" if names else ""
 
-    def _connect(self, row: int, vehicle: Vehicle, progress: Progress) -> None:
+    def _connect(self, row: int, vehicle: Vehicle) -> None:
         """Connect one drone; close its link on failure."""
         masks = {} if self._broadcasts is None else self._broadcasts.masks
         try:
@@ -327,7 +311,7 @@ class Radio:
         except Exception:
             vehicle.link.close()
             raise
-        progress.done += 1
+        self.progress.done += 1
 
 
 def _faults(

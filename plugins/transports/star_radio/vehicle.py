@@ -244,26 +244,37 @@ class Vehicle:
         self._hand_over(now)
         return failures
 
+    @property
+    def airborne(self) -> bool:
+        """Whether it flies, by its newest report, or is flown by setpoints.
+
+        A drone whose motors were stopped is not: although it reports to be flying for another 2 s,
+        a landing would restart them. Nor is one that rebooted, which is on the floor.
+        """
+        return not (self._stopped or self.rebooted) and (self.steered or self._flies())
+
+    @property
+    def lands(self) -> bool:
+        """Whether the last command was to land."""
+        return self._handover is not None and self._handover.lands
+
+    def land(self) -> None:
+        """Command it to land from its position."""
+        self.order(landing(self._report().height), "land")
+
     def begin_closing(self) -> None:
         """Land the drone if it flies.
 
         If it is flown by setpoints, the firmware's timeout would otherwise stop its motors in the
-        air and lock it; if by its high-level commander, it would stay airborne. A drone whose
-        motors were stopped is not landed: although it reports to be flying for another 2 s, a
-        landing would restart them. Nor is one that rebooted, which is on the floor.
+        air and lock it; if by its high-level commander, it would stay airborne.
         """
         if self.layout is None:
             return
         now = time.monotonic()
         lost = now - self.heard > LINK_LOST_TIMEOUT
         self._close_by = now + (LOST_ORDER_TIMEOUT if lost else LAST_ORDER_TIMEOUT)
-        lands = self._handover is not None and self._handover.lands
-        if self._stopped or lands or self.rebooted:
-            return
-        if self.steered or self._flies():
-            height = self._report().height
-            duration = max(MIN_DESCENT_TIME, height / DESCENT_SPEED)  # `max` drops a NaN here
-            self.order(orders.land(0.0, duration), "land")
+        if self.airborne and not self.lands:
+            self.land()
 
     def end_reports(self) -> None:
         """Stop the reports and leave the high-level commander usable for the next client."""
@@ -388,6 +399,11 @@ class Vehicle:
     def _ask(self, questions: Sequence[Question]) -> list[bytes]:
         """Ask questions, blocking; for connecting and uploading."""
         return self.link.ask_all(questions, timeout=self._response_timeout, deadline=self._deadline)
+
+
+def landing(height: float) -> bytes:
+    """Return the command to land from a height, m."""
+    return orders.land(0.0, max(MIN_DESCENT_TIME, height / DESCENT_SPEED))  # `max` drops a NaN here
 
 
 def _error(payload: bytes) -> int:

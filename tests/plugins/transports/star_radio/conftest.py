@@ -25,7 +25,7 @@ Peers: TypeAlias = Callable[..., list[Peer]]
 
 def options(**given: Any) -> dict[str, Any]:
     """Options of the transport, with the defaults of the schema."""
-    return fill_defaults(given, OPTIONS)
+    return fill_defaults({"guardian": False} | given, OPTIONS)
 
 
 def reached(uris: list[str], rate: float = 20.0) -> Scene:
@@ -75,9 +75,9 @@ def udp_peers(stack: ExitStack) -> Peers:
 def make(tmp_path: Path, stack: ExitStack) -> Open:
     """Make a radio to some addresses; it is closed at the end."""
 
-    def make(uris: list[str], **options: Any) -> Radio:
-        given: dict[str, Any] = {"cache": str(tmp_path), "response_timeout": 0.6} | options
-        radio = star_radio.make(reached(uris), **fill_defaults(given, OPTIONS))
+    def make(uris: list[str], **how: Any) -> Radio:
+        given: dict[str, Any] = {"cache": str(tmp_path), "response_timeout": 0.6} | how
+        radio = star_radio.make(reached(uris), **options(**given))
         assert isinstance(radio, Radio)
         stack.callback(radio.close)
         return radio

@@ -284,7 +284,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tupl
         monkeypatch.setattr(Broadcaster, "show", lambda *_pose: everybody.send(b"\x61"))
         radio = star_radio.make(reached([AIR[0], AIR[2]]), **options(broadcast=1))
         assert isinstance(radio, Radio)
-        radio._connected[:] = True
+        radio.connected[:] = True
         for vehicle in radio.vehicles:
             vehicle.version = 12
             vehicle.link._driver = LinkDriver(vehicle.name, log)

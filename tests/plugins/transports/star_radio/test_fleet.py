@@ -42,7 +42,7 @@ star: 1
 name: over-udp
 world: room.yaml
 rate: 20
-transport: {use: radio, cache: CACHE, response_timeout: 1.0}
+transport: {use: radio, guardian: false, cache: CACHE, response_timeout: 1.0}
 localizer: flow
 planner: straight
 avoider: orca

@@ -51,7 +51,7 @@ def told(flown: Trajectory, n: int = 1, *, yaw: float = 0.0, seconds: float = 6.
 
 def ticks(radio: Radio, n: int) -> list[Any]:
     """Let ticks of 50 ms pass; return everything that was refused."""
-    first = 0.0 if radio._began is None else time.monotonic() - radio._began
+    first = 0.0 if radio.began is None else time.monotonic() - radio.began
     refused: list[Any] = []
     for i in range(n):
         radio.wait(first + i * 0.05)
@@ -258,7 +258,7 @@ name: over-udp
 world: room.yaml
 rate: 20
 limits: {speed: 1.0}
-transport: {use: radio, cache: CACHE, response_timeout: 1.0}
+transport: {use: radio, guardian: false, cache: CACHE, response_timeout: 1.0}
 localizer: flow
 planner: straight
 avoider: orca

@@ -1,0 +1,224 @@
+"""The transport ``radio`` with a guardian: the links are in a process that survives this one."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from multiprocessing import Pipe
+from pathlib import Path
+from typing import Any, Final, NamedTuple, NoReturn
+
+import numpy as np
+
+from star_core import (
+    Command,
+    Corrections,
+    Order,
+    PluginError,
+    Scene,
+    Setpoint,
+    Supervisor,
+    Telemetry,
+    Trajectory,
+    Transform,
+    Truth,
+)
+from star_radio import rescue
+from star_radio.options import RadioOptions
+from star_radio.sensors import Sensors, connecting
+from star_radio.vehicle import LANDED_HEIGHT
+
+log = logging.getLogger(__name__)
+
+SERVE: Final = "from star_radio.guardian import serve; serve"
+TIMEOUT: Final = 1.0  # s, for an answer; 2 s after the last setpoint the motors stop
+START_TIMEOUT: Final = 30.0  # s, for the process to start, and between reports while connecting
+CLOSE_TIMEOUT: Final = 60.0  # s, for landings that the guardian has begun, and for closing
+EXIT_TIMEOUT: Final = 2.0  # s
+LAST_TAKEOFF: Final = 2.0  # s after the command, within which an agent reports to fly
+
+
+class Answer(NamedTuple):
+    """An answer to a message.
+
+    Attributes:
+        number: Of the message; None for a report of progress.
+        problem: Message and code of an error, also of earlier messages without an answer.
+        value: What was asked for.
+        lines: Log messages since the last answer, with their levels.
+    """
+
+    number: int | None
+    problem: tuple[str, str] | None = None
+    value: Any = None
+    lines: Sequence[tuple[int, str]] = ()
+
+
+class GuardedRadio:
+    """Crazyflies through a guardian, which lands them if this process does not answer.
+
+    Cameras and motion capture, which fly nothing, are received here.
+
+    Args:
+        scene: Agents, each with the address of its link.
+        options: As a mission states them.
+
+    Raises:
+        PluginError: The motion-capture system is not available.
+    """
+
+    def __init__(self, scene: Scene, options: RadioOptions) -> None:
+        n = len(scene.agents)
+        self._scene, self._options = scene, options
+        self._sensors = Sensors(scene, options)
+        self._number = 0
+        self._lost = ""  # what happened to the guardian
+        self._progress = connecting(n, lambda: self._detail)
+        self._detail = ""
+        self._began = 0.0
+        self._telemetry: Telemetry | None = None
+        self._connected = np.zeros(n, np.bool_)
+        self._taken_off = np.full(n, -np.inf)  # s, of the last command to take off
+        self._stopped = np.zeros(n, np.bool_)  # whose motors were stopped
+        self._to_map: Transform | None = None
+        self._connection, theirs = Pipe()
+        with theirs:
+            self._process = subprocess.Popen(  # noqa: S603 -- this very interpreter
+                [sys.executable, "-c", f"{SERVE}({theirs.fileno()})"],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,  # signals of the terminal do not reach it
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )
+        self._connection.send((scene, dataclasses.replace(options, cameras={}, mocap=None)))
+
+    def connect(self) -> None:
+        """Open all links, as `Radio` does."""
+        with self._progress:
+            self._call("connect", None, START_TIMEOUT)
+        self._sensors.connect()
+
+    def upload(self, trajectories: Sequence[Trajectory]) -> None:
+        """Upload trajectories, as `Radio` does."""
+        self._call("upload", trajectories, START_TIMEOUT)
+
+    def record_in(self, folder: Path) -> None:
+        """Let the guardian write what it does into ``guardian.log`` in a folder."""
+        self._post("record_in", folder.absolute())
+
+    def note_frames(self, map_from_odom: Transform) -> None:
+        """Let the guardian know where the agents are, to keep them clear of each other."""
+        self._to_map = map_from_odom
+
+    def wait(self, until: float) -> float:
+        patience = max(0.0, self._began + until - time.monotonic()) if self._began else until
+        self._began, self._connected, self._telemetry = self._call(
+            "wait", until, patience + TIMEOUT
+        )
+        return time.monotonic() - self._began
+
+    def receive(self) -> Telemetry:
+        telemetry = self._telemetry
+        if telemetry is None:
+            raise PluginError("receive() before wait()")
+        odometry = dataclasses.replace(telemetry.odometry)  # read-only, as any table
+        frames = self._sensors.frames(self._began)
+        return dataclasses.replace(telemetry, odometry=odometry, frames=frames)
+
+    def command(self, command: Command) -> None:
+        self._stopped[command.agent] = command.order is Order.STOP
+        if command.order is Order.TAKEOFF:
+            self._taken_off[command.agent] = time.monotonic()
+        self._post("command", command)
+
+    def correct(self, corrections: Corrections) -> None:
+        self._post("correct", corrections)
+
+    def send(self, setpoint: Setpoint) -> Setpoint:
+        """Send the active rows that are connected; only these are active in the return value."""
+        active = setpoint.active & self._connected
+        sent = setpoint
+        if active.sum() != setpoint.active.sum():
+            sent = dataclasses.replace(setpoint, active=active)
+        self._post("send", (sent, self._to_map))
+        return sent
+
+    def truth(self) -> Truth | None:
+        return self._sensors.truth(self._began) if self._began else None
+
+    def close(self) -> None:
+        """Let the guardian land flying drones and close the links; wait until it has."""
+        try:
+            if not self._connection.closed:
+                self._call("close", None, CLOSE_TIMEOUT)
+        finally:
+            self._connection.close()  # which ends the guardian, too
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(EXIT_TIMEOUT)
+            self._sensors.close()
+
+    def _post(self, name: str, argument: object, number: int | None = None) -> None:
+        """Send a message."""
+        if self._lost:
+            raise PluginError(self._lost, "link-failed")
+        try:
+            self._connection.send((number, name, argument))
+        except OSError:
+            self._lose("has ended")
+
+    def _call(self, name: str, argument: object, patience: float) -> Any:
+        """Send a message and return the answer, within `patience`, s, or after its last report."""
+        self._number += 1
+        self._post(name, argument, self._number)
+        try:
+            while self._connection.poll(patience):
+                answer: Answer = self._connection.recv()
+                for level, line in answer.lines:
+                    log.log(level, "%s", line)
+                if answer.number is None:
+                    self._progress.done, self._detail = answer.value
+                elif answer.number == self._number:  # not of a call that was interrupted
+                    if answer.problem is not None:
+                        raise PluginError(*answer.problem)
+                    return answer.value
+        except (EOFError, OSError):
+            self._lose("has ended")
+        return self._lose(f"does not answer for {patience:.1f} s")
+
+    def _lose(self, how: str) -> NoReturn:
+        """Land the agents through links of this process: the guardian is lost."""
+        self._process.kill()
+        self._process.wait()  # its links are closed
+        self._connection.close()
+        drones = self._airborne()
+        text = self._lost = f"the guardian process {how}"
+        if drones:
+            text += f": landing {', '.join(drone.name for drone in drones)} without reports"
+            unreached = rescue.land(drones, self._options.udp)
+            if unreached:
+                text += f"; {', '.join(unreached)} cannot be reached, and will fall"
+        raise PluginError(text, "link-failed")
+
+    def _airborne(self) -> list[rescue.Airborne]:
+        """Return the agents in the air, by the last telemetry and the last commands."""
+        telemetry = self._telemetry
+        if telemetry is None:
+            return []
+        height = telemetry.position[:, 2]
+        landed = (telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0) & (
+            height < LANDED_HEIGHT
+        )
+        flies = (telemetry.state & int(Supervisor.FLYING) != 0) & ~landed
+        flies |= time.monotonic() - self._taken_off < LAST_TAKEOFF
+        agents = self._scene.agents
+        return [
+            rescue.Airborne(agents[row].name, agents[row].uri or "", float(height[row]))
+            for row in np.flatnonzero(flies & self._connected & ~self._stopped).tolist()
+        ]

@@ -1,0 +1,56 @@
+"""Lands drones through new links, without their reports, after the guardian is lost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final, NamedTuple
+
+from star_core import PluginError
+from star_radio import orders
+from star_radio.connection.link import Link
+from star_radio.connection.udp_links import UdpLinks
+from star_radio.vehicle import landing
+
+OPEN_TIMEOUT: Final = 1.0  # s
+REPEAT_TIME: Final = 1.0  # s, for which the commands are repeated
+REPEAT_PERIOD: Final = 0.1  # s
+
+
+class Airborne(NamedTuple):
+    """A drone in the air: its name, the address of its link and its last reported height, m."""
+
+    name: str
+    uri: str
+    height: float
+
+
+def land(drones: Sequence[Airborne], udp: str) -> list[str]:
+    """Command drones to land in place; return the names of those whose links cannot be opened.
+
+    A landing that is repeated while the drone executes it changes nothing. A drone that rebooted
+    is in no group and ignores it.
+    """
+    udp_links = UdpLinks() if udp == "sockets" else None
+
+    def opened(drone: Airborne) -> tuple[Airborne, Link | None]:
+        link = Link(drone.uri, drone.name, udp_links)
+        try:
+            link.open(OPEN_TIMEOUT)
+        except PluginError:
+            return drone, None
+        return drone, link
+
+    with ThreadPoolExecutor(len(drones)) as pool:
+        links = list(pool.map(opened, drones))
+        for _time in range(round(REPEAT_TIME / REPEAT_PERIOD)):
+            for drone, link in links:
+                if link is not None:
+                    link.post(orders.only_for(orders.MISSION, landing(drone.height)))
+                    link.post(orders.no_more_setpoints())
+            time.sleep(REPEAT_PERIOD)
+        list(pool.map(Link.close, [link for _drone, link in links if link is not None]))
+    if udp_links is not None:
+        udp_links.close()
+    return [drone.name for drone, link in links if link is None]

@@ -1,0 +1,275 @@
+"""The guardian and the flight that it serves, on a virtual clock."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Array, Command, Order, Setpoint, Supervisor, Transform
+from star_core.testing import scene
+from star_radio.guarded import Answer
+from star_radio.guardian import Guardian, Lines
+from star_radio.options import RadioOptions
+from star_radio.transport import Radio
+from tests.end_to_end.virtual_air import MAX_IMPACT, ON_FLOOR, Air
+from tests.plugins.transports.star_radio.conftest import options
+from tests.plugins.transports.star_radio.virtual import virtual
+
+PERIOD = 0.05  # s
+STARTS = ((-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+
+
+class Flight:
+    """Drones, their guardian, and the flight's end of the connection to it.
+
+    Attributes:
+        air: The drones.
+        guardian: Serves the messages of `post` and `call`.
+    """
+
+    def __init__(self, folder: Path, air: Air, agents: Any) -> None:
+        self.air = air
+        self._posted: deque[tuple[int | None, str, Any]] = deque()
+        self._answers: list[Answer] = []
+        self._closed = False
+        self._tick = 0
+        room = dataclasses.replace(scene(len(agents)), agents=agents, realtime=True)
+        self.radio = Radio(room, RadioOptions(**options(cache=str(folder))))
+        self.radio.connect()
+        self.guardian = Guardian(room, self.radio, self, Lines())  # type: ignore[arg-type]
+        self.post("record_in", folder)
+
+    # The connection, as the guardian uses it.
+
+    def poll(self, timeout: float) -> bool:
+        if not self._posted and not self._closed:
+            self.air.sleep(timeout)
+        return bool(self._posted) or self._closed
+
+    def recv(self) -> tuple[int | None, str, Any]:
+        if not self._posted:
+            raise EOFError
+        return self._posted.popleft()
+
+    def send(self, answer: Answer) -> None:
+        self._answers.append(answer)
+
+    # The flight.
+
+    def post(self, name: str, argument: Any) -> None:
+        self._posted.append((None, name, argument))
+        self.guardian.step()
+
+    def call(self, name: str, argument: Any = None) -> Answer:
+        self._posted.append((1, name, argument))
+        self.guardian.step()
+        return self._answers[-1]
+
+    def tick(self, velocity: Array | None = None) -> Answer:
+        """Wait for the next tick, and steer all drones by a velocity, m/s."""
+        began = self.air.now if self.radio.began is None else self.radio.began
+        self._tick = max(self._tick + 1, round((self.air.now - began) / PERIOD))
+        answer = self.call("wait", self._tick * PERIOD)
+        if velocity is not None:
+            n = len(self.radio.vehicles)
+            setpoint = Setpoint(velocity, np.zeros(n), np.ones(n, np.bool_))
+            self.post("send", (setpoint, frames(self.starts)))
+        return answer
+
+    def order(self, order: Order, position: Array, duration: float = 2.0) -> None:
+        n = len(self.radio.vehicles)
+        rows = np.arange(n)
+        self.post("command", Command(order, rows, position, np.zeros(n), np.full(n, duration)))
+
+    def fly(self, seconds: float, velocity: Array | None = None) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            self.tick(velocity)
+
+    def take_off(self, *heights: float) -> None:
+        """Take off to some heights, m."""
+        self.order(Order.TAKEOFF, np.array([[0.0, 0.0, height] for height in heights]))
+        self.fly(3.0)
+
+    def silence(self, seconds: float) -> None:
+        """Send nothing."""
+        for _ in range(round(seconds / PERIOD)):
+            self.guardian.step()
+
+    def die(self) -> None:
+        """Close the connection, and let the guardian run to its end."""
+        self._closed = True
+        self.guardian.run()
+
+    # The drones.
+
+    @property
+    def starts(self) -> Array:
+        return np.array([agent.start for agent in self.guardian._scene.agents])
+
+    @property
+    def speed(self) -> float:
+        """Of the fastest drone, m/s."""
+        return float(np.linalg.norm(self.air.drones["velocity"], axis=1).max())
+
+    @property
+    def fallen(self) -> bool:
+        """Whether a drone is locked, hit the floor at more than 1 m/s, or is not on it."""
+        wrong = (self.air.drones["locked"] != 0) | (self.air.impact > MAX_IMPACT)
+        return bool((wrong | (self.air.height > ON_FLOOR)).any())
+
+
+def frames(starts: Array) -> Transform:
+    return Transform(np.zeros(len(starts)), starts)
+
+
+@pytest.fixture
+def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flight]:
+    starts = getattr(request, "param", STARTS)
+    room = scene(len(starts))
+    agents = tuple(
+        dataclasses.replace(agent, start=start, yaw=0.0, uri=f"udp://air:{row + 1}")
+        for row, (agent, start) in enumerate(zip(room.agents, starts, strict=True))
+    )
+    air = Air(dataclasses.replace(room, agents=agents), noise=False)
+    with virtual(air), closing(air.fleet):
+        yield Flight(tmp_path, air, agents)
+
+
+def log(folder: Path) -> str:
+    return (folder / "guardian.log").read_text()
+
+
+def test_agents_hover_while_the_flight_is_silent_and_fly_on_after(
+    flight: Flight, tmp_path: Path
+) -> None:
+    east = np.tile([0.4, 0.0, 0.0], (3, 1))
+    flight.take_off(0.5, 0.5, 0.5)
+    flight.fly(1.0, east)
+    assert flight.speed > 0.3
+    flight.silence(0.9)
+    assert flight.speed < 0.1
+    answer = flight.tick(east)
+    assert answer.problem is None
+    flight.fly(1.0, east)
+    assert flight.speed > 0.3
+    assert "cf1, cf2, cf3 hover\n" in log(tmp_path)
+    assert log(tmp_path).endswith("the flight answers again\n")
+
+
+def test_agents_land_when_the_flight_stays_silent(flight: Flight, tmp_path: Path) -> None:
+    still = np.zeros((3, 3))
+    flight.take_off(0.5, 1.0, 0.5)
+    flight.fly(1.0, still)
+    flight.silence(8.0)
+    assert not flight.fallen
+    assert ": landing cf1, cf2, cf3\n" in log(tmp_path)
+    assert "all agents have landed, after " in log(tmp_path)
+
+
+def test_a_flight_that_comes_back_cannot_move_agents_that_land(flight: Flight) -> None:
+    up = np.tile([0.0, 0.0, 0.5], (3, 1))
+    flight.take_off(1.0, 1.0, 1.0)
+    flight.fly(1.0, np.zeros((3, 3)))
+    flight.silence(1.5)
+    answer = flight.tick(up)
+    assert answer.problem is not None
+    assert answer.problem[0].startswith("the guardian lands all agents: no message of the flight")
+    answer = flight.tick(up)
+    assert answer.problem is None  # it is reported once
+    assert answer.value is not None  # with telemetry, until all are down
+    flight.fly(6.0, up)
+    assert not flight.fallen
+
+
+def test_a_stop_of_the_motors_is_obeyed_while_agents_land(flight: Flight) -> None:
+    flight.take_off(1.0, 1.0, 1.0)
+    flight.silence(1.5)
+    flight.order(Order.STOP, np.zeros((3, 3)))
+    flight.fly(1.0)
+    assert (flight.air.height < ON_FLOOR).all()
+    assert (flight.air.impact > MAX_IMPACT).all()
+
+
+def test_agents_land_at_once_when_the_flight_has_ended(flight: Flight, tmp_path: Path) -> None:
+    flight.take_off(0.5, 0.5, 0.5)
+    flight.fly(1.0, np.tile([0.4, 0.0, 0.0], (3, 1)))
+    flight.die()
+    assert not flight.fallen
+    assert "the flight has ended without closing its links: landing cf1, cf2, cf3" in log(tmp_path)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.2, 0.6])
+def test_agents_land_that_had_just_been_commanded_to_take_off(
+    flight: Flight, seconds: float
+) -> None:
+    flight.tick()
+    flight.order(Order.TAKEOFF, np.tile([0.0, 0.0, 0.5], (3, 1)))
+    flight.fly(seconds)
+    flight.die()
+    flight.air.sleep(3.0)
+    assert not flight.fallen
+    assert not (flight.air.fleet._info & int(Supervisor.FLYING)).any()
+
+
+def test_nothing_moves_when_a_flight_ends_on_the_ground(flight: Flight, tmp_path: Path) -> None:
+    flight.fly(0.5)
+    flight.silence(3.0)
+    flight.die()
+    assert not (tmp_path / "guardian.log").exists()
+    assert not flight.air.impact.any()
+
+
+def test_an_on_board_plan_is_not_interrupted_by_a_short_silence(flight: Flight) -> None:
+    flight.take_off(0.5, 0.5, 0.5)
+    flight.order(Order.GOTO, np.tile([1.0, 0.0, 0.5], (3, 1)), duration=3.0)
+    flight.fly(1.0)
+    flight.silence(0.9)
+    flight.fly(2.0)
+    away = flight.air.drones["position"][:, 0] - flight.starts[:, 0]
+    np.testing.assert_allclose(away, 1.0, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    "flight", [((0.0, 0.0, 0.0), (0.4, 0.0, 0.0), (1.5, 0.0, 0.0))], indirect=True
+)
+def test_an_agent_above_another_lands_after_it_and_aside(flight: Flight, tmp_path: Path) -> None:
+    flight.take_off(0.5, 1.4, 0.5)
+    flight.order(Order.GOTO, np.array([[0.0, 0, 0.5], [-0.4, 0, 1.4], [0, 0, 0.5]]), duration=2.0)
+    flight.fly(3.0)
+    flight.fly(0.5, np.zeros((3, 3)))
+    nearest: list[float] = []
+
+    def watch() -> None:
+        first, second, _third = flight.air.drones["position"]
+        nearest.append(float(np.linalg.norm(first - second)))
+
+    flight.air.watch = watch
+    flight.die()
+    assert not flight.fallen
+    assert min(nearest) > 0.25
+    assert "cf2 waits: it is above another agent" in log(tmp_path)
+    assert "cf2 lands 0." in log(tmp_path)
+
+
+def test_an_error_is_the_answer_and_the_guardian_goes_on(flight: Flight) -> None:
+    flight.post("correct", "nonsense")
+    answer = flight.tick()
+    assert answer.problem == (
+        "AttributeError: 'str' object has no attribute 'agent'",
+        "plugin-failed",
+    )
+    assert flight.tick().problem is None
+
+
+def test_closing_waits_for_the_landings(flight: Flight) -> None:
+    flight.take_off(0.5, 0.5, 0.5)
+    flight.silence(1.5)
+    flight.call("close")
+    assert not flight.fallen
