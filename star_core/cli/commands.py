@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(name="run", summary="Fly a mission (= star-run).", make=_run, group="Fly")
     yield CommandSpec(
+        name="stop", summary="Land all agents of the running flights.", make=_stop, group="Fly"
+    )
+    yield CommandSpec(
         name="check",
         summary="Check a mission, or steps, a world, a camera or faults.",
         make=_check,
@@ -150,6 +153,15 @@ def _run(arguments: Sequence[str]) -> int:
             as_json=options.json,
         )
         print(text, file=answer)
+    return status
+
+
+def _stop(arguments: Sequence[str]) -> int:
+    from star_core.cli.land_requests import stop_flights
+
+    _parse("stop", arguments)
+    status, lines = stop_flights()
+    print(*lines, sep="\n", file=sys.stderr if status else sys.stdout)
     return status
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any
 
+from star_core.cli.land_requests import listening
 from star_core.cli.live_view import FlightProgress
 from star_core.cli.main import make
 from star_core.cli.run_folders import LatestRun, new_folder
@@ -80,7 +81,7 @@ def run_mission(
         observer = make("option", found, mission, registry, *values)
         registry.add(observer, replace(found.source, plugin=f"{found.source.plugin}:{name}"))
     operator = Operator()
-    with _signals(operator):
+    with _signals(operator), listening(operator, mission.name):
         summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)
     return outcome_of(summary), json.dumps(summary, indent=2) if as_json else format_summary(
         summary, folder

@@ -1,0 +1,181 @@
+"""Requests to land all agents, beside signals: the space bar, and `star stop` in another terminal.
+
+Each flight listens on a socket, named by its process, in a folder that only its user can open.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import select
+import signal
+import socket
+import stat
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from star_core.errors import InputError
+from star_core.operator import Operator
+from star_core.toolkit.progress import log
+
+log_messages = logging.getLogger(__name__)
+
+LAND: Final = b"land"
+ANSWER_TIMEOUT: Final = 1.0  # s
+BACKGROUND_PERIOD: Final = 0.2  # s, between checks whether the flight is in the foreground again
+MAX_MESSAGE: Final = 1000  # bytes
+
+
+@contextmanager
+def listening(operator: Operator, mission: str) -> Iterator[None]:
+    """Land all agents when the space bar is pressed, and at `star stop`."""
+    with ExitStack() as stack:
+        waker, woken = (stack.enter_context(end) for end in socket.socketpair())
+        sources: dict[int, socket.socket | None] = {woken.fileno(): None}
+        try:
+            server = stack.enter_context(_server())
+            sources[server.fileno()] = server
+        except (OSError, InputError) as error:
+            log_messages.warning("`star stop` cannot land this flight: %s", error)
+        if sys.stdin is not None and sys.stdin.isatty() and _in_foreground():
+            stack.enter_context(_keys_at_once())
+            sources[sys.stdin.fileno()] = None
+            log("space or Ctrl-C lands all agents; a second Ctrl-C stops the motors")
+        thread = threading.Thread(
+            target=_listen, args=(operator, mission, sources, woken.fileno()), daemon=True
+        )
+        thread.start()
+        try:
+            yield
+        finally:
+            waker.close()
+            thread.join()
+
+
+def stop_flights() -> tuple[int, list[str]]:
+    """Land the agents of all running flights; return the exit status, and a line for each flight.
+
+    Raises:
+        InputError: Others can open the folder of the sockets.
+    """
+    status, lines = 0, []
+    for path in sorted(_folder().glob("*.sock")):
+        try:
+            with socket.socket(socket.AF_UNIX) as client:
+                client.settimeout(ANSWER_TIMEOUT)
+                client.connect(str(path))
+                client.sendall(LAND)
+                mission = client.recv(MAX_MESSAGE).decode()
+        except ConnectionRefusedError:  # its process was killed
+            path.unlink(missing_ok=True)
+        except OSError:
+            status = 1
+            lines.append(
+                f"process {path.stem} does not answer: only a guardian can land its agents"
+            )
+        else:
+            lines.append(f"{mission}: all agents land")
+    return (status, lines) if lines else (1, ["no flight is running"])
+
+
+def _folder() -> Path:
+    """Return the folder of the sockets, which is made if necessary."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    shared = Path(tempfile.gettempdir()) / f"star-swarm-{os.getuid()}"
+    folder = Path(runtime) / "star-swarm" if runtime else shared
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        text = f"'{folder}' is not a folder that only you can open; remove it"
+        raise InputError(text, "unwritable-file")
+    return folder
+
+
+@contextmanager
+def _server() -> Iterator[socket.socket]:
+    """Listen to `star stop`."""
+    path = _folder() / f"{os.getpid()}.sock"
+    path.unlink(missing_ok=True)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(path))
+        try:
+            server.listen()
+            yield server
+        finally:
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _keys_at_once() -> Iterator[None]:
+    """Let the terminal deliver each key when it is pressed, and not show it."""
+    import termios
+
+    before = termios.tcgetattr(sys.stdin)
+    changed = [*before]
+    changed[3] &= ~(termios.ICANON | termios.ECHO)
+    termios.tcsetattr(sys.stdin, termios.TCSADRAIN, changed)
+    try:
+        yield
+    finally:
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})  # of the background
+        with suppress(termios.error):  # the terminal is gone
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def _in_foreground() -> bool:
+    """Whether keys are for this process: reading them in the background would stop it."""
+    try:
+        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    except OSError:
+        return False
+
+
+def _listen(
+    operator: Operator, mission: str, sources: dict[int, socket.socket | None], woken: int
+) -> None:
+    """Wait for requests until `woken` is readable; runs in a thread."""
+    while True:
+        ready, _, _ = select.select(list(sources), [], [])
+        if woken in ready:
+            return
+        for source in ready:
+            server = sources[source]
+            if server is not None:
+                _answer(operator, mission, server)
+            elif not _in_foreground():
+                select.select([woken], [], [], BACKGROUND_PERIOD)
+            else:
+                keys = _keys(source)
+                if not keys:  # the terminal is gone
+                    del sources[source]
+                elif b" " in keys:
+                    _land(operator, "space")
+
+
+def _keys(source: int) -> bytes:
+    try:
+        return os.read(source, MAX_MESSAGE)
+    except OSError:
+        return b""
+
+
+def _answer(operator: Operator, mission: str, server: socket.socket) -> None:
+    """Obey a `star stop`."""
+    with suppress(OSError):
+        client, _address = server.accept()
+        with client:
+            client.settimeout(ANSWER_TIMEOUT)
+            if client.recv(MAX_MESSAGE) == LAND:
+                _land(operator, "star stop")
+                client.sendall(mission.encode())
+
+
+def _land(operator: Operator, source: str) -> None:
+    operator.land_all()
+    log(f"star: {source}: landing")

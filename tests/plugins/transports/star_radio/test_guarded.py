@@ -1,0 +1,110 @@
+"""The transport with a guardian in a process of its own, against simulated Crazyflies over UDP."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import star_radio
+from star_core import Command, Order, PluginError, Setpoint
+from star_core.testing import scene
+from star_fleet.server import Fleet
+from star_radio.guarded import GuardedRadio
+from tests.end_to_end.virtual_air import ON_FLOOR
+from tests.plugins.transports.star_radio.conftest import options, reached
+
+PATIENCE = 60.0  # s, on a busy machine
+PERIOD = 0.05  # s
+
+
+class Flight:
+    """Two drones behind a guardian."""
+
+    def __init__(self, folder: Path, fleet: Fleet) -> None:
+        self.fleet = fleet
+        room = dataclasses.replace(reached(fleet.addresses), period=PERIOD)
+        made = star_radio.make(room, **options(cache=str(folder), guardian=True))
+        assert isinstance(made, GuardedRadio)
+        self.radio = made
+        self.now = 0.0
+
+    def tick(self) -> None:
+        still = Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_))
+        self.now = self.radio.wait(self.now + PERIOD)
+        self.radio.receive()
+        self.radio.send(still)
+
+    def take_off(self) -> None:
+        """Fly, by setpoints in the end."""
+        position, zero = np.tile([0.0, 0.0, 0.4], (2, 1)), np.zeros(2)
+        self.radio.connect()
+        self.radio.wait(0.0)
+        self.radio.command(Command(Order.TAKEOFF, np.arange(2), position, zero, zero + 1))
+        end = time.monotonic() + PATIENCE
+        while (self.height < 0.3).any() and time.monotonic() < end:
+            self.now = self.radio.wait(self.now + PERIOD)
+        for _ in range(5):
+            self.tick()
+
+    def has_landed(self) -> bool:
+        """Wait until the drones are down; return whether they are, and none is locked."""
+        end = time.monotonic() + PATIENCE
+        while (self.height > ON_FLOOR).any() and time.monotonic() < end:
+            time.sleep(0.01)
+        return bool((self.height <= ON_FLOOR).all()) and not self.drones["locked"].any()
+
+    @property
+    def drones(self) -> np.ndarray:
+        return self.fleet.simulator.drones
+
+    @property
+    def height(self) -> np.ndarray:
+        height: np.ndarray = self.drones["position"][:, 2].copy()
+        return height
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Iterator[Flight]:
+    with Fleet(scene(2), port=0, noise=False) as fleet:
+        flight = Flight(tmp_path, fleet)
+        with closing(flight.radio):
+            yield flight
+
+
+def test_the_guardian_lands_the_agents_of_a_flight_that_has_ended(
+    flight: Flight, tmp_path: Path
+) -> None:
+    flight.take_off()
+    flight.radio.record_in(tmp_path)
+    flight.radio._connection.close()  # as when the process is killed
+    flight.radio._process.wait(PATIENCE)
+    assert flight.has_landed()
+    lines = (tmp_path / "guardian.log").read_text().splitlines()
+    assert lines[0].endswith("the flight has ended without closing its links: landing cf1, cf2")
+
+
+def test_the_flight_lands_its_agents_if_the_guardian_is_killed(flight: Flight) -> None:
+    flight.take_off()
+    flight.radio._process.kill()
+    flight.radio._process.wait(PATIENCE)
+    with pytest.raises(PluginError, match=r"guardian process has ended: landing cf1, cf2 .*failed"):
+        flight.tick()
+    assert flight.has_landed()
+    with pytest.raises(PluginError, match=r"^the guardian process has ended \[link-failed\]$"):
+        flight.tick()
+
+
+def test_what_keeps_the_links_from_opening_is_reported(tmp_path: Path) -> None:
+    uris = ["udp://127.0.0.1:9"]
+    radio = star_radio.make(
+        reached(uris), **options(cache=str(tmp_path), guardian=True, response_timeout=0.2)
+    )
+    with closing(radio), pytest.raises(PluginError, match="cannot reach 1 of 1 agents") as raised:
+        radio.connect()
+    assert raised.value.code == "agents-unreachable"
