@@ -7,6 +7,7 @@ import logging
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -37,7 +38,8 @@ from star_radio.vehicle import LANDED_HEIGHT
 log = logging.getLogger(__name__)
 
 SERVE: Final = "from star_radio.guardian import serve; serve"
-TIMEOUT: Final = 1.0  # s, for an answer; 2 s after the last setpoint the motors stop
+TIMEOUT: Final = 0.7  # s, for an answer: 2 s after the last setpoint the motors stop, and the core
+# interrupts a call after 1 s
 START_TIMEOUT: Final = 30.0  # s, for the process to start, and between reports while connecting
 CLOSE_TIMEOUT: Final = 60.0  # s, for landings that the guardian has begun, and for closing
 EXIT_TIMEOUT: Final = 2.0  # s
@@ -79,6 +81,7 @@ class GuardedRadio:
         self._sensors = Sensors(scene, options)
         self._number = 0
         self._lost = ""  # what happened to the guardian
+        self._rescue: threading.Thread | None = None
         self._progress = connecting(n, lambda: self._detail)
         self._detail = ""
         self._began = 0.0
@@ -163,6 +166,8 @@ class GuardedRadio:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(EXIT_TIMEOUT)
             self._sensors.close()
+            if self._rescue is not None:
+                self._rescue.join()
 
     def _post(self, name: str, argument: object, number: int | None = None) -> None:
         """Send a message."""
@@ -197,13 +202,12 @@ class GuardedRadio:
         self._process.kill()
         self._process.wait()  # its links are closed
         self._connection.close()
-        drones = self._airborne()
         text = self._lost = f"the guardian process {how}"
-        if drones:
+        if drones := self._airborne():
             text += f": landing {', '.join(drone.name for drone in drones)} without reports"
-            unreached = rescue.land(drones, self._options.udp)
-            if unreached:
-                text += f"; {', '.join(unreached)} cannot be reached, and will fall"
+            # in a thread: it must not be interrupted, as this call may be
+            self._rescue = threading.Thread(target=rescue.land, args=(drones, self._options.udp))
+            self._rescue.start()
         raise PluginError(text, "link-failed")
 
     def _airborne(self) -> list[rescue.Airborne]:

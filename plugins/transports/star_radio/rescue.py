@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +13,8 @@ from star_radio import orders
 from star_radio.connection.link import Link
 from star_radio.connection.udp_links import UdpLinks
 from star_radio.vehicle import landing
+
+log = logging.getLogger(__name__)
 
 OPEN_TIMEOUT: Final = 1.0  # s
 REPEAT_TIME: Final = 1.0  # s, for which the commands are repeated
@@ -26,8 +29,8 @@ class Airborne(NamedTuple):
     height: float
 
 
-def land(drones: Sequence[Airborne], udp: str) -> list[str]:
-    """Command drones to land in place; return the names of those whose links cannot be opened.
+def land(drones: Sequence[Airborne], udp: str) -> None:
+    """Command drones to land in place; log those whose links cannot be opened.
 
     A landing that is repeated while the drone executes it changes nothing. A drone that rebooted
     is in no group and ignores it.
@@ -38,7 +41,8 @@ def land(drones: Sequence[Airborne], udp: str) -> list[str]:
         link = Link(drone.uri, drone.name, udp_links)
         try:
             link.open(OPEN_TIMEOUT)
-        except PluginError:
+        except PluginError as error:
+            log.warning("radio: %s cannot be landed: %s", drone.name, error)
             return drone, None
         return drone, link
 
@@ -53,4 +57,3 @@ def land(drones: Sequence[Airborne], udp: str) -> list[str]:
         list(pool.map(Link.close, [link for _drone, link in links if link is not None]))
     if udp_links is not None:
         udp_links.close()
-    return [drone.name for drone, link in links if link is None]
