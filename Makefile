@@ -6,7 +6,7 @@ MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check docs air bench campaign scenarios lowest clean
+.PHONY: help fly test check docs air bench campaign guardian scenarios lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -54,6 +54,10 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 	$(BIN)/python -m pytest -q -m campaign
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
 	for topic in covariance search relief; do $(BIN)/python benchmarks/$$topic.py; done
+
+guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose program or guardian dies; long
+	$(BIN)/python benchmarks/guardian.py
+	$(BIN)/python benchmarks/guardian.py --cost
 
 scenarios: $(VENV)/.ready  ## the table of scenarios in docs/benchmarks.md; long
 	$(BIN)/star bench --seeds 30 --out runs/scenarios
