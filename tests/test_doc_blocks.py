@@ -32,7 +32,7 @@ PAGES = [
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FENCE = re.compile(r"(?:^`([\w./-]+)`:\n\n)?^( *)```(\w+)\n(.*?)^\2```$", re.MULTILINE | re.DOTALL)
-OWN = ("run", "check", "errors", "missions", "plugins", "schema")
+OWN = ("run", "stop", "check", "errors", "missions", "plugins", "schema")
 FOREIGN = ("crazyflie_py",)  # shown for comparison
 
 WORLD = """\
