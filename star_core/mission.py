@@ -34,6 +34,7 @@ UNLIMITED: Final[Mapping[str, Any]] = {
     "acceleration": math.inf,
     "height": (-math.inf, math.inf),
     "separation": 0.0,
+    "vertical_separation": 1.0,
 }
 
 

@@ -39,14 +39,17 @@ class Limits:
         speed: Greatest speed, m/s.
         acceleration: Greatest acceleration, m/s².
         height: Lowest and highest z to fly at, map frame, m.
-        separation: Distance between the centers of two agents below which neither is steered
-            towards the other, m; 0 switches this off.
+        separation: Horizontal distance between the centers of two agents at the same height below
+            which neither is steered towards the other, m; 0 switches this off.
+        vertical_separation: The same of one above the other, m. In between, the two are semi-axes
+            of an ellipsoid.
     """
 
     speed: float = 0.5
     acceleration: float = 2.0
     height: tuple[float, float] = (0.2, 1.8)
     separation: float = 0.2
+    vertical_separation: float = 0.6
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -54,12 +55,14 @@ class _Approach:
     """A close approach that is not over.
 
     Attributes:
-        distance: Shortest so far, m.
+        closest: Shortest flattened distance so far, m.
+        distance: Distance at that time, m.
         time: Of that distance, s.
         position: (3,) middle between the two then, m.
         collided: Whether the two have collided since it began.
     """
 
+    closest: float = np.inf
     distance: float = np.inf
     time: float = 0.0
     position: Array = field(default_factory=lambda: np.zeros(3))
@@ -72,10 +75,12 @@ class Contacts:
     Distances are between ground-truth positions at ticks that have them, otherwise between
     estimated positions. Two agents collide when their centers are nearer than twice
     `CONTACT_RADIUS`; an agent collides with an obstacle nearer than `CONTACT_RADIUS`. A contact
-    that lasts is one collision.
+    that lasts is one collision. Close approaches are inside of the ellipsoid of the separations:
+    flattened distances, whose heights are multiplied by the ratio of its semi-axes, are below
+    ``limits.separation``. All other distances are plain ones.
 
     Args:
-        scene: Agents, obstacles and ``limits.separation``.
+        scene: Agents, obstacles and separations.
 
     Attributes:
         agent_agent: Number of collisions between two agents.
@@ -89,6 +94,8 @@ class Contacts:
         self._names = scene.names
         self._obstacles = scene.world.obstacles
         self._limit = scene.limits.separation
+        self._vertical = scene.limits.vertical_separation
+        self._flat = np.array([1.0, 1.0, self._limit / self._vertical])
         self._touching: set[tuple[int, int]] = set()
         self._hitting = np.zeros(len(self._names), np.bool_)
         self._approaches: dict[tuple[int, int], _Approach] = {}
@@ -102,7 +109,8 @@ class Contacts:
     @property
     def reach(self) -> float:
         """Distance within which two agents may be in conflict or at their closest so far, m."""
-        return max(self.separation, COLLISION_DISTANCE, self._limit + HYSTERESIS)
+        widest = max(self._limit, self._vertical) if self._limit > 0.0 else 0.0
+        return max(self.separation, COLLISION_DISTANCE, widest + HYSTERESIS)
 
     @property
     def source(self) -> str:
@@ -154,7 +162,11 @@ class Contacts:
             names = [self._names[a], self._names[b]]
             incidents.append(self._collision(names, None, middle, relative, time))
         self._touching = touching
-        return incidents + self._approached(distances, touching, position, airborne, time)
+        if self._limit == 0.0:
+            return incidents
+        offset = self._flat * (position[near.first] - position[near.second])
+        flattened = dict(zip(distances, np.sqrt(np.vecdot(offset, offset)).tolist(), strict=True))
+        return incidents + self._approached(flattened, touching, position, airborne, time)
 
     def _approached(
         self,
@@ -164,7 +176,7 @@ class Contacts:
         airborne: Mask,
         time: float,
     ) -> list[Incident]:
-        """Follow the pairs that are closer than the limit; return those that no longer are."""
+        """Follow the pairs within the ellipsoid; return those that have left it."""
         for pair, away in near.items():
             a, b = pair
             if away < self._limit and (airborne[a] or airborne[b]):
@@ -172,8 +184,9 @@ class Contacts:
             if (one := self._approaches.get(pair)) is None:
                 continue
             one.collided |= pair in touching
-            if away < one.distance:
-                one.distance, one.time = away, time
+            if away < one.closest:
+                one.closest, one.time = away, time
+                one.distance = math.dist(position[a], position[b])
                 one.position = (position[a] + position[b]) / 2
         parted = [
             pair for pair in self._approaches if near.get(pair, np.inf) > self._limit + HYSTERESIS
@@ -232,7 +245,8 @@ class Contacts:
         }
         text = (
             f"{names[0]} and {names[1]} came within {one.distance:.2f} m of each other at "
-            f"{one.time:.2f} s, closer than limits.separation ({self._limit:g} m)"
+            f"{one.time:.2f} s, closer than limits.separation ({self._limit:g} m) and "
+            f"vertical_separation ({self._vertical:g} m) permit"
             f"{self._source_note()}"
         )
         return Incident("close_approach", text, details=details)

@@ -23,8 +23,10 @@ MIN_CORRECTION: Final = 0.05
 class SafetyFilter:
     """Corrects setpoints from which an agent could not brake in time.
 
-    A velocity is safe if from it the agent can brake inside the geofence and at the minimum
-    separation from every other agent; two agents that are both steered share the braking. With the
+    A velocity is safe if from it the agent can brake inside the geofence and outside the ellipsoid
+    of the separations around every other agent; two agents that are both steered share the braking.
+    The distance to the ellipsoid is the first-order one, along its gradient: the exact distance is
+    not less. With the
     remaining distance x and the speed c at which it shrinks now, a setpoint may let it shrink by
     ``BRAKING_GAIN (x - LAG c)``: a drone that follows setpoints with that lag comes to rest without
     overshoot. Nor may it be faster than what the mission's acceleration stops within x. Agents
@@ -43,11 +45,13 @@ class SafetyFilter:
         self._speed = scene.limits.speed
         self._brakes = scene.limits.acceleration
         self._separation = scene.limits.separation
+        self._vertical_separation = scene.limits.vertical_separation
         self._period = scene.period
         closing = 2 * self._speed
         room = closing * (LAG + max(1 / BRAKING_GAIN, scene.period + closing / (4 * self._brakes)))
         wide = math.dist(scene.world.fence.low, scene.world.fence.high)
-        self.reach = self._separation + min(1.5 * room, wide)  # some approach faster than allowed
+        widest = max(self._separation, self._vertical_separation)
+        self.reach = widest + min(1.5 * room, wide)  # some approach faster than allowed
         self._warm_up(len(scene.agents))
 
     def filter(
@@ -113,6 +117,7 @@ class SafetyFilter:
             self._speed,
             self._brakes,
             self._separation,
+            self._vertical_separation,
             self._period,
         )
         return inside, np.where(active[:, None], apart, inside) if len(near.first) else inside
@@ -172,6 +177,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
     speed: float,
     brakes: float,
     separation: float,
+    vertical_separation: float,
     period: float,
 ) -> None:
     """Correct velocities so that agents can brake before the fence and before each other.
@@ -193,7 +199,8 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         fence: (2, 3) its lowest and its highest corner, m.
         speed: Greatest speed, m/s.
         brakes: Greatest deceleration, m/s².
-        separation: Least distance between two agents, m.
+        separation: Horizontal semi-axes of the ellipsoid around an agent that others keep free, m.
+        vertical_separation: Its vertical semi-axis, m.
         period: Of the ticks, s.
     """
     for row in range(len(active)):
@@ -204,11 +211,12 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
     if len(first) == 0:
         return
     direction, allowed = np.empty((len(first), 3)), np.empty(len(first))
+    flat = separation / vertical_separation
     for pair in range(len(first)):
         one, two = first[pair], second[pair]
         steered = int(active[one]) + int(active[two])
-        distance, approach = direct(direction, pair, one, two, position, flown)
-        most = approach_speed(distance - separation, approach, brakes * max(1, steered), period)
+        room, approach = direct(direction, pair, one, two, position, flown, separation, flat)
+        most = approach_speed(room, approach, brakes * max(1, steered), period)
         allowed[pair] = most if steered > 0 else math.inf
     change, times = np.empty((len(apart), 3)), np.empty(len(apart))
     for iteration in range(MAX_ITERATIONS + 1):
@@ -282,23 +290,47 @@ def add_correction(velocity: Array, change: Array, times: Array, row: int, speed
 
 @subroutine
 def direct(
-    direction: Array, pair: int, one: int, two: int, position: Array, flown: Array
+    direction: Array,
+    pair: int,
+    one: int,
+    two: int,
+    position: Array,
+    flown: Array,
+    separation: float,
+    flat: float,
 ) -> tuple[float, float]:
-    """Fill in the unit vector from agent `two` to `one`; return their distance and closing speed.
+    """Fill in the unit vector that leads out of an ellipsoid; return room and closing speed.
 
-    Two at the same position are taken to be side by side along x.
+    With heights multiplied by `flat` the ellipsoid around agent `two` is a sphere, and the room of
+    agent `one` outside of it is a difference of distances. The direction is the gradient of that
+    distance, and the room is divided by the length of the gradient, so both are in metres of the
+    map. Two agents at the same position are taken to be side by side along x.
+
+    Args:
+        direction: (P, 3) output: row `pair` is filled in.
+        pair: Row.
+        one: Row of one agent.
+        two: Row of the other.
+        position: (N, 3) m.
+        flown: (N, 3) current velocities, m/s.
+        separation: Horizontal semi-axes of the ellipsoid, m.
+        flat: Ratio of these to the vertical one.
     """
-    squared, approach = 0.0, 0.0
+    squared, steep, approach = 0.0, 0.0, 0.0
     for axis in range(3):
-        direction[pair, axis] = position[one, axis] - position[two, axis]
-        squared += direction[pair, axis] * direction[pair, axis]
-    distance = math.sqrt(squared)
-    if distance == 0.0:
-        direction[pair, 0] = 1.0
+        scale = flat if axis == 2 else 1.0  # noqa: PLR2004 -- z
+        offset = scale * (position[one, axis] - position[two, axis])
+        direction[pair, axis] = scale * offset
+        squared += offset * offset
+        steep += direction[pair, axis] * direction[pair, axis]
+    if steep == 0.0:
+        direction[pair, 0] = steep = 1.0
     for axis in range(3):
-        direction[pair, axis] /= distance if distance > 0.0 else 1.0
+        direction[pair, axis] /= math.sqrt(steep)
         approach += direction[pair, axis] * (flown[two, axis] - flown[one, axis])
-    return distance, approach
+    distance = math.sqrt(squared)
+    gradient = math.sqrt(steep) / distance if distance > 0.0 else 1.0
+    return (distance - separation) / gradient, approach
 
 
 @subroutine

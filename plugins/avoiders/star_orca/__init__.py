@@ -38,12 +38,6 @@ _OPTIONS: dict[str, Any] = {
             "default": 10,
             "description": "Greatest number of neighbours that are avoided, the nearest first.",
         },
-        "vertical": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 0.6,
-            "description": "Agents farther apart in height than this, m, do not avoid each other.",
-        },
         "obstacles": {
             "enum": ["half-planes", "virtual-agents", "none"],
             "default": "half-planes",

@@ -46,7 +46,6 @@ class Orca:
         horizon: Time for which no two agents shall collide, s.
         communication_radius: Horizontal distance within which agents are neighbours, m.
         max_neighbours: Greatest number of neighbours avoided, the nearest.
-        vertical: Agents further apart in height than this do not avoid each other, m.
         obstacles: How the world's obstacles are avoided: as ``half-planes``, as
             ``virtual-agents``, or not at all (``none``).
         obstacle_horizon: Time for which no agent shall collide with an obstacle, s.
@@ -66,7 +65,6 @@ class Orca:
         horizon: float,
         communication_radius: float,
         max_neighbours: int,
-        vertical: float,
         obstacles: str,
         obstacle_horizon: float,
         clearance: float | None,
@@ -81,7 +79,7 @@ class Orca:
         self._horizon = float(horizon)
         self._communication_radius = float(communication_radius)
         self._max_neighbours = int(max_neighbours)
-        self._vertical = float(vertical)
+        self._vertical = float(scene.limits.vertical_separation)
         self._apart_in = max(float(scene.period), float(response))
         self._response = float(response)
         self._change = float(scene.limits.acceleration) * self._response  # m/s

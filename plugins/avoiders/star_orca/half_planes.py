@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 
 from star_core import Array, Rows, subroutine
-from star_orca.neighbours import AVOIDS, RADIUS, ROW, VX, VY, X, Y, Z
+from star_orca.neighbours import AVOIDS, CLIMB, RADIUS, ROW, VX, VY, X, Y, Z
 
 COLUMN = 1.0  # s, in which two agents one above the other must be apart horizontally
 
 
 @subroutine
-def half_planes(
+def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     agents: Array,
     me: int,
     neighbours: Rows,
     count: int,
     horizon: float,
     period: float,
+    vertical: float,
     planes: Array,
     hard: int,
 ) -> None:
@@ -27,8 +28,9 @@ def half_planes(
     unit vector. It is the half-plane of van den Berg, Guy, Lin and Manocha, "Reciprocal n-Body
     Collision Avoidance" (2011): the agent makes its share of the least change that brings the
     relative velocity out of the velocity obstacle: half of it for a neighbour that avoids too, and
-    all of it for one that does not. Two agents that already overlap must be apart after one period,
-    or after `COLUMN` if one is above the other.
+    all of it for one that does not. The velocity obstacle is that of the section of an ellipsoid,
+    `vertical` high, at the least difference in height within the horizon. Two agents that already
+    overlap must be apart after one period, or after `COLUMN` if one is above the other.
 
     Two agents at the same point with the same velocity have no direction to separate along: they
     separate along x, the earlier row forwards.
@@ -40,6 +42,7 @@ def half_planes(
         count: Number of these to use.
         horizon: Time for which the agents shall not collide, s.
         period: Time in which two overlapping agents shall separate, s.
+        vertical: Difference in height at which agents need no distance, m.
         planes: (K, 3) output: half-planes in the order of the neighbours, m/s.
         hard: Row of the first in it.
     """
@@ -48,15 +51,17 @@ def half_planes(
         other = neighbours[k]
         dx, dy = agents[other, X] - px, agents[other, Y] - py  # from me to the other
         ux, uy = vx - agents[other, VX], vy - agents[other, VY]  # how I close in on it
-        apart = agents[me, RADIUS] + agents[other, RADIUS]
         share = 0.5 if agents[other, AVOIDS] > 0.0 else 1.0
         dz = agents[other, Z] - agents[me, Z]
+        then = dz + horizon * (agents[other, CLIMB] - agents[me, CLIMB])
+        least = min(abs(dz), abs(then)) / vertical if dz * then > 0.0 else 0.0
+        widest = agents[me, RADIUS] + agents[other, RADIUS]
+        apart = widest * math.sqrt(max(1.0 - least * least, 0.0))
         squared = dx * dx + dy * dy
         rate = 1.0 / horizon
-        if squared + dz * dz <= apart * apart:
-            rate = 1.0 / period
-        elif squared <= apart * apart:
-            rate = max(rate, 1.0 / COLUMN)
+        if squared <= apart * apart:
+            near = squared + dz * dz <= widest * widest
+            rate = 1.0 / period if near else max(rate, 1.0 / COLUMN)
         forwards = 1.0 if agents[me, ROW] < agents[other, ROW] else -1.0
         a, b, outwards = way_out(dx, dy, ux, uy, apart, rate, forwards)
         planes[hard + k, 0], planes[hard + k, 1] = a, b

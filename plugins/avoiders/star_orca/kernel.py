@@ -96,7 +96,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         for k in range(hard):
             for column in range(3):
                 planes[k, column] = hard_planes[i, k, column]
-        half_planes(agents, me, neighbours, count, horizon, period, planes, hard)
+        half_planes(agents, me, neighbours, count, horizon, period, vertical, planes, hard)
         x, y, z = agents[me, WISH_X], agents[me, WISH_Y], agents[me, WISH_Z]
         squared = x * x + y * y + z * z
         if squared > fastest * fastest:

@@ -22,7 +22,6 @@ _OPTIONS = {
     ),
     "reach": _positive(0.5, "Distance beyond that at which repulsion begins, m."),
     "gain": _positive(0.002, "Strength of the repulsion, m⁴/s."),
-    "vertical": _positive(0.6, "Agents farther apart in height than this, m, are ignored."),
 }
 
 

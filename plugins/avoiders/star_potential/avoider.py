@@ -26,7 +26,6 @@ class Potential:
             whole of it.
         reach: Distance beyond that at which repulsion begins, m.
         gain: Strength of the repulsion, m⁴/s.
-        vertical: Agents further apart in height than this are ignored, m.
     """
 
     def __init__(
@@ -36,10 +35,9 @@ class Potential:
         radius: float,
         reach: float,
         gain: float,
-        vertical: float,
     ) -> None:
         self._radius, self._reach, self._gain = radius, reach, gain
-        self._vertical = vertical
+        self._vertical = scene.limits.vertical_separation
         self._speed = scene.limits.speed
         rows = [
             (*a, *b, *obstacle.height)

@@ -15,7 +15,6 @@ _OPTIONS = {
     for name, default, description in (
         ("radius", 0.2, "Half the distance between agents, and distance from obstacles, m."),
         ("horizon", 0.5, "Time for which an agent stays in its current cell, s."),
-        ("vertical", 0.6, "Agents farther apart in height than this, m, are ignored."),
     )
 }
 

@@ -25,11 +25,11 @@ class Voronoi:
         scene: What does not change in flight.
         radius: Half the distance that two agents keep, m.
         horizon: Time for which an agent stays in its cell, s.
-        vertical: Agents further apart in height than this are ignored, m.
     """
 
-    def __init__(self, scene: Scene, *, radius: float, horizon: float, vertical: float) -> None:
-        self._radius, self._horizon, self._vertical = radius, horizon, vertical
+    def __init__(self, scene: Scene, *, radius: float, horizon: float) -> None:
+        self._radius, self._horizon = radius, horizon
+        self._vertical = scene.limits.vertical_separation
         self._speed = scene.limits.speed
         self._reach = self._speed * horizon + radius  # m: farther borders have no effect
         within(np.zeros((1, 3)), np.zeros((1, 1, 2)), np.zeros((1, 1)))  # compile before flight

@@ -91,7 +91,8 @@ def _limits(mission: Mission) -> Iterator[str]:
     yield f"  {1 / scene.period:g} ticks a second, seed {scene.seed}"
     yield (
         f"  at most {limits.speed:g} m/s and {limits.acceleration:g} m/s², from {low:g} to "
-        f"{high:g} m high, {limits.separation:g} m apart"
+        f"{high:g} m high, {limits.separation:g} m apart, {limits.vertical_separation:g} m above "
+        "each other"
     )
 
 

@@ -69,6 +69,7 @@ def greeting(scene: Scene, rows: Sequence[int], rate: float, *, lockstep: bool) 
                 "acceleration": limits.acceleration,
                 "height": list(limits.height),
                 "separation": limits.separation,
+                "vertical_separation": limits.vertical_separation,
             },
             "fence": {"low": list(fence.low), "high": list(fence.high)},
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -102,7 +103,21 @@ def test_a_close_approach_is_reported_once_with_its_smallest_distance() -> None:
     assert (incident.details or {})["distance_m"] == pytest.approx(0.15)
     assert (incident.details or {})["time_s"] == pytest.approx(2 * PERIOD)
     assert (incident.details or {})["agents"] == ["cf1", "cf2"]
-    assert f"closer than limits.separation ({SEPARATION:g} m)" in incident.text
+    assert f"closer than limits.separation ({SEPARATION:g} m) and" in incident.text
+
+
+def test_close_approaches_are_judged_by_an_ellipsoid_and_reported_by_distance() -> None:
+    def over(aside: float, height: float) -> list[Incident]:
+        track = [[[0, 0, 1], [2, 0, 1]], [[0, 0, 1], [aside, 0, 1 + height]]]
+        contacts, seen = followed(track)
+        assert contacts.separation == pytest.approx(math.hypot(aside, height))
+        return seen[-1]
+
+    assert [one.kind for one in over(0.0, 0.59)] == ["close_approach"]
+    (inside,) = over(0.14, 0.42)  # of the semi-axes: 0.7 each
+    assert (inside.details or {})["distance_m"] == pytest.approx(math.hypot(0.14, 0.42))
+    assert not over(0.0, 0.61)
+    assert not over(0.15, 0.45)
 
 
 def test_a_close_approach_that_is_not_over_is_reported_at_the_end() -> None:

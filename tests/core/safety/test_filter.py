@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from star_core import Agent, Array, Corrected, Estimate, Fence, Limits, Scene, Setpoint, World
 from star_core.geometry.neighbours import Pairs
-from star_core.safety.filter import SafetyFilter
+from star_core.safety.filter import SafetyFilter, direct
 from star_core.testing import estimate
 
 FENCE = Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 2.0))
-SPEED, BRAKES, APART, TICK = 1.0, 2.0, 0.2, 0.05
+SPEED, BRAKES, APART, ABOVE, TICK = 1.0, 2.0, 0.2, 0.5, 0.05
 
 
 def scene(n: int) -> Scene:
@@ -25,7 +25,7 @@ def scene(n: int) -> Scene:
         agents=tuple(Agent(f"cf{i}", (0.0, 0.0, 0.0)) for i in range(n)),
         period=TICK,
         world=World("room", FENCE),
-        limits=Limits(speed=SPEED, acceleration=BRAKES, separation=APART),
+        limits=Limits(SPEED, BRAKES, separation=APART, vertical_separation=ABOVE),
     )
 
 
@@ -122,6 +122,46 @@ def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
     assert np.linalg.norm(path[:, 0] - path[:, 1], axis=1).min() >= APART - 1e-6
 
 
+@pytest.mark.parametrize(
+    ("one", "two"),
+    [
+        ([0.0, 0.0, 1.8], [0.0, 0.0, 0.2]),
+        ([0.02, 0.0, 1.6], [0.0, 0.0, 0.4]),
+        ([-1.0, 0.0, 1.2], [1.0, 0.05, 0.9]),
+        ([-0.8, 0.3, 1.6], [0.8, -0.3, 0.6]),
+        ([0.1, 0.0, 1.3], [0.0, 0.1, 0.9]),
+    ],
+)
+def test_two_that_fly_at_each_other_from_any_side_stop_outside_the_ellipsoid(
+    one: list[float], two: list[float]
+) -> None:
+    towards = SPEED * np.subtract(two, one) / np.linalg.norm(np.subtract(two, one))
+    path = flown([one, two], [towards, -towards], seconds=5.0)
+    flattened = (path[:, 0] - path[:, 1]) / [APART, APART, ABOVE]
+    distances = np.linalg.norm(flattened, axis=1)
+    nearest = float(distances.min())
+    assert nearest >= min(1.0, float(distances[0])) - 2e-3
+    assert nearest < 2.0  # they may come near
+
+
+def test_agents_above_each_other_that_are_too_close_part_upwards_and_downwards() -> None:
+    velocity, corrected = filtered([[0.0, 0.0, 1.2], [0.0, 0.0, 0.8]], np.zeros((2, 3)))
+    assert velocity.tolist() == [[0.0, 0.0, 0.1], [0.0, 0.0, -0.1]]
+    assert corrected.separation.all()
+
+
+def test_an_ellipsoid_with_equal_axes_is_a_sphere_to_the_bit() -> None:
+    random = np.random.default_rng(0)
+    direction = np.zeros((1, 3))
+    for position, velocity in random.uniform(-1, 1, (50, 2, 2, 3)):
+        room, approach = direct(direction, 0, 0, 1, position, velocity, APART, 1.0)
+        offset = position[0] - position[1]
+        distance = math.sqrt(sum(float(x) * float(x) for x in offset))
+        assert room == distance - APART
+        assert direction[0].tolist() == (offset / distance).tolist()
+        assert approach == pytest.approx(-direction[0] @ (velocity[0] - velocity[1]))
+
+
 def test_many_that_fly_at_one_place_stop_apart() -> None:
     angle = np.linspace(0, math.tau, 8, endpoint=False)
     ring = np.column_stack([2 * np.cos(angle), 2 * np.sin(angle), np.ones(8)])
@@ -211,7 +251,9 @@ def test_what_is_sent_is_always_safe_or_comes_from_others(n: int, seed: int) -> 
             if not (active[i] and active[j]):
                 continue
             offset = position[i] - position[j]
-            apart = float(np.linalg.norm(offset))
-            closing = float(offset @ (velocity[j] - velocity[i])) / apart
-            room = max(0.0, apart - APART)
+            gradient = offset / [1.0, 1.0, (ABOVE / APART) ** 2]
+            slope = float(np.linalg.norm(gradient))
+            closing = float(gradient @ (velocity[j] - velocity[i])) / slope
+            apart = math.sqrt(float(gradient @ offset))  # heights shrunk
+            room = max(0.0, (apart - APART) * apart / slope)
             assert closing <= math.sqrt(2 * 2 * BRAKES * room) + 2e-3

@@ -10,23 +10,31 @@ from hypothesis import strategies as st
 from star_core import Array
 from star_orca.half_planes import half_planes
 
-HORIZON, PERIOD, RADIUS = 2.0, 0.1, 0.2
+HORIZON, PERIOD, RADIUS, VERTICAL = 2.0, 0.1, 0.2, 0.6
 APART = 2 * RADIUS
 
 Vector = tuple[float, float]
 vectors = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
 
 
-def plane(away: Vector, mine: Vector, theirs: Vector, *, avoids: bool = True) -> Array:
-    """The half-plane of an agent at the origin beside one at `away`."""
+def plane(
+    away: Vector,
+    mine: Vector,
+    theirs: Vector,
+    *,
+    avoids: bool = True,
+    above: float = 0.0,
+    climb: float = 0.0,
+) -> Array:
+    """The half-plane of an agent at the origin beside one at `away`, `above` it and climbing."""
     agents = np.array(
         [
             [0, 0, 0, *mine, RADIUS, 1, 0, 0],
-            [*away, 0, *theirs, RADIUS, avoids, 1, 0],
+            [*away, above, *theirs, RADIUS, avoids, 1, climb],
         ]
     )
     planes = np.empty((1, 3))
-    half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, planes, 0)
+    half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, VERTICAL, planes, 0)
     (only,) = planes
     return np.asarray(only)
 
@@ -107,3 +115,22 @@ def test_agents_at_one_point_that_fly_alike_part_along_x() -> None:
 def test_agents_that_close_in_just_so_fast_as_to_meet_in_a_period_part_along_their_line() -> None:
     a, b, _ = plane((0.0, 0.2), (0.0, 2.0), (0.0, 0.0))
     assert (a, b) == pytest.approx((0.0, -1.0))
+
+
+@pytest.mark.parametrize(
+    ("above", "climb", "least"),
+    [(0.3, 0.0, 0.3), (-0.3, 0.0, 0.3), (0.3, 0.1, 0.3), (0.5, -0.1, 0.3), (0.3, -0.2, 0.0)],
+)
+def test_agents_at_different_heights_keep_the_section_of_an_ellipsoid_apart(
+    above: float, climb: float, least: float
+) -> None:
+    away, mine = (1.0, 0.1), (0.9, 0.0)  # through the ellipsoid, within the horizon
+    a, b, c = plane(away, mine, (0.0, 0.0), avoids=False, above=above, climb=climb)
+    closing = np.array(mine) + (c - a * mine[0] - b * mine[1]) * np.array([a, b])
+    section = APART * np.sqrt(1 - (least / VERTICAL) ** 2)
+    assert nearest_approach(np.array(away), closing, HORIZON) == pytest.approx(section)
+
+
+def test_agents_as_far_above_each_other_as_the_ellipsoid_is_high_need_no_distance() -> None:
+    a, b, c = plane((1.0, 0.0), (0.9, 0.0), (0.0, 0.0), above=VERTICAL)
+    assert a * 0.9 + b * 0.0 == pytest.approx(c)

@@ -146,7 +146,8 @@ def test_agents_one_above_the_other_do_not_avoid_each_other() -> None:
     level = TOWARDS_EACH_OTHER * [1, 1, 0]
     now, wish = estimate(above, velocity=level), wanted(level)
     assert (orca(scene(2)).avoid(now, wish).velocity == wish.velocity).all()
-    assert (orca(scene(2), vertical=0.8).avoid(now, wish).velocity != wish.velocity).any()
+    wider = scene(2, limits=Limits(vertical_separation=0.8))
+    assert (orca(wider).avoid(now, wish).velocity != wish.velocity).any()
 
 
 def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
@@ -217,7 +218,7 @@ def test_a_swarm_of_empty_is_no_trouble() -> None:
 
 
 def test_the_offer_makes_the_avoider_with_whole_numbers_too() -> None:
-    made = orca(scene(2), radius=1, horizon=2, communication_radius=4, vertical=1)
+    made = orca(scene(2), radius=1, horizon=2, communication_radius=4)
     assert isinstance(made, Orca)
 
 

@@ -193,23 +193,19 @@ def _distance_problems(
     scene: Scene, figure: Shape, options: Mapping[str, Any]
 ) -> Iterator[Problem]:
     """Check that positions are not closer to each other than the core permits."""
-    separation = scene.limits.separation
-    if figure.min_distance >= separation - ROUNDING:
-        return
+    limits = scene.limits
+    least = f"expected at least limits.separation, {limits.separation:g} m"
     if options["shape"] != "points":
-        key = "radius" if "radius" in options else "spacing"
-        yield Problem(
-            (key,), _too_close(figure.min_distance, "each other", separation), "too-close"
-        )
+        if figure.min_distance < limits.separation - ROUNDING:
+            key = "radius" if "radius" in options else "spacing"
+            message = f"positions are {figure.min_distance:.2f} m from each other, {least}"
+            yield Problem((key,), message, "too-close")
         return
+    flat = limits.separation / limits.vertical_separation
     for (i, one), (j, other) in combinations(enumerate(figure.position), 2):
-        if (distance := math.dist(one, other)) < separation - ROUNDING:
-            message = _too_close(distance, f"point {i + 1}", separation)
-            yield Problem(("points", j), message, "too-close")
-
-
-def _too_close(distance: float, other: str, separation: float) -> str:
-    return (
-        f"positions are {distance:.2f} m from {other}, expected at least limits.separation, "
-        f"{separation:g} m"
-    )
+        aside, height = math.dist(one[:2], other[:2]), one[2] - other[2]
+        if math.hypot(aside, flat * height) < limits.separation - ROUNDING:
+            above = f"; limits.vertical_separation, {limits.vertical_separation:g} m, in height"
+            distance = math.hypot(aside, height)
+            message = f"positions are {distance:.2f} m from point {i + 1}, {least}"
+            yield Problem(("points", j), message + above * (height != 0), "too-close")

@@ -68,7 +68,13 @@ def test_the_client_is_greeted(external: Make, connect: Connect) -> None:
         "agents": ["cf1", "cf2"],
         "rate": 10.0,
         "lockstep": False,
-        "limits": {"speed": 0.5, "acceleration": 2.0, "height": [0.2, 1.8], "separation": 0.2},
+        "limits": {
+            "speed": 0.5,
+            "acceleration": 2.0,
+            "height": [0.2, 1.8],
+            "separation": 0.2,
+            "vertical_separation": 0.6,
+        },
         "fence": {"low": [-10.0, -10.0, 0.0], "high": [10.0, 10.0, 3.0]},
     }
 
