@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from star_core import read_run, writing
+from star_core import Progress, read_run, writing
 from star_export.tables import csv_files, tum_files
 
 FORMATS: Final = {"csv": csv_files, "tum": tum_files}
@@ -21,14 +21,16 @@ def main(arguments: Sequence[str]) -> int:
         InputError: The folder holds no complete record, or a file cannot be written.
     """
     options = parser().parse_args(arguments)
-    run = read_run(options.run)
-    out = Path(options.out) if options.out else run.folder / options.format
-    for name, text in FORMATS[options.format](run):
-        file = out / name
-        with writing(file):
-            out.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
-        sys.stdout.write(f"{file}\n")
+    files = []
+    with Progress(f"exporting {options.run}"):
+        run = read_run(options.run)
+        out = Path(options.out) if options.out else run.folder / options.format
+        for name, text in FORMATS[options.format](run):
+            files.append(out / name)
+            with writing(files[-1]):
+                out.mkdir(parents=True, exist_ok=True)
+                files[-1].write_text(text, encoding="utf-8")
+    sys.stdout.writelines(f"{file}\n" for file in files)
     return 0
 
 

@@ -15,7 +15,7 @@ from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
-from star_core import InputError
+from star_core import InputError, Progress
 from star_mcap.messages import FILE
 
 
@@ -30,7 +30,8 @@ def run(arguments: Sequence[str]) -> int:
     if not path.is_file():
         raise InputError([f"{path}: no such recording; name the folder of a run"])
     try:
-        messages, seconds = recover(path)
+        with Progress(f"recovering {path}"):
+            messages, seconds = recover(path)
     except (OSError, McapError) as error:
         raise InputError([f"{path}: cannot be recovered: {error}"]) from error
     sys.stdout.write(f"{path}: {messages} messages, {seconds:.1f} s\n")

@@ -8,12 +8,13 @@ import os
 import re
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from star_core import Run, read_run
+from star_core import Progress, Run, read_run
 from star_core.cli.main import main
 
 ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
@@ -97,3 +98,14 @@ def test_a_folder_that_cannot_be_made_is_reported(
     (tmp_path / "file").touch()
     assert main(["export", str(run.folder), "--format", "tum", "-o", str(tmp_path / "file")]) == 2
     assert "[unwritable-file]" in capsys.readouterr().err
+
+
+def test_an_export_that_takes_long_shows_its_progress(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("star_export.command.Progress", partial(Progress, announced=True))
+    command = ["export", str(run.folder), "--format", "tum", "-o", str(tmp_path)]
+    assert main(command) == 0
+    printed = capsys.readouterr()
+    assert f"exporting {run.folder}" in printed.err
+    assert len(printed.out.splitlines()) == len(list(tmp_path.iterdir())) > 0

@@ -12,6 +12,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 import star_mcap
-from star_core import Camera, read_run
+from star_core import Camera, Progress, read_run
 from star_core.cli.main import main
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover
@@ -190,11 +191,14 @@ def test_a_recording_that_breaks_off_is_completed(run: Path, tmp_path: Path) -> 
 
 
 def test_what_is_no_recording_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr("star_mcap.recovery.Progress", partial(Progress, announced=True))
     (tmp_path / FILE).write_text("no recording")
     assert main(["recover", str(tmp_path)]) == 2
-    assert "cannot be recovered" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "cannot be recovered" in error
+    assert f"recovering {tmp_path / FILE}" in error
     assert (tmp_path / FILE).read_text() == "no recording"
     assert main(["recover", str(tmp_path / "missing")]) == 2
 
