@@ -25,7 +25,13 @@ from star_core import (
     Transport,
 )
 from star_core.messages.arrays import require_type
-from star_core.pipeline import checked_estimate, checked_plan, checked_setpoint, checked_telemetry
+from star_core.pipeline import (
+    checked_estimate,
+    checked_plan,
+    checked_setpoint,
+    checked_telemetry,
+    renewed,
+)
 from star_core.plugin_guard import require_methods, require_signature
 from star_core.testing import estimate
 
@@ -251,6 +257,12 @@ def test_detections_are_of_agents_that_exist_at_pixels(
     corners, time = np.full((1, 4, 2), corner), np.zeros(1)
     bad = Detections(np.array([agent]), np.array([7]), corners, time, time)
     assert refused(checked_estimate, replace(GOOD, detections=bad), 2).startswith(message)
+
+
+def test_an_estimate_that_is_used_again_does_not_repeat_its_detections() -> None:
+    time = np.zeros(1)
+    seen = Detections(np.array([1]), np.array([7]), np.zeros((1, 4, 2)), time, time)
+    assert not len(renewed(replace(GOOD, detections=seen), 0.1).detections.tag)
 
 
 def test_detections_have_a_reason_each_if_any() -> None:
