@@ -43,13 +43,14 @@ class Watchdog:
 
     def __init__(self, period: float, *, realtime: bool, brake: Callable[[], None]) -> None:
         self._limit = MAX_REALTIME_CALL_TIME if realtime else MAX_CALL_TIME
-        self._timer = (2 * period, period) if realtime else (self._limit, self._limit / 10)
+        # in real time it is set for each call, otherwise it goes on: a call costs nothing
+        self._timer = (2 * period, period) if realtime else (self._limit / 10, self._limit / 10)
         self._brake = brake if realtime else None
         self._native_time = MAX_NATIVE_TIME * (os.cpu_count() or 1)
         self._armed = self._calling = False
         self._transport = self._first = False
         self._begun = 0.0
-        self._expired = 0  # times, in this call
+        self._late = 0  # times that the timer expired beyond the limit, in this call
 
     def __enter__(self) -> Self:
         main = threading.current_thread() is threading.main_thread()
@@ -58,6 +59,7 @@ class Watchdog:
             signal.signal(signal.SIGALRM, self._expire)
             with suppress(AttributeError, OSError, ValueError):  # there may be no stderr
                 faulthandler.register(signal.SIGVTALRM, sys.__stderr__, chain=True)  # type: ignore[arg-type]
+            self._set_timers()
         return self
 
     def __exit__(self, *_error: object) -> None:
@@ -76,26 +78,29 @@ class Watchdog:
             transport: Whether the transport is called; it can then not brake.
         """
         if self._armed:
-            self._first, self._transport, self._expired = first, transport, 0
+            self._first, self._transport, self._late = first, transport, 0
             self._begun, self._calling = monotonic(), True
-            signal.setitimer(signal.ITIMER_REAL, *self._timer)
-            signal.setitimer(signal.ITIMER_VIRTUAL, self._native_time)
+            if self._brake is not None:
+                self._set_timers()
 
     def end(self) -> None:
-        """End to watch the call; the timers run on, to be set by the next."""
+        """End to watch the call; the timers go on."""
         self._calling = False
 
+    def _set_timers(self) -> None:
+        signal.setitimer(signal.ITIMER_REAL, *self._timer)
+        signal.setitimer(signal.ITIMER_VIRTUAL, self._native_time)
+
     def _expire(self, _number: int, _frame: FrameType | None) -> None:
+        signal.setitimer(signal.ITIMER_VIRTUAL, self._native_time)
         if not self._calling:
             return
-        signal.setitimer(signal.ITIMER_VIRTUAL, self._native_time)
-        self._expired += 1
         if self._brake is not None and not self._transport:
             self._brake()
         took = monotonic() - self._begun
         limit = max(self._limit, MAX_FIRST_CALL_TIME) if self._first else self._limit
-        # the first time also expires while the process is stopped by Ctrl-Z
-        if took > limit and self._expired > 1 and not _debugged():
+        self._late += took > limit
+        if self._late > 1 and not _debugged():  # once is also after Ctrl-Z and `fg`
             raise PluginTimeout(f"no result after {took:.2g} s")
 
 
