@@ -146,12 +146,7 @@ class PluginPipeline:
     def wait(self, until: float) -> float:
         """Let time pass until `until`, s, and return the mission time it is then, s."""
         with self._calling["transport"]:
-            now = float(self._plugins["transport"].wait(until))
-            if not until - TIME_TOLERANCE <= now < math.inf:
-                raise ContractError(
-                    f"wait({until!r}) returned {now!r}, expected that time or later"
-                )
-            return now
+            return checked_time(self._plugins["transport"].wait(until), until)
 
     def receive(self) -> Telemetry:
         """Return what arrived since the last call: nothing new if the transport fails."""
@@ -183,14 +178,9 @@ class PluginPipeline:
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate the positions of the agents: as in the last tick if the localizer fails."""
         with self._tolerating["localizer"]:
-            estimate = checked_estimate(self._plugins["localizer"].locate(telemetry), self._n)
-            if not abs(estimate.time - telemetry.time) <= TIME_TOLERANCE:
-                raise ContractError(
-                    f"Estimate.time is {estimate.time!r}, expected the telemetry's, "
-                    f"{telemetry.time!r}"
-                )
-            self._estimate = estimate
-            return estimate
+            answer = self._plugins["localizer"].locate(telemetry)
+            self._estimate = checked_location(answer, telemetry)
+            return self._estimate
         return renewed(self._estimate, telemetry.time)
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
@@ -274,6 +264,14 @@ def renewed(last: Estimate, time: float) -> Estimate:
 # Shapes and types of a table are checked when it is made; these functions check its values.
 
 
+def checked_time(answer: Any, until: float) -> float:
+    """Return a transport's time, s, after it waited until another; raise `ContractError`."""
+    now = float(answer)
+    if not until - TIME_TOLERANCE <= now < math.inf:
+        raise ContractError(f"wait({until!r}) returned {now!r}, expected that time or later")
+    return now
+
+
 def checked_telemetry(answer: object, n: int) -> Telemetry:
     """Return a transport's telemetry if it has `n` rows and a time; raise `ContractError`."""
     telemetry = require_type(answer, Telemetry)
@@ -292,6 +290,16 @@ def checked_truth(answer: object, n: int) -> Truth | None:
     truth = require_type(answer, Truth)
     require_rows(truth, len(truth.position), n)
     return truth
+
+
+def checked_location(answer: object, telemetry: Telemetry) -> Estimate:
+    """Return a localizer's estimate for the time of telemetry; raise `ContractError`."""
+    estimate = checked_estimate(answer, len(telemetry.age))
+    if not abs(estimate.time - telemetry.time) <= TIME_TOLERANCE:
+        raise ContractError(
+            f"Estimate.time is {estimate.time!r}, expected the telemetry's, {telemetry.time!r}"
+        )
+    return estimate
 
 
 def checked_estimate(answer: object, n: int) -> Estimate:

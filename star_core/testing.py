@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
-from numbers import Real
 from time import perf_counter
 from typing import Any, Final, TypeAlias
 
@@ -37,17 +36,20 @@ from star_core.contracts import (
 )
 from star_core.errors import ContractError
 from star_core.execution.assignments import GoalBuffer
-from star_core.messages.arrays import Array, Mask, require_type
+from star_core.execution.step_run import checked_timeout
+from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.rotations import Transform
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health, Setpoint
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.messages.vision import Corrections, Frames
 from star_core.pipeline import (
-    checked_estimate,
+    TIME_TOLERANCE,
+    checked_location,
     checked_plan,
     checked_setpoint,
     checked_telemetry,
+    checked_time,
     checked_truth,
 )
 from star_core.plugin_guard import require_methods
@@ -61,7 +63,6 @@ SIZES: Final = (1, 2, 50)
 ROW: Final = 10  # agents of a scene in a line
 TASK_TIME: Final = 8.0  # s, for which a task is called if it is not over before
 
-TOLERANCE: Final = 1e-3  # s; clocks have a resolution
 MAX_ERROR: Final = 0.2  # m, of agents that a transport flies
 UNLOCATED: Final = range(5, 8)  # ticks of a task in which its first agent is not located
 CHANGES: Final[Mapping[int, tuple[str, Callable[[tuple[int, ...]], tuple[int, ...]]]]] = {
@@ -191,15 +192,7 @@ def check_localizer(
         for tick, (label, silent, unknown) in enumerate(situations):
             yield label, (_telemetry(room, tick * room.period, silent, unknown),)
 
-    def check(answer: Any, telemetry: Telemetry) -> None:
-        located = checked_estimate(answer, len(telemetry.age))
-        if located.time != telemetry.time:
-            raise ContractError(
-                f"Estimate.time is {located.time!r}, expected that of the telemetry, "
-                f"{telemetry.time!r}: estimate for that moment"
-            )
-
-    return _check(make, Localizer, "locate", scene, cases, check)
+    return _check(make, Localizer, "locate", scene, cases, checked_location)
 
 
 def check_task(
@@ -236,26 +229,17 @@ def check_task(
             inputs = swarm.estimate(lost), swarm.health()
             with _case(f"task of {_agents(n)}, tick {tick}"):
                 if not tick:
-                    _require_timeout(*(task.begin(*inputs) for task in tasks))
+                    _require_same(*(checked_timeout(task.begin(*inputs)) for task in tasks))
                 rows = _changed(tasks, rows, tick) if n > 1 else rows
                 output, elapsed = _called(tasks, "step", inputs)
                 took.append(elapsed)
-                status = require_type(output, TaskOutput).status
-                if not isinstance(status, Status):
-                    raise ContractError(f"TaskOutput.status is {status!r}, expected a Status")
+                status = goals.add(output, np.isin(np.arange(n), rows)).status
                 if status is Status.FAILURE and not output.reason:
                     raise ContractError("failed without TaskOutput.reason, which users are shown")
-                goals.add(output, np.isin(np.arange(n), rows))
                 swarm.move(output)
         _close(tasks)
         means[n] = float(np.mean(took[2:] or took))
     return _reported(tasks[0], means)
-
-
-def _require_timeout(limit: float, again: float) -> None:
-    if not isinstance(limit, Real) or not 0 < limit < np.inf:
-        raise ContractError(f"begin() returned {limit!r}, expected the timeout of the step, s")
-    _require_same(limit, again)
 
 
 def _changed(tasks: Sequence[Task], rows: tuple[int, ...], tick: int) -> tuple[int, ...]:
@@ -317,12 +301,9 @@ def _fly(links: Sequence[Transport], room: Scene, took: list[float]) -> None:
 
     def tick(velocity: float | None) -> Telemetry:
         nonlocal now
-        due = now + room.period
-        now = call("wait", due)
-        if not due - TOLERANCE <= now < np.inf:
-            raise ContractError(f"wait({due!r}) returned {now!r}, expected that time or later")
+        now = checked_time(call("wait", now + room.period), now + room.period)
         telemetry = checked_telemetry(call("receive"), n)
-        if telemetry.time > now + TOLERANCE:
+        if telemetry.time > now + TIME_TOLERANCE:
             raise ContractError(f"Telemetry.time is {telemetry.time!r}, later than {now!r}")
         checked_truth(call("truth"), n)
         if velocity is not None:
@@ -487,7 +468,7 @@ def _check(
     method: str,
     scene: Callable[[int], Scene],
     cases: Callable[[Scene], Iterator[Case]],
-    check: Callable[..., None],
+    check: Callable[..., object],
 ) -> Times:
     """Check one method of two plugins made alike with the same inputs; return the times."""
     means = {}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from star_core.contracts import TaskOutput
+from star_core.contracts import Status, TaskOutput
 from star_core.errors import CommandError, ContractError
 from star_core.messages.arrays import Array, Mask, Rows, require_rows, require_type
 from star_core.messages.commands import Command, Trajectory
@@ -139,13 +139,16 @@ class GoalBuffer:
         self.leave: set[int] = set()
         self.free: set[int] = set()
 
-    def add(self, output: TaskOutput, own: Mask) -> None:
-        """Merge a task's output, which may be about its own agents only, (N,).
+    def add(self, answer: object, own: Mask) -> TaskOutput:
+        """Merge a task's output, which may be about its own agents only, (N,), and return it.
 
         Raises:
-            ContractError: It is about others, has another number of rows, is not finite, or orders
-                a trajectory that was not uploaded.
+            ContractError: It is no `TaskOutput`, is about others, has another number of rows, is
+                not finite, or orders a trajectory that was not uploaded.
         """
+        output = require_type(answer, TaskOutput)
+        if not isinstance(output.status, Status):
+            raise ContractError(f"TaskOutput.status is {output.status!r}, expected a Status")
         for command in output.commands:
             self._check_command(require_type(command, Command), own)
         if output.goals is not None:
@@ -155,6 +158,7 @@ class GoalBuffer:
                 getattr(self, name)[rows] = getattr(goals, name)[rows]
             self.active[rows] = True
         self.commands += output.commands
+        return output
 
     def set_goal(self, row: int, position: Array, yaw: float, speed: float) -> None:
         """Set the goal of one agent, at rest."""

@@ -12,7 +12,7 @@ import numpy as np
 from star_core.contracts import Status, Task, TaskOutput
 from star_core.errors import ContractError
 from star_core.execution.assignments import Assignments, GoalBuffer, Team
-from star_core.messages.arrays import Mask, require_type
+from star_core.messages.arrays import Mask
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.metrics.timing import ComputeTime
@@ -167,11 +167,7 @@ class StepRun:
             return Status.FAILURE, reason
         output = TaskOutput()
         with ToleratingGuard(self.guard, self.shared.strikes):
-            given = require_type(self.task.step(tick.estimate, tick.health), TaskOutput)
-            if not isinstance(given.status, Status):
-                raise ContractError(f"TaskOutput.status is {given.status!r}, expected a Status")
-            goals.add(given, self.team.own)
-            output = given
+            output = goals.add(self.task.step(tick.estimate, tick.health), self.team.own)
         for message in output.messages:
             text = f"{self.action.verb}: {message}"
             self.shared.report("task", text, self.action, self.team.rows, self.rounds)
@@ -275,11 +271,16 @@ class StepRun:
 def _begin_task(action: Action, task: Task, guard: PluginGuard, tick: TickContext) -> float:
     """Begin a task; return the timeout of its step, s."""
     with guard:
-        limit = task.begin(tick.estimate, tick.health)
-        if not isinstance(limit, Real) or not 0 < limit < np.inf:
-            raise ContractError(f"begin() returned {limit!r}, expected how long it takes, s")
+        limit = checked_timeout(task.begin(tick.estimate, tick.health))
     wait = None if action.until is None else longest(action.until)
-    return step_timeout(float(limit), wait, action.timeout)
+    return step_timeout(limit, wait, action.timeout)
+
+
+def checked_timeout(answer: object) -> float:
+    """Return the timeout that a task's ``begin`` returned, s; raise `ContractError`."""
+    if not isinstance(answer, Real) or not 0 < answer < np.inf:  # type: ignore[operator]
+        raise ContractError(f"begin() returned {answer!r}, expected the timeout of the step, s")
+    return float(answer)
 
 
 class TaskPool:
