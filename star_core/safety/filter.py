@@ -160,6 +160,9 @@ RETURN_SPEED: Final = 0.2
 MAX_ITERATIONS: Final = 30
 """Corrections of agents that approach each other, before those that still do so stop."""
 
+ROUNDING: Final = 1e-9
+"""Share by which rounding makes the square of a speed exceed that of the greatest one."""
+
 TOLERANCE: Final = 1e-3
 """Excess of the closing speed that is not corrected, m/s."""
 
@@ -205,7 +208,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
     """
     for row in range(len(active)):
         if active[row]:
-            bound(inside, position, flown, row, fence, brakes, period)
+            bound(inside, position, flown, row, fence, speed, brakes, period)
         for axis in range(3):
             apart[row, axis] = inside[row, axis] if active[row] else flown[row, axis]
     if len(first) == 0:
@@ -225,7 +228,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         for row in range(len(active)):
             if times[row] > 0.0 and active[row]:
                 add_correction(apart, change, times, row, speed)
-                bound(apart, position, flown, row, fence, brakes, period)
+                bound(apart, position, flown, row, fence, speed, brakes, period)
                 if iteration == MAX_ITERATIONS:
                     for axis in range(3):
                         apart[row, axis] = 0.0
@@ -279,11 +282,18 @@ def corrections(
 @subroutine
 def add_correction(velocity: Array, change: Array, times: Array, row: int, speed: float) -> None:
     """Add the mean of one agent's corrections to its velocity, within the greatest speed."""
-    squared = 0.0
     for axis in range(3):
         velocity[row, axis] += change[row, axis] / times[row]
+    slow_down(velocity, row, speed)
+
+
+@subroutine
+def slow_down(velocity: Array, row: int, speed: float) -> None:
+    """Shorten one velocity to the greatest speed, if it is longer."""
+    squared = 0.0
+    for axis in range(3):
         squared += velocity[row, axis] * velocity[row, axis]
-    if squared > speed * speed:
+    if squared > speed * speed * (1 + ROUNDING):
         for axis in range(3):
             velocity[row, axis] *= speed / math.sqrt(squared)
 
@@ -340,15 +350,20 @@ def bound(
     flown: Array,
     row: int,
     fence: Array,
+    speed: float,
     brakes: float,
     period: float,
 ) -> None:
-    """Change one velocity to one from which the agent can brake before the fence."""
+    """Change one velocity to one from which the agent can brake before the fence.
+
+    An agent that leaves the fence fast, as in a fall, returns within the greatest speed too.
+    """
     for axis in range(3):
         here, fast = position[row, axis], flown[row, axis]
         up = approach_speed(fence[1, axis] - here, fast, brakes, period)
         down = approach_speed(here - fence[0, axis], -fast, brakes, period)
         velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
+    slow_down(velocity, row, speed)
 
 
 @subroutine

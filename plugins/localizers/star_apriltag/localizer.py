@@ -18,6 +18,7 @@ from star_core import (
     Corrections,
     Detections,
     Estimate,
+    Image,
     Scene,
     Sightings,
     Supervisor,
@@ -50,6 +51,7 @@ class AprilTag:
         self._reckoners = [DeadReckoner(agent) for agent in scene.agents]
         self._odometry = ReportOdometry(len(scene.agents))
         self._latency = settings.latency
+        self._images: dict[int, Image | None] = {}  # the last one, by row
         self._survey_std = survey_std
         self._max_position_std = max_position_std
         self._max_report_age = max_report_age
@@ -71,7 +73,7 @@ class AprilTag:
     def locate(self, telemetry: Telemetry) -> Estimate:
         odometry = self._odometry.complete(telemetry)
         motors = telemetry.state & int(Supervisor.FLYING) != 0
-        images = camera_reports(telemetry, self._latency)
+        images = tuple(filter(self._is_new, camera_reports(telemetry, self._latency)))
         output = self._pool.update(TickInput(telemetry.time, odometry, images, motors))
         for row, anchor in output.anchors.items():
             self._reckoners[row].anchor = anchor
@@ -85,6 +87,15 @@ class AprilTag:
         fixed = output.fixed - self._odometry.silent  # velocities in reports contain corrections
         corrections = self._feedback.corrections(fixed, states, estimate.map_from_odom, telemetry)
         return replace(estimate, corrections=corrections)
+
+    def _is_new(self, report: CameraReport) -> bool:
+        """Return whether an image is not the same as the one before it: then its camera is stuck.
+
+        Images of a scene at rest differ by their noise.
+        """
+        before, image = self._images.get(report.row), report.image
+        self._images[report.row] = image
+        return image is None or before is None or not np.array_equal(image, before)
 
     def _estimate(
         self, telemetry: Telemetry, states: list[AgentState], output: TickOutput

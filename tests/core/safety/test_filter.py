@@ -91,6 +91,14 @@ def test_an_agent_that_is_outside_the_fence_is_drawn_back_and_may_come_in() -> N
     assert unchanged(corrected)
 
 
+def test_an_agent_that_falls_through_the_fence_returns_within_the_limit() -> None:
+    now = estimate(np.array([[0.0, 0.0, -0.1]]), velocity=np.array([[0.0, 0.0, -2.5]]))
+    wanted = setpoint([[0.9, 0.0, 0.0]])
+    sent, _ = apply(SafetyFilter(scene(1)), now, wanted, wanted)
+    assert sent.velocity[0, 2] > 0.8
+    assert np.linalg.norm(sent.velocity) <= SPEED * (1 + 1e-6)
+
+
 def test_no_agent_is_faster_than_the_limit() -> None:
     velocity, corrected = filtered([[0.0, 0.0, 1.0]], [[3.0, 0.0, 0.0]])
     assert velocity[0] == pytest.approx([1.0, 0.0, 0.0])

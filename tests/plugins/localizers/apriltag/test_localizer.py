@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from star_apriltag.agent_group import TickInput, TickOutput
 from star_core import Detections, Estimate, Frames, Image, Odometry, Supervisor, Telemetry
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
@@ -144,6 +145,22 @@ def test_an_image_that_shows_nothing_changes_nothing(image: Image) -> None:
         localizer(room([circle], TAGS)), [circle], 3.0, change=lambda heard: framed(heard, image)
     )
     assert same(spoilt, flown(localizer(room([circle], TAGS)), [circle], 3.0))
+
+
+def test_an_image_that_a_stuck_camera_repeats_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    circle = Circle(1)
+    made = localizer(room([circle], TAGS))
+    used: list[int] = []
+    update = made._pool.update
+
+    def counted(given: TickInput) -> TickOutput:
+        used.append(sum(report.image is not None for report in given.images))
+        return update(given)
+
+    monkeypatch.setattr(made._pool, "update", counted)
+    for time, gray in (0.5, 3), (0.55, 3), (0.6, 4):
+        made.locate(framed(telemetry([circle], time), blank(gray)))
+    assert used == [1, 0, 1]
 
 
 def test_an_image_of_a_wrong_size_is_reported(caplog: pytest.LogCaptureFixture) -> None:
