@@ -6,7 +6,7 @@ MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check docs air bench campaign guardian scenarios lowest clean
+.PHONY: help fly test check docs air bench campaign faults guardian scenarios lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -58,6 +58,9 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose program or guardian dies; long
 	$(BIN)/python benchmarks/guardian.py
 	$(BIN)/python benchmarks/guardian.py --cost
+
+faults: $(VENV)/.ready  ## the fault matrix of docs/reliability.md; long
+	$(BIN)/python benchmarks/faults.py --page docs/reliability.md
 
 scenarios: $(VENV)/.ready  ## the table of scenarios in docs/benchmarks.md; long
 	$(BIN)/star bench --seeds 30 --out runs/scenarios

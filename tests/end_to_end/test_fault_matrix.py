@@ -1,0 +1,95 @@
+"""The fault matrix: its flights fly, and each of its policies can be broken."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Event
+
+
+@pytest.fixture
+def matrix(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    return importlib.import_module("faults")
+
+
+def cell(matrix: Any, name: str) -> Any:
+    (found,) = (one for one in matrix.CELLS if one.name == name)
+    return found
+
+
+def test_no_fault_breaks_no_policy_and_a_broken_motor_is_attributed(matrix: Any) -> None:
+    assert matrix.flown(cell(matrix, "no fault"), 0)["broken"] == []
+    fallen = matrix.flown(cell(matrix, "a motor stops"), 0)
+    assert fallen["broken"] == []
+    assert fallen["fallen"] == 1
+
+
+def witness(matrix: Any) -> Any:
+    """Two drones that hover at 1 m for a second, 1 m apart, and are on the ground at 10 s."""
+    seen = matrix.Witness(cell(matrix, "a motor stops"), 3.0)
+    seen.names, seen.speed_limit, seen.speed = ("cf1", "cf2"), 0.5, 0.5
+    seen.time = [2.0, 3.0, 10.0]
+    seen.truth = [np.array([[x, 0, z, 0, 0, 0] for x in (0.0, 1.0)]) for z in (1.0, 1.0, 0.0)]
+    seen.events = [Event(3.1, "safety", "cf1 lands: tumbled", "cf1")]
+    return seen
+
+
+def collide(seen: Any) -> None:
+    seen.truth[0][1, 0] = 0.1
+
+
+def leave(seen: Any) -> None:
+    seen.truth[1][0, 1] = 2.3
+
+
+def send_nan(seen: Any) -> None:
+    seen.finite = False
+
+
+def hurry(seen: Any) -> None:
+    seen.speed = 0.6
+
+
+def linger(seen: Any) -> None:
+    seen.time.insert(2, 20.0)
+    seen.truth.insert(2, seen.truth[1])
+    seen.time[3] = 30.0
+
+
+def drop_the_other(seen: Any) -> None:
+    seen.truth[2][1, 5] = -2.0
+
+
+def say_nothing(seen: Any) -> None:
+    seen.events = [Event(3.1, "safety", "cf2 lands: tumbled", "cf2")]
+
+
+@pytest.mark.parametrize(
+    ("breaks", "policy"),
+    [
+        (collide, "separation"),
+        (leave, "fence"),
+        (send_nan, "NaN"),
+        (hurry, "speed"),
+        (linger, "down"),
+        (drop_the_other, "fall"),
+        (say_nothing, "event"),
+    ],
+)
+def test_every_policy_can_be_broken(
+    matrix: Any, breaks: Callable[[Any], None], policy: str
+) -> None:
+    seen = witness(matrix)
+    judge = (seen._cell, seen, 0, 3.0, ["cf1"])
+    assert matrix.judged(*judge, readable=True)["broken"] == []
+    assert matrix.judged(*judge, readable=False)["broken"] == ["record"]
+    assert matrix.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == ["status"]
+    breaks(seen)
+    assert matrix.judged(*judge, readable=True)["broken"] == [policy]
