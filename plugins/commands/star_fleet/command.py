@@ -13,7 +13,7 @@ from socket import gaierror
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, Mission, PluginError, Registry, load
+from star_core import InputError, Mission, PluginError, Registry, load, read_faults
 from star_sim.camera_sim.options import camera_options
 
 if TYPE_CHECKING:
@@ -52,6 +52,8 @@ def run(arguments: Sequence[str]) -> int:
                 **_of_simulator(mission, seen=cameras is not None),
             )
         opened.callback(fleet.close)
+        if options.faults:
+            fleet.inject(read_faults(Path(options.faults), scene))
         if options.tcp is not None or cameras is not None:
             from star_fleet.aideck import Wifi  # image compression is slow to import
         if options.tcp is not None:
@@ -114,6 +116,9 @@ def parser() -> argparse.ArgumentParser:
         help="drones with brushless motors, which must be armed before flight",
     )
     star.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
+    star.add_argument(
+        "--faults", metavar="FILE", help="inject the faults of FILE: of drones, links and firmware"
+    )
     star.add_argument("--seed", help="random seed (default: the mission's)")
     star.add_argument(
         "--speed",

@@ -9,11 +9,13 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Final, TypeAlias
 
 import numpy as np
+
+from star_core import Fault
 
 GRAIN: Final = 1e-6  # s, by which sums of times may be off
 
@@ -55,6 +57,16 @@ class LinkFaults:
             if not 0 <= value <= (np.inf if most is None else most):
                 expected = "at least 0" if most is None else "0 to 1"
                 raise ValueError(f"{name} is {value!r}, expected {expected}")
+
+    def with_fault(self, fault: Fault) -> LinkFaults:
+        """Return these faults and that of a fault file: off, delayed or intermittent."""
+        values = fault.values
+        match fault.mode:
+            case "delayed":
+                return replace(self, delay=values["delay"], jitter=values["jitter"])
+            case "intermittent":
+                return replace(self, loss=values["loss"], duplicates=values["duplicates"])
+        return replace(self, loss=1.0)
 
     def arrivals(self, sent: float, random: np.random.Generator) -> list[float]:
         """Return when the copies of a packet arrive that is sent at a time, s; none if it is lost.

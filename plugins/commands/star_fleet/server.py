@@ -12,7 +12,7 @@ from typing import Final, Self, TypeAlias
 
 import numpy as np
 
-from star_core import Agent, Frames, Image, PluginError, Scene
+from star_core import Agent, Fault, Frames, Image, InputError, PluginError, Scene
 from star_fleet.craft import Craft
 from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
 from star_fleet.ports import Client, Ports
@@ -30,6 +30,10 @@ MAX_LATE: Final = 0.25  # s, that are caught up with; of more the clock lets go
 BOOT_TIME: Final = 1.0  # s
 BOOT: Final = range(3)  # updates of a supervisor until a vehicle that stands well is ready to fly
 DRAIN: Final = 0.5  # s, after which unread packets are discarded
+
+DRONE_FAULTS: Final = ("motor", "battery", "flow", "gyro", "ranger")
+INJECTED: Final = (*DRONE_FAULTS, "link", "firmware")
+"""Components of the faults that `Fleet.inject` takes."""
 
 _SUPERVISE: Final = round(PERIOD / CYCLE)
 _DRAIN: Final = round(DRAIN / CYCLE)
@@ -113,6 +117,7 @@ class Fleet:
         self.busy = 0.0
         """Seconds spent other than waiting for packets or time."""
         self._speed = speed
+        self._faults: list[Fault] = []
         self._watchers: dict[int, list[Watcher]] = {}
         self._saw = False
         self._cycle = 0
@@ -148,6 +153,36 @@ class Fleet:
                 return []
             return self.vehicles[row].handle(packet, self.simulator.time)
 
+    def inject(self, faults: Sequence[Fault]) -> None:
+        """Inject faults of drones, links and firmware; their times are simulated ones.
+
+        Raises:
+            InputError: A fault is of another kind.
+        """
+        for fault in faults:
+            only_reported = fault.component == "battery" and "charge" not in fault.values
+            slow = fault.component == "link" and fault.mode == "slow"
+            if fault.component not in INJECTED or only_reported or slow:
+                text = f"star fleet simulates no fault {fault.mode!r} of {fault.component!r}"
+                raise InputError(text, "invalid-option")
+        self._faults = [fault for fault in faults if fault.component not in DRONE_FAULTS]
+        self.simulator.inject([fault for fault in faults if fault.component in DRONE_FAULTS])
+
+    def _apply_faults(self, now: float) -> None:
+        """Set the faults of the links, and reboot vehicles whose time has come."""
+        links = [NO_FAULTS] * len(self.vehicles)
+        for fault in self._faults:
+            rows = fault.rows(now)
+            if fault.component == "link":
+                for row in rows:
+                    links[row] = links[row].with_fault(fault)
+            elif rows:
+                self._faults.remove(fault)
+                for row in rows:
+                    self.reboot(row)
+                break  # the others come in the next cycle
+        self.links.faults[:] = links
+
     def reboot(self, row: int) -> None:
         """Restart a vehicle's firmware, from any thread, as a brownout in flight does.
 
@@ -180,6 +215,8 @@ class Fleet:
     def advance(self) -> None:
         """Advance by one cycle of 10 ms."""
         with self._lock:
+            if self._faults:
+                self._apply_faults(self.simulator.time)
             self.simulator.wait((self._cycle + 1) * CYCLE)
             self._cycle += 1
             now = self.simulator.time

@@ -113,6 +113,8 @@ class FaultInjector:
         if inner and not hasattr(transport, "inject"):
             failing = ", ".join(sorted({fault.component for fault in inner}))
             raise PluginError(f"transport {name!r} simulates no faults of {failing}")
+        if self._of("firmware"):
+            raise PluginError("only `star fleet` simulates faults of firmware")
         if inner:
             transport.inject(inner)
         reports = [ReportFaults(*one, self._scene) for one in self._of("telemetry", "link")]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 import pytest
 
+from star_core import InputError, faults_of
 from star_core.testing import scene
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
 from star_fleet.packet import Port, join
@@ -112,3 +114,35 @@ def test_the_links_of_a_fleet_are_cut_while_it_serves() -> None:
         ping = join(Port.LINK, 0, b"ping")
         client.sendto(ping, (host, int(port)))
         assert client.recv(64) == ping
+
+
+def test_the_faults_of_a_file_come_and_go() -> None:
+    swarm = scene(2)
+    first, second = swarm.names
+    link = {"component": "link", "agents": first}
+    faults: list[Mapping[str, Any]] = [
+        {**link, "mode": "intermittent", "loss": 0.2, "duplicates": 0.1, "at": 0.02},
+        {**link, "mode": "delayed", "delay": 0.1, "jitter": 0.05, "at": 0.02, "for": 0.02},
+        {**link, "mode": "off", "at": 0.06, "agents": second},
+        {"component": "firmware", "mode": "off", "at": 0.08, "agents": first},
+        {"component": "motor", "mode": "off", "agents": second},
+    ]
+    fleet = Fleet(swarm, port=0, noise=False)
+    try:
+        fleet.inject(faults_of(faults, swarm))
+        seen, vehicle = [], fleet.vehicles[0]
+        for _ in range(10):
+            fleet.advance()
+            seen.append(tuple(fleet.links.faults))
+        perfect, lossy = LinkFaults(), LinkFaults(loss=0.2, duplicates=0.1)
+        late = LinkFaults(loss=0.2, duplicates=0.1, delay=0.1, jitter=0.05)
+        assert seen[0] == (perfect, perfect)
+        assert seen[2] == (late, perfect)
+        assert seen[4] == (lossy, perfect)
+        assert seen[6] == (lossy, LinkFaults(loss=1.0))
+        assert fleet.vehicles[0] is not vehicle
+        assert fleet.simulator.drones["motor_share"][1].tolist() == [0, 1, 1, 1]
+        with pytest.raises(InputError, match="no fault 'off' of 'camera'"):
+            fleet.inject(faults_of([{"component": "camera", "mode": "off"}], swarm))
+    finally:
+        fleet.close()
