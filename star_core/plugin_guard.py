@@ -46,8 +46,7 @@ class Strikes:
         if count >= self._limit:
             return False
         self.pending.append(
-            f"all agents brake: {error.message} (failure {count}; all land at the "
-            f"{self._limit}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(self._limit, 'th') })"
+            f"all agents brake: {error.message} (failure {count}; at {self._limit} all land)"
         )
         return True
 

@@ -123,7 +123,7 @@ def test_a_lasting_failure_brakes_all_agents_twice_and_lands_them_at_the_third(
     assert expected in summary["reason"]
     first, second = lab.said("plugin")
     assert first.startswith(f"all agents brake: {NAMED[role]}: ")
-    assert second.endswith("(failure 2; all land at the 3rd)")
+    assert second.endswith("(failure 2; at 3 all land)")
     times = [event.time for event in lab.events if event.kind == "plugin"]
     sent = [np.abs(setpoint.velocity).max() for at, setpoint in lab.robots.sent if at in times]
     assert role == "transport" or (sent and max(sent) == 0)
@@ -273,16 +273,17 @@ def waits(*_: Any) -> None:
     threading.Event().wait()
 
 
-@pytest.mark.parametrize("hangs", [loops, waits])
-@pytest.mark.parametrize("role", METHODS)
+@pytest.mark.parametrize(
+    ("role", "hangs"), [*((role, waits) for role in METHODS), ("planner", loops)]
+)
 def test_a_plugin_that_hangs_is_interrupted_and_all_agents_land(
     lab: Lab, role: str, hangs: Right, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(watchdog, "MAX_CALL_TIME", 0.05)
+    monkeypatch.setattr(watchdog, "MAX_CALL_TIME", 0.5)
     lab.spoil(role, METHODS[role], hangs, IN_FLIGHT[role])
     summary = lab.fly(STEPS)
     assert outcome_of(summary) == 1
-    assert summary["reason"].startswith(f"{NAMED[role]}: PluginTimeout: no result after 0.0")
+    assert summary["reason"].startswith(f"{NAMED[role]}: PluginTimeout: no result after ")
     assert "watchdog.py" not in summary["reason"]
     assert down(lab)
 
@@ -309,7 +310,7 @@ def test_a_hanging_observer_is_dropped(lab: Lab, monkeypatch: pytest.MonkeyPatch
             if tick.time > 1.0:
                 waits()
 
-    monkeypatch.setattr(watchdog, "MAX_CALL_TIME", 0.05)
+    monkeypatch.setattr(watchdog, "MAX_CALL_TIME", 0.5)
     lab.registry.add(Hangs(), Source("their-dist:hangs", "1.2"))
     assert lab.fly(STEPS)["outcome"] == "completed"
     (dropped,) = lab.said("observer")

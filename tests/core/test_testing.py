@@ -300,9 +300,3 @@ def test_the_times_of_calls_are_returned_and_kept_for_pytest_to_print() -> None:
     times = kit.check_avoider(lambda _scene: idle)
     assert list(times) == [1, 2, 50]
     assert kit.reports[-1].startswith("SimpleNamespace: ")
-
-
-def test_the_fixture_flies_missions_and_reads_their_records(fly: Any, scene: Any) -> None:
-    flown = fly("first_flight", "transport.speed=null", "mission=[{hold: {for: 0.1}}]")
-    assert flown.summary["outcome"] == "completed"
-    assert len(scene(3).agents) == len(flown.agents)
