@@ -34,8 +34,8 @@ def compiled(function: Function, **options: Any) -> Function:
     in. Progress is reported on stderr.
 
     Args:
-        function: Takes numbers and arrays. Branches under ``argument is not None`` are compiled
-            only when the argument is given.
+        function: Takes numbers and arrays. Branches under ``argument is None`` are compiled only
+            when the argument is None, those under ``argument is not None`` only when it is not.
         options: Of `numba.njit`.
     """
     bare: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
@@ -73,6 +73,11 @@ class _Subroutine:
 
     def __call__(self, *arguments: Any) -> Any:
         return self.py_func(*arguments)
+
+
+# Numba drops a branch for an argument that is None; and for one that is not, if its type has this.
+for _given in types.Array, types.Record:
+    _given.literal_type = property(lambda self: self)
 
 
 @typeof_impl.register(_Subroutine)
