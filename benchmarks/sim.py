@@ -161,6 +161,7 @@ def speed(n: int) -> dict[str, float]:
     simulator, quiet, whole = hover(n), hover(n, noise=False), hover(n)
     cascade = hover(n, controller="pid")
     realistic = hover(n, controller="pid", profile=REALISTIC)
+    mellinger = hover(n, controller="mellinger", profile=REALISTIC)
     peer = NumpySwarm(quiet.drones["position"].copy(), np.zeros(n))
     still, zero = np.zeros((n, 3)), np.zeros(n)
     tick = 0
@@ -180,11 +181,12 @@ def speed(n: int) -> dict[str, float]:
             seconds(lambda: peer.tick(still, zero, STEPS), max(1, times // 20)),
             seconds(lambda: cascade._advance(STEPS), times),  # noqa: SLF001
             seconds(lambda: realistic._advance(STEPS), times),  # noqa: SLF001
+            seconds(lambda: mellinger._advance(STEPS), times),  # noqa: SLF001
         )
         for _ in range(5)
     ]
     work = n * STEPS
-    kernel, silent, transport, naive, firmware, world = (
+    kernel, silent, transport, naive, firmware, world, other = (
         work / statistics.median(column) for column in zip(*rounds, strict=True)
     )
     ratio = statistics.median(round_[3] / round_[0] for round_ in rounds)
@@ -192,6 +194,7 @@ def speed(n: int) -> dict[str, float]:
         f"kernel_agent_steps_per_s_n{n}": kernel,
         f"kernel_pid_agent_steps_per_s_n{n}": firmware,
         f"kernel_pid_realistic_agent_steps_per_s_n{n}": world,
+        f"kernel_mellinger_realistic_agent_steps_per_s_n{n}": other,
         f"kernel_pid_over_ideal_n{n}": statistics.median(row[0] / row[4] for row in rounds),
         f"kernel_without_noise_agent_steps_per_s_n{n}": silent,
         f"transport_agent_steps_per_s_n{n}": transport,

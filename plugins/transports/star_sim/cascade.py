@@ -31,7 +31,6 @@ CASCADE = np.dtype(
         ("position_integral", "f8", 3),
         ("velocity_integral", "f8", 3),
         ("attitude_integral", "f8", 6),
-        ("lead", "f8", 3),  # m, of Mellinger's moving position in front of the drone
         ("last_rates", "f8", 3),  # rad/s, one step before
         ("pwm", "f8", 4),  # of 65535, of each motor
     ],
@@ -77,13 +76,19 @@ def cascades(count: int, controller: int) -> Cascades:
 
 
 @compiled
-def regulate(drone: Record, cascade: Record) -> None:
+def regulate(drone: Record, cascade: Record, lead: Record) -> None:
     """Set the angles and the thrust that take one drone to its reference.
 
     PID tracks positions without feed-forward of velocity, so a drone trails a moving position by
     half a second. Mellinger's law tracks positions, velocities and accelerations; a velocity
     setpoint is a position that moves with it, at most `MAX_LEAD` in front of the drone along each
     axis.
+
+    Args:
+        drone: The drone.
+        cascade: Its controller.
+        lead: (3,) of Mellinger's moving position in front of the drone, m; None where no drone has
+            that controller, which is not compiled then.
     """
     x, y, z, w = drone.attitude[0], drone.attitude[1], drone.attitude[2], drone.attitude[3]
     roll = math.atan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
@@ -92,17 +97,19 @@ def regulate(drone: Record, cascade: Record) -> None:
     cascade.angles[1] = pitch + drone.tilt_error[1]
     if drone.mode == OFF:
         _reset(cascade)
+        if lead is not None:
+            lead[0] = lead[1] = lead[2] = 0.0
         return
     cascade.yaw_error = wrap(drone.reference_yaw - drone.believed_yaw)
     if drone.mode == VELOCITY and cascade.controller == MELLINGER:
         cascade.yaw_error = min(max(cascade.yaw_error, -MAX_YAW_LEAD), MAX_YAW_LEAD)
     cos, sin = math.cos(drone.believed_yaw), math.sin(drone.believed_yaw)
     free = drone.mode == DEMAND and drone.axes[0] == FREE
-    if cascade.controller == PID:
+    if lead is not None and cascade.controller == MELLINGER:
+        _mellinger(drone, cascade, lead, cos, sin, 0.0 if free else 1.0)
+    else:
         _steer(drone, cascade, cos, sin)
         _climb(drone, cascade)
-    else:
-        _mellinger(drone, cascade, cos, sin, 0.0 if free else 1.0)
     if free:
         cascade.wanted[0], cascade.wanted[1] = drone.tilt[0], drone.tilt[1]
     if drone.mode == DEMAND and drone.axes[2] == FREE:
@@ -117,7 +124,6 @@ def _reset(cascade: Record) -> None:
     for axis in range(3):
         cascade.position_integral[axis] = cascade.velocity_integral[axis] = 0.0
         cascade.attitude_integral[axis] = cascade.attitude_integral[axis + 3] = 0.0
-        cascade.lead[axis] = 0.0
     cascade.wanted[0], cascade.wanted[1] = cascade.angles[0], cascade.angles[1]
 
 
@@ -173,10 +179,12 @@ def _in_place(drone: Record, axis: int) -> bool:
 
 
 @compiled
-def _mellinger(drone: Record, cascade: Record, cos: float, sin: float, share: float) -> None:
+def _mellinger(
+    drone: Record, cascade: Record, lead: Record, cos: float, sin: float, share: float
+) -> None:
     """Set thrust, roll and pitch by Mellinger's law; `share` is of the horizontal force."""
-    east, north = share * _force(drone, cascade, 0), share * _force(drone, cascade, 1)
-    up = _force(drone, cascade, 2) + BELIEVED_MASS * GRAVITY
+    east, north = share * _force(drone, cascade, lead, 0), share * _force(drone, cascade, lead, 1)
+    up = _force(drone, cascade, lead, 2) + BELIEVED_MASS * GRAVITY
     ahead, aside = cos * east + sin * north, cos * north - sin * east
     roll, pitch = cascade.angles[0], cascade.angles[1]
     along = math.cos(roll) * (math.sin(pitch) * ahead + math.cos(pitch) * up)
@@ -188,18 +196,18 @@ def _mellinger(drone: Record, cascade: Record, cos: float, sin: float, share: fl
 
 
 @compiled
-def _force(drone: Record, cascade: Record, axis: int) -> float:
+def _force(drone: Record, cascade: Record, lead: Record, axis: int) -> float:
     """Return the force along one axis of the odometry frame that its errors ask for, N."""
     velocity = drone.reference_velocity[axis]
     missing = velocity - drone.believed_velocity[axis]
     if _in_place(drone, axis):
-        cascade.lead[axis] = 0.0
+        lead[axis] = 0.0
         way = drone.reference_position[axis] - drone.believed_position[axis]
         missing = velocity * drone.feed_forward - drone.believed_velocity[axis]
     else:
-        way = cascade.lead[axis] + CYCLE * missing
+        way = lead[axis] + CYCLE * missing
         way = min(max(way, -MAX_LEAD), MAX_LEAD)
-        cascade.lead[axis] = way
+        lead[axis] = way
     limit = FORCE_INTEGRAL_LIMIT[axis]
     summed = min(max(cascade.position_integral[axis] + CYCLE * way, -limit), limit)
     cascade.position_integral[axis] = summed

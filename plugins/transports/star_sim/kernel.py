@@ -27,6 +27,7 @@ BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once
 def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there are no more
     drones: Record,
     cascades: Record,
+    leads: Record,
     order: Record,
     keys: Record,
     normals: Record,
@@ -51,6 +52,7 @@ def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there
     Args:
         drones: (N,) records of `DRONE`, changed in place.
         cascades: (N,) records of `CASCADE`, changed in place; None for the ideal controller.
+        leads: (N, 3) for `regulate`; None where no drone has the controller of Mellinger.
         order: (N,) rows sorted along a line, for `separate`.
         keys: (N,) room for `separate`.
         normals: (BLOCK, N, 4) standard normal numbers.
@@ -79,7 +81,8 @@ def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there
         if phase == 0:
             now = step * STEP
             for i in range(len(drones)):
-                _control(drones[i], None if cascades is None else cascades[i], now, imu)
+                cascade = None if cascades is None else cascades[i]
+                _control(drones[i], cascade, None if leads is None else leads[i], now, imu)
         for first in range(0, len(drones), LANES):
             fly(drones, cascades, first, ahead, batch)
         step += ahead
@@ -105,12 +108,12 @@ def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there
 
 
 @compiled
-def _control(drone: Record, cascade: Record, now: float, imu: Record) -> None:
+def _control(drone: Record, cascade: Record, lead: Record, now: float, imu: Record) -> None:
     """Run the control loops of one drone at the start of a cycle."""
     follow(drone, now)
     supervise(drone, now)
     if cascade is not None:
-        regulate(drone, cascade)
+        regulate(drone, cascade, lead)
         return
     aim(drone)
     if imu is not None:

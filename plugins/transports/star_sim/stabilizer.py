@@ -96,10 +96,15 @@ def stabilize(s: Record, i: int) -> tuple[float, float, float, float]:
     # ``power_distribution_quadrotor.c``: commands to motors, compensation of the battery's
     # voltage, then all are lowered by what the greatest has too much.
     thrust, volts = s[WANTED_THRUST + i], s[VOLTAGE + i]
-    v1 = motor_voltage(thrust - torque_x - torque_y - torque_z)
-    v2 = motor_voltage(thrust - torque_x + torque_y + torque_z)
-    v3 = motor_voltage(thrust + torque_x + torque_y - torque_z)
-    v4 = motor_voltage(thrust + torque_x - torque_y + torque_z)
+    s[PWM + i] = thrust - torque_x - torque_y - torque_z
+    s[PWM + LANES + i] = thrust - torque_x + torque_y + torque_z
+    s[PWM + 2 * LANES + i] = thrust + torque_x + torque_y - torque_z
+    s[PWM + 3 * LANES + i] = thrust + torque_x - torque_y + torque_z
+    for motor in range(4):
+        at = PWM + LANES * motor + i
+        s[at] = motor_voltage(s[at])
+    v1, v2 = s[PWM + i], s[PWM + LANES + i]
+    v3, v4 = s[PWM + 2 * LANES + i], s[PWM + 3 * LANES + i]
     excess = most(0.0, most(most(v1, v2), most(v3, v4)) - volts)
     v1, v2 = s[ON + i] * most(0.0, v1 - excess), s[ON + LANES + i] * most(0.0, v2 - excess)
     v3 = s[ON + 2 * LANES + i] * most(0.0, v3 - excess)

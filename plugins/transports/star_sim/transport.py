@@ -41,7 +41,14 @@ from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance, report
 from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.radio_link import RadioLink
-from star_sim.sensors import TEXTURE_POINTS, Wander, draw_errors, draw_texture, noise_streams
+from star_sim.sensors import (
+    TEXTURE_POINTS,
+    WANDERING,
+    Wander,
+    draw_errors,
+    draw_texture,
+    noise_streams,
+)
 
 MIN_SWAP_CHARGE = 0.95  # fraction of full: batteries with more are not replaced
 
@@ -69,6 +76,8 @@ class Simulator:
 
     Attributes:
         speed: Mission seconds per second of wall time; None is as fast as possible.
+        cascades: (N,) state of the firmware's controllers; None with ``ideal``.
+        leads: (N, 3) state of Mellinger's; with None no drone may have this controller.
     """
 
     def __init__(  # noqa: PLR0913 -- one for each option
@@ -104,6 +113,7 @@ class Simulator:
         )
         self.drones["capacity"] = HOVER_CURRENT * endurance
         self.cascades: Cascades | None = None
+        self.leads = np.zeros((n, 3)) if controller == "mellinger" else None
         if controller != "ideal":
             self.cascades = cascades(n, CONTROLLERS[controller])
         self._swap_time = swap_time
@@ -121,7 +131,8 @@ class Simulator:
         self._samples = np.zeros((BLOCK, n, SAMPLE))
         self._arrived: list[Array] = []  # (cycles, N, SAMPLE) since the last call of `receive`
         self._wander = Wander(profile, scene.seed, n) if noise and profile.imu else None
-        self._imu: Array | None = None  # (BLOCK, N, WANDERING) errors of the current block
+        # (BLOCK, N, WANDERING) errors of the current block.
+        self._imu = None if self._wander is None else np.zeros((BLOCK, n, WANDERING))
         self._boxes, self._spans, self._edges = prisms(scene.world)
         lossy = profile.report_loss or profile.setpoint_loss
         imperfect = noise and (lossy or profile.report_delay or profile.setpoint_delay)
@@ -282,6 +293,7 @@ class Simulator:
         advance(
             self.drones,
             self.cascades,
+            self.leads,
             self._order,
             self._keys,
             self._normals,
