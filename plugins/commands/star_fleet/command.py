@@ -13,8 +13,10 @@ from socket import gaierror
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, Mission, PluginError, Registry, load, read_faults
+from star_core import InputError, Mission, PluginError, Registry, fill_defaults, load, read_faults
+from star_sim import OPTIONS
 from star_sim.camera_sim.options import camera_options
+from star_sim.error_profile import PROFILES
 
 if TYPE_CHECKING:
     from star_fleet.server import Fleet
@@ -82,8 +84,8 @@ def parser() -> argparse.ArgumentParser:
     star = argparse.ArgumentParser(
         prog="star fleet",
         description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
-        epilog="Noise, controller, battery, endurance and camera are taken from the mission's "
-        "transport `sim`.",
+        epilog="Profile, noise, controller, battery, endurance and camera are taken from the "
+        "mission's transport `sim`.",
         allow_abbrev=False,
     )
     star.add_argument("mission", help="mission file (YAML)")
@@ -193,13 +195,13 @@ def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
         seen: Whether cameras are streamed; they are then rendered, whatever the mission's mode.
     """
     part = mission.parts["transport"]
-    options = part.options if part.use == "sim" else {}
-    camera = camera_options(**{**options.get("camera", {}), "mode": "rendered"})
+    options = fill_defaults(part.options if part.use == "sim" else {}, OPTIONS)
+    profile = PROFILES[options["profile"]]
+    camera = camera_options(profile, **{**options.get("camera", {}), "mode": "rendered"})
+    shared = ("noise", "battery", "endurance", "controller")
     return {
-        "noise": options.get("noise", True),
-        "battery": options.get("battery", 1.0),
-        "endurance": options.get("endurance", 420.0),
-        "controller": options.get("controller", "ideal"),
+        **{name: options[name] for name in shared},
+        "profile": profile,
         "camera": camera if seen else None,
     }
 

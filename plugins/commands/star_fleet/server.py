@@ -22,6 +22,7 @@ from star_fleet.vehicle import Vehicle
 from star_sim.airframe import CYCLE
 from star_sim.battery import HOVER_TIME
 from star_sim.camera_sim.options import CameraOptions
+from star_sim.error_profile import IDEAL, ErrorProfile
 from star_sim.transport import Simulator
 
 PORT: Final = 19850  # where clients look first
@@ -62,6 +63,8 @@ class Fleet:
         camera: How cameras err; None switches them off.
         controller: Of the simulator. With ``pid`` or ``mellinger`` it is what flies until a client
             sets the parameter ``stabilizer.controller``.
+        profile: Magnitudes of the errors of sensors. Delay and loss of its radio link have no
+            effect: see `faults`.
         speed: Simulated seconds per second.
         arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
         feed_forward: Whether a vehicle that follows a plan or holds a position heeds the velocity
@@ -91,6 +94,7 @@ class Fleet:
         endurance: float = HOVER_TIME,
         camera: CameraOptions | None = None,
         controller: str = "ideal",
+        profile: ErrorProfile = IDEAL,
         speed: float = 1.0,
         arms_itself: bool = True,
         feed_forward: bool = True,
@@ -104,8 +108,11 @@ class Fleet:
             endurance=endurance,
             camera=camera,
             controller=controller,
+            profile=profile,
             wanted=self.watched,
         )
+        if controller != "ideal":  # a client may select Mellinger's in flight
+            self.simulator.leads = np.zeros((len(scene.agents), 3))
         if not feed_forward:
             self.simulator.drones["feed_forward"] = 0.0
         self._agents, self._arms_itself = scene.agents, arms_itself
