@@ -70,6 +70,7 @@ def judged(name: str, seeds: int) -> tuple[float, float, float]:
         registry = Registry()
         registry.add(watch, Source("benchmark:watch", "0"))
         changes = [f"seed={seed}", "transport.camera.mode=geometric", "localizer.processes=0"]
+        changes += ["transport.profile=ideal", "transport.controller=ideal"]
         fly(load(MISSIONS / f"{name}.yaml", registry, changes), registry)
     surprise = np.array(watch.surprise)
     return (

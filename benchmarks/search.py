@@ -140,7 +140,12 @@ def mission(seed: int, pattern: str, clearance: float, uncertainty_margin: float
             f"cf{i + 1}": {"start": [x, y, 0.0], "yaw_deg": 90, "camera": "aideck"}
             for i, (x, y) in enumerate(STARTS)
         },
-        "transport": {"use": "sim", "camera": {"mode": "geometric"}},
+        "transport": {
+            "use": "sim",
+            "profile": "ideal",
+            "controller": "ideal",
+            "camera": {"mode": "geometric"},
+        },
         "localizer": {"use": "apriltag", "processes": 0},
         "planner": {"use": "visibility", "clearance": clearance},
         "avoider": {

@@ -33,7 +33,7 @@ star: 1
 name: thousand
 world: room.yaml
 limits: {{speed: {speed}, acceleration: 2.0, height: [0.3, 1.8]}}
-transport: {{use: sim, noise: false}}
+transport: {{use: sim, noise: false, profile: ideal, controller: ideal}}
 localizer: {{use: flow, error_std: 0.03, error_time_constant: 1.0}}
 planner: straight
 avoider: orca

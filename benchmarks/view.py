@@ -53,7 +53,7 @@ MISSION = """\
 star: 1
 name: ten
 world: room.yaml
-transport: sim
+transport: {use: sim, profile: ideal, controller: ideal}
 localizer: flow
 planner: straight
 avoider: orca

@@ -1,12 +1,14 @@
 """What every test may use."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import pytest
 from hypothesis import settings
 
+import star_sim
 from star_core.toolkit import progress
 
 ROOT = Path(__file__).parents[1]
@@ -16,6 +18,12 @@ os.environ["STAR_BLOCK_PLUGINS"] = "mcap"
 
 # Tests of one process are no work that lasts: the progress of each counts from its own beginning.
 progress.MAX_PAUSE = -1.0  # type: ignore[misc]
+
+# Defaults of `sim`, and those of the tests that are not about its errors: `shipped_world`.
+SHIPPED: Final = {name: star_sim.OPTIONS["properties"][name] for name in ("profile", "controller")}
+star_sim.OPTIONS["properties"] |= {
+    name: {**rules, "default": "ideal"} for name, rules in SHIPPED.items()
+}
 
 # Times are measured in benchmarks, not in tests. The default examples are the same in every run;
 # `--hypothesis-profile=campaign` tries more, and others each time.
@@ -53,6 +61,19 @@ mission:
   - takeoff: {height: 0.3, speed: 0.5}
   - land: {speed: 0.5}
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shipped_world(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Give `sim` the defaults of users in modules with this mark; others fly in its ideal world.
+
+    Commands in processes of their own always have the defaults of users.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if request.node.get_closest_marker("shipped_world"):
+            for name, rules in SHIPPED.items():
+                patch.setitem(star_sim.OPTIONS["properties"], name, rules)
+        yield
 
 
 @pytest.fixture

@@ -25,6 +25,8 @@ from star_core.cli.main import main
 from star_core.error_codes import catalogue
 from star_core.registry import Registry
 
+pytestmark = pytest.mark.shipped_world
+
 ROOT = Path(__file__).parents[1]
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "examples/README.md")),

@@ -16,6 +16,8 @@ import pytest
 from star_core.contracts import MissionSpec
 from star_core.registry import Registry
 
+pytestmark = pytest.mark.shipped_world
+
 ROOT = Path(__file__).parents[1]
 
 

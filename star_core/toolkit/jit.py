@@ -77,7 +77,7 @@ class _Subroutine:
 
 # Numba drops a branch for an argument that is None; and for one that is not, if its type has this.
 for _given in types.Array, types.Record:
-    _given.literal_type = property(lambda self: self)
+    _given.literal_type = property(lambda self: self)  # type: ignore[union-attr]
 
 
 @typeof_impl.register(_Subroutine)

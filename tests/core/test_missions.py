@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Registry, fly, load
+import star_sim
+from star_core import Registry, fill_defaults, fly, load
 from star_core.cli.main import main, run
+
+pytestmark = pytest.mark.shipped_world
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 GEOMETRIC = "transport.camera.mode=geometric"  # not images, which three_eyes has
@@ -49,6 +52,11 @@ def test_every_mission_checks_and_completes_without_collision(
     summary = flown(mission, tmp_path, settings=SETTINGS.get(mission.stem, ()))
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
     assert summary["targets"]["found"] == summary["targets"]["total"]
+
+
+def test_by_default_the_world_is_that_of_a_careful_lab() -> None:
+    options = fill_defaults({}, star_sim.OPTIONS)
+    assert (options["profile"], options["controller"]) == ("realistic", "pid")
 
 
 @pytest.mark.campaign

@@ -23,6 +23,8 @@ from star_core.mission_file.schema import compose, compose_steps
 from star_core.mission_file.yaml_reader import parse
 from star_core.registry import Registry
 
+pytestmark = pytest.mark.shipped_world
+
 MISSIONS = Path(__file__).parents[2] / "missions"
 FILES = sorted(MISSIONS.glob("*.yaml"))
 README = (MISSIONS / "README.md").read_text(encoding="utf-8")

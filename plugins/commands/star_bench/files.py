@@ -120,7 +120,7 @@ def _mission(case: Case, scenario: Scenario) -> Iterator[str]:
     yield "swarm:"
     for name, start in zip(names, scenario.starts, strict=True):
         yield f"  {name}: {{start: {_flow([*start, 0.0])}}}"
-    yield "transport: {use: sim, noise: false}"
+    yield "transport: {use: sim, noise: false, profile: ideal, controller: ideal}"
     yield "localizer: flow"
     yield f"planner: {'visibility' if scenario.obstacles else 'straight'}"
     yield "avoider: orca"

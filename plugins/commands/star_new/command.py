@@ -23,7 +23,7 @@ LINE: Final = {  # of the mission that flies a new plugin
     "transport": "transport: sim",
     "localizer": "localizer: flow",
     "planner": "planner: straight",
-    "avoider": "avoider: orca",
+    "avoider": "avoider: {use: orca, radius: 0.3}",
 }
 STEP: Final = "  - goto: {agents: cf1, by: [0.5, 0.5, 0]}"
 

@@ -19,7 +19,7 @@ OPTIONS: dict[str, Any] = {
     "properties": {
         "profile": {
             "enum": ["realistic", "ideal"],
-            "default": "ideal",
+            "default": "realistic",
             "description": "Magnitudes of the errors of sensors, radio link, cameras and survey. "
             "realistic: as of a Crazyflie with a Flow deck in a careful lab; its ranger sees "
             "obstacles below. ideal: a drifting Flow deck, an exact IMU, no delay, no loss.",
@@ -31,8 +31,8 @@ OPTIONS: dict[str, Any] = {
             "without noise they equal the ground truth.",
         },
         "controller": {
-            "enum": ["ideal", "pid", "mellinger"],
-            "default": "ideal",
+            "enum": ["pid", "mellinger", "ideal"],
+            "default": "pid",
             "description": "What flies the drones: 'pid' and 'mellinger' are the firmware's "
             "controllers with motors and battery identified from real flights; 'ideal' feeds "
             "velocity and acceleration of trajectories forward and has stronger motors.",

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from star_core import compiled, subroutine
@@ -181,6 +182,23 @@ def test_a_division_by_zero_is_infinite() -> None:
         return x / y
 
     assert over(1.0, 0.0) == math.inf
+
+
+def test_only_the_branch_for_an_argument_is_compiled() -> None:
+    @compiled
+    def length(values: Any) -> float:
+        if values is None:
+            return values.none_has_no_such_attribute  # type: ignore[attr-defined, no-any-return]
+        return len(values)
+
+    @compiled
+    def missing(values: Any) -> float:
+        if values is not None:
+            return values.no_array_has_such_an_attribute  # type: ignore[no-any-return]
+        return 0.0
+
+    assert length(np.zeros(3)) == 3.0
+    assert missing(None) == 0.0
 
 
 def test_python_calls_a_subroutine_without_compiling_it() -> None:

@@ -116,7 +116,8 @@ def test_every_scenario_is_a_mission_that_can_be_flown(
     path.write_text(mission_text(case, case.draw()))
     mission = load(path, Registry())
     assert (len(mission.scene.agents), mission.scene.seed) == (agents, 3)
-    assert mission.parts["transport"].options == {"noise": False}
+    wanted = {"noise": False, "profile": "ideal", "controller": "ideal"}
+    assert mission.parts["transport"].options == wanted
 
 
 def test_the_circle_is_flown_by_4_to_64() -> None:

@@ -263,7 +263,7 @@ def test_who_is_in_reserve_does_nothing_until_it_joins(explain: Explain) -> None
     )
     assert "  1  takeoff cf1\n" in text
     assert "  3  land cf1, cf2\n" in text
-    assert "in reserve: cf2, to replace agents below 3.7 V; ready above 4 V" in text
+    assert "in reserve: cf2, to replace agents below 3.4 V; ready above 4 V" in text
 
 
 def test_parts_are_told_with_options_and_defaults(explain: Explain) -> None:
