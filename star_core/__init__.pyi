@@ -1,10 +1,10 @@
 # The public names of STAR and their modules, listed once: `__init__.py` reads them here.
 
+from star_core.cli.output import new_folder as new_folder
 from star_core.cli.output import output_folder as output_folder
 from star_core.cli.output import positive_integer as positive_integer
+from star_core.cli.output import write_report as write_report
 from star_core.cli.output import writing as writing
-from star_core.cli.reports import write_report as write_report
-from star_core.cli.run_folders import new_folder as new_folder
 from star_core.contracts import Avoider as Avoider
 from star_core.contracts import AvoiderSpec as AvoiderSpec
 from star_core.contracts import CommandSpec as CommandSpec
@@ -23,10 +23,12 @@ from star_core.contracts import TaskOutput as TaskOutput
 from star_core.contracts import TaskSpec as TaskSpec
 from star_core.contracts import Transport as Transport
 from star_core.contracts import TransportSpec as TransportSpec
+from star_core.contracts import deferred as deferred
 from star_core.errors import ContractError as ContractError
 from star_core.errors import InputError as InputError
 from star_core.errors import PluginError as PluginError
 from star_core.errors import StarError as StarError
+from star_core.errors import suggestion as suggestion
 from star_core.geometry.obstacles import box_edges as box_edges
 from star_core.geometry.obstacles import footprint as footprint
 from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
@@ -71,7 +73,9 @@ from star_core.metrics.records import Run as Run
 from star_core.metrics.records import read_run as read_run
 from star_core.mission import Mission as Mission
 from star_core.mission import load as load
+from star_core.mission_file.conditions import holds_from as holds_from
 from star_core.mission_file.conditions import in_words as in_words
+from star_core.mission_file.conditions import longest_wait as longest_wait
 from star_core.mission_file.fault_file import Fault as Fault
 from star_core.mission_file.fault_file import faults_of as faults_of
 from star_core.mission_file.fault_file import read_faults as read_faults
@@ -97,6 +101,8 @@ from star_core.toolkit.camera_model import upright_misfit as upright_misfit
 from star_core.toolkit.jit import compiled as compiled
 from star_core.toolkit.jit import subroutine as subroutine
 from star_core.toolkit.mosaic import gray_from_mosaic as gray_from_mosaic
+from star_core.toolkit.options import number as number
+from star_core.toolkit.options import positive as positive
 from star_core.toolkit.position_control import PositionController as PositionController
 from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from importlib import import_module
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -219,6 +220,26 @@ class StepGoal(NamedTuple):
     label: str = ""
 
 
+def deferred(target: str) -> Callable[..., Any]:
+    """Return a function that imports another when it is called, and calls that.
+
+    As `Spec.make` it announces a plugin without the imports that the plugin itself needs.
+
+    Args:
+        target: ``module:name``, as for entry points.
+
+    Example:
+        >>> deferred("math:hypot")(3, 4)
+        5.0
+    """
+    module, _, name = target.partition(":")
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        return getattr(import_module(module), name)(*arguments, **options)
+
+    return call
+
+
 NO_OPTIONS: Mapping[str, Any] = {"type": "object", "properties": {}}
 
 
@@ -229,7 +250,7 @@ class Spec:
     Attributes:
         name: In missions, or on the command line. Lower case, unique within its kind.
         summary: One line, for ``star plugins``, ``star --help`` and editors.
-        make: Makes the plugin. Import heavy packages in it.
+        make: Makes the plugin. Import heavy packages in it; `deferred` does.
     """
 
     name: str

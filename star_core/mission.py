@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -118,7 +117,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     refused = Refused(faults)
     data = sound_parts(document.data, refused, composed)
     if data is None:
-        raise InputError(_in_file_order(problems, document.path))
+        raise InputError(document.in_order(problems))
     scene = _scene(document, data, room or NO_WORLD, realtime=_realtime(data, registry))
     builder = StepBuilder(document, refused, scene, _uncertain_groups(document, data), registry)
     steps = builder.build()
@@ -127,7 +126,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         [*builder.problems, *(problem for problem in found if not problem.warning)]
     )
     if problems or world is None:
-        raise InputError(_in_file_order(problems, document.path))
+        raise InputError(document.in_order(problems))
     return Mission(
         name=data["name"],
         scene=scene,
@@ -149,17 +148,6 @@ def _uncertain_groups(document: Document, data: Mapping[str, Any]) -> set[str] |
         return None
     agents = {*data["swarm"]}
     return {name for name, held in data["groups"].items() if not held or {*held} - agents}
-
-
-def _in_file_order(problems: Iterable[str], path: Path) -> list[str]:
-    """Return each problem once: those of the file at `path` by line and column, then the others."""
-    located = re.compile(rf"{re.escape(str(path))}:(\d+):(\d+): ")
-
-    def order(problem: str) -> tuple[bool, int, int]:
-        found = located.match(problem)
-        return (False, int(found[1]), int(found[2])) if found else (True, 0, 0)
-
-    return sorted(dict.fromkeys(problems), key=order)
 
 
 def _world(document: Document, problems: list[str]) -> tuple[Document | None, World | None]:

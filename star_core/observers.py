@@ -59,8 +59,12 @@ class Observers:
         details: Mapping[str, Any] | None = None,
     ) -> None:
         """Record an `Event` at the current mission time and report it to the observers."""
-        self.events.append(Event(self._time, kind, text, agent, details))
-        self.notify("star_event", event=self.events[-1])
+        self.record(Event(self._time, kind, text, agent, details))
+
+    def record(self, event: Event) -> None:
+        """Record an event and report it to the observers."""
+        self.events.append(event)
+        self.notify("star_event", event=event)
 
     def _notify(self, hook: str, arguments: Mapping[str, Any], calls: Sequence[PluginCall]) -> None:
         for i, call in enumerate(calls):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple
@@ -29,7 +28,6 @@ from star_core.messages.state import (
     among,
 )  # fmt: skip
 from star_core.messages.telemetry import Telemetry
-from star_core.metrics.conflicts import Incident
 from star_core.metrics.summary import FlightMetrics
 from star_core.mission import Mission
 from star_core.observers import Observers
@@ -150,7 +148,8 @@ class ControlLoop:
 
     def finish(self) -> None:
         """Report the close approaches that are not over when the flight ends."""
-        self._report(self.metrics.contacts.finish())
+        for event in self.metrics.contacts.finish():
+            self._observers.record(event)
 
     def unassigned(self) -> Mask:
         """Return which agents are not in the mission, whose failure does not fail it: (N,)."""
@@ -215,9 +214,6 @@ class ControlLoop:
         """Measure a tick and pass it to the observers."""
         for failure in self._pipeline.strikes.drain():
             self._observers.event("plugin", failure)
-        self._report(self.metrics.add(tick, near))
+        for event in self.metrics.add(tick, near):
+            self._observers.record(event)
         self._observers.notify("star_ticked", tick=tick)
-
-    def _report(self, incidents: Iterable[Incident]) -> None:
-        for one in incidents:
-            self._observers.event(one.kind, one.text, one.agent, one.details)

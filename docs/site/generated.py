@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import Registry
-from star_core.cli.describe_plugin import MAX_DEPTH, allowed, flow, resolved
+from star_core.cli.describe_plugin import MAX_DEPTH, allowed, resolved
+from star_core.mission_file.error_messages import flow
 
 ROOT: Final = Path(__file__).parents[2]
 BAR: Final = "\\|"  # in a table

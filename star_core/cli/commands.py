@@ -130,10 +130,10 @@ def _run(arguments: Sequence[str]) -> int:
     from star_core.toolkit.progress import Progress
 
     with Progress("loading plugins"):
-        from star_core.cli.main import installed
         from star_core.cli.run import log_to_stderr, run_mission
+        from star_core.registry import Registry
 
-        registry, answer = installed(), sys.stdout
+        registry, answer = Registry(), sys.stdout
     options = _parse("run", arguments, registry)
     log_to_stderr(verbose=options.verbose)
     # What plugins print must not be in the JSON.
@@ -169,12 +169,12 @@ def _check(arguments: Sequence[str]) -> int:
     from pathlib import Path
 
     from star_core.cli.check import check_file
-    from star_core.cli.main import installed
+    from star_core.registry import Registry
     from star_core.toolkit.progress import Progress
 
     options = _parse("check", arguments)
     with Progress(f"checking {options.mission}"):
-        text, warnings = check_file(Path(options.mission), _assignments(options), installed())
+        text, warnings = check_file(Path(options.mission), _assignments(options), Registry())
     for warning in warnings:
         print(warning, file=sys.stderr)
     print(text)
@@ -199,9 +199,9 @@ def _missions(arguments: Sequence[str]) -> int:
 
 def _plugins(arguments: Sequence[str]) -> int:
     from star_core.cli.list_plugins import as_json, as_text, chosen
-    from star_core.cli.main import installed
+    from star_core.registry import Registry
 
-    options, registry = _parse("plugins", arguments), installed()
+    options, registry = _parse("plugins", arguments), Registry()
     found = chosen(registry, options.name)
     if options.json:
         print(as_json(found, registry.broken))
@@ -218,25 +218,22 @@ def _schema(arguments: Sequence[str]) -> int:
     import json
     from pathlib import Path
 
-    from star_core.cli.main import installed
-    from star_core.errors import StarError
+    from star_core.cli.output import writing
     from star_core.mission_file import schema
     from star_core.mission_file.editor_schema import for_editors
+    from star_core.registry import Registry
 
     options = _parse("schema", arguments)
     if options.of == "mission":
-        content = for_editors(schema.compose(installed().offers()))
+        content = for_editors(schema.compose(Registry().offers()))
     elif options.of == "steps":
-        content = for_editors(schema.compose_steps(installed().offers()), parameters=True)
+        content = for_editors(schema.compose_steps(Registry().offers()), parameters=True)
     else:
         content = for_editors(schema.load(options.of))
     text = json.dumps(content, indent=2)
     if options.out:
-        try:
+        with writing(options.out):
             Path(options.out).write_text(text + "\n", encoding="utf-8")
-        except OSError as error:
-            text = f"{options.out}: cannot be written: {error.strerror}"
-            raise StarError(text, "unwritable-file") from error
     else:
         print(text)
     return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -10,6 +9,7 @@ from typing import Any, Final
 from star_core.cli.columns import text_width
 from star_core.cli.list_plugins import options
 from star_core.contracts import TaskSpec
+from star_core.mission_file.error_messages import flow
 from star_core.plugin_schema import PARTS, SHARED
 from star_core.registry import Found
 
@@ -137,15 +137,6 @@ def _items(rules: Mapping[str, Any], item: str) -> str:
         return f"{count}values" + f" ({item})" * bool(item)
     rest = "" if word in {"number", "integer"} else f" {rest}".rstrip()
     return f"{count}{word}{'s' * (low != 1)}{rest}"
-
-
-def flow(value: Any) -> str:
-    """Return a value as a mission writes it: ``{low: [0, 1]}``."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {flow(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(flow, value)) + "]"
-    return value if isinstance(value, str) and value else json.dumps(value)
 
 
 def _wrapped(text: str, indent: int, hang: int = 0) -> list[str]:

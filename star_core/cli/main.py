@@ -53,13 +53,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return main(["run", *arguments])
 
 
-def installed() -> Registry:
-    """Return the installed plugins."""
-    from star_core.registry import Registry
-
-    return Registry()
-
-
 def _main(arguments: list[str]) -> int:
     match arguments:
         case ["-h" | "--help", *_]:
@@ -122,7 +115,9 @@ def _loaded() -> Registry:
 
     # What plugins print must not be in the output.
     with Progress("loading plugins"), redirect_stdout(sys.stderr):
-        registry = installed()
+        from star_core.registry import Registry
+
+        registry = Registry()
     for source, why in registry.broken.items():
         print(f"star: plugin {source} is left out: {why}", file=sys.stderr)
     return registry

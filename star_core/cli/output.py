@@ -1,13 +1,34 @@
-"""Output folders of commands, their arguments, and errors of files that cannot be written."""
+"""Output of commands: folders, errors of files that cannot be written, reports; arguments."""
 
 from __future__ import annotations
 
+import io
+import os
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from star_core.cli.run_folders import new_folder
-from star_core.errors import InputError
+from star_core.errors import InputError, StarError
+from star_core.hookspecs import hookimpl
+
+if TYPE_CHECKING:
+    from star_core.messages.events import Flight
+    from star_core.registry import Registry
+
+RUNS = Path("runs")
+LATEST = "latest"
+
+
+def new_folder(name: str) -> Path:
+    """Return ``runs/TIME-NAME``, or with a number if that exists; it is not created."""
+    first = RUNS / f"{time.strftime('%Y-%m-%dT%H%M%S')}-{name}"
+    folder, again = first, 2
+    while folder.exists():
+        folder = first.with_name(f"{first.name}-{again}")
+        again += 1
+    return folder
 
 
 def output_folder(out: str | None, name: str, marker: str) -> Path:
@@ -46,6 +67,34 @@ def writing(path: Path | str) -> Iterator[None]:
     except OSError as error:
         wrong = f"{path}: cannot be written: {error.strerror or error}"
         raise InputError(wrong, "unwritable-file") from error
+
+
+class LatestRun:
+    """An observer that links ``runs/latest`` to the folder of the flight, where links work."""
+
+    @hookimpl
+    def star_mission_started(self, flight: Flight) -> None:
+        if flight.folder is None:
+            return
+        new = flight.folder.with_name(f".{LATEST}-{os.getpid()}")
+        with suppress(OSError):
+            new.parent.mkdir(parents=True, exist_ok=True)
+            new.symlink_to(flight.folder.name)
+            try:
+                new.replace(flight.folder.with_name(LATEST))  # atomic
+            except OSError:  # there is a folder of that name
+                new.unlink()
+
+
+def write_report(folder: Path, registry: Registry) -> str:
+    """Write the report of a run or a study; return a line with its file, or why there is none."""
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed):
+            registry.find("command", "report").offer.make([str(folder)])
+    except StarError as error:
+        return f"no report: {error.message}"
+    return f"report: {printed.getvalue().strip()}"
 
 
 def positive_integer(text: str) -> int:

@@ -19,7 +19,7 @@ from typing import Any
 from star_core.cli.land_requests import listening
 from star_core.cli.live_view import FlightProgress
 from star_core.cli.main import make
-from star_core.cli.run_folders import LatestRun, new_folder
+from star_core.cli.output import LatestRun, new_folder
 from star_core.errors import InputError
 from star_core.mission import Mission, load
 from star_core.operator import Operator

@@ -17,7 +17,7 @@ from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.metrics.timing import ComputeTime
 from star_core.mission import Mission
-from star_core.mission_file.conditions import ConditionContext, holds, longest
+from star_core.mission_file.conditions import ConditionContext, holds, longest_wait
 from star_core.mission_file.step_tree import Action, actions
 from star_core.observers import Observers
 from star_core.plugin_guard import (
@@ -272,7 +272,7 @@ def _begin_task(action: Action, task: Task, guard: PluginGuard, tick: TickContex
     """Begin a task; return the timeout of its step, s."""
     with guard:
         limit = checked_timeout(task.begin(tick.estimate, tick.health))
-    wait = None if action.until is None else longest(action.until)
+    wait = None if action.until is None else longest_wait(action.until)
     return step_timeout(limit, wait, action.timeout)
 
 

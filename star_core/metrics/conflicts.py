@@ -12,7 +12,7 @@ import numpy as np
 
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask
-from star_core.messages.events import Tick
+from star_core.messages.events import Event, Tick
 from star_core.messages.state import AIRBORNE, AgentPhase, Paths, among
 from star_core.scene import Scene
 from star_core.world.world import CONTACT_RADIUS
@@ -28,26 +28,6 @@ WAITING_DISTANCE: Final = 1.5
 """Distance within which an agent can wait for another, m: two that meet at 0.5 m/s need it
 to react, to brake and to let one pass. An unrelated agent that progresses moves away, after which
 the deadlock is counted."""
-
-
-@dataclass(frozen=True, slots=True)
-class Incident:
-    """An event that metrics found.
-
-    Attributes:
-        kind: Of the event: ``collision``, ``close_approach``, ``corrected``, ``no_truth``.
-        text: Description, for logs.
-        agent: Name of the agent that it happened to, if it is one.
-        details: Description of a collision or a close approach, for programs: ``agents``,
-            ``obstacle`` (of a collision with one), ``time_s``, ``position_m`` (of two agents, the
-            middle between them), ``distance_m`` (of a close approach), ``relative_speed_m_s``
-            (where velocities are known), ``from`` (`Contacts.source`).
-    """
-
-    kind: str
-    text: str
-    agent: str | None = None
-    details: Mapping[str, Any] | None = None
 
 
 @dataclass(slots=True)
@@ -101,6 +81,7 @@ class Contacts:
         self._approaches: dict[tuple[int, int], _Approach] = {}
         self._sources = {"ground_truth": 0, "estimate": 0}  # ticks with an agent in the air
         self._source = "estimate"  # of the tick
+        self._time = 0.0  # s, of the tick
         self.agent_agent = 0
         self.agent_obstacle = 0
         self.separation = np.inf
@@ -121,7 +102,7 @@ class Contacts:
         used = [name for name, ticks in self._sources.items() if ticks]
         return "mixed" if len(used) > 1 else used[0] if used else self._source
 
-    def update(self, tick: Tick, near: Pairs) -> list[Incident]:
+    def update(self, tick: Tick, near: Pairs) -> list[Event]:
         """Return the collisions that begin at a tick, and the close approaches that are over.
 
         Args:
@@ -130,28 +111,29 @@ class Contacts:
         """
         known = tick.estimate if tick.truth is None else tick.truth
         airborne = among(tick.health.phase, *AIRBORNE)
+        self._time = tick.time
         self._source = "estimate" if tick.truth is None else "ground_truth"
         self._sources[self._source] += int(airborne.any())
         return [
-            *self._between_agents(near, known.position, known.velocity, airborne, tick.time),
-            *self._with_obstacles(known.position, known.velocity, tick.time),
+            *self._between_agents(near, known.position, known.velocity, airborne),
+            *self._with_obstacles(known.position, known.velocity),
         ]
 
-    def finish(self) -> list[Incident]:
+    def finish(self) -> list[Event]:
         """Return the close approaches that are not over when the flight ends."""
         open_ones, self._approaches = self._approaches, {}
         return [self._over(pair, one) for pair, one in open_ones.items() if not one.collided]
 
     def _between_agents(
-        self, near: Pairs, position: Array, velocity: Array, airborne: Mask, time: float
-    ) -> list[Incident]:
+        self, near: Pairs, position: Array, velocity: Array, airborne: Mask
+    ) -> list[Event]:
         """Compare (N, 3) positions, m, of agents with (N, 3) velocities, m/s."""
         self.separation = min(self.separation, float(near.distance.min(initial=np.inf)))
         near = near.within(self.reach)
         if not len(near.first):
             self._touching.clear()
             return self.finish()
-        incidents = []
+        events = []
         rows = zip(near.first.tolist(), near.second.tolist(), strict=True)
         distances = dict(zip(rows, near.distance.tolist(), strict=True))
         touching = {pair for pair, away in distances.items() if away < COLLISION_DISTANCE}
@@ -160,13 +142,13 @@ class Contacts:
             a, b = pair
             middle, relative = (position[a] + position[b]) / 2, velocity[a] - velocity[b]
             names = [self._names[a], self._names[b]]
-            incidents.append(self._collision(names, None, middle, relative, time))
+            events.append(self._collision(names, None, middle, relative))
         self._touching = touching
         if self._limit == 0.0:
-            return incidents
+            return events
         offset = self._flat * (position[near.first] - position[near.second])
         flattened = dict(zip(distances, np.sqrt(np.vecdot(offset, offset)).tolist(), strict=True))
-        return incidents + self._approached(flattened, touching, position, airborne, time)
+        return events + self._approached(flattened, touching, position, airborne)
 
     def _approached(
         self,
@@ -174,8 +156,7 @@ class Contacts:
         touching: set[tuple[int, int]],
         position: Array,
         airborne: Mask,
-        time: float,
-    ) -> list[Incident]:
+    ) -> list[Event]:
         """Follow the pairs within the ellipsoid; return those that have left it."""
         for pair, away in near.items():
             a, b = pair
@@ -185,7 +166,7 @@ class Contacts:
                 continue
             one.collided |= pair in touching
             if away < one.closest:
-                one.closest, one.time = away, time
+                one.closest, one.time = away, self._time
                 one.distance = math.dist(position[a], position[b])
                 one.position = (position[a] + position[b]) / 2
         parted = [
@@ -194,7 +175,7 @@ class Contacts:
         over = [(pair, self._approaches.pop(pair)) for pair in parted]
         return [self._over(pair, one) for pair, one in over if not one.collided]
 
-    def _with_obstacles(self, position: Array, velocity: Array, time: float) -> list[Incident]:
+    def _with_obstacles(self, position: Array, velocity: Array) -> list[Event]:
         """Compare (N, 3) positions, m, with the obstacles."""
         if not self._obstacles:
             return []
@@ -202,29 +183,24 @@ class Contacts:
         clearances[~np.isfinite(clearances)] = np.inf  # an unknown position touches nothing
         clearance = clearances.min(axis=0)
         hitting = clearance < CONTACT_RADIUS
-        incidents = []
+        events = []
         for row in np.flatnonzero(hitting & ~self._hitting).tolist():
             obstacle = self._obstacles[int(clearances[:, row].argmin())].name
             names = [self._names[row]]
-            incidents.append(self._collision(names, obstacle, position[row], velocity[row], time))
-        self.agent_obstacle += len(incidents)
+            events.append(self._collision(names, obstacle, position[row], velocity[row]))
+        self.agent_obstacle += len(events)
         self._hitting = hitting
         self.clearance = min(self.clearance, float(clearance.min()))
-        return incidents
+        return events
 
     def _collision(
-        self,
-        names: list[str],
-        obstacle: str | None,
-        position: Array,
-        velocity: Array,
-        time: float,
-    ) -> Incident:
+        self, names: list[str], obstacle: str | None, position: Array, velocity: Array
+    ) -> Event:
         speed = float(np.linalg.norm(velocity))
         details: dict[str, Any] = {
             "agents": names,
             **({} if obstacle is None else {"obstacle": obstacle}),
-            "time_s": time,
+            "time_s": self._time,
             "position_m": position.tolist(),
             **({"relative_speed_m_s": speed} if np.isfinite(speed) else {}),
             "from": self._source,
@@ -232,9 +208,9 @@ class Contacts:
         what = " and ".join(names) if obstacle is None else f"{names[0]} and obstacle {obstacle!r}"
         fast = f", relative speed {speed:.2f} m/s" if np.isfinite(speed) else ""
         text = f"{what} collided at {_point(position)}{fast}{self._source_note()}"
-        return Incident("collision", text, details=details)
+        return Event(self._time, "collision", text, details=details)
 
-    def _over(self, pair: tuple[int, int], one: _Approach) -> Incident:
+    def _over(self, pair: tuple[int, int], one: _Approach) -> Event:
         names = [self._names[row] for row in pair]
         details = {
             "agents": names,
@@ -249,7 +225,7 @@ class Contacts:
             f"vertical_separation ({self._vertical:g} m) permit"
             f"{self._source_note()}"
         )
-        return Incident("close_approach", text, details=details)
+        return Event(self._time, "close_approach", text, details=details)
 
     def _source_note(self) -> str:
         return " (estimated positions)" if self._source == "estimate" else ""

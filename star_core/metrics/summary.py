@@ -12,7 +12,7 @@ from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.events import Corrected, Event, Tick
 from star_core.messages.state import AgentPhase
-from star_core.metrics.conflicts import WAITING_DISTANCE, Contacts, Deadlocks, Incident
+from star_core.metrics.conflicts import WAITING_DISTANCE, Contacts, Deadlocks
 from star_core.metrics.targets import Targets
 from star_core.scene import Scene
 
@@ -27,9 +27,7 @@ CORRECTIONS: Final = {
 }
 """Texts of events about agents whose setpoints the safety filter corrects, by the reason."""
 
-NO_TRUTH: Final = Incident(
-    "no_truth", "no ground truth: separation and collisions are computed from estimated positions"
-)
+NO_TRUTH: Final = "no ground truth: separation and collisions are computed from estimated positions"
 
 
 class FlightMetrics:
@@ -74,14 +72,14 @@ class FlightMetrics:
         """Distance within which pairs of agents matter by their estimated positions, m."""
         return max(WAITING_DISTANCE, self.contacts.reach)
 
-    def add(self, tick: Tick, near: Pairs) -> list[Incident]:
+    def add(self, tick: Tick, near: Pairs) -> list[Event]:
         """Measure one tick; return the events to report.
 
         Args:
             tick: Of the flight.
             near: Pairs of agents within `reach`, at least, by estimated positions.
         """
-        truth, incidents = tick.truth, self._corrections(tick.time, tick.corrected)
+        truth, events = tick.truth, self._corrections(tick.time, tick.corrected)
         position = tick.estimate.position if truth is None else truth.position
         if self._last is not None:
             step = position - self._last
@@ -97,15 +95,15 @@ class FlightMetrics:
             near = Pairs.of(truth.position, self.contacts.reach)
         elif not self._reported_no_truth:
             self._reported_no_truth = True
-            incidents.append(NO_TRUTH)
+            events.append(Event(tick.time, "no_truth", NO_TRUTH))
         self._ticks += 1
         self._begun = tick.time if self._begun is None else self._begun
         self._time = tick.time
-        return incidents + self.contacts.update(tick, near)
+        return events + self.contacts.update(tick, near)
 
-    def _corrections(self, time: float, corrected: Corrected) -> list[Incident]:
-        """Count corrected setpoints; return an incident for each agent when they begin."""
-        incidents = []
+    def _corrections(self, time: float, corrected: Corrected) -> list[Event]:
+        """Count corrected setpoints; return an event for each agent when they begin."""
+        events = []
         for reason, text in CORRECTIONS.items():
             rows = getattr(corrected, reason)
             if not rows.any():
@@ -115,8 +113,8 @@ class FlightMetrics:
             self._corrected_at[reason][rows] = time
             for row in np.flatnonzero(rows & (since > REPORT_INTERVAL)).tolist():
                 name = self._scene.agents[row].name
-                incidents.append(Incident("corrected", f"{name} {text}", name))
-        return incidents
+                events.append(Event(time, "corrected", f"{name} {text}", name))
+        return events
 
     def summary(
         self,

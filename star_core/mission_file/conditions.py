@@ -67,26 +67,30 @@ def holds(condition: Condition, now: ConditionContext) -> bool:
     return KINDS[kind](given, now)
 
 
-def longest(condition: Condition) -> float:
+def longest_wait(condition: Condition) -> float:
     """Return the longest time that a condition waits for as such, s; 0 if it names none."""
     ((kind, given),) = condition.items()
     if kind in {"any", "all"}:
-        return max(longest(inner) for inner in given)
+        return max(longest_wait(inner) for inner in given)
     if kind == "not":
-        return longest(given)
+        return longest_wait(given)
     return float(given) if kind == "elapsed" else 0.0
 
 
-def soonest(condition: Condition) -> float:
-    """Return the time before which a condition cannot hold, s, as far as it names times.
+def holds_from(condition: Condition, others: float) -> float:
+    """Return the time from which a condition holds if all others than ``elapsed`` do from `others`.
 
-    >>> soonest({"all": [{"found": 1}, {"elapsed": 30}]}), soonest({"not": {"elapsed": 30}})
-    (30.0, 0.0)
+    With 0 it is the time before which the condition cannot hold, s; with infinity the time from
+    which it holds whatever happens.
+
+    >>> some = {"all": [{"any": [{"found": 1}, {"elapsed": 30}]}, {"elapsed": 5}]}
+    >>> holds_from(some, 0.0), holds_from(some, math.inf)
+    (5.0, 30.0)
     """
     ((kind, given),) = condition.items()
     if kind in {"any", "all"}:
-        return (min if kind == "any" else max)(soonest(inner) for inner in given)
-    return float(given) if kind == "elapsed" else 0.0
+        return (min if kind == "any" else max)(holds_from(inner, others) for inner in given)
+    return float(given) if kind == "elapsed" else others
 
 
 def in_words(condition: Condition) -> str:
@@ -142,7 +146,7 @@ def until_problems(
     if not wrong and needs_find(until) and all(agent.camera is None for agent in scene.agents):
         message = "no agent has a camera to find a target with; give agents `camera: aideck`"
         yield Problem((), message, "missing-camera")
-    if (least := soonest(until)) > limit:
+    if (least := holds_from(until, 0.0)) > limit:
         message = f"holds after {least:g} s, but the step times out after {limit:g} s"
         yield Problem((), message, "option-conflict")
 

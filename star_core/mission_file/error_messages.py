@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -151,7 +152,7 @@ def _as_list(breach: Breach) -> str:
         return ""
     if len(breach.value) > 1:
         return f"; put '- ' before each: `- {first}: ...`"
-    return f"; write it `{text}`" if (text := flow([breach.value])) else ""
+    return f"; write it `{text}`" if (text := short_flow([breach.value])) else ""
 
 
 def _as_map(breach: Breach) -> str:
@@ -160,7 +161,7 @@ def _as_map(breach: Breach) -> str:
     if isinstance(value, list) and value and all(isinstance(one, dict) for one in value):
         return f"; remove the '- ' before each: `{next(iter(value[0]), '...')}: ...`"
     examples = breach.known.get(value, {}).get("examples") if isinstance(value, str) else None
-    return f"; write it `{text}`" if examples and (text := flow({value: examples[0]})) else ""
+    return f"; write it `{text}`" if examples and (text := short_flow({value: examples[0]})) else ""
 
 
 def _as_number(breach: Breach) -> str:
@@ -191,7 +192,7 @@ def _length(breach: Breach) -> str:
     if halved and all(isinstance(one, int) for one in value):
         hint = "; a decimal has a point: 0.8"
     if noun == "key" and {"any", "all"} <= {*breach.known}:  # of a condition
-        both = flow({"all": [{key: one} for key, one in value.items()]})
+        both = short_flow({"all": [{key: one} for key, one in value.items()]})
         hint = f"; write `{both}`, or `any` for one of them" if both else "; join them by `all`"
     plural = "" if len(value) == 1 else "s"
     return f"has {len(value)} {noun}{plural}, expected {bound}{wanted}{hint}"
@@ -265,21 +266,19 @@ def show(value: Any) -> str:
 
 
 def flow(value: Any) -> str:
-    """Return a value in one line of YAML; empty if that is long.
+    """Return a value in one line of YAML.
 
-    >>> flow({"any": [{"found": 1}, {"not": {"event": "found"}}]})
-    '{any: [{found: 1}, {not: {event: found}}]}'
-    >>> flow([{"found": 60 * "x" + "y"}])
-    ''
+    >>> flow({"any": [{"found": 1}, {"not": {"event": ""}}]})
+    '{any: [{found: 1}, {not: {event: ""}}]}'
     """
-    if not isinstance(value, dict | list):
-        text = value if isinstance(value, str) else show(value)
-    else:
-        inner = [flow(one) for one in (value.values() if isinstance(value, dict) else value)]
-        if not all(inner):
-            return ""
-        if isinstance(value, dict):
-            text = "{" + ", ".join(map("{}: {}".format, value, inner)) + "}"
-        else:
-            text = "[" + ", ".join(inner) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {flow(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(flow, value)) + "]"
+    return value if isinstance(value, str) and value else json.dumps(value)
+
+
+def short_flow(value: Any) -> str:
+    """Return a value in one line of YAML; empty if that is long."""
+    text = flow(value)
     return text if len(text) <= _LONGEST else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -171,16 +172,19 @@ class Document:
     def located(self, problems: Iterable[Problem]) -> list[str]:
         """Return problems with their locations, in the order of the file."""
         return self.in_order(
-            (self.mark(one.path), f"{'warning: ' * one.warning}{one.message}", one.code)
+            self.problem(one.path, f"{'warning: ' * one.warning}{one.message}", one.code)
             for one in problems
         )
 
-    def in_order(self, problems: Iterable[tuple[Mark, str, str]]) -> list[str]:
+    def in_order(self, problems: Iterable[str]) -> list[str]:
         """Return each problem once: those of this file by line and column, then the others."""
-        ordered = sorted(
-            dict.fromkeys(problems), key=lambda one: (one[0].source != str(self.path), *one[0][1:])
-        )
-        return list(dict.fromkeys(coded(f"{mark}: {text}", code) for mark, text, code in ordered))
+        here = re.compile(rf"{re.escape(str(self.path))}:(\d+):(\d+): ")
+
+        def order(problem: str) -> tuple[bool, int, int]:
+            found = here.match(problem)
+            return (False, int(found[1]), int(found[2])) if found else (True, 0, 0)
+
+        return sorted(dict.fromkeys(problems), key=order)
 
 
 def shown(data: Any) -> str:

@@ -128,7 +128,7 @@ def faults(
 def located(document: Document, faults: Iterable[Fault]) -> list[str]:
     """Return mistakes as one line each with its place, in the order of the file."""
     return document.in_order(
-        (document.mark(one.path, key=one.key), one.message, one.code) for one in faults
+        document.problem(one.path, one.message, one.code, key=one.key) for one in faults
     )
 
 

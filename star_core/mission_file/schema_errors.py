@@ -14,10 +14,10 @@ from star_core.errors import suggestion
 from star_core.mission_file.error_messages import (
     CODES,
     Breach,
-    flow,
     general,
     nearest,
     reason,
+    short_flow,
     show,
     what,
 )
@@ -235,7 +235,7 @@ def _no_options(breach: Breach) -> str:
     if type(example.get(option)) is type(given):
         example = {option: given}
     message = f"{verb}: {what(given)}, expected a map"
-    return f"{message}; write it `{verb}: {text}`" if (text := flow(example)) else message
+    return f"{message}; write it `{verb}: {text}`" if (text := short_flow(example)) else message
 
 
 def _choice(breach: Breach) -> tuple[str, str]:

@@ -5,32 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import AvoiderSpec, hookimpl
+from star_core import AvoiderSpec, deferred, hookimpl, number, positive
 
 if TYPE_CHECKING:
-    from star_core import Avoider, Problem, Scene
+    from star_core import Problem, Scene
 
 _OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
-        "radius": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 0.2,
-            "description": "Half the horizontal distance to keep between two agents, m.",
-        },
-        "horizon": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 2.0,
-            "description": "Time for which no two agents may collide at their velocities, s.",
-        },
-        "communication_radius": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 4.0,
-            "description": "Horizontal distance within which agents are neighbours, m.",
-        },
+        "radius": positive(
+            "Half the horizontal distance to keep between two agents, m.", default=0.2
+        ),
+        "horizon": positive(
+            "Time for which no two agents may collide at their velocities, s.", default=2.0
+        ),
+        "communication_radius": positive(
+            "Horizontal distance within which agents are neighbours, m.", default=4.0
+        ),
         "max_neighbours": {
             "type": "integer",
             "minimum": 1,
@@ -44,12 +35,9 @@ _OPTIONS: dict[str, Any] = {
             "description": "How obstacles are avoided: by RVO2's half-planes, as stationary agents "
             "at the nearest point of every visible edge, or not at all.",
         },
-        "obstacle_horizon": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 1.0,
-            "description": "Time for which no agent may collide with an obstacle, s.",
-        },
+        "obstacle_horizon": positive(
+            "Time for which no agent may collide with an obstacle, s.", default=1.0
+        ),
         "clearance": {
             "type": ["number", "null"],
             "exclusiveMinimum": 0,
@@ -57,20 +45,18 @@ _OPTIONS: dict[str, Any] = {
             "description": "Distance to keep from obstacles, m; null is the radius. If it is "
             "larger than the planner's clearance, it blocks agents on the planner's paths.",
         },
-        "response": {
-            "type": "number",
-            "minimum": 0,
-            "default": 0.3,
-            "description": "Time constant with which agents follow a velocity, s; collisions are "
+        "response": number(
+            "Time constant with which agents follow a velocity, s; collisions are "
             "predicted from their positions that much later.",
-        },
-        "uncertainty_margin": {
-            "type": "number",
-            "minimum": 0,
-            "default": 0.0,
-            "description": "Number of standard deviations of its position by which an agent's "
+            minimum=0,
+            default=0.3,
+        ),
+        "uncertainty_margin": number(
+            "Number of standard deviations of its position by which an agent's "
             "radius is enlarged, at most doubled; 0 treats positions as exact.",
-        },
+            minimum=0,
+            default=0.0,
+        ),
     },
 }
 
@@ -80,16 +66,10 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
     yield AvoiderSpec(
         name="orca",
         summary="Optimal reciprocal collision avoidance in the horizontal plane.",
-        make=_make,
+        make=deferred("star_orca.avoider:Orca"),
         options=_OPTIONS,
         check=_check,
     )
-
-
-def _make(scene: Scene, **options: Any) -> Avoider:
-    from star_orca.avoider import Orca
-
-    return Orca(scene, **options)
 
 
 def _check(_scene: Scene, **options: Any) -> Iterable[Problem]:

@@ -20,12 +20,7 @@ class Potential:
     have local minima in which an agent stays: a known property of the method, and the reason for
     the other avoiders.
 
-    Args:
-        scene: What does not change in flight.
-        radius: Half the distance at which two agents repel most, m; obstacles repel most at the
-            whole of it.
-        reach: Distance beyond that at which repulsion begins, m.
-        gain: Strength of the repulsion, m⁴/s.
+    The arguments beside the scene are the options of the schema.
     """
 
     def __init__(

@@ -21,10 +21,7 @@ class Voronoi:
     other agents; the border to an agent that does not avoid is drawn at that agent's circle. An
     agent that others block turns right. Vertically, agents above each other approach ever slower.
 
-    Args:
-        scene: What does not change in flight.
-        radius: Half the distance that two agents keep, m.
-        horizon: Time for which an agent stays in its cell, s.
+    The arguments beside the scene are the options of the schema.
     """
 
     def __init__(self, scene: Scene, *, radius: float, horizon: float) -> None:

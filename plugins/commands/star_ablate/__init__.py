@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, deferred, hookimpl
 
 
 @hookimpl
@@ -12,12 +12,6 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="ablate",
         summary="Fly a study (missions x levels x seeds) and tabulate its measures.",
-        make=_ablate,
+        make=deferred("star_ablate.command:main"),
         group="Study",
     )
-
-
-def _ablate(arguments: Sequence[str]) -> int:
-    from star_ablate.command import main
-
-    return main(arguments)

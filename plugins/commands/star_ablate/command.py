@@ -9,7 +9,6 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType
 from typing import Final
@@ -25,6 +24,7 @@ from star_core import (
     Registry,
     output_folder,
     positive_integer,
+    suggestion,
     write_report,
     writing,
 )
@@ -129,9 +129,7 @@ def _unknown_measures(study: Study, done: Sequence[tuple[Run, Result]]) -> Itera
     known = {path for _, result in done for path in results.paths(result.summary or {})}
     for measure in study.measures if known else ():
         if measure not in known and measure not in COLUMNS:
-            close = get_close_matches(measure, known, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
-            yield f"no run has the measure {measure!r}{hint}"
+            yield f"no run has the measure {measure!r}{suggestion(measure, known)}"
 
 
 def _record(folder: Path, run: Run) -> Path:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from itertools import combinations, count, islice, product
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from star_ablate.study import COLUMNS, Condition, Study
-from star_core import InputError, Mission, Problem, Progress, Registry, load, read_as
+from star_core import InputError, Mission, Problem, Progress, Registry, load, read_as, suggestion
 
 MEASURES: Final = (
     "collisions.agent_agent",
@@ -75,9 +74,7 @@ def _file_problems(study: Path, files: Sequence[Path], names: Sequence[str]) -> 
             yield Problem(("missions", i), wrong, "file-not-found")
         elif not file.is_file():
             beside = [str(Path(name).parent / other.name) for other in file.parent.glob("*.yaml")]
-            close = get_close_matches(name, beside, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
-            wrong = f"there is no file {name!r} from the study's folder{hint}"
+            wrong = f"there is no file {name!r} from the study's folder{suggestion(name, beside)}"
             yield Problem(("missions", i), wrong, "file-not-found")
         elif twin is not file:
             wrong = f"{name!r} is indistinguishable from {str(twin)!r} in the results; rename one"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, deferred, hookimpl
 
 
 @hookimpl
@@ -12,12 +12,6 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="bench",
         summary="Fly avoiders x scenarios x numbers of agents x seeds, and tabulate the results.",
-        make=_bench,
+        make=deferred("star_bench.command:main"),
         group="Study",
     )
-
-
-def _bench(arguments: Sequence[str]) -> int:
-    from star_bench.command import main
-
-    return main(arguments)

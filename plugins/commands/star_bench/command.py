@@ -8,7 +8,6 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +21,7 @@ from star_core import (
     Registry,
     output_folder,
     positive_integer,
+    suggestion,
     write_report,
     writing,
 )
@@ -109,10 +109,8 @@ def _cases(options: argparse.Namespace) -> Iterator[Case]:
     for word in options.scenarios or CATALOGUE:
         name, given = named("--scenarios", word)
         if name not in CATALOGUE:
-            close = get_close_matches(name, CATALOGUE, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(CATALOGUE)}"
-            wrong = f"--scenarios: no scenario named {name!r}; {hint}"
-            raise InputError(wrong, "invalid-argument")
+            hint = suggestion(name, CATALOGUE, "there are")
+            raise InputError(f"--scenarios: no scenario named {name!r}{hint}", "invalid-argument")
         chosen = checked_options(name, given)
         for agents in dict.fromkeys(options.agents or numbers(name)):
             if not MIN_AGENTS <= agents <= MAX_AGENTS:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, deferred, hookimpl
 
 
 @hookimpl
@@ -12,12 +12,6 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="calibrate",
         summary="Calibrate a camera by images of a printed chessboard.",
-        make=_calibrate,
+        make=deferred("star_calibrate.command:main"),
         group="Hardware",
     )
-
-
-def _calibrate(arguments: Sequence[str]) -> int:
-    from star_calibrate.command import main
-
-    return main(arguments)

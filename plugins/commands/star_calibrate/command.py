@@ -11,7 +11,7 @@ from typing import Final
 
 from star_calibrate.board import Board, Views, find_views
 from star_calibrate.lens import Lens, solve
-from star_core import InputError, Progress, read_as
+from star_core import InputError, Progress, read_as, writing
 
 NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as in missions
 DEFAULT_NAME: Final = "calibrated"
@@ -41,12 +41,9 @@ def main(arguments: Sequence[str]) -> int:
         sys.stdout.write(file)
         return 0
     out = Path(options.out)
-    try:
+    with writing(f"--out {out}"):
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(file, encoding="utf-8")
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"--out {out}: cannot be written: {reason}", "unwritable-file") from error
     sys.stdout.write(f"{text}camera {name!r}: {out}\n{as_lines(name, out)}")
     return 0
 

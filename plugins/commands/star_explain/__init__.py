@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from star_core import CommandSpec, actions, hookimpl
+from star_core import CommandSpec, actions, deferred, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Mission, Problem, Registry
@@ -16,7 +16,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="explain",
         summary="Print a mission as a plan with every timeout, or draw it (Mermaid).",
-        make=_explain,
+        make=deferred("star_explain.command:main"),
         group="Author",
     )
 
@@ -42,9 +42,3 @@ def star_expected_duration(mission: Mission, registry: Registry) -> float | None
     from star_explain.dry_run import dry_run
 
     return dry_run(mission, registry).takes
-
-
-def _explain(arguments: Sequence[str]) -> int:
-    from star_explain.command import main
-
-    return main(arguments)

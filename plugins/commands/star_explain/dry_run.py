@@ -8,7 +8,7 @@ duration of a step is that without other agents, obstacles, drift and accelerati
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeAlias
 
@@ -32,6 +32,8 @@ from star_core import (
     TaskSpec,
     Transform,
     fill_defaults,
+    holds_from,
+    longest_wait,
     step_timeout,
 )
 from star_explain.words import seconds
@@ -136,34 +138,6 @@ def corners(path: Array) -> Array:
     return kept
 
 
-def waits(condition: Mapping[str, Any]) -> float:
-    """Return the longest time a condition waits by itself, s; 0 if it names none.
-
-    >>> waits({"any": [{"found": 1}, {"elapsed": 30}]})
-    30.0
-    """
-    ((kind, given),) = condition.items()
-    if kind in {"any", "all"}:
-        return max(waits(inner) for inner in given)
-    if kind == "not":
-        return waits(given)
-    return float(given) if kind == "elapsed" else 0.0
-
-
-def holds_from(condition: Mapping[str, Any]) -> float:
-    """Return the time from which on a condition on time alone holds, s; otherwise infinity.
-
-    >>> holds_from({"any": [{"found": 1}, {"elapsed": 30}]}), holds_from({"found": 1})
-    (30.0, inf)
-    """
-    ((kind, given),) = condition.items()
-    if kind == "any":
-        return min(holds_from(inner) for inner in given)
-    if kind == "all":
-        return max(holds_from(inner) for inner in given)
-    return float(given) if kind == "elapsed" else math.inf
-
-
 class _DryRun:
     """Dry run of the steps of a mission.
 
@@ -252,14 +226,14 @@ class _DryRun:
     def _limit(self, action: Any, task: Task, begun: float) -> float:
         """Begin a task and return the timeout of its step, as in a flight, s."""
         limit = float(task.begin(self._swarm.estimate(begun), self._swarm.health()))
-        wait = None if action.until is None else waits(action.until)
+        wait = None if action.until is None else longest_wait(action.until)
         return step_timeout(limit, wait, action.timeout)
 
     def _perform(
         self, action: Any, task: Task, rows: tuple[int, ...], begun: float, limit: float
     ) -> tuple[float | None, str]:
         """Run a step; return its duration, s, None if unknown, and why it fails."""
-        end = math.inf if action.until is None else holds_from(action.until)
+        end = math.inf if action.until is None else holds_from(action.until, math.inf)
         goals: Goals | None = None
         # A timeout that the mission sets is ignored at first, to report the one that is needed.
         horizon = LONGEST if action.timeout is not None and action.until is None else limit

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, deferred, hookimpl
 
 
 @hookimpl
@@ -12,12 +12,6 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="export",
         summary="Write a recorded flight as CSV, or as TUM trajectories for evo.",
-        make=_export,
+        make=deferred("star_export.command:main"),
         group="Review",
     )
-
-
-def _export(arguments: Sequence[str]) -> int:
-    from star_export.command import main
-
-    return main(arguments)

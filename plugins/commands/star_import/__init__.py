@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, deferred, hookimpl
 
 
 @hookimpl
@@ -12,12 +12,6 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="import",
         summary="Convert files of the original STAR or of Crazyswarm2 to a mission and its world.",
-        make=_import,
+        make=deferred("star_import.command:main"),
         group="Author",
     )
-
-
-def _import(arguments: Sequence[str]) -> int:
-    from star_import.command import main
-
-    return main(arguments)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, deferred, hookimpl
 
 
 @hookimpl
@@ -12,12 +12,6 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="new",
         summary="Write a mission, a world or a plugin to begin with.",
-        make=_new,
+        make=deferred("star_new.command:main"),
         group="Author",
     )
-
-
-def _new(arguments: Sequence[str]) -> int:
-    from star_new.command import main
-
-    return main(arguments)

@@ -11,7 +11,7 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from star_core import InputError
+from star_core import InputError, writing
 
 KINDS: Final = (
     "avoider", "planner", "localizer", "transport", "task",
@@ -47,13 +47,9 @@ def main(arguments: Sequence[str]) -> int:
         if path.exists():
             raise InputError(f"{path}: exists already; choose another name", "file-exists")
     for path, text in content.items():
-        try:
+        with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be written: {error.strerror}", "unwritable-file"
-            ) from error
         sys.stdout.write(f"{path}\n")
     sys.stdout.write(f"next: {_next(options.what, name)}\n")
     return 0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from star_core import CommandSpec, hookimpl
+from star_core import CommandSpec, deferred, hookimpl
 
 
 @hookimpl
@@ -12,12 +12,6 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="tags",
         summary="Write the tags of a world as sheets to print in true size (PDF or SVG).",
-        make=_tags,
+        make=deferred("star_tags.command:main"),
         group="Hardware",
     )
-
-
-def _tags(arguments: Sequence[str]) -> int:
-    from star_tags.command import main
-
-    return main(arguments)

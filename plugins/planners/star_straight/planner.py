@@ -10,10 +10,7 @@ from star_core import Estimate, Goals, Paths, Plan, PositionController, Scene, S
 class Straight:
     """Flies straight to each goal, as `PositionController` does.
 
-    Args:
-        scene: The mission's scene.
-        gain: Speed towards the goal per meter of distance, 1/s.
-        yaw_rate_deg: Greatest yaw rate, degrees/s.
+    The arguments beside the scene are the options of the schema.
     """
 
     def __init__(self, scene: Scene, *, gain: float, yaw_rate_deg: float) -> None:

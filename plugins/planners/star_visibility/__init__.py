@@ -5,42 +5,39 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import PlannerSpec, hookimpl
+from star_core import PlannerSpec, deferred, hookimpl, number, positive
 
 if TYPE_CHECKING:
-    from star_core import Planner, Problem, Scene
-
-
-def _number(description: str, default: float, **bound: float) -> dict[str, Any]:
-    return {"type": "number", "description": description, "default": default, **bound}
+    from star_core import Problem, Scene
 
 
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
-        "clearance": _number(
+        "clearance": number(
             "Horizontal distance to keep to obstacles, m. Goals nearer than this are refused.",
-            0.2,
+            default=0.2,
             minimum=0,
         ),
-        "vertical_clearance": _number("Vertical distance to keep to obstacles, m.", 0.2, minimum=0),
-        "margin": _number(
+        "vertical_clearance": number(
+            "Vertical distance to keep to obstacles, m.", default=0.2, minimum=0
+        ),
+        "margin": number(
             "Distance kept beyond the clearances, m, so that an agent that rounds a corner or "
             "deviates from its path a little still respects them.",
-            0.05,
+            default=0.05,
             minimum=0.001,
         ),
-        "look_ahead": _number(
+        "look_ahead": positive(
             "Distance along the path to the point an agent steers to, m: larger rounds corners.",
-            0.3,
-            exclusiveMinimum=0,
+            default=0.3,
         ),
-        "replan_distance": _number(
-            "A path is replanned when its goal has moved this far, m.", 0.1, minimum=0
+        "replan_distance": number(
+            "A path is replanned when its goal has moved this far, m.", default=0.1, minimum=0
         ),
-        "hold_distance": _number(
+        "hold_distance": number(
             "An agent whose goal has moved farther than this, m, hovers until its path is planned.",
-            1.0,
+            default=1.0,
             minimum=0,
         ),
         "queries_per_tick": {
@@ -49,18 +46,10 @@ OPTIONS: dict[str, Any] = {
             "description": "Greatest number of paths planned in one tick; the agents take turns.",
             "default": 16,
         },
-        "gain": _number(
-            "Speed towards the goal per meter of distance, 1/s.", 1.5, exclusiveMinimum=0
-        ),
-        "yaw_rate_deg": _number("Greatest yaw rate, degrees/s.", 90.0, exclusiveMinimum=0),
+        "gain": positive("Speed towards the goal per meter of distance, 1/s.", default=1.5),
+        "yaw_rate_deg": positive("Greatest yaw rate, degrees/s.", default=90.0),
     },
 }
-
-
-def make(scene: Scene, **options: Any) -> Planner:
-    from star_visibility.planner import Visibility
-
-    return Visibility(scene, **options)
 
 
 def check_goals(
@@ -92,7 +81,7 @@ def star_planners() -> Iterable[PlannerSpec]:
     yield PlannerSpec(
         name="visibility",
         summary="Fly the shortest path around, over or under obstacles.",
-        make=make,
+        make=deferred("star_visibility.planner:Visibility"),
         options=OPTIONS,
         check=check,
         check_goals=check_goals,

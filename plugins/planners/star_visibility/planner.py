@@ -50,17 +50,7 @@ class Visibility:
     flight heights is refused: the agent hovers, and its row of `Plan.unreachable` is True. An agent
     sent to its current position may stay there, however near it is to an obstacle.
 
-    Args:
-        scene: The mission's scene.
-        clearance: Horizontal distance to keep to obstacles, m.
-        vertical_clearance: Vertical distance to keep to obstacles, m.
-        margin: Distance kept beyond the clearances, m.
-        look_ahead: Distance along the path to the point an agent steers to, m.
-        replan_distance: A path is replanned when its goal has moved this far, m.
-        hold_distance: An agent whose goal has moved farther hovers until its path is planned, m.
-        queries_per_tick: Greatest number of paths planned in one tick.
-        gain: Speed towards the goal per meter of distance, 1/s.
-        yaw_rate_deg: Greatest yaw rate, degrees/s.
+    The arguments beside the scene are the options of the schema.
     """
 
     def __init__(  # noqa: PLR0913 -- one for each option

@@ -11,7 +11,7 @@ from functools import partial
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Exclusive, PluginError, Problem, TaskSpec
+from star_core import Exclusive, PluginError, Problem, TaskSpec, number, positive
 from star_external.planner_source import GROUP, find_planner, planner_names
 from star_external.protocol import DEFAULT_TIMEOUT, ticks_between
 
@@ -40,25 +40,19 @@ PROCESS_OPTIONS: Final[dict[str, dict[str, Any]]] = {
         "default": "127.0.0.1",
         "examples": ["0.0.0.0"],  # noqa: S104 -- what an editor shows, not the default
     },
-    "max_silence": {
-        "type": "number",
-        "exclusiveMinimum": 0,
-        "description": "Maximum time without a line from the other process, s.",
-        "default": 2.0,
-    },
+    "max_silence": positive("Maximum time without a line from the other process, s.", default=2.0),
     "on_silence": {
         "enum": ["hold", "fail"],
         "description": "What to do after that time: hold the agents' positions until a line "
         "arrives, or fail the step.",
         "default": "hold",
     },
-    "response_timeout": {
-        "type": "number",
-        "minimum": 0,
-        "description": "Time to wait for the connection, and in lock-step for each answer, s; "
+    "response_timeout": number(
+        "Time to wait for the connection, and in lock-step for each answer, s; "
         "wall time in lock-step, else mission time.",
-        "default": 10.0,
-    },
+        minimum=0,
+        default=10.0,
+    ),
     "lockstep": {
         "type": "boolean",
         "description": "Whether a simulation waits for one line in answer to each state line, so "
@@ -93,13 +87,11 @@ def spec() -> TaskSpec:
                     f"of {GROUP}: {', '.join(names) or 'none'}. If not given, another "
                     "process provides them.",
                 },
-                "rate": {
-                    "type": "number",
-                    "exclusiveMinimum": 0,
-                    "description": "Rate of state lines, or of calls to the planner, 1/s, rounded "
+                "rate": positive(
+                    "Rate of state lines, or of calls to the planner, 1/s, rounded "
                     "to whole ticks; at most, and if not given, once per tick.",
-                    "examples": [10],
-                },
+                    examples=[10],
+                ),
                 **PROCESS_OPTIONS,
             },
             "examples": [{"port": 5799, "timeout": 60}],

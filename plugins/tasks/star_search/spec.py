@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import PluginError, Problem, TaskSpec
+from star_core import PluginError, Problem, TaskSpec, number, positive, suggestion
 from star_search.area import Area, area_corners, area_problems, swaths
 from star_search.pattern import make_pattern, pattern_names
 
@@ -90,10 +89,6 @@ def spec() -> TaskSpec:
     )
 
 
-def _positive(description: str, **more: Any) -> Mapping[str, Any]:
-    return {"type": "number", "exclusiveMinimum": 0, "description": description, **more}
-
-
 OPTIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "area": {
         "type": ["array", "object"],
@@ -110,31 +105,26 @@ OPTIONS: Final[Mapping[str, Mapping[str, Any]]] = {
         "{low: [x, y], high: [x, y]}, map frame, m; all inside the fence if not given.",
         "examples": [{"low": [-1.5, -1.5], "high": [1.5, 1.5]}],
     },
-    "height": _positive("Height to search from, z in the map, m.", default=0.8),
-    "speed": _positive("Speed limit, m/s; at most limits.speed.", default=DEFAULT_SPEED),
-    "lane_spacing": _positive(
+    "height": positive("Height to search from, z in the map, m.", default=0.8),
+    "speed": positive("Speed limit, m/s; at most limits.speed.", default=DEFAULT_SPEED),
+    "lane_spacing": positive(
         "Distance between lanes, m; from the camera's view of the floor if not given.",
         examples=[1.0],
     ),
-    "clearance": {
-        "type": "number",
-        "minimum": 0,
-        "description": "Distance of goals from obstacles and the fence, m; more than the "
-        "planner's own.",
-        "default": 0.3,
-    },
+    "clearance": number(
+        "Distance of goals from obstacles and the fence, m; more than the planner's own.",
+        minimum=0,
+        default=0.3,
+    ),
     "on_found": {
         "enum": ["continue", "land", "hover", "mark"],
         "description": "Action of an agent that finds a target: continue to search; land at it; "
         "hover over it until the end; or mark it, by hovering for mark_duration, then continue.",
         "default": "continue",
     },
-    "mark_duration": {
-        "type": "number",
-        "minimum": 0,
-        "description": "Time that a finder hovers over its target with on_found: mark, s.",
-        "default": 3.0,
-    },
+    "mark_duration": number(
+        "Time that a finder hovers over its target with on_found: mark, s.", minimum=0, default=3.0
+    ),
     "targets": {
         "type": ["integer", "array"],
         "minimum": 0,
@@ -146,14 +136,12 @@ OPTIONS: Final[Mapping[str, Mapping[str, Any]]] = {
         "any case when the area is covered; with 0, not before.",
         "examples": [3],
     },
-    "coverage": {
-        "type": "number",
-        "exclusiveMinimum": 0,
-        "maximum": 1,
-        "description": "Share of the visible floor of the area at which it is covered; the last "
+    "coverage": positive(
+        "Share of the visible floor of the area at which it is covered; the last "
         "hundredth, in patches of a few centimetres, may take as long as all the rest.",
-        "default": 0.99,
-    },
+        maximum=1,
+        default=0.99,
+    ),
 }
 
 
@@ -263,6 +251,5 @@ def _target_problems(scene: Scene, targets: int | Sequence[str] | None) -> Itera
         return
     for i, name in enumerate(targets or ()):
         if name not in known:
-            near = get_close_matches(name, known, 1)
-            meant = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(known)}"
-            yield Problem(("targets", i), f"no target named {name!r}; {meant}", "unknown-target")
+            message = f"no target named {name!r}{suggestion(name, known, 'there are')}"
+            yield Problem(("targets", i), message, "unknown-target")

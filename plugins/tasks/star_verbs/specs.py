@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Problem, TaskSpec
+from star_core import Problem, TaskSpec, deferred, number
 from star_verbs.follow.spec import SPEC as FOLLOW
 from star_verbs.formation.spec import SPEC as FORMATION
 from star_verbs.positions import (
@@ -24,17 +23,7 @@ from star_verbs.positions import (
 )
 
 if TYPE_CHECKING:
-    from star_core import Scene, Task
-
-
-def _factory(module: str, task: str) -> Callable[..., Task]:
-    """Return a factory of tasks that imports their class when it is called."""
-
-    def make(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-        made: Task = getattr(import_module(f"star_verbs.{module}"), task)(scene, rows, **options)
-        return made
-
-    return make
+    from star_core import Scene
 
 
 def _check_takeoff(
@@ -80,7 +69,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         before="ground",
         after="air",
         summary="Climb straight up and hover there.",
-        make=_factory("takeoff", "Takeoff"),
+        make=deferred("star_verbs.takeoff:Takeoff"),
         check=_check_takeoff,
         options={
             "type": "object",
@@ -92,7 +81,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         name="land",
         after="ground",
         summary="Descend straight down and stop the motors.",
-        make=_factory("land", "Land"),
+        make=deferred("star_verbs.land:Land"),
         options={
             "type": "object",
             "properties": {"speed": _DESCENT_SPEED},
@@ -103,7 +92,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         name="hold",
         after="same",
         summary="Hover for a time.",
-        make=_factory("goto", "Hold"),
+        make=deferred("star_verbs.goto:Hold"),
         check=_check_hold,
         goals=partial(spread_goals, key="at"),
         options={
@@ -128,20 +117,19 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         after="air",
         summary="Take off from reserve and take part in the mission from then on; needs "
         "'agents', except in 'each'.",
-        make=_factory("takeoff", "Join"),
+        make=deferred("star_verbs.takeoff:Join"),
         check=_check_takeoff,
         options={
             "type": "object",
             "properties": {
                 "height": _CLIMB_HEIGHT,
                 "speed": _CLIMB_SPEED,
-                "battery": {
-                    "type": "number",
-                    "minimum": 0,
-                    "maximum": 17,
-                    "description": "Battery voltage on the ground that each agent needs, V.",
-                    "default": 3.8,
-                },
+                "battery": number(
+                    "Battery voltage on the ground that each agent needs, V.",
+                    minimum=0,
+                    maximum=17,
+                    default=3.8,
+                ),
             },
             "examples": [{"agents": "cf3", "height": 0.8}],
         },
@@ -151,7 +139,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         before="air",
         after="ground",
         summary="Fly back to the start, land, and leave the mission.",
-        make=_factory("land", "Leave"),
+        make=deferred("star_verbs.land:Leave"),
         check=_check_leave,
         options={
             "type": "object",
@@ -163,7 +151,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         name="wait",
         after="same",
         summary="Hover until a condition holds; the default timeout is 60 s.",
-        make=_factory("goto", "Wait"),
+        make=deferred("star_verbs.goto:Wait"),
         options={
             "type": "object",
             "required": ["until"],
@@ -176,7 +164,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
         before="air",
         after="air",
         summary="Fly to a point, or by an offset, and stop there.",
-        make=_factory("goto", "Goto"),
+        make=deferred("star_verbs.goto:Goto"),
         check=_check_goto,
         goals=partial(spread_goals, key="to"),
         options={

@@ -15,7 +15,6 @@ from typing import Any, TypeAlias, cast
 import pytest
 
 from star_core import AvoiderSpec, CommandSpec, InputError, TaskSpec, hookimpl
-from star_core.cli import main as cli
 from star_core.cli.describe_plugin import describe
 from star_core.cli.list_plugins import as_json, as_text, chosen
 from star_core.cli.main import main
@@ -341,7 +340,7 @@ def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
     def add(plugin: object) -> None:
         registry = Registry()
         registry.add(plugin, Source("their-dist:theirs", "1.2"))
-        monkeypatch.setattr(cli, "installed", lambda: registry)
+        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
 
     return add
 

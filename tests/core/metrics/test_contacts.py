@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Estimate, Obstacle, Scene, Tick, Truth
+from star_core import AgentPhase, Array, Estimate, Event, Obstacle, Scene, Tick, Truth
 from star_core.geometry.neighbours import Pairs
-from star_core.metrics.conflicts import Contacts, Incident
+from star_core.metrics.conflicts import Contacts
 from star_core.testing import estimate, scene
 from tests.core.conftest import Lab
 from tests.core.metrics.test_summary import PERIOD, PILLAR, tick
@@ -27,7 +27,7 @@ def followed(
     obstacles: tuple[Obstacle, ...] = (),
     phase: AgentPhase = FLYING,
     truth: bool = True,
-) -> tuple[Contacts, list[list[Incident]]]:
+) -> tuple[Contacts, list[list[Event]]]:
     """The contacts of (T, N, 3) positions, m, with the incidents of each tick and of the end."""
     positions = np.array(track, np.float64)
     n = positions.shape[1]
@@ -38,7 +38,7 @@ def followed(
     return contacts, [*seen, contacts.finish()]
 
 
-def update(contacts: Contacts, tick: Tick) -> list[Incident]:
+def update(contacts: Contacts, tick: Tick) -> list[Event]:
     return contacts.update(tick, Pairs.of(tick.estimate.position, contacts.reach))
 
 

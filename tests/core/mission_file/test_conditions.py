@@ -12,7 +12,7 @@ import pytest
 
 from star_core import Event
 from star_core.mission_file import conditions, schema
-from star_core.mission_file.conditions import ConditionContext, holds, longest, problems
+from star_core.mission_file.conditions import ConditionContext, holds, longest_wait, problems
 from star_core.testing import estimate, health
 
 NAMES = ("cf1", "cf2", "cf3")
@@ -99,7 +99,7 @@ def test_a_battery_that_is_not_reported_is_not_low() -> None:
 def test_how_long_a_condition_waits_is_the_longest_time_in_it(
     condition: dict[str, Any], time: float
 ) -> None:
-    assert longest(condition) == time
+    assert longest_wait(condition) == time
 
 
 def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None:
@@ -148,7 +148,7 @@ def test_what_cannot_be_meant_is_told_with_its_place(
 
 CORE = Path(conditions.__file__).parents[1]
 TOLD = re.compile(
-    r"""(?:\bevent|\breport|\bIncident)\(\s*"(\w+)"|partial\(observers\.event, "(\w+)"\)"""
+    r"""(?:\bevent\(|\breport\(|\bEvent\([\w.]+,)\s*"(\w+)"|partial\(observers\.event, "(\w+)"\)"""
 )
 
 

@@ -167,9 +167,9 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
         command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
         assert process.stderr is not None
-        assert "harm: a, seed 0: completed" in process.stderr.readline()
-        process.send_signal(signal.SIGINT)
-        try:
+        try:  # progress comes first on a busy machine
+            assert any("harm: a, seed 0: completed" in line for line in process.stderr)
+            process.send_signal(signal.SIGINT)
             said, err = process.communicate(timeout=60)  # Python waits for processes left
         finally:
             process.kill()

@@ -38,7 +38,7 @@ from star_search.area import FieldOfView, field_of_view
 from star_search.search_space import SearchSpace
 from star_search.spec import make, spec
 from star_visibility import OPTIONS
-from star_visibility import make as make_planner
+from star_visibility.planner import Visibility
 
 FLAT = (0.0, 0.0, 0.0, 1.0)
 BLOCK = Obstacle("block", (((-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (-0.4, 0.4)),), (0.0, 2.5))
@@ -95,7 +95,7 @@ class Scouts:
     def __init__(self, scene: Scene, phase: AgentPhase = AgentPhase.FLYING) -> None:
         n = len(scene.agents)
         self.scene = scene
-        self.planner = make_planner(scene, **fill_defaults({}, OPTIONS))
+        self.planner = Visibility(scene, **fill_defaults({}, OPTIONS))
         self.position = np.array([(*agent.start[:2], HEIGHT) for agent in scene.agents])
         self.velocity = np.zeros((n, 3))
         self.yaw = np.zeros(n)
