@@ -1,5 +1,6 @@
 # The public names of STAR and their modules, listed once: `__init__.py` reads them here.
 
+from star_core.cli.output import add_set_option as add_set_option
 from star_core.cli.output import new_folder as new_folder
 from star_core.cli.output import output_folder as output_folder
 from star_core.cli.output import positive_integer as positive_integer

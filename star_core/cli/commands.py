@@ -53,19 +53,15 @@ def parser(command: str, registry: Registry | None = None) -> argparse.ArgumentP
     """
     import argparse
 
+    from star_core.cli.output import add_set_option
+
     line = argparse.ArgumentParser(prog=f"star {command}", allow_abbrev=False)
     if command in {"run", "check"}:
         many = "; or steps, a world, a camera, faults" * (command == "check")
         line.add_argument(
             "mission", help=f"mission file (YAML), or a name of `star missions`{many}"
         )
-        line.add_argument(
-            "--set",
-            action="append",
-            default=[],
-            metavar="PATH=VALUE",
-            help="set a value of the mission: avoider.radius=0.3, transport=radio",
-        )
+        add_set_option(line)
         line.add_argument("--seed", help="seed of every random number")
         line.add_argument(
             "--speed", help="times real time, in simulation: 1; as fast as it can if not given"

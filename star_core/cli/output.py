@@ -14,6 +14,8 @@ from star_core.errors import InputError, StarError
 from star_core.hookspecs import hookimpl
 
 if TYPE_CHECKING:
+    import argparse
+
     from star_core.messages.events import Flight
     from star_core.registry import Registry
 
@@ -95,6 +97,17 @@ def write_report(folder: Path, registry: Registry) -> str:
     except StarError as error:
         return f"no report: {error.message}"
     return f"report: {printed.getvalue().strip()}"
+
+
+def add_set_option(line: argparse.ArgumentParser) -> None:
+    """Add the option ``--set``: values that are set in the mission before it is checked."""
+    line.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="set a value of the mission: avoider.radius=0.3, transport=radio",
+    )
 
 
 def positive_integer(text: str) -> int:

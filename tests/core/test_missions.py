@@ -17,7 +17,8 @@ pytestmark = pytest.mark.shipped_world
 MISSIONS = Path(__file__).parents[2] / "missions"
 GEOMETRIC = "transport.camera.mode=geometric"  # not images, which three_eyes has
 ONE_LAP = ("mission.1.follow.laps=1", "mission.1.follow.speed=0.45")
-PAPER = (GEOMETRIC, "localizer.processes=0", *ONE_LAP)
+IN_PROCESS = "localizer.processes=0"  # a process takes seconds to start; results are the same
+PAPER = (GEOMETRIC, IN_PROCESS, *ONE_LAP)
 SETTINGS = {  # to shorten long flights, and to fly `external` beside other tests
     "external": ("mission.1.external.port=0",),
     "paper_box": PAPER,
@@ -28,8 +29,8 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "transport.endurance=100",
         "transport.swap_time=15",
     ),
-    "search": ("mission.1.search.speed=0.45",),
-    "three_eyes": ("mission.1.follow.size=1.2", "mission.1.follow.speed=0.4"),
+    "search": ("mission.1.search.speed=0.45", IN_PROCESS),
+    "three_eyes": ("mission.1.follow.size=1.2", "mission.1.follow.speed=0.4", IN_PROCESS),
 }
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 
@@ -78,7 +79,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     return out, flown(MISSIONS / "first_flight.yaml", out)
 
 
-@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize("seed", [1, 2])
 def test_drifting_drones_that_swap_positions_stay_apart_and_fly_differently_with_each_seed(
     seed: int, first: tuple[Path, dict[str, Any]], missions: Path, tmp_path: Path
 ) -> None:
@@ -102,7 +103,9 @@ def test_the_same_seed_gives_the_same_flight(
 
 def test_from_python_paths_may_be_text(missions: Path, tmp_path: Path) -> None:
     registry = Registry()
-    mission = load(str(missions / "first_flight.yaml"), registry)
+    mission = load(
+        str(missions / "first_flight.yaml"), registry, ["mission=[takeoff: {}, land: {}]"]
+    )
     summary = fly(mission, registry, folder=str(tmp_path))
     assert summary["outcome"] == "completed"
     assert (tmp_path / "summary.json").exists()

@@ -413,7 +413,7 @@ def test_a_correction_of_no_agent_or_to_nowhere_names_the_localizer(
 
 
 def test_mosaics_are_gray_when_localizers_and_observers_get_them(missions: Path) -> None:
-    changes = ["cameras={color: {pixels: bayer_rggb}}", "swarm.cf2.camera=color"]
+    changes = ["cameras={color: {pixels: bayer_rggb}}", "swarm.cf2.camera=color", "localizer=flow"]
     flown = load(missions / "three_eyes.yaml", Registry(), changes)
     pipeline = PluginPipeline(flown, Registry())
     images: dict[int, Image] = {}

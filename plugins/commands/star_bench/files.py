@@ -74,22 +74,15 @@ def write(campaign: Campaign, folder: Path) -> Path:
         for case in campaign.cases:
             scenario = case.draw()
             file = f"{case.name}.yaml"
-            (folder / MISSIONS / file).write_text(mission_text(case, scenario), encoding="utf-8")
-            (worlds / file).write_text(world_text(case, scenario), encoding="utf-8")
+            for path, lines in (
+                (folder / MISSIONS / file, mission_lines(case, scenario)),
+                (worlds / file, world_lines(case, scenario)),
+            ):
+                path.write_text(text(lines), encoding="utf-8")
             progress.done += 1
     study = folder / STUDY
-    study.write_text(_lines(_study(campaign)), encoding="utf-8")
+    study.write_text(text(_study(campaign)), encoding="utf-8")
     return study
-
-
-def mission_text(case: Case, scenario: Scenario) -> str:
-    """Return the mission of a case and its scenario; its world is ``worlds/NAME``."""
-    return _lines(_mission(case, scenario))
-
-
-def world_text(case: Case, scenario: Scenario) -> str:
-    """Return the world of a case and its scenario."""
-    return _lines(_world(case, scenario))
 
 
 def _study(campaign: Campaign) -> Iterator[str]:
@@ -108,7 +101,8 @@ def _study(campaign: Campaign) -> Iterator[str]:
     yield f"measures: [{', '.join(MEASURES)}]"
 
 
-def _mission(case: Case, scenario: Scenario) -> Iterator[str]:
+def mission_lines(case: Case, scenario: Scenario) -> Iterator[str]:
+    """Yield the mission of a case and its scenario; its world is ``worlds/NAME``."""
     names = [f"d{i + 1}" for i in range(len(scenario.starts))]
     yield f"# {scenario.about} Written by `star bench`, seed {case.seed}."
     yield "star: 1"
@@ -140,7 +134,8 @@ def _mission(case: Case, scenario: Scenario) -> Iterator[str]:
     yield "  - land: {}"
 
 
-def _world(case: Case, scenario: Scenario) -> Iterator[str]:
+def world_lines(case: Case, scenario: Scenario) -> Iterator[str]:
+    """Yield the world of a case and its scenario."""
     low, high = _flow([*scenario.low, 0.0]), _flow([*scenario.high, CEILING])
     yield f"# {scenario.about} Written by `star bench`, seed {case.seed}."
     yield "star: 1"
@@ -160,5 +155,6 @@ def _flow(value: Any) -> str:
     return str(round(float(value), 3) + 0.0) if isinstance(value, int | float) else str(value)
 
 
-def _lines(lines: Iterable[str]) -> str:
+def text(lines: Iterable[str]) -> str:
+    """Return lines as the text of a file."""
     return "\n".join(lines) + "\n"

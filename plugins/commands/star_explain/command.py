@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from star_core import Progress, Registry, load
+from star_core import Progress, Registry, add_set_option, load
 from star_explain.dry_run import Group, Part, StepResult, dry_run
 from star_explain.mermaid import mermaid
 from star_explain.plan import plan
@@ -46,13 +46,7 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     star.add_argument("mission", help="mission file (YAML)")
-    star.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PATH=VALUE",
-        help="set a value of the mission: avoider.radius=0.3",
-    )
+    add_set_option(star)
     how = star.add_mutually_exclusive_group()
     how.add_argument("--mermaid", action="store_true", help="print a Mermaid flowchart, only")
     how.add_argument("--json", action="store_true", help="print the steps as JSON, only")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from star_core import Mission, Progress, Registry, Run, fly, load, read_run
+from star_core import Mission, Progress, Registry, Run, add_set_option, fly, load, read_run
 from star_view import require_viser
 from star_view.avoidance import radius
 from star_view.messages import PORT
@@ -66,13 +66,7 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     star.add_argument("path", help="mission file (YAML), or folder of a run")
-    star.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PATH=VALUE",
-        help="set a value of the mission: avoider.radius=0.3",
-    )
+    add_set_option(star)
     star.add_argument(
         "--port", type=int, default=PORT, help="port, or the next free one (%(default)s)"
     )

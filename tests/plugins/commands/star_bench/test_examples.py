@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from star_bench.files import mission_text, world_text
+from star_bench.files import mission_lines, text, world_lines
 from star_bench.scenarios import CATALOGUE, Case
 from star_core.cli.main import main, run
 
@@ -22,8 +22,8 @@ AGENTS = 6
 def test_an_example_is_what_the_generator_writes(name: str, missions: Path) -> None:
     case = Case(name, AGENTS, 0)
     folder, file = missions / "scenarios", f"{case.name}.yaml"
-    assert (folder / file).read_text() == mission_text(case, case.draw())
-    assert (folder / "worlds" / file).read_text() == world_text(case, case.draw())
+    assert (folder / file).read_text() == text(mission_lines(case, case.draw()))
+    assert (folder / "worlds" / file).read_text() == text(world_lines(case, case.draw()))
 
 
 def test_there_is_an_example_of_every_scenario_and_no_other_file(missions: Path) -> None:

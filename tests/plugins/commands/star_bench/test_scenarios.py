@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import MultiPolygon, Point, Polygon, union_all
 
-from star_bench.files import mission_text, world_text
+from star_bench.files import mission_lines, text, world_lines
 from star_bench.scenario import (
     MIN_CLEARANCE,
     MIN_SEPARATION,
@@ -99,8 +99,8 @@ def test_every_agent_has_one_start_one_height_and_one_goal_a_leg(case: Case) -> 
 def test_the_same_seed_gives_the_same_files_and_another_seed_others(case: Case) -> None:
     again = Case(case.scenario, case.agents, case.seed)
     other = Case(case.scenario, case.agents, case.seed + 1)
-    assert mission_text(case, case.draw()) == mission_text(again, again.draw())
-    assert world_text(case, case.draw()) == world_text(again, again.draw())
+    assert text(mission_lines(case, case.draw())) == text(mission_lines(again, again.draw()))
+    assert text(world_lines(case, case.draw())) == text(world_lines(again, again.draw()))
     assert case.draw().starts != other.draw().starts
 
 
@@ -111,9 +111,9 @@ def test_every_scenario_is_a_mission_that_can_be_flown(
 ) -> None:
     case = Case(name, agents, 3)
     (tmp_path / "worlds").mkdir()
-    (tmp_path / "worlds" / f"{case.name}.yaml").write_text(world_text(case, case.draw()))
+    (tmp_path / "worlds" / f"{case.name}.yaml").write_text(text(world_lines(case, case.draw())))
     path = tmp_path / f"{case.name}.yaml"
-    path.write_text(mission_text(case, case.draw()))
+    path.write_text(text(mission_lines(case, case.draw())))
     mission = load(path, Registry())
     assert (len(mission.scene.agents), mission.scene.seed) == (agents, 3)
     wanted = {"noise": False, "profile": "ideal", "controller": "ideal"}
