@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points
@@ -113,7 +113,7 @@ class Registry:
         try:
             self.manager.register(_hashable(plugin), name=name)
             _require_known_hooks(self.manager, name)
-            self._found |= self._collected([kind for kind in KINDS if self._call(kind, name)], name)
+            self._found = self._collected(name)
         except (Exception, SystemExit) as error:
             self._remove(name)
             if isinstance(error, pluggy.PluginValidationError):
@@ -126,19 +126,7 @@ class Registry:
         if self.manager.has_plugin(name):
             self.manager.unregister(name=name)
 
-    def _call(self, kind: str, name: str) -> bool:
-        """Store the records that a plugin yields; return whether it implements the hook.
-
-        A wrapper is called by `_collect`, with the records of the other plugins.
-        """
-        for call in plugin_calls(self.manager, f"star_{kind}s"):
-            if call.plugin == name:
-                if not call.wraps:
-                    self._results[kind][name] = list(self._checked(kind, name, call.caller(), {}))
-                return True
-        return False
-
-    def _collected(self, kinds: Sequence[str], added: str) -> dict[str, dict[str, list[Found]]]:
+    def _collected(self, added: str) -> dict[str, dict[str, list[Found]]]:
         """Return the records by kind and name, after the wrappers of their hooks.
 
         A plugin whose wrapper raises is skipped, unless it is the plugin being `added`: then its
@@ -146,18 +134,21 @@ class Registry:
         """
         while True:
             try:
-                return {kind: self._collect(kind) for kind in kinds}
+                return {kind: self._collect(kind) for kind in KINDS}
             except _WrapperError as failed:
                 plugin, error = failed.plugin, failed.error
                 if plugin == added:
                     raise error from None
                 self.broken[self._sources[plugin]] = f"{type(error).__name__}: {error}"
                 self._remove(plugin)
-                kinds = KINDS  # it may have wrapped other hooks too
 
     def _collect(self, kind: str) -> dict[str, list[Found]]:
         calls = plugin_calls(self.manager, f"star_{kind}s")
-        found = [self._results[kind][call.plugin] for call in calls if not call.wraps]
+        given = self._results[kind]
+        for call in calls:  # each plugin once; wrappers always, with the records of the others
+            if not call.wraps and call.plugin not in given:
+                given[call.plugin] = list(self._checked(kind, call.plugin, call.caller(), {}))
+        found = [given[call.plugin] for call in calls if not call.wraps]
         for call in reversed([call for call in calls if call.wraps]):
             known = {id(one.offer): one for own in found for one in own}
             # pluggy calls the last one first

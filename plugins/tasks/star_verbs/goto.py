@@ -119,13 +119,7 @@ class Approach:
 class Goto(Approach):
     """Sends agents to a point, spread around it, or each of them by an offset.
 
-    Args:
-        scene: The mission's scene.
-        rows: Rows of the agents.
-        to: Point to fly to, map frame, m.
-        by: Offset from each agent's position when the step begins, along the map's axes, m.
-        spacing: Least distance between agents sent to one point, m.
-        approach: Other options of `Approach`.
+    The arguments beside scene and rows are the verb's options.
     """
 
     def __init__(
@@ -160,11 +154,7 @@ class Hold(Goto):
 
     The time begins with their arrival; agents that stay at their positions have arrived at once.
 
-    Args:
-        scene: The mission's scene.
-        rows: Rows of the agents.
-        at: Point to hover at, map frame, m; None keeps each agent at its position.
-        options: ``for``, the duration, s, and other options of `Goto`.
+    The arguments beside scene and rows are the verb's options.
     """
 
     def __init__(

@@ -35,10 +35,7 @@ class Land:
     It does not wait until agents are located: for an agent of unknown height the descent takes as
     long as one from the greatest height.
 
-    Args:
-        scene: The mission's scene.
-        rows: Rows of the agents.
-        speed: Mean speed of the descent, m/s; at most the scene's limit.
+    The arguments beside scene and rows are the verb's options.
     """
 
     def __init__(self, scene: Scene, rows: tuple[int, ...], *, speed: float) -> None:
@@ -85,11 +82,7 @@ class Leave(Approach):
     Agents that are blocked close to home land where they are: an avoider keeps them from a start
     that is nearer to an obstacle than its clearance.
 
-    Args:
-        scene: The mission's scene.
-        rows: Rows of the agents.
-        speed: Speed limit on the way, m/s; at most the scene's limit, and that if None.
-        descent: Mean speed of the descent, m/s.
+    The arguments beside scene and rows are the verb's options.
     """
 
     def __init__(

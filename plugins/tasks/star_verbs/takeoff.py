@@ -32,11 +32,7 @@ class Takeoff:
 
     It waits until all its agents are located, and fails at once if one is airborne already.
 
-    Args:
-        scene: The mission's scene.
-        rows: Rows of the agents.
-        height: z to climb to, map frame, m.
-        speed: Mean speed of the climb, m/s; at most the scene's limit.
+    The arguments beside scene and rows are the verb's options.
     """
 
     def __init__(self, scene: Scene, rows: tuple[int, ...], *, height: float, speed: float) -> None:
@@ -89,12 +85,7 @@ class Takeoff:
 class Join(Takeoff):
     """A take-off of agents that are ready: connected, charged, and with no agent above them.
 
-    Args:
-        scene: The mission's scene.
-        rows: Rows of the agents.
-        height: z to climb to, map frame, m.
-        speed: Mean speed of the climb, m/s.
-        battery: Battery voltage on the ground that each agent needs, V.
+    The arguments beside scene and rows are the verb's options.
     """
 
     def __init__(
