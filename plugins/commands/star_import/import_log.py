@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Final
 
-from star_core import InputError
+from star_core import InputError, Value
+
+NOT_SUPPORTED: Final = (
+    "is not supported"  # why a key of Crazyswarm2, or of a whole file, is ignored
+)
 
 
 @dataclass(slots=True)
@@ -28,6 +33,18 @@ class ImportLog:
     def warning(self, place: str, message: str) -> None:
         """Log a warning, before all other messages."""
         self.messages.insert(0, f"{place}: warning: {message}")
+
+    def ignored(
+        self,
+        given: Value,
+        read: Collection[str],
+        of: str = "",
+        why: str = "is not read by the original",
+    ) -> None:
+        """Log the keys of a map that are not `read`; `of` precedes them in the messages."""
+        for key, value in given.map().items():
+            if key not in read:
+                self.add(value.place, f"{of}{key!r} {why}; ignored")
 
     @contextmanager
     def collected(self) -> Iterator[None]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from star_core import Value
-from star_import.import_log import ImportLog, show
+from star_import.import_log import NOT_SUPPORTED, ImportLog, show
 from star_import.text import Line, word
 
 TOP: Final = ("environment", "april_tags", "command_sequence", "robots", "robot_types")
@@ -44,16 +44,13 @@ def walls(file: Value, log: ImportLog) -> list[Wall]:
     """Return the walls of an environment; invalid ones are added to the problems of `log`."""
     found: list[Wall] = []
     with log.collected():
-        for key, value in file.map().items():
-            if key not in TOP:
-                log.add(value.place, f"{key!r} is not supported; ignored")
+        log.ignored(file, TOP, why=NOT_SUPPORTED)
         if "environment" not in file.map():
             return found
-        for key, value in file.map()["environment"].map().items():
-            if key != "obstacles":
-                log.add(value.place, f"{key!r} is not read by the original; ignored")
-                continue
-            for name, given in value.map().items():
+        environment = file.map()["environment"]
+        log.ignored(environment, {"obstacles"})
+        if "obstacles" in environment.map():
+            for name, given in environment.map()["obstacles"].map().items():
                 with log.collected():
                     found.append(_wall(name, given, log))
     return found
@@ -94,7 +91,5 @@ def _wall(name: str, given: Value, log: ImportLog) -> Wall:
         f"{name}: {len(points)} points in m, {kind}; {show(thickness)} m thick in all; "
         f"from {show(foot)} to {show(top)} m high",
     )
-    for key, value in given.map().items():
-        if key not in {"use_key_point", "points", "height", "thickness"}:
-            log.add(value.place, f"{name}: {key!r} is not read by the original; ignored")
+    log.ignored(given, {"use_key_point", "points", "height", "thickness"}, f"{name}: ")
     return Wall(name, tuple(points), thickness, (foot, top), given.place)

@@ -58,9 +58,7 @@ def records(file: Value, known: Sequence[str], log: ImportLog) -> list[Record]:
     """
     strings = file.need("command_sequence")
     given = strings.list()
-    for key, value in file.map().items():
-        if key not in {"command_sequence", "environment", "april_tags", "robots", "robot_types"}:
-            log.add(value.place, f"{key!r} is not read by the original; ignored")
+    log.ignored(file, {"command_sequence", "environment", "april_tags", "robots", "robot_types"})
     if len(given) % len(FIELDS):
         raise strings.wrong(
             f"has {len(given)} strings, expected five for each record: {', '.join(FIELDS)}"

@@ -10,7 +10,7 @@ from typing import Final
 
 from star_core import InputError, Value
 from star_import import firmware
-from star_import.import_log import ImportLog, show
+from star_import.import_log import NOT_SUPPORTED, ImportLog, show
 
 READ: Final = (
     "enabled",
@@ -75,11 +75,9 @@ def robots(file: Value, log: ImportLog) -> list[Robot]:
     for name, kind in types.items():
         with log.collected():
             _log_type(name, kind, log)
-    for key, value in file.map().items():
-        if key == "all":
-            _ignored("all: ", value, {firmware.KEY}, log)
-        elif key not in {"robots", "robot_types", "fileversion"}:
-            log.add(value.place, f"{key!r} is not supported; ignored")
+    if "all" in file.map():
+        log.ignored(file.map()["all"], {firmware.KEY}, "all: ", NOT_SUPPORTED)
+    log.ignored(file, {"all", "robots", "robot_types", "fileversion"}, why=NOT_SUPPORTED)
     if not found and not log.problems:
         raise file.need("robots").wrong("no robot is enabled")
     return found
@@ -147,7 +145,7 @@ def _robot(name: str, given: Value, decks: Sequence[str], log: ImportLog) -> Rob
             f"{name}: the AI-deck at {deck} belongs to another agent already; ignored",
         )
         deck = ""
-    _ignored(f"{name}: ", given, set(READ), log)
+    log.ignored(given, READ, f"{name}: ", NOT_SUPPORTED)
     return Robot(name, (x, y, z), uri, given.place, yaw, deck)
 
 
@@ -193,15 +191,9 @@ def _is_used(capture: Value) -> bool:
     return tracking is None or tracking.data != "none"
 
 
-def _ignored(of: str, given: Value, read: set[str], log: ImportLog) -> None:
-    """Log keys that are not supported."""
-    for key, value in given.map().items():
-        if key not in read:
-            log.add(value.place, f"{of}{key!r} is not supported; ignored")
-
-
 def _log_type(name: str, kind: Value, log: ImportLog) -> None:
-    _ignored(f"type {name}: ", kind, {"motion_capture", "battery", firmware.KEY}, log)
+    read = {"motion_capture", "battery", firmware.KEY}
+    log.ignored(kind, read, f"type {name}: ", NOT_SUPPORTED)
     if "battery" not in kind.map():
         return
     battery = kind.map()["battery"]
@@ -213,4 +205,4 @@ def _log_type(name: str, kind: Value, log: ImportLog) -> None:
             f"type {name}: voltage_critical {volts} V has no effect in Crazyswarm2; to land below "
             f"it, add safety: {{battery_low: {{below: {volts}}}}}",
         )
-    _ignored(f"type {name}: ", battery, {"voltage_critical"}, log)
+    log.ignored(battery, {"voltage_critical"}, f"type {name}: ", NOT_SUPPORTED)

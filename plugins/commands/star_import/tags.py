@@ -80,9 +80,7 @@ def sheets(file: Value, reading: Reading, log: ImportLog) -> list[Sheet]:
             f"positions of tags are in m and of their {what}; edges of {show(reading.edge)} m; "
             f"every sheet lies on the floor with its upper edge towards x",
         )
-        for key, value in given.map().items():
-            if key not in {"pair_position", "pair_paper_size", "tags"}:
-                log.add(value.place, f"{key!r} is not read by the original; ignored")
+        log.ignored(given, {"pair_position", "pair_paper_size", "tags"})
         for name, tag in given.need("tags").map().items():
             with log.collected():
                 sheet = _sheet(name, tag, given, reading, log)
@@ -129,15 +127,8 @@ def _sheet(name: str, given: Value, tags: Value, reading: Reading, log: ImportLo
         )
     log.add(given.place, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
     pair = {"alignment"} if len(numbers) > 1 else set()
-    _log_unread(name, given, {"id", "location", "purpose"} | pair, log)
+    log.ignored(given, {"id", "location", "purpose"} | pair, f"{name}: ")
     return Sheet(kind, numbers, centres, reading.edge, given.place)
-
-
-def _log_unread(name: str, given: Value, read: set[str], log: ImportLog) -> None:
-    """Log the other keys of a tag."""
-    for key, value in given.map().items():
-        if key not in read:
-            log.add(value.place, f"{name}: {key!r} is not read by the original; ignored")
 
 
 def _pair(name: str, given: Value, tags: Value) -> tuple[Corner, ...]:

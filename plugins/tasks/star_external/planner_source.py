@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Final
 
-from star_core import ContractError, PluginError, StarError
+from star_core import ContractError, PluginError, PluginGuard
 from star_external.planner import Answer, Done, ExternalPlanner, Failed, Goal
 from star_external.protocol import GOAL_KEYS, checked_goals, quoted, shortened, ticks_between
 
@@ -69,11 +67,11 @@ class PlannerSource:
         self._scene = scene
         dist = point.dist
         origin = f"{dist.name} {dist.version}: {point.value}" if dist else point.value
-        self._label = f"external planner {point.name!r} ({origin})"
+        self._guard = PluginGuard(f"external planner {point.name!r} ({origin})")
         self._every = ticks_between(rate, scene.period)
         self._ticks = 0
         self.messages: list[str] = []
-        with self._attributed():
+        with self._guard:
             self._planner = point.load()(scene, rows)
             if not isinstance(self._planner, ExternalPlanner):
                 made = type(self._planner).__name__
@@ -85,13 +83,13 @@ class PlannerSource:
         due = self._ticks % self._every == 0
         self._ticks += 1
         if due:
-            with self._attributed():
+            with self._guard:
                 answer = self._planner.plan(estimate, health, tuple(agents.values()))
                 answer = self._checked(answer, agents)
             yield answer
 
     def close(self) -> None:
-        with self._attributed():
+        with self._guard:
             getattr(self._planner, "close", lambda: None)()
 
     def _checked(self, answer: object, agents: Mapping[str, int]) -> Answer:
@@ -100,25 +98,13 @@ class PlannerSource:
             case Done():
                 return answer
             case Failed(str(why)):
-                return Failed(f"{self._label} gave up: {shortened(why)}")
+                return Failed(f"{self._guard.plugin} gave up: {shortened(why)}")
             case Mapping():
                 given = {name: _fields(name, goal) for name, goal in answer.items()}
                 return checked_goals(given, self._scene, agents)
         raise ContractError(
             f"plan() returned {quoted(answer)}, expected goals by agent, Done() or Failed(why)"
         )
-
-    @contextmanager
-    def _attributed(self) -> Iterator[None]:
-        """Name the planner in exceptions raised inside."""
-        try:
-            yield
-        except StarError as error:
-            raise PluginError(f"{self._label}: {error}") from error
-        except (Exception, SystemExit) as error:
-            at = traceback.extract_tb(error.__traceback__)[-1]
-            text = shortened(f"{type(error).__name__}: {error}")
-            raise PluginError(f"{self._label}: {text} ({at.filename}:{at.lineno})") from error
 
 
 def _fields(name: str, goal: object) -> dict[str, object]:
