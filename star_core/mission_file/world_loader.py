@@ -15,14 +15,7 @@ from star_core.errors import InputError
 from star_core.mission_file.located import Document
 from star_core.world.outlines import around_circle, box, outline_fault, wall
 from star_core.world.quaternions import Point, moved, turned
-from star_core.world.world import Corner, Fence, Obstacle, Tag, World
-
-SIZE: Final = 0.168
-"""Edge of the black square of a tag that is printed to fill an A4 sheet, m."""
-
-RIM: Final = 1.25
-"""Width of a tag with its white rim over that of its black square: ten modules over eight."""
-
+from star_core.world.world import TAG_RIM, TAG_SIZE, Corner, Fence, Obstacle, Tag, World
 
 MAX_VISIBLE_SIZES: Final = 100
 """Distance at which no camera resolves a tag, in sizes of the tag: with an AI-deck's focal length,
@@ -66,8 +59,8 @@ def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | in
         rotation = turned(
             *(math.radians(given.get(f"{angle}_deg", 0.0)) for angle in ("roll", "pitch", "yaw"))
         )
-        size = float(given.get("size", SIZE))
-        spacing = given.get("spacing", RIM * size)
+        size = float(given.get("size", TAG_SIZE))
+        spacing = given.get("spacing", TAG_RIM * size)
         middle = (len(given["tags"]) - 1) / 2
         row = [((i - middle) * spacing, 0.0) for i in range(len(given["tags"]))]
         x, y, z = given["at"]

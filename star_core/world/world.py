@@ -21,6 +21,12 @@ CONTACT_RADIUS: Final = 0.06
 """Half a Crazyflie's span with propellers, m: two drones closer than twice this collide, and one
 closer than this to an obstacle hits it."""
 
+TAG_SIZE: Final = 0.168
+"""Edge of the black square of a tag that is printed to fill an A4 sheet, m; files may omit it."""
+
+TAG_RIM: Final = 1.25
+"""Width of a tag with its white rim over that of its black square: ten modules over eight."""
+
 Corner: TypeAlias = tuple[float, float]
 
 

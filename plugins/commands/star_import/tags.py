@@ -8,12 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from star_core import Value
+from star_core import TAG_RIM, Value
 from star_import.import_log import ImportLog, show
 from star_import.text import Line
 
 EDGE: Final = 0.157  # m, default edge of the original's tags
-RIM: Final = 1.25  # width of a tag with its white rim divided by that of its black square
 YAW: Final = -90.0  # degrees: a sheet's upper edge points to the map's x, its left one to y
 
 Corner = tuple[float, float]
@@ -123,7 +122,7 @@ def _sheet(name: str, given: Value, tags: Value, reading: Reading, log: ImportLo
     if len(numbers) > 1 and apart < reading.edge:
         raise tags.need("pair_position").wrong(
             f"{name}: tags {apart:.3f} m apart overlap at an edge of {show(reading.edge)} m; give "
-            f"their size: --tag-size {math.floor(apart / RIM * 1000) / 1000:g} or less"
+            f"their size: --tag-size {math.floor(apart / TAG_RIM * 1000) / 1000:g} or less"
         )
     log.add(given.place, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
     pair = {"alignment"} if len(numbers) > 1 else set()

@@ -5,14 +5,13 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from star_core import InputError
+from star_core import TAG_RIM, InputError
 from star_tags.page import Fill, Outline, Page, Point, Text, rectangle
 
 PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}
 """Width and height, mm, in ascending order of width."""
 
 MODULES: Final = 8  # per row of a tag of family 36h11: six for its number, two for its border
-RIM: Final = 1.25  # width of a tag with its white border of one module over its black square's
 STRIP: Final = 44.0  # mm at the bottom of the page for the text, the bar and the arrow
 MARGIN: Final = 14.0  # mm beside the text: more than the unprintable margin of printers
 BAR: Final = 100.0  # mm
@@ -29,7 +28,7 @@ class Sheet(NamedTuple):
     @property
     def width(self) -> float:
         """Width of the tag with its white border, mm."""
-        return 1000 * self.size * RIM
+        return 1000 * self.size * TAG_RIM
 
 
 def lay_out(sheet: Sheet, paper: str) -> Page:

@@ -6,11 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from star_core import InputError, read_as
+from star_core import TAG_RIM, TAG_SIZE, InputError, read_as
 from star_tags.page import Page
-from star_tags.sheet import RIM, Sheet, lay_out
-
-SIZE: Final = 0.168  # m, default edge of a tag's black square, as in the world schema
+from star_tags.sheet import Sheet, lay_out
 
 KINDS: Final = {"landmarks": "landmark", "targets": "target"}
 
@@ -47,7 +45,7 @@ def _sheets(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], st
     """Yield every tag with its path in the file and the name of its sheet."""
     for kind, one in KINDS.items():
         for name, given in data.get(kind, {}).items():
-            size = float(given.get("size", SIZE))
+            size = float(given.get("size", TAG_SIZE))
             about = f"{name}, a {one} of {data['name']}"
             for i, number in enumerate(given["tags"]):
                 row = _row(i, given, size)
@@ -63,7 +61,7 @@ def _row(i: int, given: Mapping[str, Any], size: float) -> str:
         return (
             f": {i + 1} of {n}, middle {right:g} mm right and {up:g} mm up from where it is placed"
         )
-    apart = 1000 * given.get("spacing", RIM * size)
+    apart = 1000 * given.get("spacing", TAG_RIM * size)
     return f": {i + 1} of {n} from the left, middles {apart:g} mm apart" if n > 1 else ""
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
-from star_core import Problem, outline_fault
+from star_core import TAG_SIZE, Problem, outline_fault
 
 if TYPE_CHECKING:
     from star_core import Camera, Scene
@@ -57,7 +57,6 @@ MIN_MODULE: Final = 2.0  # px: width of a tag's module; the simulator detects ta
 MODULES: Final = 8  # along the edge of a tag's black square, family 36h11
 BORDER: Final = 3.0  # px at the edge of an image where detectors accept no corner
 MAX_TILT: Final = math.radians(3.0)  # of a slow drone, for which a margin of the image is unused
-DEFAULT_SIZE: Final = 0.168  # m: edge of a tag's black square on an A4 sheet
 SWATH_CELL: Final = 0.05  # m, resolution of swaths
 
 
@@ -164,7 +163,7 @@ def swath(seen: FieldOfView, speed: float, rate: float) -> float:
 
 def smallest_target(scene: Scene) -> float:
     """Return the edge of the smallest target tag, m."""
-    return min((tag.size for tag in scene.world.targets), default=DEFAULT_SIZE)
+    return min((tag.size for tag in scene.world.targets), default=TAG_SIZE)
 
 
 def swaths(

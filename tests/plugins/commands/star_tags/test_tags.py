@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 import star_tags
-from star_core import InputError, Registry
+from star_core import TAG_RIM, TAG_SIZE, InputError, Registry
 from star_core.mission_file import schema as schemas
-from star_core.mission_file.world_loader import RIM as WORLD_RIM
-from star_core.mission_file.world_loader import SIZE as WORLD_SIZE
 from star_tags.command import main
 from star_tags.page import Fill, Text, number, rectangle
-from star_tags.sheet import BAR, PAPERS, RIM, STRIP, Sheet, lay_out
-from star_tags.world import SIZE, pages
+from star_tags.sheet import BAR, PAPERS, STRIP, Sheet, lay_out
+from star_tags.world import pages
 
 Areas: TypeAlias = list[tuple[float, list[list[tuple[float, float]]]]]
 Sheets: TypeAlias = Callable[..., list[tuple[tuple[float, float], Areas, list[str]]]]
@@ -142,7 +140,7 @@ def test_a_page_shows_the_number_and_the_position_of_its_tag(
 
 def test_nothing_overlaps_the_tag_with_its_rim() -> None:
     for paper, (width, height) in PAPERS.items():
-        largest = min(width, height - STRIP) / 1000 / RIM
+        largest = min(width, height - STRIP) / 1000 / TAG_RIM
         page = lay_out(Sheet(3, largest, ("a", "b")), paper)
         tag, _, *others = page.marks
         assert isinstance(tag, Fill)
@@ -250,10 +248,9 @@ def test_without_a_name_the_file_is_called_after_the_world(
 # Constants that are written down elsewhere too
 
 
-def test_the_size_and_the_rim_are_those_of_worlds() -> None:
+def test_the_size_is_the_default_of_worlds() -> None:
     sheet = schemas.load("world")["$defs"]["sheet"]["properties"]
-    assert sheet["size"]["default"] == SIZE == WORLD_SIZE
-    assert RIM == WORLD_RIM
+    assert sheet["size"]["default"] == TAG_SIZE
 
 
 def test_the_plugin_offers_the_command_tags(capsys: pytest.CaptureFixture[str]) -> None:
