@@ -32,7 +32,7 @@ composed = cache(lambda: schema_of(registry().offers()))
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder to stand in; plugins are looked for once, not for each file."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "installed", registry)
+    monkeypatch.setattr("star_core.registry.Registry", registry)
     monkeypatch.setattr(schema, "compose", lambda _offers: composed())
 
 

@@ -15,7 +15,6 @@ import pytest
 
 import star_core
 from star_core import InputError, Mission, RunOptionSpec, Tick, hookimpl
-from star_core.cli import main as cli
 from star_core.cli.main import main, run
 from star_core.registry import Registry, Source
 
@@ -39,7 +38,7 @@ def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
     def add(plugin: object) -> None:
         registry = Registry()
         registry.add(plugin, Source("their-dist:theirs", "1.2"))
-        monkeypatch.setattr(cli, "installed", lambda: registry)
+        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
 
     return add
 

@@ -10,7 +10,6 @@ from typing import Any, TypeAlias
 import pytest
 
 from star_core import Flight, hookimpl
-from star_core.cli import main as cli
 from star_core.cli.main import main
 from star_core.registry import Registry, Source
 
@@ -104,7 +103,7 @@ def test_a_record_that_was_not_written_is_not_told(
 ) -> None:
     registry = Registry()
     registry.add(Thief(), Source("their-dist:thief"))
-    monkeypatch.setattr(cli, "installed", lambda: registry)
+    monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
     main(["run", "hop.yaml", "--out", "a/b"])
     assert "a/b\n" not in said.readouterr().out
 
