@@ -107,7 +107,7 @@ def test_a_close_approach_is_reported_once_with_its_smallest_distance() -> None:
 
 
 def test_close_approaches_are_judged_by_an_ellipsoid_and_reported_by_distance() -> None:
-    def over(aside: float, height: float) -> list[Incident]:
+    def over(aside: float, height: float) -> list[Event]:
         track = [[[0, 0, 1], [2, 0, 1]], [[0, 0, 1], [aside, 0, 1 + height]]]
         contacts, seen = followed(track)
         assert contacts.separation == pytest.approx(math.hypot(aside, height))

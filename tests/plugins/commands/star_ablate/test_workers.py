@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -72,7 +73,9 @@ def test_ending_a_worker_ends_what_its_plugins_started(
 ) -> None:
     log = tmp_path / "log.txt"
     worker.begin(0, Job(hop("breed")))
-    started = eventually(lambda: log.exists() and log.read_text().strip())
+    (started,) = eventually(
+        lambda: log.exists() and re.findall(r"^\d+$", log.read_text(), re.MULTILINE)
+    )
     assert alive(int(started))
     worker.end()
     assert eventually(lambda: not alive(int(started)))

@@ -108,7 +108,7 @@ def test_all_installed_avoiders_fly_if_nobody_says(tmp_path: Path) -> None:
     ("arguments", "words", "code"),
     [
         (["--scenarios", "cirkle"], "did you mean 'circle'?", "invalid-argument"),
-        (["--scenarios", "x"], "there are circle, disc, crossing, ", "invalid-argument"),
+        (["--scenarios", "x"], "there are: circle, disc, crossing, ", "invalid-argument"),
         (["--scenarios", "corridor=widht:2"], "'widht'; there is width", "invalid-argument"),
         (["--scenarios", "disc=width:2"], "'width'; it has none", "invalid-argument"),
         (["--scenarios", "corridor=width:0"], "corridor width: 0, expected m, ", "out-of-range"),
