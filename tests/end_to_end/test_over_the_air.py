@@ -194,3 +194,47 @@ def test_drones_that_are_told_where_they_are_find_their_places_too(tmp_path: Pat
         mission, tmp_path / "air", noise=True, cameras=True, changes=told
     )
     assert error(flown, truth) < NEAR + SPEED * late
+
+
+HANGS = """
+import itertools, sys, threading
+from types import SimpleNamespace
+from star_core import AvoiderSpec, Registry, fly, hookimpl, load
+
+class Hangs:
+    @hookimpl
+    def star_avoiders(self):
+        calls = itertools.count()
+
+        def avoid(estimate, wanted):
+            if next(calls) == 140:  # s / 0.05: on the way, at 0.8 m
+                threading.Event().wait()
+            return wanted
+
+        make = lambda scene: SimpleNamespace(avoid=avoid)
+        yield AvoiderSpec(name="hangs", summary="Hangs.", make=make)
+
+registry = Registry(Hangs())
+print(fly(load(sys.argv[1], registry, sys.argv[2:]), registry)["reason"])
+"""
+
+
+@pytest.mark.campaign
+def test_drones_hover_while_a_plugin_hangs_and_then_land() -> None:
+    mission = MISSIONS / "first_flight.yaml"
+    with Fleet(load(mission, Registry()).scene, port=0) as fleet:
+        uris = [f"swarm.cf{i + 1}.uri={uri}" for i, uri in enumerate(fleet.addresses)]
+        changes = [*uris, "transport=radio", "avoider=hangs"]
+        program = [sys.executable, "-c", HANGS, str(mission), *changes]
+        with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as flight:
+            sink, end = [], time.monotonic() + PATIENCE
+            while flight.poll() is None and time.monotonic() < end:
+                drones = fleet.simulator.drones
+                sink.append(-drones["velocity"][:, 2])
+                time.sleep(0.01)
+            flight.kill()
+            told, _ = flight.communicate()
+        height = fleet.simulator.drones["position"][:, 2].copy()
+    assert "avoider 'hangs' (__main__:Hangs): PluginTimeout: no result after 1" in told
+    assert height.max() < 0.1
+    assert np.max(sink) < 1.0  # m/s; dropped from 0.8 m it would be 4
