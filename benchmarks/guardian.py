@@ -163,7 +163,12 @@ def flown(fault: str, seed: int, folder: Path) -> Outcome:
         arguments = ["run", mission, "--out", folder / "run", *(f"--set={c}" for c in changes)]
         program = [sys.executable, "-c", PROGRAM, flag, *arguments]
         with (folder / "output.txt").open("w") as output:
-            flight = subprocess.Popen([str(word) for word in program], stdout=output, stderr=output)
+            flight = subprocess.Popen(
+                [str(word) for word in program],
+                stdout=output,
+                stderr=output,
+                env=os.environ | {"XDG_RUNTIME_DIR": str(folder)},  # out of reach of `star stop`
+            )
         try:
             waited = wait_until(lambda: bool((fleet.height > TAKEN_OFF).any()), flight)
             if not waited:

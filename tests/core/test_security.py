@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import InputError, Registry, load, read_run
+from star_core import InputError, Operator, Registry, load, read_run
+from star_core.cli.land_requests import listening
 from star_core.cli.main import main
 from star_core.mission_file.yaml_reader import parse
 from star_core.scene import inside
@@ -190,3 +191,21 @@ def test_a_flight_opens_no_connection(folder: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(socket.socket, "connect", connect)
     assert main(["run", str(folder / "evil.yaml"), "--no-record"]) == 0
     assert opened == []
+
+
+def test_only_the_user_can_stop_a_flight(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    shared = tmp_path / "star-swarm"
+    shared.mkdir()
+    shared.chmod(0o755)
+    assert main(["stop"]) == 2
+    text = "is not a folder that only you can open; remove it [unwritable-file]"
+    assert text in capsys.readouterr().err
+    with listening(Operator(), "demo"):
+        assert "`star stop` cannot land this flight" in caplog.text
+    assert list(shared.iterdir()) == []

@@ -80,19 +80,6 @@ def test_a_flight_that_hangs_is_named(runtime: Path, capsys: pytest.CaptureFixtu
     assert capsys.readouterr().err == text
 
 
-def test_a_folder_that_others_can_open_is_refused(
-    runtime: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
-) -> None:
-    runtime.mkdir()
-    runtime.chmod(0o755)
-    assert main(["stop"]) == 2
-    assert "is not a folder that only you can open; remove it [unwritable-file]" in (
-        capsys.readouterr().err
-    )
-    with listening(Operator(), "demo"):
-        assert "`star stop` cannot land this flight" in caplog.text
-
-
 def test_the_space_bar_lands_all_agents() -> None:
     keyboard, terminal = pty.openpty()
     with subprocess.Popen(

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import entry_points, version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 import pytest
@@ -319,6 +320,31 @@ def test_a_terminal_that_is_closed_lands_all_agents(with_plugin: Callable[[objec
     with_plugin(watcher := Signaller())
     main(["run", "hop.yaml", "--json", "--no-record"])
     assert watcher.handlers[signal.SIGHUP] == watcher.handlers[signal.SIGTERM]
+
+
+class Stopper:
+    """A plugin that runs `star stop` in the first tick."""
+
+    def __init__(self) -> None:
+        self.status: int | None = None
+
+    @hookimpl
+    def star_ticked(self) -> None:
+        if self.status is None:
+            self.status = main(["stop"])
+
+
+def test_star_stop_lands_all_agents(
+    said: Said, with_plugin: Callable[[object], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with TemporaryDirectory() as runtime:  # a socket's path has about 100 characters at most
+        monkeypatch.setenv("XDG_RUNTIME_DIR", runtime)
+        with_plugin(stopper := Stopper())
+        assert main(["run", "hop.yaml", "--no-record"]) == 1
+    assert stopper.status == 0
+    out, err = said.readouterr()
+    assert "hop: aborted: interrupted by the operator\n" in out
+    assert "star: star stop: landing\n" in err
 
 
 # What goes wrong in a plugin
