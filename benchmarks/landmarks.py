@@ -1,7 +1,7 @@
 """What localisation by tags costs, and that it costs no more after a long flight.
 
 ``python benchmarks/landmarks.py`` prints a table, with ``--json`` one JSON object. Frames are timed
-from image to pose, gate and graph included, on a rendered flight. The graph is timed over twenty
+from image to pose, gate and filter included, on a rendered flight. The filter is timed over twenty
 minutes on a circle, with corners instead of images. The peer is ``method: batch``, the original
 STAR's graph of every pose, on the same flight in the same process.
 """
@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from star_apriltag.agent_estimator import CameraReport, Settings, SmoothingEstimator
+from star_apriltag.agent_estimator import CameraReport, FilterEstimator, Settings
 from star_apriltag.batch import BatchEstimator
 from star_apriltag.floor_odometry import FloorOdometry
-from star_apriltag.smoother import Smoother
+from star_apriltag.joint_filter import JointFilter
 from star_apriltag.vision import image_analysis
 from star_core import Array, Odometry, Registry, fly, load
 from star_sim.camera_sim.camera_pose import Shot
@@ -48,7 +48,7 @@ def main() -> None:
 
 def frames() -> dict[str, float]:
     """From image to pose, where a tag was found; guided matching, a tag; following the floor."""
-    took = timed(SmoothingEstimator, "add_image", lambda answer: bool(answer and answer[0].views))
+    took = timed(FilterEstimator, "add_image", lambda answer: bool(answer and answer[0].views))
     matching = timed(image_analysis, "match_tag")
     flown("paper_box.yaml", "localizer={use: apriltag, processes: 0}")
     ordered = sorted(took)
@@ -66,14 +66,24 @@ def frames() -> dict[str, float]:
 
 
 def growth() -> dict[str, float]:
-    """The graph's update at the beginning and at the end of twenty minutes on a circle."""
+    """The filter's update at the beginning and at the end of twenty minutes on a circle."""
     scene = load(MISSIONS / "paper_circle.yaml", Registry()).scene
     (agent,) = scene.agents
     assert agent.camera is not None
     detector = OnboardDetector(agent.camera, scene.world.landmarks, scene.world)
-    settings = Settings("smoother", 2, 0.15, 0.02, 2.5, guided_matching=True, floor_odometry=False)
-    follower = SmoothingEstimator(agent, scene.world.landmarks, (), settings)
-    took = timed(Smoother, "add")
+    settings = Settings(
+        method="filter",
+        max_tags_per_landmark=2,
+        latency=0.15,
+        latency_std=0.025,
+        mounting_std=0.02,
+        survey_std=0.015,
+        survey_turn_std=0.02,
+        guided_matching=True,
+        floor_odometry=False,
+    )
+    follower = FilterEstimator(agent, scene.world.landmarks, (), settings)
+    took = timed(JointFilter, "update")
     rng = np.random.default_rng(0)
     before = 0
     for tick in range(int(MINUTES * 60 / TICK)):
@@ -90,10 +100,10 @@ def growth() -> dict[str, float]:
     tenth = len(took) // 10
     first, last = statistics.median(took[:tenth]), statistics.median(took[-tenth:])
     return {
-        "graph_updates": len(took),
-        "graph_first_tenth_ms": 1000 * first,
-        "graph_last_tenth_ms": 1000 * last,
-        "graph_growth": last / first,
+        "filter_updates": len(took),
+        "filter_first_tenth_ms": 1000 * first,
+        "filter_last_tenth_ms": 1000 * last,
+        "filter_growth": last / first,
         "memory_growth_mb": (after - before) / 1024,
     }
 

@@ -20,9 +20,9 @@ OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
         "method": {
-            "enum": ["smoother", "batch"],
-            "default": "smoother",
-            "description": "smoother: fixed-lag, gated, with odometry calibrated in flight; batch: "
+            "enum": ["filter", "batch"],
+            "default": "filter",
+            "description": "filter: a Kalman filter of the pose with all errors that last; batch: "
             "the original STAR's graph of every pose since take-off, for comparison.",
         },
         "max_tags_per_landmark": {
@@ -45,36 +45,43 @@ OPTIONS: dict[str, Any] = {
             minimum=0,
             maximum=2,
         ),
+        "latency_std": _number(
+            0.025,
+            "Standard deviation of that time, s.",
+            minimum=0,
+            maximum=2,
+        ),
         "mounting_std_deg": _number(
-            1.0,
+            1.5,
             "Standard deviation of a camera's mounting angles, degrees; they are estimated in "
             "flight.",
             exclusiveMinimum=0,
             maximum=15,
         ),
         "survey_std": _number(
-            0.005,
-            "Standard deviation of the landmarks' surveyed positions, m; added to the covariance "
-            "that is reported.",
+            0.015,
+            "Standard deviation of the landmarks' surveyed positions along each axis, m; their "
+            "errors are estimated in flight.",
             minimum=0,
         ),
-        "lag": _number(
-            2.5,
-            "Time for which poses are optimized again, with method: smoother, s.",
-            minimum=1,
-            maximum=20,
+        "survey_std_deg": _number(
+            1.5,
+            "Standard deviation of the landmarks' rotations about each axis, degrees; they are "
+            "estimated in flight.",
+            minimum=0,
+            maximum=45,
         ),
         "guided_matching": {
             "type": "boolean",
             "default": True,
             "description": "Whether to search tags of the map that are not detected, because they "
-            "are far or partly outside the image, at their expected pixels; with method: smoother.",
+            "are far or partly outside the image, at their expected pixels; with method: filter.",
         },
         "floor_odometry": {
             "type": "boolean",
             "default": False,
             "description": "Whether to measure motion from image to image by the floor's texture, "
-            "where it has any; the floor is the map's plane z = 0; with method: smoother.",
+            "where it has any; the floor is the map's plane z = 0; with method: filter.",
         },
         "processes": {
             "type": ["integer", "null"],
@@ -100,11 +107,11 @@ def make(
     scene: Scene,
     *,
     feedback: str,
-    survey_std: float,
     processes: int | None,
     max_position_std: float,
     max_report_age: float,
     mounting_std_deg: float,
+    survey_std_deg: float,
     **settings: Any,
 ) -> Localizer:
     from star_apriltag.agent_estimator import Settings
@@ -112,25 +119,23 @@ def make(
 
     return AprilTag(
         scene,
-        Settings(mounting_std=math.radians(mounting_std_deg), **settings),
+        Settings(
+            mounting_std=math.radians(mounting_std_deg),
+            survey_turn_std=math.radians(survey_std_deg),
+            **settings,
+        ),
         processes=processes,
         feedback=feedback,
-        survey_std=survey_std,
         max_position_std=max_position_std,
         max_report_age=max_report_age,
     )
 
 
-def check(
-    scene: Scene, *, method: str, feedback: str, lag: float, latency: float, **_others: Any
-) -> Iterable[Problem]:
+def check(scene: Scene, *, method: str, feedback: str, **_others: Any) -> Iterable[Problem]:
     """Yield options that contradict each other, and scenes in which no tag can be seen."""
     if method == "batch" and feedback != "none":
-        reason = f"{feedback!r} goes with method: smoother only"
+        reason = f"{feedback!r} goes with method: filter only"
         yield Problem(("feedback",), reason, "option-conflict")
-    if lag < latency + 1.0:
-        reason = f"{lag:g} s is not 1 s more than the latency of {latency:g} s"
-        yield Problem(("lag",), reason, "option-conflict")
     if not scene.world.landmarks:
         reason = f"world {scene.world.name!r} has no landmarks; use 'flow' without them"
         yield Problem((), reason, "no-tags")

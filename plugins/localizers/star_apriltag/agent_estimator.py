@@ -8,30 +8,21 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple, Protocol
 
-import gtsam
 import numpy as np
 
-from star_apriltag.dead_reckoning import (
-    AgentState,
-    Anchor,
-    odometry_leg,
-    predict,
-    predicted_covariance,
-    start_node,
-)
+from star_apriltag.dead_reckoning import AgentState, Anchor, predict, start
 from star_apriltag.floor_odometry import FloorOdometry
-from star_apriltag.odometry_track import KnownPose, Motion, OdometryCalibration, OdometryTrack
-from star_apriltag.smoother import Smoother
-from star_apriltag.vision.body_pose import AT_REST, Prediction, View
-from star_apriltag.vision.body_pose import Motion as BodyMotion
+from star_apriltag.joint_filter import Deviations, JointFilter
+from star_apriltag.odometry_track import OdometryTrack
+from star_apriltag.vision.body_pose import Motion, Prediction, View
 from star_apriltag.vision.image_analysis import ImageAnalysis, ImageAnalyzer
 from star_core import Agent, Array, Image, Odometry, Pose, Rows, Tag
 
 log = logging.getLogger(__name__)
 
-NODE_PERIOD: Final = 0.5  # s, of nodes without tags
-ADVANCE_DELAY: Final = 0.35  # s beyond the latency after which such nodes are added
-NO_MOTION: Final = Motion(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
+ADVANCE_PERIOD: Final = 0.5  # s, after which the state is carried on without images
+ADVANCE_DELAY: Final = 0.35  # s beyond the latency, up to which an image may be late
+TIMESTAMP_STD: Final = 0.002  # s, of an image's timestamp
 
 
 class Settings(NamedTuple):
@@ -40,8 +31,10 @@ class Settings(NamedTuple):
     method: str
     max_tags_per_landmark: int
     latency: float  # s
+    latency_std: float  # s
     mounting_std: float  # rad
-    lag: float  # s
+    survey_std: float  # m
+    survey_turn_std: float  # rad
     guided_matching: bool
     floor_odometry: bool
 
@@ -79,8 +72,8 @@ class AgentEstimator(Protocol):
         """Continue up to `now`, s, without further images."""
 
 
-class SmoothingEstimator:
-    """Estimates one agent's state with a fixed-lag smoother; without a camera, by odometry only.
+class FilterEstimator:
+    """Estimates one agent's state with a `JointFilter`; without a camera, by odometry only.
 
     Of the targets only the numbers and sizes are used.
     """
@@ -93,8 +86,7 @@ class SmoothingEstimator:
         settings: Settings,
     ) -> None:
         self.track = OdometryTrack()
-        self.calibration = OdometryCalibration()
-        self._delay = settings.latency + ADVANCE_DELAY
+        self._settings = settings
         self._ground = float(agent.start[2])  # z of the odometry frame, m
         self._analyzer = self._floor = None
         mounting = Pose(np.eye(3), np.zeros(3))
@@ -107,81 +99,77 @@ class SmoothingEstimator:
             )
             mounting = self._analyzer.lens.mounting
             self._floor = FloorOdometry(self._analyzer.lens) if settings.floor_odometry else None
-        self._smoother = Smoother(mounting, mounting_std=settings.mounting_std, lag=settings.lag)
-        self._smoother.start(*start_node(agent))
+        deviations = Deviations(
+            settings.mounting_std,
+            settings.survey_std,
+            settings.survey_turn_std,
+        )
+        self._filter = JointFilter(start(agent), mounting, landmarks, self._ground, deviations)
         self._relocation = Relocation()
-
-    @property
-    def anchor(self) -> Anchor:
-        return Anchor(self._smoother.node, self.calibration.scale, self.calibration.yaw_bias)
+        self.anchor = self._filter.anchor
 
     def at(self, time: float) -> AgentState:
-        """Return the state at `time`, s, no earlier than the newest node."""
+        """Return the state at `time`, s, no earlier than the newest image."""
         return predict(self.anchor, time, self.track, self._ground)
 
     def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         self.track.add(odometry, rows, motors=motors)
 
     def advance(self, now: float) -> None:
-        while now - self._delay - self._smoother.node.time > NODE_PERIOD:
-            self._add_node(self._smoother.node.time + NODE_PERIOD, (), AT_REST)
+        end = now - self._settings.latency - ADVANCE_DELAY
+        if end - self.anchor.time > ADVANCE_PERIOD:
+            self._filter.advance(end, self.track)
+            self.anchor = self._filter.anchor
 
     def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
         time = report.taken
-        if self._analyzer is None or not time > self._smoother.node.time:
+        if self._analyzer is None or not time > self.anchor.time:
             return None
         measured = report.image is not None and self._measure_floor(report.image, time)
         state = self.at(time)
-        prediction = _prediction(state, self._smoother.camera_turn)
+        prediction = _prediction(state, self._filter.camera_turn)
         if report.image is None:
             analysis = self._analyzer.evaluate(report.tags, report.corners, prediction)
         else:
             analysis = self._analyzer.analyze(report.image, prediction)
         if analysis.accepted:
             self._relocation.forget()
-        if analysis.views:
-            self.add_views(time, analysis.views, prediction.motion)
+        if analysis.views or measured:
+            self.add_views(time, analysis.views, stamped=report.stamped)
         elif analysis.other is not None:
-            pose = gtsam.Pose3(
-                gtsam.Rot3(analysis.other.pose.rotation), analysis.other.pose.position
-            )
-            claim = Claim(time, pose, analysis.other.covariance)
+            claim = Claim(time, analysis.other.pose, analysis.other.covariance)
             if self._relocation.consider(claim, self.track):
                 log.info("an agent is relocated at %.2f s", time)
                 self.restart(*claim)
-                measured = False
-        if measured and not analysis.views:
-            self.add_views(time, (), prediction.motion)
         return analysis, state
 
-    def add_views(self, time: float, views: Sequence[View], motion: BodyMotion) -> None:
-        """Add the tags that were accepted in an image taken at `time`, s.
+    def add_views(
+        self, time: float, views: Sequence[tuple[int, View]], *, stamped: bool = True
+    ) -> None:
+        """Add the tags, with their numbers, that were accepted in an image taken at `time`, s.
 
-        An image that is not newer than the newest node is ignored.
+        An image that is not newer than the newest one is ignored.
         """
-        if time <= self._smoother.node.time:
+        if time <= self.anchor.time:
             return
-        self._add_node(time, views, motion)
+        self._filter.advance(time, self.track)
         if views:
-            node = self._smoother.node
-            x, y, _ = node.pose.translation()
-            spread = predicted_covariance(node, 0j, NO_MOTION)
-            deviation = math.sqrt(max(spread[0, 0], spread[1, 1]))
-            yaw, yaw_deviation = node.pose.rotation().yaw(), math.sqrt(spread[3, 3])
-            known = KnownPose(time, complex(x, y), yaw, deviation, yaw_deviation)
-            self.calibration.add(known, self.track)
+            time_std = TIMESTAMP_STD if stamped else self._settings.latency_std
+            self._filter.update(views, self.track, time_std=time_std)
+        self.anchor = self._filter.anchor
 
-    def restart(self, time: float, pose: gtsam.Pose3, covariance: Array) -> None:
-        """Restart from a pose, since the previous ones were wrong."""
-        self._smoother.start(time, pose, covariance)
-        self.calibration.forget_poses()
+    def restart(self, time: float, pose: Pose, covariance: Array) -> None:
+        """Continue from a pose, since the previous ones were wrong."""
+        self._filter.advance(time, self.track)
+        self._filter.move(pose, covariance)
+        self.anchor = self._filter.anchor
 
     def _measure_floor(self, image: Image, time: float) -> bool:
         """Correct the odometry up to an image by the floor; return whether that was possible."""
         if self._floor is None:
             return False
-        bias = self.calibration.yaw_bias
-        turn = self._smoother.camera_turn
+        bias = self.anchor.yaw_bias
+        turn = self._filter.camera_turn
         measured = self._floor.measure(
             image, time, self.track, ground=self._ground, yaw_bias=bias, camera_turn=turn
         )
@@ -190,19 +178,13 @@ class SmoothingEstimator:
         self.track.correct(*measured, yaw_bias=bias)
         return True
 
-    def _add_node(self, time: float, views: Sequence[View], motion: BodyMotion) -> None:
-        leg = odometry_leg(self.anchor, time, self.track)
-        sample = self.track.at(time)
-        level = gtsam.Rot3.Ypr(0.0, sample.pitch, sample.roll)
-        self._smoother.add(time, leg, level, self._ground + sample.height, views, motion)
-
 
 def _prediction(state: AgentState, camera_turn: Array) -> Prediction:
     rotation = state.rotation
     return Prediction(
         pose=Pose(rotation, state.position),
         covariance=state.covariance[np.ix_([0, 1, 3], [0, 1, 3])],
-        motion=BodyMotion(state.velocity @ rotation, np.array([0.0, 0.0, state.yaw_rate])),
+        motion=Motion(state.velocity @ rotation, np.array([0.0, 0.0, state.yaw_rate])),
         camera_turn=camera_turn,
     )
 
@@ -217,8 +199,8 @@ class Claim(NamedTuple):
     """Pose of the agent according to one image alone."""
 
     time: float  # of its exposure, s
-    pose: gtsam.Pose3  # body in the map
-    covariance: Array  # (6, 6) in gtsam's tangent
+    pose: Pose  # body in the map
+    covariance: Array  # (6, 6) of a rotation and then a shift in the body's own frame
 
 
 class Relocation:
@@ -247,8 +229,8 @@ class Relocation:
 
 def _agree(old: Claim, new: Claim, track: OdometryTrack) -> bool:
     motion = track.between(old.time, new.time)
-    yaw = old.pose.rotation().yaw()
-    turned = new.pose.rotation().yaw() - yaw - motion.turn
-    x, y, _ = new.pose.translation() - old.pose.translation()
+    yaw = old.pose.yaw
+    turned = new.pose.yaw - yaw - motion.turn
+    x, y, _ = (new.pose.position - old.pose.position).tolist()
     apart = complex(x, y) - motion.shift * cmath.rect(1.0, yaw)
     return abs(apart) < MAX_DISTANCE and abs(math.remainder(turned, math.tau)) < MAX_TURN

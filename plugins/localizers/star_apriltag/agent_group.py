@@ -12,10 +12,9 @@ import numpy as np
 from star_apriltag.agent_estimator import (
     AgentEstimator,
     CameraReport,
+    FilterEstimator,
     Settings,
-    SmoothingEstimator,
 )
-from star_apriltag.batch import BatchEstimator
 from star_apriltag.dead_reckoning import AgentState, Anchor
 from star_apriltag.vision.image_analysis import ImageAnalysis
 from star_core import Mask, Odometry, Scene, Tag
@@ -70,18 +69,20 @@ class AgentGroup:
     """The estimators of the agents in some rows."""
 
     def __init__(self, scene: Scene, rows: Iterable[int], settings: Settings) -> None:
+        from star_apriltag.batch import BatchEstimator
+
         landmarks = _first_of_each(scene.world.landmarks, settings.max_tags_per_landmark)
         self._scene = scene
         self._estimators: dict[int, AgentEstimator] = {
             row: BatchEstimator(scene.agents[row], landmarks)
             if settings.method == "batch"
-            else SmoothingEstimator(scene.agents[row], landmarks, scene.world.targets, settings)
+            else FilterEstimator(scene.agents[row], landmarks, scene.world.targets, settings)
             for row in rows
         }
 
     def update(self, reports: TickInput) -> TickOutput:
         """Process the reports of one tick."""
-        before = {row: one.anchor.node for row, one in self._estimators.items()}
+        before = {row: one.anchor for row, one in self._estimators.items()}
         for row, estimator in self._estimators.items():
             rows = np.flatnonzero(reports.odometry.agent == row)
             estimator.add_odometry(reports.odometry, rows, motors=bool(reports.motors[row]))
@@ -105,7 +106,7 @@ class AgentGroup:
         for estimator in self._estimators.values():
             estimator.advance(reports.time)
         anchors = {row: one.anchor for row, one in self._estimators.items()}
-        new = {row: anchor for row, anchor in anchors.items() if anchor.node is not before[row]}
+        new = {row: anchor for row, anchor in anchors.items() if anchor is not before[row]}
         return TickOutput(new, frozenset(fixed), tuple(sightings), tuple(detections))
 
 

@@ -9,7 +9,7 @@ an image counts at its arrival; and the camera is in the body's center, rotated 
 
 Better than in that code, motion between nodes is odometry and not the difference of two sightings,
 the camera's rotation counts once, tags may have any orientation, corners are those of
-``method: smoother``, and no pose is sent to the on-board estimator.
+``method: filter``, and no pose is sent to the on-board estimator.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from star_apriltag.agent_estimator import CameraReport
-from star_apriltag.dead_reckoning import Anchor, odometry_leg
+from star_apriltag.dead_reckoning import YAW, Anchor, start
 from star_apriltag.odometry_track import OdometryTrack
-from star_apriltag.smoother import Node
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.image_analysis import ImageAnalysis
 from star_apriltag.vision.tag_poses import MapTag
@@ -47,10 +46,12 @@ class BatchEstimator:
         self._graph = gtsam.NonlinearFactorGraph()
         self._values = gtsam.Values()
         self._count = 0
-        start = gtsam.Pose3(gtsam.Rot3.Yaw(agent.yaw), np.array(agent.start, float))
-        self._graph.add(gtsam.PriorFactorPose3(X(0), start, self._noise))
-        self._values.insert(X(0), start)
-        self.anchor = Anchor(Node(0.0, start, np.eye(6) * STD**2))  # odometry without calibration
+        pose = gtsam.Pose3(gtsam.Rot3.Yaw(agent.yaw), np.array(agent.start, float))
+        self._graph.add(gtsam.PriorFactorPose3(X(0), pose, self._noise))
+        self._values.insert(X(0), pose)
+        self._start = start(agent)
+        self._node = pose
+        self.anchor = self._anchor(0.0, np.eye(6) * STD**2)
 
     def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         self._track.add(odometry, rows, motors=motors)
@@ -62,7 +63,7 @@ class BatchEstimator:
         if self._lens is None or self._detector is None:
             return None
         time = report.taken if report.arrived is None else report.arrived
-        if time < self.anchor.node.time + PERIOD:
+        if time < self.anchor.time + PERIOD:
             return None
         tags, corners = report.tags, report.corners
         if report.image is not None:
@@ -84,11 +85,11 @@ class BatchEstimator:
 
     def _optimize(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:
         """Add a node with the tags seen from it, in the body, and optimize everything."""
-        leg = odometry_leg(self.anchor, time, self._track)
+        leg = self._leg(time)
         last, key = X(self._count), X(self._count + 1)
         self._count += 1
-        self._graph.add(gtsam.BetweenFactorPose3(last, key, leg.delta, self._noise))
-        self._values.insert(key, self.anchor.node.pose.compose(leg.delta))
+        self._graph.add(gtsam.BetweenFactorPose3(last, key, leg, self._noise))
+        self._values.insert(key, self._node.compose(leg))
         for number, pose in seen.items():
             if not self._values.exists(L(number)):
                 known = _as_gtsam(self._map[number].pose)
@@ -98,7 +99,30 @@ class BatchEstimator:
         optimizer = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values)
         self._values = optimizer.optimize()
         covariance = gtsam.Marginals(self._graph, self._values).marginalCovariance(key)
-        self.anchor = Anchor(Node(time, self._values.atPose3(key), covariance))
+        self._node = self._values.atPose3(key)
+        self.anchor = self._anchor(time, covariance)
+
+    def _leg(self, time: float) -> gtsam.Pose3:
+        """Return the motion of the body since the newest node, by odometry."""
+        motion = self._track.between(self.anchor.time, time)
+        first, last = self._track.at(self.anchor.time), self._track.at(time)
+        before = gtsam.Pose3(gtsam.Rot3.Ypr(0.0, first.pitch, first.roll), [0.0, 0.0, first.height])
+        after = gtsam.Pose3(
+            gtsam.Rot3.Ypr(motion.turn, last.pitch, last.roll),
+            [motion.shift.real, motion.shift.imag, last.height],
+        )
+        return before.between(after)
+
+    def _anchor(self, time: float, covariance: Array) -> Anchor:
+        """Return the newest node, of uncalibrated odometry, by its (6, 6) covariance."""
+        rotation = self._node.rotation().matrix()
+        by_step = np.zeros((4, 6))
+        by_step[:3, 3:] = rotation
+        by_step[3, :3] = rotation[2]
+        mean, joint = self._start.mean.copy(), self._start.covariance.copy()
+        mean[:2], mean[YAW] = self._node.translation()[:2], self._node.rotation().yaw()
+        joint[: YAW + 1, : YAW + 1] = by_step @ covariance @ by_step.T
+        return Anchor(time, mean, joint)
 
 
 def homography_pose(rays: Array, size: float) -> Pose | None:

@@ -1,4 +1,9 @@
-"""State of an agent by its odometry since its newest optimized pose."""
+"""State of an agent by its odometry since its newest image, with the errors of the odometry.
+
+The state has, besides position and heading, the errors that odometry makes for long: they are
+correlated with the position, so that each image corrects both. `JointFilter` estimates them;
+`predict` continues from there to any later time.
+"""
 
 from __future__ import annotations
 
@@ -6,38 +11,63 @@ import cmath
 import math
 from typing import Final, NamedTuple
 
-import gtsam
 import numpy as np
 
-from star_apriltag.odometry_track import Motion, OdometryTrack
-from star_apriltag.smoother import Leg, Node
-from star_apriltag.vision.body_pose import HEIGHT_STD
+from star_apriltag.odometry_track import Motion, OdometrySample, OdometryTrack
 from star_core import Agent, Array, Odometry, Rows
 
-# Standard deviations of an agent's manual placement at its start.
+# Indices of the state: position and heading in the map, m and rad; z is the correction of the
+# on-board height, which has the bias of the ranger.
+X, Y, Z, YAW = range(4)
+# Errors of the on-board roll and pitch that change within seconds, to be added, rad.
+ROLL, PITCH = 4, 5
+# Errors of the on-board velocity that change within a second, to be subtracted, m/s, in the level
+# body frame: noise of the flow sensor that the on-board estimator has smoothed.
+SLIP_X, SLIP_Y = 6, 7
+# Factor of velocities: its deviation from 1, its rotation, rad, and its deviation on this floor.
+SCALE, TURN, FLOOR = 8, 9, 10
+YAW_BIAS = 11  # subtracted from yaw rates, rad/s
+STATES: Final = 12
+
+# Standard deviations at the start, of an agent that is placed by hand.
 START_STD: Final = 0.05  # m
-START_TILT_STD: Final = 0.05  # rad: a floor is not quite level
 START_YAW_STD: Final = math.radians(3.0)  # rad
 
-# Standard deviations of odometry between two nodes.
-PER_LENGTH: Final = 0.038  # m/√m; large, because errors by the floor are correlated
-PER_TIME: Final = 0.007  # m/√s
-SEEN_PER_LENGTH: Final = 0.006  # m/√m, measured by images
-SEEN_PER_TIME: Final = 0.002  # m/√s, likewise
-MIN_STD: Final = 0.0005  # m
-HEIGHT_PER_TIME: Final = 0.01  # m/√s
-YAW_PER_TIME: Final = math.radians(0.175)  # rad/√s
-MIN_YAW_STD: Final = math.radians(0.01)  # rad
-TILT_PER_TIME: Final = math.radians(0.3)  # rad/√s
-MIN_TILT_STD: Final = math.radians(0.06)  # rad
+# Standard deviations and correlations of the odometry's errors.
+HEIGHT_STD: Final = 0.02  # m: VL53L1X
+HEIGHT_PER_TIME: Final = 0.003  # m/√s
+TILT_STD, TILT_TIME = math.radians(0.5), 1.5  # rad and s
+SCALE_STD: Final = 0.08
+TURN_STD: Final = 0.05  # rad
+SCALE_PER_TIME: Final = 0.005  # 1/√s, and rad/√s of its rotation
+FLOOR_STD, FLOOR_LENGTH = 0.05, 0.7  # m
+YAW_BIAS_STD: Final = math.radians(0.25)  # rad/s
+YAW_BIAS_PER_TIME: Final = math.radians(0.025)  # rad/s/√s
+YAW_PER_TIME: Final = math.radians(0.05)  # rad/√s
+POSITION_PER_TIME: Final = 0.005  # m/√s
+SLIP_STD, SLIP_TIME = 0.045, 0.35  # m/s and s
+"""A Kalman filter that smooths flow samples over `SLIP_TIME` has such an error with the firmware's
+2 counts of noise (``flowStdFixed``) at a height of 0.8 m, 0.33 m/s in each sample of 10 ms."""
 
 
 class Anchor(NamedTuple):
-    """Where dead reckoning begins, and the calibration of the odometry."""
+    """State at the newest image, from which dead reckoning continues."""
 
-    node: Node  # the newest pose
-    scale: complex = 1.0  # factor of the odometry's velocities
-    yaw_bias: float = 0.0  # subtracted from its yaw rates, rad/s
+    time: float  # s
+    mean: Array  # (STATES,)
+    covariance: Array  # (STATES, STATES)
+
+    @property
+    def factor(self) -> complex:
+        """Factor of the odometry's velocities."""
+        scale, turn, floor = self.mean[[SCALE, TURN, FLOOR]].tolist()
+        factor: complex = (1 + scale + floor) * cmath.rect(1.0, turn)
+        return factor
+
+    @property
+    def yaw_bias(self) -> float:
+        """Subtracted from its yaw rates, rad/s."""
+        return float(self.mean[YAW_BIAS])
 
 
 class AgentState(NamedTuple):
@@ -45,8 +75,8 @@ class AgentState(NamedTuple):
 
     position: Array  # (3,) in the map, m
     yaw: float  # rad
-    roll: float  # rad
-    pitch: float  # rad
+    roll: float  # rad, on board
+    pitch: float  # rad, on board
     velocity: Array  # (3,) in the map, m/s
     yaw_rate: float  # rad/s
     covariance: Array  # (4, 4) of x, y, z and yaw: m and rad
@@ -54,8 +84,7 @@ class AgentState(NamedTuple):
     @property
     def rotation(self) -> Array:
         """(3, 3) from the body to the map."""
-        matrix: Array = gtsam.Rot3.Ypr(self.yaw, self.pitch, self.roll).matrix()
-        return matrix
+        return rotation_about_z(self.yaw) @ level_rotation(self.roll, self.pitch)
 
 
 class DeadReckoner:
@@ -64,89 +93,142 @@ class DeadReckoner:
     def __init__(self, agent: Agent) -> None:
         self._track = OdometryTrack()
         self._ground = float(agent.start[2])
-        self.anchor = Anchor(start_node(agent))
+        self.anchor = start(agent)
 
     def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
         """Add the agent's samples."""
         self._track.add(odometry, rows, motors=motors)
 
     def at(self, time: float) -> AgentState:
-        """Return the state at `time`, s, or at that of the newest pose if that is later."""
-        return predict(self.anchor, max(time, self.anchor.node.time), self._track, self._ground)
+        """Return the state at `time`, s, or at that of the newest image if that is later."""
+        return predict(self.anchor, time, self._track, self._ground)
 
 
-def start_node(agent: Agent) -> Node:
-    """Return an agent's pose before take-off."""
-    turn = [START_TILT_STD, START_TILT_STD, START_YAW_STD]
-    deviations = np.array([*turn, START_STD, START_STD, HEIGHT_STD])
-    pose = gtsam.Pose3(gtsam.Rot3.Yaw(agent.yaw), np.array(agent.start, float))
-    return Node(0.0, pose, np.diag(deviations**2))
+def start(agent: Agent) -> Anchor:
+    """Return an agent's state before take-off."""
+    mean = np.zeros(STATES)
+    mean[[X, Y, YAW]] = *agent.start[:2], agent.yaw
+    return Anchor(0.0, mean, np.diag(_START_STD**2))
 
 
 def predict(anchor: Anchor, time: float, track: OdometryTrack, ground: float) -> AgentState:
-    """Return an agent's state at `time`, s, no earlier than the newest pose, by dead reckoning.
+    """Return an agent's state at `time`, s, by dead reckoning.
 
     `ground` is the z of its odometry frame in the map, m.
     """
-    node = anchor.node
-    motion = track.between(node.time, time, scale=anchor.scale, yaw_bias=anchor.yaw_bias)
-    sample = track.at(time)
-    yaw = node.pose.rotation().yaw()
-    shift = motion.shift * cmath.rect(1.0, yaw)
-    x, y, _ = node.pose.translation()
-    velocity = complex(sample.velocity[0], sample.velocity[1]) * anchor.scale
-    velocity *= cmath.rect(1.0, yaw + motion.turn)
+    anchor, _ = carried(anchor, max(time, anchor.time), track)
+    sample = track.at(anchor.time)
+    x, y, z, yaw = anchor.mean[: YAW + 1].tolist()
+    velocity = body_velocity(anchor, sample) * cmath.rect(1.0, yaw)
     return AgentState(
-        position=np.array([x + shift.real, y + shift.imag, ground + sample.height]),
-        yaw=yaw + motion.turn,
+        position=np.array([x, y, ground + sample.height + z]),
+        yaw=yaw,
         roll=sample.roll,
         pitch=sample.pitch,
         velocity=np.array([velocity.real, velocity.imag, sample.velocity[2]]),
         yaw_rate=sample.yaw_rate - anchor.yaw_bias,
-        covariance=predicted_covariance(node, shift, motion),
+        covariance=anchor.covariance[: YAW + 1, : YAW + 1],
     )
 
 
-def odometry_leg(anchor: Anchor, end: float, track: OdometryTrack) -> Leg:
-    """Return the motion from the newest pose to `end`, s, by odometry."""
-    begin = anchor.node.time
-    motion = track.between(begin, end, scale=anchor.scale, yaw_bias=anchor.yaw_bias)
-    first, last = track.at(begin), track.at(end)
-    before = gtsam.Pose3(
-        gtsam.Rot3.Ypr(0.0, first.pitch, first.roll), np.array([0.0, 0.0, first.height])
+def body_velocity(anchor: Anchor, sample: OdometrySample) -> complex:
+    """Return the corrected velocity in the level body frame, x + iy, m/s."""
+    vx, vy, _ = sample.velocity.tolist()
+    return complex(vx, vy) * anchor.factor - complex(*anchor.mean[[SLIP_X, SLIP_Y]].tolist())
+
+
+def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, Array]:
+    """Return the state at a later time, and its (STATES, STATES) derivative by the earlier one."""
+    motion = track.between(anchor.time, time, scale=anchor.factor, yaw_bias=anchor.yaw_bias)
+    heading = cmath.rect(1.0, float(anchor.mean[YAW]))
+    took = motion.duration
+    blind = motion.blind_duration / took if took > 0 else 0.0
+    kept = np.ones(STATES)
+    kept[[ROLL, PITCH]] = math.exp(-took / TILT_TIME)
+    kept[[SLIP_X, SLIP_Y]] = slip_kept = math.exp(-took / SLIP_TIME)
+    kept[FLOOR] = floor_kept = math.exp(-motion.length / FLOOR_LENGTH)
+
+    # Derivatives of the displacement in the map, x + iy.
+    along = heading * motion.shift
+    slipped = -heading * blind * SLIP_TIME * (1 - slip_kept)
+    slipped *= cmath.rect(1.0, motion.turn / 2 * min(1.0, SLIP_TIME / max(took, SLIP_TIME)))
+    on_floor = FLOOR_LENGTH * (1 - floor_kept) / motion.length if motion.length > 0 else 0.0
+    by = np.zeros(STATES, np.complex128)
+    by[[SLIP_X, SLIP_Y]] = slipped, 1j * slipped
+    by[[SCALE, TURN, FLOOR]] = along, 1j * along, on_floor * along
+    by[YAW_BIAS] = -1j * heading * motion.moment
+    shift = along + by[SLIP_X] * complex(*anchor.mean[[SLIP_X, SLIP_Y]].tolist())
+    by[YAW] = 1j * shift
+
+    mean = kept * anchor.mean
+    mean[[X, Y, YAW]] += shift.real, shift.imag, motion.turn
+    moved = np.diag(kept)
+    moved[X] += by.real
+    moved[Y] += by.imag
+    moved[YAW, YAW_BIAS] = -took
+    covariance = moved @ anchor.covariance @ moved.T + _noise(motion, heading, kept)
+    return Anchor(time, mean, covariance), moved
+
+
+def _noise(motion: Motion, heading: complex, kept: Array) -> Array:
+    """Return the (STATES, STATES) covariance of what a motion adds to the errors."""
+    noise = np.diag(_PER_TIME**2 * motion.duration)
+    # Slip and scale on the floor are first-order Gauss-Markov processes; positions integrate them.
+    variance, shared, left = _integrated(SLIP_STD, SLIP_TIME, motion.blind_duration)
+    noise[[X, Y], [X, Y]] += variance
+    noise[[SLIP_X, SLIP_Y], [SLIP_X, SLIP_Y]] = left
+    end = -shared * heading * cmath.rect(1.0, motion.turn)
+    noise[X, [SLIP_X, SLIP_Y]] = noise[[SLIP_X, SLIP_Y], X] = end.real, -end.imag
+    noise[Y, [SLIP_X, SLIP_Y]] = noise[[SLIP_X, SLIP_Y], Y] = end.imag, end.real
+    variance, shared, left = _integrated(FLOOR_STD, FLOOR_LENGTH, motion.blind_length)
+    along = heading * motion.shift / motion.length if motion.length > 0 else 0j
+    ahead = np.array([along.real, along.imag])
+    noise[:FLOOR, :FLOOR][:2, :2] += variance * np.outer(ahead, ahead)
+    noise[FLOOR, :2] = noise[:2, FLOOR] = shared * ahead
+    noise[FLOOR, FLOOR] = left
+    noise[[ROLL, PITCH], [ROLL, PITCH]] = TILT_STD**2 * (1 - kept[ROLL] ** 2)
+    return noise
+
+
+def _integrated(std: float, scale: float, length: float) -> tuple[float, float, float]:
+    """Return what a Gauss-Markov process adds over `length`, if its correlation length is `scale`.
+
+    Returns:
+        The variances of its integral and of itself, with their covariance in between.
+    """
+    kept = math.exp(-length / scale)
+    ratio = length / scale
+    whole = ratio**3 * 2 / 3 if ratio < SMALL else 2 * ratio - 3 + 4 * kept - kept * kept
+    return std**2 * scale**2 * whole, std**2 * scale * (1 - kept) ** 2, std**2 * (1 - kept**2)
+
+
+def rotation_about_z(angle: float) -> Array:
+    """Return the (3, 3) rotation about z by an angle, rad."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def level_rotation(roll: float, pitch: float) -> Array:
+    """Return the (3, 3) rotation from the body to the level frame with its heading."""
+    cos, sin, right, up = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
+    return np.array(
+        [[cos, sin * up, sin * right], [0.0, right, -up], [-sin, cos * up, cos * right]]
     )
-    after = gtsam.Pose3(
-        gtsam.Rot3.Ypr(motion.turn, last.pitch, last.roll),
-        np.array([motion.shift.real, motion.shift.imag, last.height]),
-    )
-    return Leg(before.between(after), _deviations(motion))
 
 
-def predicted_covariance(node: Node, shift: complex, motion: Motion) -> Array:
-    """Return the (4, 4) covariance of x, y, z and yaw after a motion by `shift` in the map."""
-    rotation = node.pose.rotation().matrix()
-    by_tangent = np.zeros((4, 6))
-    by_tangent[:3, 3:] = rotation
-    by_tangent[3, :3] = rotation[2]
-    by_tangent[0] -= shift.imag * by_tangent[3]
-    by_tangent[1] += shift.real * by_tangent[3]
-    covariance: Array = by_tangent @ node.covariance @ by_tangent.T
-    turn, aside, rise = _deviations(motion)[[2, 3, 5]]
-    across = np.array([-shift.imag, shift.real, 0.0]) / math.sqrt(3)  # the turn grows on the way
-    covariance[:3, :3] += np.diag([aside**2, aside**2, rise**2]) + turn**2 * np.outer(
-        across, across
-    )
-    covariance[3, 3] += turn**2
-    return covariance
+SMALL: Final = 1e-3  # where the difference of the terms would be rounding errors
 
-
-def _deviations(motion: Motion) -> Array:
-    """Return (6,) standard deviations of turn and shift, over a motion."""
-    root = math.sqrt(motion.duration)
-    tilt = TILT_PER_TIME * root + MIN_TILT_STD
-    yaw = max(YAW_PER_TIME * root, MIN_YAW_STD)
-    variance = PER_LENGTH**2 * motion.blind_length + PER_TIME**2 * motion.blind_duration
-    variance += SEEN_PER_LENGTH**2 * (motion.length - motion.blind_length)
-    variance += SEEN_PER_TIME**2 * (motion.duration - motion.blind_duration)
-    aside = math.sqrt(max(variance, 0.0)) + MIN_STD
-    return np.array([tilt, tilt, yaw, aside, aside, HEIGHT_PER_TIME * root + MIN_STD])
+_START_STD = np.array(
+    [
+        *[START_STD, START_STD, HEIGHT_STD, START_YAW_STD],
+        *[TILT_STD, TILT_STD, SLIP_STD, SLIP_STD],
+        *[SCALE_STD, TURN_STD, FLOOR_STD, YAW_BIAS_STD],
+    ]
+)
+_PER_TIME = np.array(
+    [
+        *[POSITION_PER_TIME, POSITION_PER_TIME, HEIGHT_PER_TIME, YAW_PER_TIME],
+        *[0.0, 0.0, 0.0, 0.0],
+        *[SCALE_PER_TIME, SCALE_PER_TIME, 0.0, YAW_BIAS_PER_TIME],
+    ]
+)

@@ -6,10 +6,10 @@ import cmath
 from typing import Final, NamedTuple
 
 import cv2
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from star_apriltag.dead_reckoning import level_rotation
 from star_apriltag.odometry_track import Motion, OdometrySample, OdometryTrack
 from star_apriltag.vision.body_pose import MIN_DEPTH
 from star_apriltag.vision.detector import checked
@@ -68,7 +68,7 @@ class FloorOdometry:
     odometry predicts; its points are tracked in the new image by the method of Lucas and Kanade
     (IJCAI 1981), and the displacement is that of odometry plus the weighted mean of their errors.
     Outliers weigh less, by Huber's rule; the turn is the gyro's. An angular error e of tilt or
-    mounting scales the displacement by a constant factor, which `odometry_calibration` estimates,
+    mounting scales the displacement by a constant factor, which `JointFilter` estimates,
     and makes the body seem to turn about a point e (h² + d²) / h beside it, with what is seen at a
     disample d from a height h.
 
@@ -205,7 +205,7 @@ class FloorOdometry:
 
     def _camera(self, sample: OdometrySample) -> tuple[Array, Array]:
         """Return the (3, 3) rotation of the camera in the level body and its (3,) position, m."""
-        level = gtsam.Rot3.Ypr(0.0, sample.pitch, sample.roll).matrix()
+        level = level_rotation(sample.roll, sample.pitch)
         position = level @ self._lens.mounting.position + np.array([0.0, 0.0, sample.height])
         return level @ self._turned, position
 

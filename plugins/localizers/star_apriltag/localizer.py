@@ -44,7 +44,6 @@ class AprilTag:
         *,
         processes: int | None,
         feedback: str,
-        survey_std: float,
         max_position_std: float,
         max_report_age: float,
     ) -> None:
@@ -52,7 +51,6 @@ class AprilTag:
         self._odometry = ReportOdometry(len(scene.agents))
         self._latency = settings.latency
         self._images: dict[int, Image | None] = {}  # the last one, by row
-        self._survey_std = survey_std
         self._max_position_std = max_position_std
         self._max_report_age = max_report_age
         self._frames = Transform(
@@ -103,7 +101,6 @@ class AprilTag:
         position = np.array([state.position for state in states])
         yaw = np.array([math.remainder(state.yaw, math.tau) for state in states])
         covariance = np.array([state.covariance[:3, :3] for state in states])
-        covariance += np.eye(3) * self._survey_std**2
         reported = np.isfinite(telemetry.position.sum(axis=1) + telemetry.attitude.sum(axis=1))
         frame_yaw = yaw - telemetry.heading
         turned = Transform(frame_yaw, np.zeros_like(position)).turn(telemetry.position)
@@ -148,7 +145,9 @@ def camera_reports(telemetry: Telemetry, latency: float) -> tuple[CameraReport, 
     for row, time in sorted(set(zip(found.agent.tolist(), taken.tolist(), strict=True))):
         rows = (found.agent == row) & (taken == time)
         arrived = float(found.arrived[rows].max())
-        reports.append(CameraReport(row, time, None, found.tag[rows], found.corners[rows], arrived))
+        tags, corners = found.tag[rows], found.corners[rows]
+        known = bool(np.isfinite(found.taken[rows]).all())
+        reports.append(CameraReport(row, time, None, tags, corners, arrived, known))
     past = (one for one in reports if one.taken <= telemetry.time + CLOCK_TOLERANCE)
     return tuple(sorted(past, key=lambda one: (one.taken, one.row)))
 

@@ -1,7 +1,6 @@
 """Estimates agents' states beside the tick, in processes of their own.
 
-A tick never waits for an image. GTSAM holds the interpreter's lock while it optimizes, so threads
-would not do.
+A tick never waits for an image. The analysis holds the interpreter's lock, so threads would not do.
 """
 
 from __future__ import annotations

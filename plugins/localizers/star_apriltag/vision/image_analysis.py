@@ -45,10 +45,10 @@ class ImageAnalysis:
         return self.with_verdict(Verdict.ACCEPTED)
 
     @property
-    def views(self) -> tuple[View, ...]:
-        """All accepted measurements."""
-        detected = tuple(seen.view for seen in self.accepted if seen.view is not None)
-        return detected + tuple(match.view for match in self.matches)
+    def views(self) -> tuple[tuple[int, View], ...]:
+        """All accepted measurements, with the numbers of their tags."""
+        detected = tuple((seen.tag, seen.view) for seen in self.accepted if seen.view is not None)
+        return detected + tuple((match.tag, match.view) for match in self.matches)
 
 
 class ImageAnalyzer:

@@ -50,11 +50,13 @@ FARTHEST = 2.0  # m: a tag further away is not made out
 TARGET = Tag(200, SIZE, (0.6, 1.15, 0.0), turned(0, 0, 0.4), "survivor")
 
 SETTINGS = Settings(
-    method="smoother",
+    method="filter",
     max_tags_per_landmark=2,
     latency=0.15,
+    latency_std=0.025,
     mounting_std=0.02,
-    lag=2.5,
+    survey_std=0.005,
+    survey_turn_std=0.01,
     guided_matching=True,
     floor_odometry=False,
 )
@@ -195,7 +197,9 @@ def _pixels(body: Pose, tag: Tag) -> Array | None:
     return pixels if np.allclose(rays, ahead[:, :2] / ahead[:, 2:], atol=1e-6) else None
 
 
-def views(body: Pose, tags: Sequence[Tag], real: Sequence[Tag] | None = None) -> list[View]:
+def views(
+    body: Pose, tags: Sequence[Tag], real: Sequence[Tag] | None = None
+) -> list[tuple[int, View]]:
     """Measurements of the tags in an image, whose true positions may differ from the map's."""
     lens, found = LENS, []
     for tag, there in zip(tags, real or tags, strict=True):
@@ -207,7 +211,8 @@ def views(body: Pose, tags: Sequence[Tag], real: Sequence[Tag] | None = None) ->
         spread = corner_std(float(np.linalg.norm(place.position - eye)), tag.size)
         rays = lens.undistort(pixels)
         spread /= float(lens.magnification(rays.mean(axis=0)))
-        found.append(View(place.apply(square_corners(tag.size)), rays, spread, np.zeros(4)))
+        view = View(place.apply(square_corners(tag.size)), rays, spread, np.zeros(4))
+        found.append((tag.id, view))
     return found
 
 

@@ -53,7 +53,7 @@ def test_an_image_counts_for_when_it_arrived() -> None:
             follower.add_image(sight)
             arrivals.add(sight.arrived)
     assert follower._count > 0
-    assert follower.anchor.node.time in arrivals
+    assert follower.anchor.time in arrivals
 
 
 def test_an_image_of_another_size_is_exclude(caplog: pytest.LogCaptureFixture) -> None:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from star_apriltag.agent_estimator import CameraReport, SmoothingEstimator
+from star_apriltag.agent_estimator import CameraReport, FilterEstimator
 from star_core import Agent, Array, Camera, Odometry, Tag
 from tests.plugins.localizers.apriltag.conftest import SETTINGS
 from tests.plugins.localizers.apriltag.test_floor_odometry import HEIGHT, picture
@@ -17,10 +17,10 @@ NO_CORNERS = np.zeros((0, 4, 2))
 NOWHERE = Tag(7, 0.168, (50.0, 50.0, 0.0), (0.0, 0.0, 0.0, 1.0), "far away")
 
 
-def followed(*, floor: bool = True, stains: float = 1.0) -> SmoothingEstimator:
+def followed(*, floor: bool = True, stains: float = 1.0) -> FilterEstimator:
     """An agent after a straight flight along x over a floor without tags."""
     agent = Agent("cf1", (0.0, 0.0, HEIGHT), camera=Camera(readout=0.0))
-    follower = SmoothingEstimator(agent, (NOWHERE,), (), SETTINGS._replace(floor_odometry=floor))
+    follower = FilterEstimator(agent, (NOWHERE,), (), SETTINGS._replace(floor_odometry=floor))
     for k in range(1, round(10 * SECONDS) + 1):
         follower.add_odometry(
             odometry(0.1 * k + np.arange(-9, 1) / 100), np.arange(10), motors=True
@@ -50,8 +50,8 @@ def test_without_texture_odometry_is_all_there_is() -> None:
 
 
 def test_each_measured_image_is_a_pose_for_others_to_go_on_from() -> None:
-    assert followed().anchor.node.time == SECONDS
-    assert followed(floor=False).anchor.node.time < SECONDS - 0.3
+    assert followed().anchor.time == SECONDS
+    assert followed(floor=False).anchor.time < SECONDS - 0.3
 
 
 def test_a_measured_way_is_surer_than_a_blind_one() -> None:

@@ -117,7 +117,7 @@ def test_who_stands_neither_moves_nor_turns(
     made.add(stream(time, velocity, np.full(100, rate)), np.arange(100), motors=motors)
     motion = made.between(0.0, 1.0, yaw_bias=0.004)
     if stands:
-        assert motion == (0j, 0.0, 0.0, 0.0, 0.0, 0.0)
+        assert motion == (0j, 0.0, 0.0, 0.0, 0.0, 0.0, 0j)
     else:
         assert motion.turn == pytest.approx(rate - 0.004)
         assert (motion.length, motion.duration) == pytest.approx((speed, 1.0))
@@ -133,11 +133,11 @@ def test_a_stand_between_two_ways_takes_no_time() -> None:
 
 
 def test_without_a_sample_nothing_moves() -> None:
-    assert OdometryTrack().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0, 0.0, 2.0)
+    assert OdometryTrack().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0, 0.0, 2.0, 0j)
 
 
 def test_a_time_that_ends_before_it_begins_holds_no_motion() -> None:
-    assert even(1.0).between(0.8, 0.3) == (0j, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert even(1.0).between(0.8, 0.3) == (0j, 0.0, 0.0, 0.0, 0.0, 0.0, 0j)
 
 
 @pytest.mark.parametrize("times", [[0.2, 0.1, 0.3], [0.1, 0.1, 0.3], [0.1, math.nan, 0.3]])

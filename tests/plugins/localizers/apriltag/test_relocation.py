@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-import gtsam
 import numpy as np
 
 from star_apriltag.agent_estimator import MAX_DISTANCE, MAX_TURN, MIN_IMAGES, Claim, Relocation
 from star_apriltag.odometry_track import OdometryTrack
+from star_core import Pose, rotation_from_vector
 from tests.plugins.localizers.apriltag.conftest import Circle
 
 CIRCLE = Circle(20)
@@ -25,9 +25,9 @@ def track() -> OdometryTrack:
 def claim(time: float, *, aside: float = 0.0, turned: float = 0.0) -> Claim:
     """The claim of an image that was taken at the true pose."""
     body = CIRCLE.body(time)
-    rotation = gtsam.Rot3(body.rotation).compose(gtsam.Rot3.Yaw(turned))
+    rotation = body.rotation @ rotation_from_vector(np.array([0.0, 0.0, turned]))
     place = body.position + ELSEWHERE + [aside, 0.0, 0.0]
-    return Claim(time, gtsam.Pose3(rotation, place), np.eye(6) * 1e-4)
+    return Claim(time, Pose(rotation, place), np.eye(6) * 1e-4)
 
 
 def considered(*claims: Claim) -> list[bool]:

@@ -118,7 +118,8 @@ def test_agents_of_a_process_that_ends_are_not_located_and_the_others_are(
 
 def test_an_error_in_a_process_is_raised() -> None:
     scene = room([Circle(1)], TAGS)
-    made = WorkerPool(scene, SETTINGS._replace(lag=float("nan"), mounting_std=float("nan")), 1)
+    settings = SETTINGS._replace(mounting_std=None)  # type: ignore[arg-type]
+    made = WorkerPool(scene, settings, 1)
     try:
         heard = telemetry([Circle(1)], TICK)
         with pytest.raises(RuntimeError, match=r"(?s)estimating cf0 failed:\nTraceback"):

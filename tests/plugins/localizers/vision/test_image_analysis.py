@@ -230,7 +230,7 @@ def test_tags_that_are_not_detected_are_found_by_guidance(paint: Paint) -> None:
     look = eye([*LANDMARKS, *FAR]).analyze(paint(body, [*LANDMARKS, *FAR]), sure(body))
     assert {seen.tag for seen in look.accepted} == {1, 2}
     assert {match.tag for match in look.matches} == {3, 4}
-    assert [len(view.points) for view in look.views] == [4, 4, 1, 1]
+    assert [len(view.points) for _, view in look.views] == [4, 4, 1, 1]
 
 
 def test_guidance_can_be_done_without(paint: Paint) -> None:

@@ -1,0 +1,281 @@
+"""The filter of the state with errors that last: derivatives, what it learns, how sure it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from star_apriltag.dead_reckoning import (
+    FLOOR,
+    SCALE,
+    SLIP_X,
+    SLIP_Y,
+    STATES,
+    TURN,
+    YAW,
+    YAW_BIAS,
+    Anchor,
+    X,
+    Z,
+    carried,
+    start,
+)
+from star_apriltag.joint_filter import CAMERA, FOCAL, LANDMARK, Deviations, JointFilter
+from star_apriltag.odometry_track import OdometryTrack
+from star_apriltag.vision.body_pose import View
+from star_core import Array, Pose, Tag, rotation_from_vector
+from tests.plugins.localizers.apriltag.conftest import HEIGHT, LENS, Circle, sheets, views
+
+EVERY = 0.1  # s
+TAGS = sheets(8)
+CAREFUL = Deviations(mounting=math.radians(1.0), survey=0.005, survey_turn=0.01)
+STEP = 1e-6
+
+
+def odometry(circle: Circle, height: float = 0.0) -> OdometryTrack:
+    track = OdometryTrack()
+    stream = circle.odometry(0.0, np.inf)
+    object.__setattr__(stream, "height", np.full(len(stream.time), height))
+    track.add(stream, np.arange(len(stream.agent)))
+    return track
+
+
+class Flight:
+    """A filter of a flight around the circle."""
+
+    def __init__(
+        self,
+        circle: Circle,
+        *,
+        deviations: Deviations = CAREFUL,
+        real: Sequence[Tag] = TAGS,
+        camera: Pose = LENS.mounting,
+        height: float = 0.0,
+    ) -> None:
+        self.circle, self.track = circle, odometry(circle, height)
+        self._real, self._camera = real, camera
+        self.filter = JointFilter(start(circle.agent()), LENS.mounting, TAGS, HEIGHT, deviations)
+        self.time = 0.0
+
+    def seen(self, time: float) -> list[tuple[int, View]]:
+        """The tags in an image, through the real camera."""
+        body, found = self.circle.body(time), []
+        real = {tag.id: tag for tag in self._real}
+        for number, view in views(body, TAGS):
+            there = views(body, [real[number]])
+            if there:
+                points = (body @ self._camera).inverse().apply(there[0][1].points)
+                found.append((number, view._replace(rays=points[:, :2] / points[:, 2:])))
+        return found
+
+    def fly(self, seconds: float, *, blind: bool = False) -> None:
+        for _ in range(round(seconds / EVERY)):
+            self.time += EVERY
+            self.filter.advance(self.time, self.track)
+            if not blind and (found := self.seen(self.time)):
+                self.filter.update(found, self.track, time_std=0.0)
+
+    @property
+    def off(self) -> Array:
+        """(3,) error of the position, m."""
+        x, y, z, _ = self.filter.anchor.mean[: YAW + 1]
+        height = HEIGHT + self.track.at(self.time).height
+        error: Array = np.array([x, y, height + z]) - self.circle.body(self.time).position
+        return error
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the position in its worst direction, m."""
+        return math.sqrt(np.linalg.eigvalsh(self.filter.anchor.covariance[:2, :2])[-1])
+
+
+numbers = st.lists(st.floats(-1.0, 1.0), min_size=60, max_size=60).map(np.array)
+
+
+@settings(max_examples=10)
+@given(numbers, st.floats(0.01, 3.0))
+def test_the_derivative_of_dead_reckoning_is_that_of_differences(
+    off: Array, seconds: float
+) -> None:
+    track = odometry(Circle(5.0))
+    begin = start(Circle(5.0).agent())
+    begin = begin._replace(mean=begin.mean + 0.05 * off[:STATES])
+    ended, moved = carried(begin, seconds, track)
+    assert np.linalg.eigvalsh(ended.covariance).min() > -1e-9
+    for k in range(STATES):
+        if k == FLOOR:  # the distance over which it changes is that of the odometry itself
+            continue
+        step = STEP * np.eye(STATES)[k]
+        ahead, back = (
+            carried(begin._replace(mean=begin.mean + one), seconds, track)[0].mean
+            for one in (step, -step)
+        )
+        slope = (ahead - back) / (2 * STEP)
+        slope[FLOOR] = moved[FLOOR, k]
+        close = 0.03 if k in {SCALE, TURN, YAW_BIAS} else 1e-5
+        assert moved[:, k] == pytest.approx(slope, abs=close * max(seconds, 1.0))
+
+
+@settings(max_examples=10)
+@given(numbers)
+def test_the_derivatives_of_an_image_are_those_of_differences(off: Array) -> None:
+    flight = Flight(Circle(5.0))
+    flight.fly(1.0)
+    made, found = flight.filter, flight.seen(flight.time)
+    rows = [made._landmark_row(tag) for tag, _ in found]
+    made._mean = made._mean + 0.02 * off[: len(made._mean)]
+    made._mean[CAMERA] = 0.0
+    _, by_state, _ = made._residuals(found, rows, flight.track)
+    mean, turn = made._mean, made.camera_turn
+    skipped = {SCALE, TURN, FLOOR, YAW_BIAS}  # they only move the rows of a rolling shutter
+    for k in set(range(FOCAL + 1)) - skipped | {rows[0] + j for j in range(LANDMARK)}:
+        ends = []
+        for step in (STEP, -STEP):
+            made._mean = mean + step * np.eye(len(mean))[k]
+            made.camera_turn = turn @ rotation_from_vector(made._mean[CAMERA])
+            ends.append(made._residuals(found, rows, flight.track)[0])
+        assert by_state[:, k] == pytest.approx((ends[0] - ends[1]) / (2 * STEP), abs=0.02)
+
+
+def test_it_stays_on_the_truth_and_changes_no_calibration() -> None:
+    flight = Flight(Circle(10))
+    flight.fly(10.0)
+    assert np.abs(flight.off).max() < 1e-3
+    assert np.abs(flight.filter.camera_turn - np.eye(3)).max() < 1e-3
+    assert abs(flight.filter.anchor.factor - 1) < 1e-3
+
+
+def test_without_tags_it_only_grows_less_sure_and_tags_make_it_sure_again() -> None:
+    flight = Flight(Circle(20))
+    flight.fly(5.0)
+    spreads = [flight.spread]
+    for _ in range(5):
+        flight.fly(1.0, blind=True)
+        spreads.append(flight.spread)
+    assert (np.diff(spreads) > 0).all()
+    flight.fly(3.0)
+    assert flight.spread < 0.5 * spreads[-1]
+
+
+def test_it_learns_scale_and_misalignment_and_yaw_bias() -> None:
+    scale, bias = 1.06 * complex(math.cos(0.03), math.sin(0.03)), math.radians(0.3)
+    flight = Flight(Circle(40, scale=scale, yaw_bias=bias))
+    flight.fly(40.0)
+    assert abs(flight.filter.anchor.factor - scale) < 0.02
+    assert flight.filter.anchor.yaw_bias == pytest.approx(bias, rel=0.2)
+
+
+def test_it_learns_how_the_camera_is_turned() -> None:
+    extra = rotation_from_vector(np.radians([1.0, -0.7, 0.5]))
+    mounting = LENS.mounting
+    real = mounting._replace(rotation=mounting.rotation @ extra.T)
+    flight = Flight(Circle(20), camera=real)
+    flight.fly(20.0)
+    left = flight.filter.camera_turn @ extra.T
+    assert math.acos(min(1.0, (np.trace(left) - 1) / 2)) < math.radians(0.5)
+    assert np.abs(flight.off).max() < 0.02
+
+
+def test_tags_correct_the_height_of_a_ranger_with_a_bias() -> None:
+    flight = Flight(Circle(20), height=0.03)
+    assert flight.off[2] == pytest.approx(0.03)
+    flight.fly(20.0)
+    assert abs(flight.off[2]) < 0.01
+
+
+def shifted(by: float) -> list[Tag]:
+    """The tags, with those of one sheet aside."""
+    return [
+        replace(tag, position=(tag.position[0] + by, *tag.position[1:]))
+        if tag.of == TAGS[4].of
+        else tag
+        for tag in TAGS
+    ]
+
+
+def test_a_sheet_that_is_aside_is_found_there_and_moves_the_agent_less_than_noise_would() -> None:
+    real = shifted(0.03)
+    wide = CAREFUL._replace(survey=0.015, survey_turn=0.02)
+    known, surveyed = (
+        Flight(Circle(20), real=real, deviations=deviations)
+        for deviations in (wide, CAREFUL._replace(survey=1e-4, survey_turn=1e-4))
+    )
+    worst = []
+    for flight in (known, surveyed):
+        far = []
+        for _ in range(80):
+            flight.fly(0.25)
+            far.append(float(np.linalg.norm(flight.off)))
+        worst.append(max(far))
+    assert worst[0] < 0.7 * worst[1]
+
+
+def test_an_error_that_lasts_makes_many_images_hardly_surer_than_a_few() -> None:
+    spreads = []
+    for survey in (0.02, 1e-4):
+        deviations = Deviations(math.radians(1.0), survey, survey)
+        flight = Flight(Circle(30), deviations=deviations)
+        flight.fly(20.0)
+        spreads.append(flight.spread)
+    assert spreads[0] > 0.005  # eight sheets, one or two in view
+    assert spreads[1] < 0.7 * spreads[0]
+
+
+def corner(view: View, *, off: float) -> View:
+    """One corner alone, beside where it was seen."""
+    return view._replace(points=view.points[:1], rays=view.rays[:1] + off, delay=view.delay[:1])
+
+
+def test_a_view_that_is_wrong_does_little_harm_among_right_ones() -> None:
+    flight = Flight(Circle(10))
+    for _ in range(50):
+        flight.time += EVERY
+        flight.filter.advance(flight.time, flight.track)
+        found = flight.seen(flight.time)
+        wrong = [(tag, corner(view, off=0.05)) for tag, view in found[:1]]
+        flight.filter.update([*found, *wrong], flight.track, time_std=0.0)
+    assert np.abs(flight.off).max() < 0.02
+
+
+def test_an_image_that_is_not_finite_is_ignored(caplog: pytest.LogCaptureFixture) -> None:
+    flight = Flight(Circle(10))
+    flight.fly(2.0)
+    before = flight.filter.anchor
+    tag, view = flight.seen(2.0)[0]
+    flight.filter.update(
+        [(tag, view._replace(rays=view.rays * math.nan))], flight.track, time_std=0.0
+    )
+    assert np.array_equal(flight.filter.anchor.mean, before.mean)
+    assert "an image is ignored" in caplog.text
+    flight.fly(1.0)
+    assert np.abs(flight.off).max() < 2e-3
+
+
+def test_moved_it_goes_on_there_with_what_it_learnt() -> None:
+    flight = Flight(Circle(20, scale=1.06))
+    flight.fly(10.0)
+    factor = flight.filter.anchor.factor
+    pose = Pose(rotation_from_vector(np.array([0, 0, 0.3])), np.array([3.0, 1.0, HEIGHT]))
+    flight.filter.move(pose, np.eye(6) * 1e-4)
+    anchor = flight.filter.anchor
+    assert anchor.mean[[X, X + 1, YAW]] == pytest.approx([3.0, 1.0, 0.3])
+    assert anchor.covariance[X, X] == pytest.approx(1e-4)
+    assert anchor.factor == factor
+
+
+def test_noise_over_a_way_is_that_of_its_legs() -> None:
+    track = odometry(Circle(10))
+    whole = carried(first := start(Circle(10).agent()), 3.0, track)[0]
+    legs: Anchor = first
+    for time in np.arange(0.1, 3.05, 0.1):
+        legs = carried(legs, float(time), track)[0]
+    states = [X, X + 1, Z, YAW, SLIP_X, SLIP_Y]
+    assert np.sqrt(np.diag(legs.covariance))[states] == pytest.approx(
+        np.sqrt(np.diag(whole.covariance))[states], rel=0.1
+    )
