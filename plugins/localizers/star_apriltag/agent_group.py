@@ -69,15 +69,10 @@ class AgentGroup:
     """The estimators of the agents in some rows."""
 
     def __init__(self, scene: Scene, rows: Iterable[int], settings: Settings) -> None:
-        from star_apriltag.batch import BatchEstimator
-
         landmarks = _first_of_each(scene.world.landmarks, settings.max_tags_per_landmark)
         self._scene = scene
         self._estimators: dict[int, AgentEstimator] = {
-            row: BatchEstimator(scene.agents[row], landmarks)
-            if settings.method == "batch"
-            else FilterEstimator(scene.agents[row], landmarks, scene.world.targets, settings)
-            for row in rows
+            row: _estimator(scene, row, landmarks, settings) for row in rows
         }
 
     def update(self, reports: TickInput) -> TickOutput:
@@ -108,6 +103,16 @@ class AgentGroup:
         anchors = {row: one.anchor for row, one in self._estimators.items()}
         new = {row: anchor for row, anchor in anchors.items() if anchor is not before[row]}
         return TickOutput(new, frozenset(fixed), tuple(sightings), tuple(detections))
+
+
+def _estimator(
+    scene: Scene, row: int, landmarks: tuple[Tag, ...], settings: Settings
+) -> AgentEstimator:
+    if settings.method == "batch":
+        from star_apriltag.batch import BatchEstimator  # imports gtsam
+
+        return BatchEstimator(scene.agents[row], landmarks)
+    return FilterEstimator(scene.agents[row], landmarks, scene.world.targets, settings)
 
 
 def _first_of_each(tags: tuple[Tag, ...], count: int) -> tuple[Tag, ...]:
