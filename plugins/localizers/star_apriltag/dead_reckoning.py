@@ -27,7 +27,10 @@ SLIP_X, SLIP_Y = 6, 7
 # Factor of velocities: its deviation from 1, its rotation, rad, and its deviation on this floor.
 SCALE, TURN, FLOOR = 8, 9, 10
 YAW_BIAS = 11  # subtracted from yaw rates, rad/s
-STATES: Final = 12
+# Errors of the velocity over the yaw rate, m: the lever arm of the flow sensor, and a tilt error
+# that is constant in the body, with which the on-board estimator has to keep up as it turns.
+ARM_X, ARM_Y = 12, 13
+STATES: Final = 14
 
 # Standard deviations at the start, of an agent that is placed by hand.
 START_STD: Final = 0.05  # m
@@ -41,6 +44,7 @@ SCALE_STD: Final = 0.08
 TURN_STD: Final = 0.05  # rad
 SCALE_PER_TIME: Final = 0.005  # 1/√s, and rad/√s of its rotation
 FLOOR_STD, FLOOR_LENGTH = 0.05, 0.7  # m
+ARM_STD: Final = 0.05  # m
 YAW_BIAS_STD: Final = math.radians(0.25)  # rad/s
 YAW_BIAS_PER_TIME: Final = math.radians(0.025)  # rad/s/√s
 YAW_PER_TIME: Final = math.radians(0.05)  # rad/√s
@@ -134,7 +138,9 @@ def predict(anchor: Anchor, time: float, track: OdometryTrack, ground: float) ->
 def body_velocity(anchor: Anchor, sample: OdometrySample) -> complex:
     """Return the corrected velocity in the level body frame, x + iy, m/s."""
     vx, vy, _ = sample.velocity.tolist()
-    return complex(vx, vy) * anchor.factor - complex(*anchor.mean[[SLIP_X, SLIP_Y]].tolist())
+    slip_x, slip_y, arm_x, arm_y = anchor.mean[[SLIP_X, SLIP_Y, ARM_X, ARM_Y]].tolist()
+    turning = complex(-arm_y, arm_x) * (sample.yaw_rate - anchor.yaw_bias)
+    return complex(vx, vy) * anchor.factor - complex(slip_x, slip_y) - turning
 
 
 def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, Array]:
@@ -156,8 +162,12 @@ def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, 
     by = np.zeros(STATES, np.complex128)
     by[[SLIP_X, SLIP_Y]] = slipped, 1j * slipped
     by[[SCALE, TURN, FLOOR]] = along, 1j * along, on_floor * along
-    by[YAW_BIAS] = -1j * heading * motion.moment
-    shift = along + by[SLIP_X] * complex(*anchor.mean[[SLIP_X, SLIP_Y]].tolist())
+    slip_x, slip_y, arm_x, arm_y = anchor.mean[[SLIP_X, SLIP_Y, ARM_X, ARM_Y]].tolist()
+    end = blind * heading * cmath.rect(1.0, motion.turn)
+    by[ARM_X] = blind * heading - end
+    by[ARM_Y] = 1j * by[ARM_X]
+    by[YAW_BIAS] = 1j * (end * complex(arm_x, arm_y) * took - heading * motion.moment)
+    shift = along + by[SLIP_X] * complex(slip_x, slip_y) + by[ARM_X] * complex(arm_x, arm_y)
     by[YAW] = 1j * shift
 
     mean = kept * anchor.mean
@@ -222,13 +232,13 @@ _START_STD = np.array(
     [
         *[START_STD, START_STD, HEIGHT_STD, START_YAW_STD],
         *[TILT_STD, TILT_STD, SLIP_STD, SLIP_STD],
-        *[SCALE_STD, TURN_STD, FLOOR_STD, YAW_BIAS_STD],
+        *[SCALE_STD, TURN_STD, FLOOR_STD, YAW_BIAS_STD, ARM_STD, ARM_STD],
     ]
 )
 _PER_TIME = np.array(
     [
         *[POSITION_PER_TIME, POSITION_PER_TIME, HEIGHT_PER_TIME, YAW_PER_TIME],
         *[0.0, 0.0, 0.0, 0.0],
-        *[SCALE_PER_TIME, SCALE_PER_TIME, 0.0, YAW_BIAS_PER_TIME],
+        *[SCALE_PER_TIME, SCALE_PER_TIME, 0.0, YAW_BIAS_PER_TIME, 0.0, 0.0],
     ]
 )

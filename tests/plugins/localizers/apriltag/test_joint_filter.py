@@ -23,6 +23,7 @@ from star_apriltag.dead_reckoning import (
     Anchor,
     X,
     Z,
+    body_velocity,
     carried,
     start,
 )
@@ -30,7 +31,7 @@ from star_apriltag.joint_filter import CAMERA, FOCAL, LANDMARK, Deviations, Join
 from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.vision.body_pose import View
 from star_core import Array, Pose, Tag, rotation_from_vector
-from tests.plugins.localizers.apriltag.conftest import HEIGHT, LENS, Circle, sheets, views
+from tests.plugins.localizers.apriltag.conftest import HEIGHT, LENS, SPEED, Circle, sheets, views
 
 EVERY = 0.1  # s
 TAGS = sheets(8)
@@ -167,7 +168,8 @@ def test_it_learns_scale_and_misalignment_and_yaw_bias() -> None:
     scale, bias = 1.06 * complex(math.cos(0.03), math.sin(0.03)), math.radians(0.3)
     flight = Flight(Circle(40, scale=scale, yaw_bias=bias))
     flight.fly(40.0)
-    assert abs(flight.filter.anchor.factor - scale) < 0.02
+    velocity = body_velocity(flight.filter.anchor, flight.track.at(40.0))
+    assert velocity == pytest.approx(SPEED, abs=0.02 * SPEED)
     assert flight.filter.anchor.yaw_bias == pytest.approx(bias, rel=0.2)
 
 
