@@ -61,7 +61,7 @@ Case: TypeAlias = tuple[str, tuple[Any, ...]]
 
 SIZES: Final = (1, 2, 50)
 ROW: Final = 10  # agents of a scene in a line
-TASK_TIME: Final = 8.0  # s, for which a task is called if it is not over before
+TASK_TIME: Final = 4.0  # s, for which a task is called if it is not over before
 
 MAX_ERROR: Final = 0.2  # m, of agents that a transport flies
 UNLOCATED: Final = range(5, 8)  # ticks of a task in which its first agent is not located

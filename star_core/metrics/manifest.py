@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import re
+from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from typing import Any
 
@@ -41,7 +42,7 @@ def manifest(mission: Mission) -> dict[str, Any]:
             for action in actions(mission.steps)
         },
         "entry_points": entry_points_of_others(),
-        "packages": packages(),
+        "packages": {**packages()},
         "python": platform.python_version(),
         "platform": platform.platform(),
     }
@@ -61,6 +62,7 @@ def entry_points_of_others() -> dict[str, dict[str, str]]:
     }
 
 
+@cache
 def packages() -> dict[str, str]:
     """Versions of this project and of what it is built on."""
     needed = (line for line in requires(DISTRIBUTION) or () if "extra ==" not in line)

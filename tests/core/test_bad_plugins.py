@@ -93,7 +93,6 @@ LASTING: Mapping[str, tuple[Right, str]] = {  # from the flight's begin on; word
     "NaN": (returns(lambda a: a * np.nan), " is [nan, nan, nan], expected numbers"),
     "inf": (returns(lambda a: a + np.inf), " is [inf, inf, inf], expected numbers"),
     "wrong shape": (returns(lambda a: a[:, :2]), " has shape (2, 2), expected (2, 3)"),
-    "wrong rows": (returns(lambda a: a[:1]), " has 1 row, expected 2, one per agent"),
     "wrong dtype": (returns(lambda a: a.astype(str) + "m"), " is no array: could not convert"),
     "None": (lambda *_: None, "returned NoneType, expected "),
     "mutates its input": (mutates, "ValueError: assignment destination is read-only ("),
