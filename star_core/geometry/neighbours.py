@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Rows
+from star_core.messages.arrays import Array, Mask, Rows
 from star_core.toolkit.jit import compiled
 
 MANY = 64
@@ -56,10 +56,13 @@ class Pairs:
 
     def within(self, reach: float) -> Self:
         """Return the pairs that are nearer than a smaller distance, m."""
-        near = self.distance < reach  # NaN is not
-        if near.all():
+        return self.where(self.distance < reach)  # NaN is not
+
+    def where(self, wanted: Mask) -> Self:
+        """Return the pairs that are True in `wanted`, (P,)."""
+        if wanted.all():
             return self
-        return type(self)(self.first[near], self.second[near], self.distance[near])
+        return type(self)(self.first[wanted], self.second[wanted], self.distance[wanted])
 
 
 def warm_up(agents: int) -> None:

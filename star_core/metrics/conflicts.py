@@ -130,11 +130,15 @@ class Contacts:
         """Compare (N, 3) positions, m, of agents with (N, 3) velocities, m/s."""
         self.separation = min(self.separation, float(near.distance.min(initial=np.inf)))
         near = near.within(self.reach)
+        offset = self._flat * (position[near.first] - position[near.second])
+        flattened = np.sqrt(np.vecdot(offset, offset))
+        close = (flattened <= self._limit + HYSTERESIS) | (near.distance < COLLISION_DISTANCE)
+        near, flattened = near.where(close), flattened[close]
         if not len(near.first):
             self._touching.clear()
             return self.finish()
         events = []
-        rows = zip(near.first.tolist(), near.second.tolist(), strict=True)
+        rows = [*zip(near.first.tolist(), near.second.tolist(), strict=True)]
         distances = dict(zip(rows, near.distance.tolist(), strict=True))
         touching = {pair for pair, away in distances.items() if away < COLLISION_DISTANCE}
         for pair in sorted(touching - self._touching):
@@ -144,11 +148,8 @@ class Contacts:
             names = [self._names[a], self._names[b]]
             events.append(self._collision(names, None, middle, relative))
         self._touching = touching
-        if self._limit == 0.0:
-            return events
-        offset = self._flat * (position[near.first] - position[near.second])
-        flattened = dict(zip(distances, np.sqrt(np.vecdot(offset, offset)).tolist(), strict=True))
-        return events + self._approached(flattened, touching, position, airborne)
+        inside = dict(zip(rows, flattened.tolist(), strict=True))
+        return events + self._approached(inside, touching, position, airborne)
 
     def _approached(
         self,

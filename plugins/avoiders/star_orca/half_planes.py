@@ -54,9 +54,10 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
         share = 0.5 if agents[other, AVOIDS] > 0.0 else 1.0
         dz = agents[other, Z] - agents[me, Z]
         then = dz + horizon * (agents[other, CLIMB] - agents[me, CLIMB])
-        least = min(abs(dz), abs(then)) / vertical if dz * then > 0.0 else 0.0
-        widest = agents[me, RADIUS] + agents[other, RADIUS]
-        apart = widest * math.sqrt(max(1.0 - least * least, 0.0))
+        widest = apart = agents[me, RADIUS] + agents[other, RADIUS]
+        if dz * then > 0.0:
+            least = min(abs(dz), abs(then)) / vertical
+            apart *= math.sqrt(max(1.0 - least * least, 0.0))
         squared = dx * dx + dy * dy
         rate = 1.0 / horizon
         if squared <= apart * apart:

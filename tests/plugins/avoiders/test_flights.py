@@ -93,6 +93,15 @@ def test_agents_that_change_places_across_a_circle_do_not_collide_and_arrive(
     assert flown.missing.max() < 0.15
 
 
+def test_orca_keeps_an_ellipsoid_free_and_flies_closer_past_agents_at_other_heights() -> None:
+    around, height = room(2), 0.3
+    start = np.array([[-1.5, 0.0, 0.8], [1.5, 0.02, 0.8 + height]])
+    flown = fly(made("orca", around), around, start, start * [-1, 1, 1], 15.0)
+    aside = 0.4 * np.sqrt(1 - (height / around.limits.vertical_separation) ** 2)
+    assert np.hypot(aside, height) - 0.01 < flown.separation < np.hypot(0.4, height) - 0.02
+    assert flown.missing.max() < 0.1
+
+
 @everyone
 def test_a_wall_ahead_is_not_touched(name: str) -> None:
     around = room(2, box(0.0, -3.0, 0.2, 3.0))
