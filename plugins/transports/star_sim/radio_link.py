@@ -8,9 +8,8 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from star_core import Array, Mask
+from star_core import Array, Mask, quaternion_from_euler
 from star_sim.airframe import CYCLE, NEVER, STEP
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
@@ -66,12 +65,13 @@ class RadioLink:
         self._late.extend(samples)
         count = max(0, len(self._late) - round(self._profile.report_delay / CYCLE))
         here, self._late = self._late[:count], self._late[count:]
-        rows = []
-        for row in here:
-            heard = np.flatnonzero(self._random.random(len(row)) >= self._profile.report_loss)
-            self._newest[heard] = row[heard]
-            rows.append(np.column_stack([heard, row[heard]]))
-        return np.concatenate(rows) if rows else np.zeros((0, 1 + SAMPLE))
+        if not here:
+            return np.zeros((0, 1 + SAMPLE))
+        table = np.array(here)
+        heard = self._random.random(table.shape[:2]) >= self._profile.report_loss
+        agent, samples = np.nonzero(heard)[1], table[heard]
+        self._newest[agent] = samples  # of several from one agent, the last
+        return np.column_stack([agent, samples])
 
     def reports(self, now: float) -> tuple[Array, Array, Array, Array]:
         """Return the newest state heard of each agent, in its odometry frame.
@@ -86,6 +86,6 @@ class RadioLink:
         time, ahead, aside, up, _, roll, pitch, z, x, y, yaw = self._newest.T
         cos, sin = np.cos(yaw), np.sin(yaw)
         velocity = np.stack([cos * ahead - sin * aside, sin * ahead + cos * aside, up], axis=1)
-        attitude = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_quat()
+        attitude = quaternion_from_euler(roll, pitch, yaw)
         age = np.maximum(0.0, math.floor(now / CYCLE + 1e-6) * CYCLE - time)
         return np.stack([x, y, z], axis=1), velocity, attitude, age
