@@ -48,6 +48,7 @@ ROOM: Final[dict[str, Any]] = {
         for k, (y, b) in enumerate({"south": -0.9, "mid": 0, "north": 0.9}.items())
     },
 }
+IDEAL: Final[dict[str, Any]] = {"use": "sim", "profile": "ideal", "controller": "ideal"}
 CROSSING: Final[dict[str, Any]] = {
     "star": 1,
     "name": "crossing",
@@ -58,7 +59,7 @@ CROSSING: Final[dict[str, Any]] = {
         "cf3": {"start": [-0.8, -0.4, 0]},
         "cf4": {"start": [0.8, -0.4, 0], "yaw_deg": 180},
     },
-    "transport": "sim",
+    "transport": IDEAL,
     "localizer": "flow",
     "planner": "straight",
     "avoider": "orca",
@@ -83,12 +84,12 @@ CROSSING: Final[dict[str, Any]] = {
 }
 SEEING: Final[dict[str, Any]] = {
     "swarm": {name: {**agent, "camera": "aideck"} for name, agent in CROSSING["swarm"].items()},
-    "transport": {"use": "sim", "camera": {"mode": "geometric"}},
+    "transport": IDEAL | {"camera": {"mode": "geometric"}},
     "localizer": {"use": "apriltag", "processes": 0},
 }
 RENDERED: Final[dict[str, Any]] = SEEING | {  # of one camera, for speed
     "swarm": CROSSING["swarm"] | {"cf1": SEEING["swarm"]["cf1"]},
-    "transport": {"use": "sim", "camera": {"mode": "rendered"}},
+    "transport": IDEAL | {"camera": {"mode": "rendered"}},
 }
 JOINING: Final[dict[str, Any]] = {
     "reserve": {"agents": ["cf4"]},

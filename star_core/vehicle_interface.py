@@ -99,7 +99,7 @@ class VehicleInterface:
             estimate = self._with_known_frames(self._pipeline.locate(telemetry))
             if len(estimate.corrections.agent):
                 self._pipeline.correct(estimate.corrections)
-            estimate = self._gated(estimate)
+            estimate = self._gated(estimate, telemetry.velocity)
         self.estimate = self._unheard.mark(estimate, telemetry.age)
         return self.estimate
 
@@ -280,16 +280,25 @@ class VehicleInterface:
         self._frames = estimate.map_from_odom.where(known, self._frames)
         return replace(estimate, map_from_odom=self._frames)
 
-    def _gated(self, estimate: Estimate) -> Estimate:
-        """Return the estimate without implausible positions, and report new ones."""
-        accepted, jumps = self._gate.check(estimate, self.phases.among(*AIRBORNE))
+    def _gated(self, estimate: Estimate, reported: Array) -> Estimate:
+        """Return the estimate without implausible positions, and report new ones.
+
+        Args:
+            estimate: Of the localizer.
+            reported: (N, 3) velocities that the agents report, m/s.
+        """
+        accepted, jumps = self._gate.check(estimate, self.phases.among(*AIRBORNE), reported)
         for jump in jumps:
             name = self._scene.agents[jump.row].name
+            moved = (
+                f"moved {jump.distance:.2f} m in {jump.seconds:.2f} s, expected at most "
+                f"{jump.plausible:.2f} m"
+            )
+            if np.isnan(jump.plausible):
+                moved = f"did not change while it reported {jump.distance:.2f} m of flight,"
             self._observers.event(
                 "estimate",
-                f"{name} brakes: its estimated position moved {jump.distance:.2f} m in "
-                f"{jump.seconds:.2f} s, expected at most {jump.plausible:.2f} m from "
-                f"{self._pipeline.localizer}",
+                f"{name} brakes: its estimated position {moved} from {self._pipeline.localizer}",
                 name,
             )
         return accepted

@@ -112,6 +112,9 @@ JUMP_MARGIN: Final = 1.5
 """How far positions may move beyond what is explained, m: localizers are sometimes overconfident.
 In 30 flights with `method: batch`, the worst localizer here, it was 1.0 m at most."""
 
+MAX_STILL_PATH: Final = 0.3
+"""Greatest path that an agent may report while its estimated position does not change at all, m."""
+
 FORGETTING_TIME: Final = 5.0  # s, time constant with which unexplained movement is forgotten
 CORRECTION_SIGMAS: Final = 4.0  # standard deviations by which a position may be corrected
 SPEED_RATIO: Final = 2.0  # greatest plausible speed over the limit: overshoot, gusts, descents
@@ -134,7 +137,8 @@ class Jump:
         row: Of the agent.
         distance: From the last position that was accepted, m.
         seconds: Time since then, s.
-        plausible: Greatest distance that would have been accepted, m.
+        plausible: Greatest distance that would have been accepted, m; NaN if the estimate has not
+            moved at all while the agent reported that it flew `distance`.
     """
 
     row: int
@@ -151,8 +155,9 @@ class EstimateGate:
     estimate before less that of the estimate after it (Kalman). Movement beyond that adds up over
     ticks, and is forgotten in `FORGETTING_TIME`; many small jumps are a large one. A position with
     which it exceeds `JUMP_MARGIN` is rejected: the row keeps its last position, at rest and not
-    valid, so that the agent brakes. It is compared again in the next tick. On the ground everything
-    is accepted.
+    valid, so that the agent brakes. It is compared again in the next tick. So is a position that is
+    the same, to the last bit, while the agent reports that it flies `MAX_STILL_PATH`: its localizer
+    is stuck. On the ground everything is accepted.
 
     Args:
         n: Number of agents.
@@ -167,14 +172,20 @@ class EstimateGate:
         self._frames = Transform(np.zeros(n), np.zeros((n, 3)))
         self._unexplained = np.zeros(n)  # m, recently
         self._rejected = np.zeros(n, np.bool_)
+        self._still_path = np.zeros(n)  # m, that agents report since their estimates last moved
+        self._seen = 0.0, self._position, self._position  # time, positions, velocities reported
 
-    def check(self, estimate: Estimate, airborne: Mask) -> tuple[Estimate, Sequence[Jump]]:
+    def check(
+        self, estimate: Estimate, airborne: Mask, reported: Array | None = None
+    ) -> tuple[Estimate, Sequence[Jump]]:
         """Return the estimate without the positions that are rejected, and the new jumps.
 
         Args:
             estimate: A localizer's, with map_from_odom finite everywhere.
             airborne: (N,) which agents are in the air.
+            reported: (N, 3) velocities that the agents report, m/s; None if unknown.
         """
+        stuck = self._stuck(estimate, airborne, reported)
         seconds = estimate.time - self._time
         before, now = (
             np.trace(c, axis1=1, axis2=2) for c in (self._covariance, estimate.covariance)
@@ -183,9 +194,10 @@ class EstimateGate:
         explained = self._speed * seconds + CORRECTION_SIGMAS * np.sqrt(np.fmax(before - now, 0.0))
         carried = self._unexplained * np.exp(-seconds / FORGETTING_TIME)
         unexplained = carried + np.maximum(moved - explained, 0.0)
-        rejected = airborne & estimate.valid & (unexplained > JUMP_MARGIN)  # NaN is not
+        rejected = airborne & estimate.valid & ((unexplained > JUMP_MARGIN) | stuck)  # NaN is not
         accepted = estimate.valid & ~rejected
-        plausible = explained + JUMP_MARGIN - carried
+        plausible = np.where(stuck, np.nan, explained + JUMP_MARGIN - carried)
+        moved = np.where(stuck, self._still_path, moved)
         jumps = [
             Jump(row, float(moved[row]), float(seconds[row]), float(plausible[row]))
             for row in np.flatnonzero(rejected & ~self._rejected).tolist()
@@ -203,6 +215,20 @@ class EstimateGate:
             valid=accepted,
             map_from_odom=self._frames.where(rejected, estimate.map_from_odom),
         ), jumps
+
+    def _stuck(self, estimate: Estimate, airborne: Mask, reported: Array | None) -> Mask:
+        """Return whose estimates stay exactly where they are while the agents report flight."""
+        if reported is None:
+            return np.zeros(len(airborne), np.bool_)
+        (time, position, velocity), self._seen = (
+            self._seen,
+            (estimate.time, estimate.position, reported),
+        )
+        new = (reported != velocity).any(axis=1)  # a report that repeats is an old one
+        path = new * (estimate.time - time) * np.linalg.norm(reported, axis=1)
+        same = airborne & np.isfinite(path) & (estimate.position == position).all(axis=1)
+        self._still_path = np.where(same, self._still_path + path, 0.0)
+        return self._still_path > MAX_STILL_PATH
 
     def _store(self, estimate: Estimate, accepted: Mask, unexplained: Array) -> None:
         """Keep the accepted rows for the next comparison."""

@@ -57,6 +57,29 @@ def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
     assert jump.plausible == pytest.approx(MIN_PLAUSIBLE_SPEED * PERIOD + JUMP_MARGIN)
 
 
+def stuck(*velocities: float, drift: float = 0.0) -> list[bool]:
+    """In which ticks a position that only drifts is accepted while the agent reports velocities."""
+    gate = EstimateGate(1, SPEED)
+    return [
+        bool(
+            gate.check(believed(drift * k, k * PERIOD), AIRBORNE, np.array([[velocity, 0.0, 0.0]]))[
+                0
+            ].valid[0]
+        )
+        for k, velocity in enumerate(velocities)
+    ]
+
+
+def test_an_estimate_that_stays_while_the_agent_flies_is_rejected() -> None:
+    flight = [SPEED + noise for noise in np.linspace(0, 0.01, 30)]
+    answer = stuck(*flight)
+    assert answer.index(False) == 12  # 0.3 m at 0.5 m/s
+    assert not any(answer[12:])
+    assert all(stuck(*[np.nan] * 30))
+    assert all(stuck(*flight, drift=1e-9))
+    assert all(stuck(*[SPEED] * 30))  # reports that repeat
+
+
 def test_a_jump_is_reported_once() -> None:
     gate = EstimateGate(1, SPEED)
     gate.check(believed(0.0, 0.0), AIRBORNE)
