@@ -357,9 +357,9 @@ def flown(cell: Cell, seed: int) -> dict[str, Any]:
             readable = cell.row == "17" or _last(folder / "out") >= at - 1
         except (OSError, InputError, KeyError):
             readable = False
-    return judged(
-        cell, witness, status, at, [*{str(f.get("agents", "")) for f in faults}], readable=readable
-    )
+    names = [fault.get("agents") for fault in faults]
+    concerned = [] if None in names else [str(name) for name in names]  # none: all agents are
+    return judged(cell, witness, status, at, concerned, readable=readable)
 
 
 def _last(folder: Path) -> float:
