@@ -7,9 +7,10 @@ run passes if all drones are on the floor within 15 s, none locked, none faster 
 touches the floor, and no two of them closer than 0.2 m.
 
 The faults are those of the flight's process (``sigkill``, ``sigstop``, ``gil``: a C function that
-keeps the interpreter's lock, ``hang``: an endless loop, ``exit``: `os._exit`, ``memory``: the
-address space is used up, and what was allocated is kept) and of the guardian (``guardian-kill``,
-``guardian-stop``), or of both at the same time (``both``). `--cost` measures the cost instead.
+keeps the interpreter's lock and is not interrupted by signals, ``hang``: an endless loop, ``exit``:
+`os._exit`, ``memory``: the address space is used up, and what was allocated is kept) and of the
+guardian (``guardian-kill``, ``guardian-stop``), or of both at the same time (``both``). `--cost`
+measures the cost instead.
 """
 
 from __future__ import annotations
@@ -39,10 +40,13 @@ ON_FLOOR = 0.05  # m
 TAKEN_OFF = 0.1  # m
 WINDOW = (0.0, 12.0)  # s after the first drone has taken off, for the fault
 PATIENCE = 120.0  # s, for the program to start
-TICKS = 600  # of each measurement of the cost
 
 INSIDE = {
-    "gil": "import ctypes; ctypes.PyDLL(None).sleep(20)",
+    "gil": """
+import ctypes, signal
+signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+ctypes.PyDLL(None).sleep(20)
+""",
     "hang": "while True: pass",
     "exit": "import os; os._exit(3)",
     "memory": """
@@ -223,7 +227,7 @@ def inflict(fault: str, flight: subprocess.Popen[bytes], flag: Path) -> None:
         os.kill(guardian, stops)
 
 
-def cost(*, guarded: bool, room: Scene, cache: str) -> list[float]:
+def cost(*, guarded: bool, room: Scene, cache: str, ticks: int) -> list[float]:
     """Return the time that the transport takes for each tick, ms: after it is due, and to send."""
     given = {"cache": cache, "guardian": guarded, "report_period": 0.01}
     radio = star_radio.make(room, **fill_defaults(given, OPTIONS))
@@ -233,7 +237,7 @@ def cost(*, guarded: bool, room: Scene, cache: str) -> list[float]:
     first = radio.wait(0.0)
     began = time.monotonic() - first
     took = []
-    for i in range(1, TICKS + 1):
+    for i in range(1, ticks + 1):
         radio.wait(i * room.period)
         radio.receive()
         radio.send(still)
@@ -242,7 +246,7 @@ def cost(*, guarded: bool, room: Scene, cache: str) -> list[float]:
     return took
 
 
-def costs(n: int) -> dict[str, float]:
+def costs(n: int, ticks: int) -> dict[str, float]:
     """Return the percentiles of the cost with and without a guardian, in turns, ms."""
     from radio import Drones  # in this folder: a fleet in a process of its own
 
@@ -253,7 +257,9 @@ def costs(n: int) -> dict[str, float]:
         for _ in range(3):
             for guarded in (False, True):
                 name = "guarded" if guarded else "in_process"
-                figures.setdefault(name, []).extend(cost(guarded=guarded, room=room, cache=cache))
+                figures.setdefault(name, []).extend(
+                    cost(guarded=guarded, room=room, cache=cache, ticks=ticks)
+                )
     drones.close()
     return {
         f"{name}_p{p}_ms": float(np.percentile(took, p))
@@ -269,10 +275,12 @@ def main() -> None:
     line.add_argument("--first", type=int, default=0, help="first seed")
     line.add_argument("--only", default=",".join(KINDS))
     line.add_argument("--cost", action="store_true")
+    line.add_argument("--agents", type=int, default=10, help="of --cost")
+    line.add_argument("--ticks", type=int, default=600, help="of each of 6 flights of --cost")
     line.add_argument("--json", help="file to append each run to")
     options = line.parse_args()
     if options.cost:
-        for name, value in costs(10).items():
+        for name, value in costs(options.agents, options.ticks).items():
             print(f"{name:24} {value:8.3f}")
         return
     print("| fault | landed | down after, s: median, longest | fastest impact, m/s | nearest, m |")
