@@ -32,7 +32,7 @@ GROUPS: Final = {  # page, title, and prefixes of the modules whose public names
         "Flights and records",
         ("cli", "runner", "operator", "registry", "mission", "metrics"),
     ),
-    "contracts": ("Contracts and specs", ("contracts", "hookspecs")),
+    "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_guard")),
     "messages": ("Tables", ("messages",)),
     "scene": ("Scene and world", ("scene", "world")),
     "toolkit": ("Toolkit", ("toolkit", "geometry")),
