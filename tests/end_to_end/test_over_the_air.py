@@ -37,6 +37,11 @@ SPEED = 0.5  # m/s, that the drones fly
 BESIDE = 0.2  # m, `limits.separation` of first_flight.yaml, as it is if not given
 
 
+IDEAL = [  # as drones of `Fleet` fly
+    f"--set=transport.{one}" for one in ("noise=false", "profile=ideal", "controller=ideal")
+]
+
+
 class Flown(NamedTuple):
     """A flight as it was recorded: (T,) s, and (T, N, 3) m."""
 
@@ -140,8 +145,7 @@ def error(flight: Flown, truth: Flown) -> float:
 
 def test_the_demo_flies_over_udp_as_in_the_simulator(tmp_path: Path) -> None:
     mission = MISSIONS / "first_flight.yaml"
-    simulator = "--set=transport={use: sim, noise: false}"
-    beside = star("run", mission, "--out", tmp_path / "sim", simulator)
+    beside = star("run", mission, "--out", tmp_path / "sim", *IDEAL)
     flown, truth, late = over_the_air(mission, tmp_path / "air", noise=False, cameras=False)
     told, _ = beside.communicate(timeout=PATIENCE)
     assert beside.returncode == 0, told
@@ -172,7 +176,7 @@ def test_without_noise_three_drones_fly_by_what_their_decks_stream_as_in_the_sim
     tmp_path: Path,
 ) -> None:
     mission = MISSIONS / "three_eyes.yaml"
-    alone = star("run", mission, "--out", tmp_path / "sim", "--set=transport.noise=false")
+    alone = star("run", mission, "--out", tmp_path / "sim", *IDEAL)
     told, _ = alone.communicate(timeout=PATIENCE)
     assert alone.returncode == 0, told
     flown, _, late = over_the_air(mission, tmp_path / "air", noise=False, cameras=True)

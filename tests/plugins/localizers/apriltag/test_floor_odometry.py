@@ -187,7 +187,7 @@ def test_a_camera_that_is_known_to_be_turned_is_taken_as_it_is() -> None:
     error = rotation_from_vector(np.array([math.radians(3.0), 0.0, 0.0]))
     lens = turned_model(error, Camera(readout=0.0))
     odometry, ways = track(0.3 + 0j), []
-    for camera_turn in (np.eye(3), error):  # ... which the smoother does not know, or does
+    for camera_turn in (np.eye(3), error):  # ... which the filter does not know, or does
         floor = FloorOdometry(lens)
         for image, time in ((picture(key=1), FROM), (picture(0.03 + 0j, key=2), TO)):
             motion = floor.measure(

@@ -170,7 +170,7 @@ def test_an_image_of_a_wrong_size_is_reported(caplog: pytest.LogCaptureFixture) 
     assert "image is (9, 9) of uint8, expected (244, 324) of uint8" in caplog.text
 
 
-@pytest.mark.parametrize("method", ["smoother", "batch"])
+@pytest.mark.parametrize("method", ["filter", "batch"])
 @pytest.mark.parametrize("stamped", [True, False])
 def test_detections_are_published_with_the_time_of_their_image(
     method: str,

@@ -172,7 +172,7 @@ def test_a_camera_that_is_turned_in_its_mounting_is_understood() -> None:
     np.testing.assert_allclose(look.fix.pose.position, body.position, atol=1e-4)
 
 
-def test_a_landmark_comes_with_what_a_smoother_needs(lens: CameraModel) -> None:
+def test_a_landmark_comes_with_what_an_estimator_needs(lens: CameraModel) -> None:
     tags, corners = table(lens, hovering(), LANDMARKS)
     first, _ = eye(LANDMARKS).evaluate(tags, corners, predicted(hovering())).landmarks
     assert first.view is not None
