@@ -122,6 +122,18 @@ def test_a_velocity_that_is_too_fast_keeps_its_direction_and_a_slow_one_stays(
     assert sent.active.tolist() == active
 
 
+def test_a_drone_that_follows_with_its_lag_stops_inside_the_fence() -> None:
+    guard, wish = SafetyFilter(scene(1)), setpoint([[SPEED, 0.0, 0.0]])
+    here, velocity = np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 3))
+    for _ in range(200):
+        now = replace(estimate(here), velocity=velocity)
+        sent, _ = apply(guard, now, wish, wish)
+        velocity = velocity + (1 - math.exp(-TICK / 0.35)) * (sent.velocity - velocity)
+        here = here + TICK * velocity
+        assert here[0, 0] <= FENCE.high[0] + 0.005
+    assert here[0, 0] > FENCE.high[0] - 0.02
+
+
 @pytest.mark.parametrize("across", [0.0, 0.05, 0.15])
 def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
     path = flown(

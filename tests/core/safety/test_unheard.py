@@ -124,5 +124,5 @@ def test_an_agent_that_is_not_heard_is_kept_clear_of_wherever_it_may_be(
 
 
 def test_the_safety_filter_keeps_clear_of_wherever_an_agent_may_be() -> None:
-    nearest = crossed("none", np.array([0.5, -1.5, 0.0]), np.array([0.5, 1.5, 0.0]), stopped=False)
+    nearest = crossed("none", np.array([1.0, -1.5, 0.0]), np.array([1.0, 1.5, 0.0]), stopped=False)
     assert nearest >= 0.95 * scene(1).limits.separation
