@@ -281,3 +281,13 @@ def test_noise_over_a_way_is_that_of_its_legs() -> None:
     assert np.sqrt(np.diag(legs.covariance))[states] == pytest.approx(
         np.sqrt(np.diag(whole.covariance))[states], rel=0.1
     )
+
+
+def test_noise_turns_with_the_heading() -> None:
+    track, first = odometry(Circle(10)), start(Circle(10).agent())
+    turned = first.mean.copy()
+    turned[YAW] += math.pi / 2
+    here = carried(first, 3.0, track)[0].covariance[[X, X + 1]][:, [SLIP_X, SLIP_Y]]
+    there = carried(first._replace(mean=turned), 3.0, track)[0].covariance
+    quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
+    assert there[[X, X + 1]][:, [SLIP_X, SLIP_Y]] == pytest.approx(quarter @ here, abs=1e-12)
