@@ -291,3 +291,19 @@ def test_noise_turns_with_the_heading() -> None:
     there = carried(first._replace(mean=turned), 3.0, track)[0].covariance
     quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
     assert there[[X, X + 1]][:, [SLIP_X, SLIP_Y]] == pytest.approx(quarter @ here, abs=1e-12)
+
+
+def test_an_image_of_uncertain_time_tells_less_of_the_position_on_the_way() -> None:
+    variances = []
+    for time_std in (0.0, 0.5):
+        flight = Flight(Circle(5.0))
+        flight.fly(3.0, blind=True)
+        flight.filter.update(flight.seen(flight.time), flight.track, time_std=time_std)
+        yaw = flight.circle.body(flight.time).yaw
+        ahead = np.array([math.cos(yaw), math.sin(yaw)])
+        covariance = flight.filter.anchor.covariance[:2, :2]
+        aside = np.array([-ahead[1], ahead[0]])
+        variances.append((ahead @ covariance @ ahead, aside @ covariance @ aside))
+    exact, late = variances
+    assert late[0] > 1.5 * exact[0]
+    assert late[1] < 1.5 * exact[1]
