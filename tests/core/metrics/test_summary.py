@@ -163,6 +163,12 @@ def test_separation_is_that_of_the_estimate_when_there_is_no_truth() -> None:
     assert summary["min_separation_m"] == pytest.approx(1.0)
 
 
+def test_the_error_is_in_space() -> None:
+    summary = measured([[[0, 0, 1]]], seen=[[[0.2, 0.3, 1.6]]])
+    assert summary["position_rmse_m"] == pytest.approx(0.7)
+    assert summary["position_worst_m"] == pytest.approx(0.7)
+
+
 def test_separation_is_that_of_the_truth_when_there_is_one() -> None:
     assert measured(apart(2.0), seen=apart(0.01))["min_separation_m"] == pytest.approx(2.0)
 

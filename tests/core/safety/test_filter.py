@@ -277,3 +277,9 @@ def test_what_is_sent_is_always_safe_or_comes_from_others(n: int, seed: int) -> 
             apart = math.sqrt(float(gradient @ offset))  # heights shrunk
             room = max(0.0, (apart - APART) * apart / slope)
             assert closing <= math.sqrt(2 * 2 * BRAKES * room) + 2e-3
+
+
+def test_a_setpoint_that_is_half_too_fast_is_slowed_and_counted() -> None:
+    velocity, corrected = filtered([[0.0, 0.0, 1.0]], [[1.5 * SPEED, 0.0, 0.0]])
+    assert velocity[0] == pytest.approx([SPEED, 0.0, 0.0])
+    assert corrected.speed.tolist() == [True]
