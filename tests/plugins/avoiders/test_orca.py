@@ -465,6 +465,15 @@ def test_agents_one_above_the_other_near_each_other_ever_slower() -> None:
     assert ask(stack, np.zeros((2, 3)), towards)[:, 2] == pytest.approx([0.05, -0.05])
 
 
+@pytest.mark.parametrize(("share", "free"), [(0.7, False), (0.8, True)])
+def test_agents_are_above_one_another_within_three_quarters_of_their_radii(
+    share: float, *, free: bool
+) -> None:
+    stack = np.array([[0.0, 0.0, 0.0], [share * 2 * RADIUS, 0.0, 0.8]])
+    towards = np.array([[0.0, 0, 0.4], [0.0, 0, -0.4]])
+    assert (ask(stack, np.zeros((2, 3)), towards)[:, 2] == towards[:, 2]).all() == free
+
+
 def test_an_agent_leaves_to_one_that_climbs_towards_it_all_the_room_there_is() -> None:
     stack = np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.8]])
     rising, sinking = (

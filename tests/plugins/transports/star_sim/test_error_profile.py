@@ -15,7 +15,7 @@ from star_core import Obstacle, Order, Transform
 from star_sim.airframe import CYCLE, GRAVITY
 from star_sim.drone import standing
 from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
-from star_sim.sensors import Wander, draw_errors
+from star_sim.sensors import Wander, draw_errors, draw_texture
 
 Flying = Callable[..., Any]
 
@@ -53,6 +53,18 @@ def test_constant_errors_have_the_deviations_of_the_profile() -> None:
     assert not drones["accelerometer_bias"].any()
     assert not drones["ranger_bias"].any()
     assert set(drones["flow_noise"]) == {1.0}
+
+
+def test_errors_of_the_flow_deck_have_the_deviations_that_drift_was_fitted_with() -> None:
+    drones = standing(np.zeros((1000, 3)), np.zeros(1000), 1.0)
+    draw_errors(drones, IDEAL, 0)
+    assert drones["scale"].std() == pytest.approx(0.05, rel=0.1)
+    assert np.degrees(drones["gyro_bias"].std()) == pytest.approx(0.2, rel=0.1)
+    assert np.degrees(drones["level_error"].std(axis=0)) == pytest.approx([0.25, 0.25], rel=0.1)
+    turn = np.arctan2(drones["misalignment"][:, 1], drones["misalignment"][:, 0])
+    assert np.degrees(turn.std()) == pytest.approx(1.0, rel=0.1)
+    assert drones["velocity_bias"].std() == pytest.approx(0.004, rel=0.1)
+    assert np.mean([draw_texture(seed).std() for seed in range(8)]) == pytest.approx(0.045, rel=0.1)
 
 
 def test_slow_errors_have_the_deviations_and_correlation_times_of_the_profile() -> None:
