@@ -17,12 +17,14 @@ FLAT = np.zeros((sensors.TEXTURE_POINTS, sensors.TEXTURE_POINTS))
 COUNT = 0.8 / sensors.COUNTS  # m/s that one count is at 0.8 m
 
 
-def shown(drones: Drones, *, cycles: int = 1000, texture: Array = FLAT) -> Array:
+def shown(
+    drones: Drones, *, cycles: int = 1000, texture: Array = FLAT, upright: float = 1.0
+) -> Array:
     """What the flow sensor shows, (cycles, 2), at 0.8 m and 0.1 m/s ahead."""
     drones["position"], drones["seen_position"] = [0.001, 0.0, 0.8], [0.0, 0.0, 0.8]
     quiet = np.zeros(4)
     return np.array(
-        [flow(drones[0], quiet, texture, (1.0, 0.0), 0.8, 1.0, 0.0) for _ in range(cycles)]
+        [flow(drones[0], quiet, texture, (1.0, 0.0), 0.8, upright, 0.0) for _ in range(cycles)]
     )
 
 
@@ -34,6 +36,10 @@ def test_the_flow_sensor_shows_whole_counts() -> None:
     counts = shown(one()) / COUNT
     assert np.abs(counts - np.round(counts)).max() < 1e-9
     assert set(np.round(counts[:, 0])) == {0.0, 1.0}
+
+
+def test_a_tilted_sensor_sees_slower_motion_and_is_corrected_for_it() -> None:
+    assert shown(one(), upright=0.9)[:, 0].mean() == pytest.approx(0.1, rel=1e-3)
 
 
 def test_what_is_not_a_whole_count_is_not_lost() -> None:
