@@ -173,10 +173,10 @@ RULED: Final = (  # one of each of the rows 1 to 9, for pairs
 )
 CELLS: Final = (
     Cell("0", "no fault"),
-    Cell("1", "link of one drone off, for ever", [one("link", "off")], status=EITHER),
+    Cell("1", "link of one drone off, permanently", [one("link", "off")], status=EITHER),
     Cell("1", "link of one drone off, 0.3 s", [one("link", "off", **{"for": 0.3})]),
     Cell("1", "link of one drone off, 2 s", [one("link", "off", **{"for": 2.0})], status=EITHER),
-    Cell("1", "reports of one drone off, for ever", [one("telemetry", "off")], status=EITHER),
+    Cell("1", "reports of one drone off, permanently", [one("telemetry", "off")], status=EITHER),
     Cell("2", "5 % loss", [every("link", "intermittent", at=0, loss=0.05)]),
     Cell("2", "20 % loss", [every("link", "intermittent", at=0, loss=0.2)]),
     Cell("2", "30 % loss", [every("link", "intermittent", at=0, loss=0.3)], status=EITHER),
@@ -234,7 +234,7 @@ CELLS: Final = (
     Cell("12", "planner stuck", [plugin("planner", "stuck")], status=EITHER),
     Cell("13", "transport raises for 0.3 s", [plugin("transport", "off", **{"for": 0.3})],
          status=EITHER),
-    Cell("13", "transport raises for ever", [plugin("transport", "off")], status=(1,)),
+    Cell("13", "transport raises in every call", [plugin("transport", "off")], status=(1,)),
     Cell("16", "clock jumps by an hour", act=_jump(3600.0)),
     Cell("16", "clock jumps back by an hour", act=_jump(-3600.0)),
     Cell("16", "program stalls for 2 s", [every("ground_program", "delayed", delay=2.0)], most=5),

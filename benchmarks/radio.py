@@ -92,7 +92,7 @@ def connected(room: Scene, cache: Path, **options: Any) -> tuple[float, str]:
 
 
 def connected_by_cflib(uris: list[str], cache: Path) -> float:
-    """Return how long cflib takes to connect, s; `HANGS` where it waits for ever."""
+    """Return how long cflib takes to connect, s; `HANGS` where it never returns."""
     swarm = Swarm(uris, factory=CachedCfFactory(rw_cache=str(cache)))
     begun = time.perf_counter()
     opening = threading.Thread(target=swarm.open_links, daemon=True)

@@ -31,7 +31,7 @@ class Watchdog:
     """Interrupts a call of a plugin that does not return, if the flight has the main thread.
 
     SIGALRM raises `PluginTimeout` in Python code and in calls that wait, such as for a lock or a
-    socket. Native code is interrupted when it returns. If it computes for ever, SIGVTALRM writes
+    socket. Native code is interrupted when it returns. If it never returns, SIGVTALRM writes
     the stack of the process, with the plugin's file and line, to stderr and ends the process. A
     debugger may stop as long as it likes.
 

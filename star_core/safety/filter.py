@@ -26,12 +26,12 @@ class SafetyFilter:
     A velocity is safe if from it the agent can brake inside the geofence and outside the ellipsoid
     of the separations around every other agent; two agents that are both steered share the braking.
     The distance to the ellipsoid is the first-order one, along its gradient: the exact distance is
-    not less. With the
-    remaining distance x and the speed c at which it shrinks now, a setpoint may let it shrink by
-    ``BRAKING_GAIN (x - LAG c)``: a drone that follows setpoints with that lag comes to rest without
-    overshoot. Nor may it be faster than what the mission's acceleration stops within x. Agents
-    outside the fence or too close to another are therefore moved away. Setpoints are corrected by
-    as little as possible; if the corrections for several neighbors do not converge, agents stop.
+    not less. With the remaining distance x and the speed c at which it shrinks now, a setpoint may
+    let it shrink by ``BRAKING_GAIN (x - LAG c)``: a drone that follows setpoints with that lag
+    comes to rest without overshoot. Nor may it be faster than what the mission's acceleration stops
+    within x. Agents outside the fence or too close to another are therefore moved away. Setpoints
+    are corrected by as little as possible; if the corrections for several neighbors do not
+    converge, agents stop.
 
     Args:
         scene: Fence, limits and tick.

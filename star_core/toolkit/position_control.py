@@ -41,9 +41,7 @@ class PositionController:
         self._yaw: Array = np.zeros(n)  # last asked for, where `_flown`
         self._flown = np.zeros(n, np.bool_)
         nowhere = Goals.none(n)
-        self._lead(
-            nowhere.position, nowhere, np.zeros(n)
-        )  # compiled, or fetched, before anybody flies
+        self._lead(nowhere.position, nowhere, np.zeros(n))  # compiled, or fetched, before takeoff
 
     def velocity(self, estimate: Estimate, goals: Goals, beyond: Array | None = None) -> Array:
         """Return the (N, 3) velocity to fly, m/s.

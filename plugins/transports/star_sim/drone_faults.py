@@ -17,7 +17,7 @@ RANDOM_HEIGHT: Final = 0.5  # m, of a ranger's
 _ESTIMATED: Final = {"flow", "gyro", "ranger"}
 _ERRORS: Final = ("scale", "misalignment", "velocity_bias", "gyro_bias", "ranger_bias")
 _SHARES: Final = ("motor_share", "flow_share", "ranger_share")
-_STREAM: Final = 7337
+_STREAM: Final = 7338
 
 
 class DroneFaults:
