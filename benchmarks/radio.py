@@ -31,7 +31,7 @@ from cflib.crazyflie.swarm import CachedCfFactory, Swarm
 
 import star_radio
 from star_core import PluginError, Scene, Setpoint
-from star_core.plugin_schema import fill_defaults
+from star_core.plugin_support.option_schema import fill_defaults
 from star_core.testing import scene
 from star_radio.options import OPTIONS
 

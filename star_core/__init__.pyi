@@ -87,8 +87,8 @@ from star_core.mission_file.schema import read_as as read_as
 from star_core.mission_file.step_tree import actions as actions
 from star_core.mission_file.yaml_reader import read_yaml as read_yaml
 from star_core.operator import Operator as Operator
-from star_core.plugin_guard import PluginGuard as PluginGuard
-from star_core.plugin_schema import fill_defaults as fill_defaults
+from star_core.plugin_support.guard import PluginGuard as PluginGuard
+from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
 from star_core.registry import Registry as Registry
 from star_core.runner import fly as fly
 from star_core.scene import Agent as Agent

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def coded(message: str, code: str) -> str:
     """Return a message that ends with a stable code; one that ends with a code keeps it.
 
-    Every code has a hyphen and an entry in `star_core.error_codes`.
+    Every code has a hyphen and an entry in `star_core.cli.error_codes`.
 
     >>> coded("no such file", "file-not-found")
     'no such file [file-not-found]'
@@ -41,7 +41,8 @@ class StarError(Exception):
 
     Args:
         message: What is wrong, and what to do.
-        code: Identifies the kind of error, see `star_core.error_codes`; the last words of the text.
+        code: Identifies the kind of error, see `star_core.cli.error_codes`; the last words of the
+            text.
             If the message already ends with a code, such as that of another error, it is kept.
     """
 

@@ -23,8 +23,8 @@ from star_core.mission import Mission
 from star_core.mission_file.conditions import in_words
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
 from star_core.observers import Observers
-from star_core.plugin_guard import Strikes
-from star_core.plugin_schema import JOIN, LEAVE
+from star_core.plugin_support.guard import Strikes
+from star_core.plugin_support.option_schema import JOIN, LEAVE
 from star_core.registry import Registry
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from star_core.errors import InputError, PluginError
 from star_core.mission_file import schema
@@ -16,25 +15,14 @@ from star_core.mission_file.file_kinds import require_kind
 from star_core.mission_file.includes import with_files
 from star_core.mission_file.located import Document
 from star_core.mission_file.overrides import override
-from star_core.mission_file.sound_parts import Incomplete, Refused, sound_parts
+from star_core.mission_file.scene_builder import scene, uncertain_groups
+from star_core.mission_file.sound_parts import Refused, sound_parts
 from star_core.mission_file.step_tree import Node, StepBuilder
 from star_core.mission_file.yaml_reader import read
-from star_core.plugin_schema import PARTS
+from star_core.plugin_support.option_schema import PARTS
 from star_core.registry import Registry, Source
-from star_core.scene import Agent, Limits, Scene, inside
-from star_core.world.camera import Camera
-from star_core.world.world import Fence, World
-
-# What stands for the parts of a mission that are not known while the others are checked.
-NO_WORLD: Final = World("", Fence((-math.inf,) * 3, (math.inf,) * 3))
-UNKNOWN_START: Final = (math.nan,) * 3
-UNLIMITED: Final[Mapping[str, Any]] = {
-    "speed": math.inf,
-    "acceleration": math.inf,
-    "height": (-math.inf, math.inf),
-    "separation": 0.0,
-    "vertical_separation": 1.0,
-}
+from star_core.scene import Scene, inside
+from star_core.world.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +106,12 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     data = sound_parts(document.data, refused, composed)
     if data is None:
         raise InputError(document.in_order(problems))
-    scene = _scene(document, data, room or NO_WORLD, realtime=_realtime(data, registry))
-    builder = StepBuilder(document, refused, scene, _uncertain_groups(document, data), registry)
+    realtime = _realtime(data, registry)
+    flight = scene(document.path.parent, data, room, realtime=realtime)
+    uncertain = uncertain_groups(document.data, data)
+    builder = StepBuilder(document, refused, flight, uncertain, registry)
     steps = builder.build()
-    found = [*of_mission(document, data, steps, scene, registry, world_known=room is not None)]
+    found = [*of_mission(document, data, steps, flight, registry, world_known=room is not None)]
     problems += document.located(
         [*builder.problems, *(problem for problem in found if not problem.warning)]
     )
@@ -129,7 +119,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         raise InputError(document.in_order(problems))
     return Mission(
         name=data["name"],
-        scene=scene,
+        scene=flight,
         parts={kind: _part(kind, data[kind], registry) for kind in PARTS},
         steps=steps,
         safety=data["safety"],
@@ -140,14 +130,6 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         world=world,
         warnings=tuple(document.located(problem for problem in found if problem.warning)),
     )
-
-
-def _uncertain_groups(document: Document, data: Mapping[str, Any]) -> set[str] | None:
-    """Return the names of groups whose agents are not all known; None if no name is."""
-    if not isinstance(document.data.get("groups", {}), dict):
-        return None
-    agents = {*data["swarm"]}
-    return {name for name, held in data["groups"].items() if not held or {*held} - agents}
 
 
 def _world(document: Document, problems: list[str]) -> tuple[Document | None, World | None]:
@@ -175,52 +157,6 @@ def _world_document(document: Document) -> Document:
     return schema.read_as(path, "world")
 
 
-def _scene(document: Document, data: Mapping[str, Any], world: World, *, realtime: bool) -> Scene:
-    unknown = UNLIMITED if isinstance(data["limits"], Incomplete) else {}
-    limits = {**unknown, **data["limits"]}
-    limits["height"] = tuple(limits["height"])
-    return Scene(
-        agents=agents(data),
-        period=1 / data["rate"],
-        world=world,
-        limits=Limits(**limits),
-        seed=data["seed"],
-        realtime=realtime,
-        folder=document.path.parent,
-        groups=_groups(data),
-    )
-
-
-def agents(data: Mapping[str, Any]) -> tuple[Agent, ...]:
-    """Return the agents of a mission, in the order of its ``swarm``."""
-    cameras = {
-        name: Camera() if isinstance(given, Incomplete) else _camera(given)
-        for name, given in data.get("cameras", {}).items()
-    }
-    return tuple(
-        Agent(
-            name=name,
-            start=world_file.point(given.get("start", UNKNOWN_START)),
-            yaw=math.radians(given.get("yaw_deg", 0.0)),
-            uri=given.get("uri"),
-            camera=cameras.get(
-                given.get("camera"),
-                Camera() if "camera" in given or isinstance(given, Incomplete) else None,
-            ),
-        )
-        for name, given in data["swarm"].items()
-    )
-
-
-def _groups(data: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
-    """Rows of each group's agents; unknown names are reported by `checks`."""
-    row = {name: i for i, name in enumerate(data["swarm"])}
-    return {
-        name: tuple(row[member] for member in members if member in row)
-        for name, members in data.get("groups", {}).items()
-    }
-
-
 def _realtime(data: Mapping[str, Any], registry: Registry) -> bool:
     """Whether mission time goes on by itself with the transport that is named."""
     use = data["transport"]["use"]
@@ -228,16 +164,6 @@ def _realtime(data: Mapping[str, Any], registry: Registry) -> bool:
         return bool(registry.find("transport", use).offer.realtime)
     except PluginError:  # reported as a reference
         return False
-
-
-def _camera(given: Mapping[str, Any]) -> Camera:
-    values: dict[str, Any] = {
-        name.removesuffix("_deg"): math.radians(value) if name.endswith("_deg") else value
-        for name, value in given.items()
-    }
-    for name in values.keys() & {"matrix", "distortion", "position"}:
-        values[name] = tuple(map(float, values[name]))
-    return Camera(**values)
 
 
 def _part(kind: str, given: Mapping[str, Any], registry: Registry) -> Part:

@@ -16,7 +16,7 @@ from star_core import hookspecs
 from star_core.contracts import SPECS, MissionSpec
 from star_core.errors import PluginError, suggestion
 from star_core.hookspecs import plugin_calls
-from star_core.plugin_schema import sound
+from star_core.plugin_support.option_schema import sound
 
 ENTRY_POINT_GROUP: Final = "star.plugins"
 OWN: Final = "star-swarm:"

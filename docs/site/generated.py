@@ -32,11 +32,11 @@ GROUPS: Final = {  # page, title, and prefixes of the modules whose public names
         "Flights and records",
         ("cli", "runner", "operator", "registry", "mission", "metrics"),
     ),
-    "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_guard")),
+    "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_support")),
     "messages": ("Tables", ("messages",)),
     "scene": ("Scene and world", ("scene", "world")),
     "toolkit": ("Toolkit", ("toolkit", "geometry")),
-    "files": ("Files, options and errors", ("mission_file", "plugin_schema", "errors")),
+    "files": ("Files, options and errors", ("mission_file", "errors")),
 }
 
 MODULES: Final = {  # pages of whole modules

@@ -17,7 +17,7 @@ from star_core.mission_file.located import Document
 from star_core.mission_file.overrides import override
 from star_core.mission_file.world_loader import world
 from star_core.mission_file.yaml_reader import read
-from star_core.plugin_guard import PluginGuard
+from star_core.plugin_support.guard import PluginGuard
 from star_core.registry import Registry
 from star_core.world.camera import camera_faults
 

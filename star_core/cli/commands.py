@@ -178,7 +178,7 @@ def _check(arguments: Sequence[str]) -> int:
 
 
 def _errors(arguments: Sequence[str]) -> int:
-    from star_core import error_codes
+    from star_core.cli import error_codes
 
     options = _parse("errors", arguments)
     print(error_codes.explain(options.code) if options.code else error_codes.page())

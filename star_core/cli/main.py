@@ -94,7 +94,7 @@ def make(kind: str, found: Found, *arguments: Any) -> Any:
         PluginError: A third party's raised neither `InputError` nor `SystemExit`.
     """
     from star_core.errors import InputError, PluginError
-    from star_core.plugin_guard import PluginGuard
+    from star_core.plugin_support.guard import PluginGuard
 
     if found.source.own:  # its other errors are bugs, and show their tracebacks
         return found.offer.make(*arguments)

@@ -20,7 +20,7 @@ from star_core.mission import Mission
 from star_core.mission_file.conditions import ConditionContext, holds, longest_wait
 from star_core.mission_file.step_tree import Action, actions
 from star_core.observers import Observers
-from star_core.plugin_guard import (
+from star_core.plugin_support.guard import (
     PluginGuard,
     Strikes,
     ToleratingGuard,
@@ -28,7 +28,7 @@ from star_core.plugin_guard import (
     require_methods,
     require_signature,
 )
-from star_core.plugin_schema import fill_defaults
+from star_core.plugin_support.option_schema import fill_defaults
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import step_timeout

@@ -13,9 +13,9 @@ import numpy as np
 from star_core.errors import InputError
 from star_core.messages.arrays import Array
 from star_core.messages.vision import Detections
-from star_core.mission import agents
 from star_core.mission_file import world_loader
 from star_core.mission_file.located import Document
+from star_core.mission_file.scene_builder import agents
 from star_core.mission_file.yaml_reader import parse
 from star_core.scene import Agent
 from star_core.world.world import World

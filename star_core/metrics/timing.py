@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from time import perf_counter, thread_time
 from typing import Any, Final
 
+from star_core.plugin_support.watchdog import Watchdog
 from star_core.toolkit.jit import compile_time
-from star_core.watchdog import Watchdog
 
 log = logging.getLogger(__name__)
 

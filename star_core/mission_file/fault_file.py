@@ -13,7 +13,7 @@ from star_core.errors import InputError, suggestion
 from star_core.mission_file import schema
 from star_core.mission_file.located import Document
 from star_core.mission_file.step_tree import rows_of
-from star_core.plugin_schema import fill_defaults
+from star_core.plugin_support.option_schema import fill_defaults
 from star_core.scene import Scene, inside
 
 if TYPE_CHECKING:

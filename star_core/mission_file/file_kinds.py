@@ -7,7 +7,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 from star_core.errors import suggestion
 from star_core.mission_file.located import Document
-from star_core.plugin_schema import PARTS
+from star_core.plugin_support.option_schema import PARTS
 
 Kind: TypeAlias = Literal[
     "mission", "steps", "world", "camera", "study", "faults", "crazyswarm2", "original STAR"

@@ -7,7 +7,7 @@ from typing import Any
 
 from star_core.contracts import Problem
 from star_core.mission_file.schema import compose, validator
-from star_core.plugin_schema import fill_defaults
+from star_core.plugin_support.option_schema import fill_defaults
 from star_core.registry import Registry
 from star_core.scene import Scene
 

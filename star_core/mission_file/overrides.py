@@ -8,7 +8,7 @@ from dataclasses import replace
 from star_core.errors import InputError
 from star_core.mission_file.located import Document, Mark, Value, shown
 from star_core.mission_file.yaml_reader import parse
-from star_core.plugin_schema import PARTS
+from star_core.plugin_support.option_schema import PARTS
 
 
 def override(document: Document, assignments: Sequence[str]) -> Document:

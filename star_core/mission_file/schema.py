@@ -16,7 +16,7 @@ from star_core.errors import InputError
 from star_core.mission_file.file_kinds import Kind, require_kind
 from star_core.mission_file.located import Document
 from star_core.mission_file.yaml_reader import read
-from star_core.plugin_schema import PARTS, SHARED, references
+from star_core.plugin_support.option_schema import PARTS, SHARED, references
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError

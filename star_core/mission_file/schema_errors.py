@@ -22,7 +22,7 @@ from star_core.mission_file.error_messages import (
     what,
 )
 from star_core.mission_file.located import Location
-from star_core.plugin_schema import PARTS
+from star_core.plugin_support.option_schema import PARTS
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core.mission_file.located import Location
-from star_core.plugin_schema import PARTS, fill_defaults
+from star_core.plugin_support.option_schema import PARTS, fill_defaults
 
 if TYPE_CHECKING:
     from star_core.mission_file.schema_errors import Fault

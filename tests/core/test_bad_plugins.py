@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import star_core as star
-from star_core import watchdog
-from star_core.plugin_guard import Strikes
+from star_core.plugin_support import watchdog
+from star_core.plugin_support.guard import Strikes
 from star_core.registry import Source
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab
@@ -250,7 +250,7 @@ def test_threads_that_a_plugin_leaves_behind_do_not_keep_the_command_from_its_en
 def test_native_code_that_computes_for_ever_ends_the_process_with_its_line() -> None:
     done = in_python(
         "import os, collections, itertools",
-        "from star_core import watchdog",
+        "from star_core.plugin_support import watchdog",
         "watchdog.MAX_NATIVE_TIME = 0.1 / os.cpu_count()",
         "with watchdog.Watchdog(0.1, realtime=False, brake=lambda: None) as watched:",
         "    watched.begin(first=False, transport=False)",

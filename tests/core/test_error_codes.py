@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from star_core.cli.error_codes import catalogue, page
 from star_core.cli.main import main
 from star_core.contracts import Problem
-from star_core.error_codes import catalogue, page
 from star_core.errors import ContractError, InputError, PluginError, StarError, code_of, coded
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from star_core import ContractError, InputError, PluginError
-from star_core.plugin_guard import PluginGuard
+from star_core.plugin_support.guard import PluginGuard
 
 PLUGIN = "planner 'mine' (my-dist 1.0:mine)"
 
@@ -73,7 +73,7 @@ def test_the_error_itself_stays_at_hand() -> None:
 
 
 def test_the_traceback_is_logged_on_demand(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.DEBUG, logger="star_core.plugin_guard")
+    caplog.set_level(logging.DEBUG, logger="star_core.plugin_support.guard")
     blamed(KeyError("gain"))
     (record,) = caplog.records
     assert record.getMessage() == f"{PLUGIN} raised"

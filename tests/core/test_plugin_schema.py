@@ -13,7 +13,7 @@ from star_core import Scene, fly, hookimpl
 from star_core import load as load_mission
 from star_core.contracts import AvoiderSpec, Exclusive, TaskSpec
 from star_core.errors import PluginError
-from star_core.plugin_schema import OWN, fill_defaults, held, sound
+from star_core.plugin_support.option_schema import OWN, fill_defaults, held, sound
 from star_core.registry import Found, Registry, Source
 
 NEVER_MADE: Any = object

@@ -19,7 +19,7 @@ from star_core.mission_file.step_tree import (
     actions,
     nodes,
 )
-from star_core.plugin_schema import JOIN, PARTS
+from star_core.plugin_support.option_schema import JOIN, PARTS
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.world.camera import camera_faults

@@ -28,7 +28,7 @@ from star_core import (
     Transform,
     Truth,
 )
-from star_core.plugin_guard import PluginGuard
+from star_core.plugin_support.guard import PluginGuard
 
 
 def rows(n: int, *shape: int) -> np.ndarray:

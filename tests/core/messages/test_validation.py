@@ -25,14 +25,14 @@ from star_core import (
     Transport,
 )
 from star_core.messages.arrays import require_type
-from star_core.pipeline import (
+from star_core.pipeline import renewed
+from star_core.plugin_support.guard import require_methods, require_signature
+from star_core.plugin_support.outputs import (
     checked_estimate,
     checked_plan,
     checked_setpoint,
     checked_telemetry,
-    renewed,
 )
-from star_core.plugin_guard import require_methods, require_signature
 from star_core.testing import estimate
 
 TWO = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])

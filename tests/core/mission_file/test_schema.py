@@ -16,7 +16,7 @@ from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.located import Document
 from star_core.mission_file.schema import compose, compose_steps, load, problems
 from star_core.mission_file.yaml_reader import parse
-from star_core.plugin_schema import sound
+from star_core.plugin_support.option_schema import sound
 
 NEVER_MADE: Any = object
 

@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 
 import star_external
 from star_core import Task, TaskSpec, fill_defaults
-from star_core.plugin_schema import held
+from star_core.plugin_support.option_schema import held
 from star_core.testing import scene
 from star_external.planner_source import GROUP
 from star_external.spec import check

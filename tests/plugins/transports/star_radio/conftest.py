@@ -12,7 +12,7 @@ import pytest
 
 import star_radio
 from star_core import Scene
-from star_core.plugin_schema import fill_defaults
+from star_core.plugin_support.option_schema import fill_defaults
 from star_core.testing import scene
 from star_radio.options import OPTIONS
 from star_radio.transport import Radio

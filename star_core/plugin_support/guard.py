@@ -12,7 +12,7 @@ from types import MappingProxyType, TracebackType
 from typing import Any
 
 from star_core.errors import CommandError, ContractError, PluginError, RowCountError, StarError
-from star_core.watchdog import PluginTimeout
+from star_core.plugin_support.watchdog import PluginTimeout
 
 log = logging.getLogger(__name__)
 

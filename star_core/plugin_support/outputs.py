@@ -1,0 +1,120 @@
+"""Checks of what plugins return: numbers of rows, times, and finite values.
+
+Shapes and types of a table are checked when it is made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from star_core.errors import ContractError
+from star_core.messages.arrays import Mask, Rows, require_rows, require_type
+from star_core.messages.state import Estimate, Plan, Setpoint, Truth
+from star_core.messages.telemetry import Telemetry
+
+TIME_TOLERANCE: Final = 1e-3  # s; clocks of computers have a resolution
+
+
+def checked_time(answer: Any, until: float) -> float:
+    """Return a transport's time, s, after it waited until another; raise `ContractError`."""
+    now = float(answer)
+    if not until - TIME_TOLERANCE <= now < math.inf:
+        raise ContractError(f"wait({until!r}) returned {now!r}, expected that time or later")
+    return now
+
+
+def checked_telemetry(answer: object, n: int) -> Telemetry:
+    """Return a transport's telemetry if it has `n` rows and a time; raise `ContractError`."""
+    telemetry = require_type(answer, Telemetry)
+    require_rows(telemetry, len(telemetry.age), n)
+    if not math.isfinite(telemetry.time):
+        raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
+    for name in ("odometry", "frames", "detections"):
+        _require_agents(f"Telemetry.{name}.agent", getattr(telemetry, name).agent, n)
+    return telemetry
+
+
+def checked_truth(answer: object, n: int) -> Truth | None:
+    """Return a transport's ground truth of `n` rows, if it has it; raise `ContractError`."""
+    if answer is None:
+        return None
+    truth = require_type(answer, Truth)
+    require_rows(truth, len(truth.position), n)
+    return truth
+
+
+def checked_location(answer: object, telemetry: Telemetry) -> Estimate:
+    """Return a localizer's estimate for the time of telemetry; raise `ContractError`."""
+    estimate = checked_estimate(answer, len(telemetry.age))
+    if not abs(estimate.time - telemetry.time) <= TIME_TOLERANCE:
+        raise ContractError(
+            f"Estimate.time is {estimate.time!r}, expected the telemetry's, {telemetry.time!r}"
+        )
+    return estimate
+
+
+def checked_estimate(answer: object, n: int) -> Estimate:
+    """Return a localizer's estimate of `n` rows, finite where it is valid; raise `ContractError`.
+
+    Corrections must be finite, except that an infinite `attitude_deviation` stands for no attitude.
+    """
+    estimate = require_type(answer, Estimate)
+    require_rows(estimate, len(estimate.position), n)
+    for name in ("position", "velocity", "yaw", "covariance"):
+        _require_finite(f"Estimate.{name}", getattr(estimate, name), estimate.valid)
+    frames = estimate.map_from_odom
+    _require_finite("Estimate.map_from_odom.yaw", frames.yaw, estimate.valid)
+    _require_finite("Estimate.map_from_odom.translation", frames.translation, estimate.valid)
+    for name in ("sightings", "detections"):
+        _require_agents(f"Estimate.{name}.agent", getattr(estimate, name).agent, n)
+    if len(corners := estimate.detections.corners):
+        everywhere = np.ones(len(corners), np.bool_)
+        _require_finite("Estimate.detections.corners", corners, everywhere)
+    corrections = estimate.corrections
+    if len(corrections.agent):
+        _require_agents("Estimate.corrections.agent", corrections.agent, n)
+        everywhere = np.ones(len(corrections.agent), np.bool_)
+        for name in ("position", "attitude", "position_deviation"):
+            _require_finite(f"Estimate.corrections.{name}", getattr(corrections, name), everywhere)
+        deviation = corrections.attitude_deviation
+        _require_finite(
+            "Estimate.corrections.attitude_deviation", deviation, ~np.isposinf(deviation)
+        )
+    return estimate
+
+
+def checked_plan(answer: object, n: int) -> Plan:
+    """Return a planner's plan for `n` agents, finite where it is active; raise `ContractError`."""
+    plan = require_type(answer, Plan)
+    checked_setpoint(plan.setpoint, n)
+    _require_agents("Plan.paths.agent", plan.paths.agent, n)
+    if not isinstance(plan.reasons, Mapping):
+        raise ContractError(f"Plan.reasons is {plan.reasons!r}, expected a map from row to text")
+    return plan
+
+
+def checked_setpoint(answer: object, n: int) -> Setpoint:
+    """Return a setpoint of `n` rows, finite where it is active; raise `ContractError`."""
+    setpoint = require_type(answer, Setpoint)
+    require_rows(setpoint, len(setpoint.velocity), n)
+    _require_finite("Setpoint.velocity", setpoint.velocity, setpoint.active)
+    _require_finite("Setpoint.yaw", setpoint.yaw, setpoint.active)
+    return setpoint
+
+
+def _require_agents(field: str, rows: Rows, n: int) -> None:
+    if len(rows) and not 0 <= rows.min() <= rows.max() < n:
+        raise ContractError(f"{field} is {rows.tolist()!r}, expected rows below {n}")
+
+
+def _require_finite(field: str, values: np.ndarray, where: Mask) -> None:
+    if np.isfinite(values).all():
+        return
+    bad = where & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ContractError(f"{field} of row {row} is {values[row].tolist()!r}, expected numbers")

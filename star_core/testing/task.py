@@ -1,0 +1,154 @@
+"""The check of tasks: agents that are points do what a task commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from star_core.contracts import Status, Task, TaskOutput
+from star_core.errors import ContractError
+from star_core.execution.assignments import GoalBuffer
+from star_core.execution.step_run import checked_timeout
+from star_core.messages.arrays import Mask
+from star_core.messages.commands import Command, Order
+from star_core.messages.state import AgentPhase, Estimate, Goals, Health
+from star_core.plugin_support.guard import require_methods
+from star_core.scene import Scene
+from star_core.testing.calls import (
+    SIZES,
+    Times,
+    agents_of,
+    called_alike,
+    close_all,
+    labeled,
+    reported,
+    require_same,
+)
+from star_core.testing.inputs import estimate, health, scene
+
+TASK_TIME: Final = 4.0  # s, for which a task is called if it is not over before
+
+UNLOCATED: Final = range(5, 8)  # ticks of a task in which its first agent is not located
+CHANGES: Final[Mapping[int, tuple[str, Callable[[tuple[int, ...]], tuple[int, ...]]]]] = {
+    20: ("on_agents_removed", lambda rows: rows[1:]),
+    30: ("on_agent_replaced", lambda rows: (*rows[:-1], 1)),
+    40: ("on_agents_added", lambda rows: (*rows, 0)),
+}
+"""Changes of a task's agents, by the tick: its method, and its rows after it."""
+
+
+def check_task(
+    make: Callable[[Scene, tuple[int, ...]], Task],
+    scene: Callable[[int], Scene] = scene,
+    phase: AgentPhase = AgentPhase.FLYING,
+) -> Times:
+    """Check that a task has goals and commands for its own agents only, all of them finite.
+
+    Every second agent is its own. They fly exactly to its goals, and do what it commands. The first
+    is not located for a while; later one leaves, one is replaced, and one is added, if the task has
+    the methods for that.
+
+    Args:
+        make: Makes the task for some rows of a scene.
+        scene: As of all checks.
+        phase: Of the agents when it begins: GROUNDED for a verb that takes off.
+
+    Raises:
+        ContractError: It does not.
+    """
+    means = {}
+    for n in SIZES:
+        room, rows = scene(n), tuple(range(0, n, 2))
+        tasks = [make(room, rows) for _ in range(2)]
+        require_methods(tasks[0], Task)
+        swarm = _PointMasses(room, phase)
+        goals = GoalBuffer(n, room.limits.speed, getattr(tasks[0], "trajectories", ()))
+        took, status = [0.0], Status.RUNNING
+        for tick in range(int(TASK_TIME / room.period)):
+            if status is not Status.RUNNING:
+                break
+            lost = (np.arange(n) == 0) & (tick in UNLOCATED)
+            inputs = swarm.estimate(lost), swarm.health()
+            with labeled(f"task of {agents_of(n)}, tick {tick}"):
+                if not tick:
+                    require_same(*(checked_timeout(task.begin(*inputs)) for task in tasks))
+                rows = _changed(tasks, rows, tick) if n > 1 else rows
+                output, elapsed = called_alike(tasks, "step", inputs)
+                took.append(elapsed)
+                status = goals.add(output, np.isin(np.arange(n), rows)).status
+                if status is Status.FAILURE and not output.reason:
+                    raise ContractError("failed without TaskOutput.reason, which users are shown")
+                swarm.move(output)
+        close_all(tasks)
+        means[n] = float(np.mean(took[2:] or took))
+    return reported(tasks[0], means)
+
+
+def _changed(tasks: Sequence[Task], rows: tuple[int, ...], tick: int) -> tuple[int, ...]:
+    """Change the agents of a task if it has a method for the change of a tick; return the rows."""
+    if tick not in CHANGES:
+        return rows
+    method, change = CHANGES[tick]
+    after = change(rows)
+    if not after or len(set(after)) < len(after) or not hasattr(tasks[0], method):
+        return rows
+    for task in tasks:
+        getattr(task, method)(*((rows[-1], 1) if method == "on_agent_replaced" else (after,)))
+    return after
+
+
+class _PointMasses:
+    """Agents that do at once what a task wants."""
+
+    def __init__(self, room: Scene, phase: AgentPhase) -> None:
+        n = len(room.agents)
+        self._period, self._time = room.period, 0.0
+        self._position = np.array([agent.start for agent in room.agents])
+        self._position[:, 2] = 0.0 if phase is AgentPhase.GROUNDED else 0.8
+        self._phase = np.full(n, int(phase))
+        self._goals = Goals.none(n)
+        self._target = self._position.copy()
+        self._after = self._phase.copy()
+        self._due = np.full(n, np.inf)
+
+    def estimate(self, lost: Mask) -> Estimate:
+        gone = np.where(lost, np.nan, 0.0)
+        now = estimate(self._position + gone[:, None], time=self._time)
+        return replace(now, valid=~lost)
+
+    def health(self) -> Health:
+        return replace(health(len(self._phase)), phase=self._phase)
+
+    def move(self, output: TaskOutput) -> None:
+        self._time += self._period
+        self._goals = output.goals or self._goals
+        way = self._goals.position - self._position
+        far = np.linalg.norm(way, axis=1, keepdims=True)
+        reach = self._goals.speed[:, None] * self._period
+        flies = self._goals.active & (self._phase == AgentPhase.FLYING)
+        step = way * np.minimum(1.0, reach / np.maximum(far, 1e-9))
+        self._position = self._position + np.where(flies[:, None], step, 0.0)
+        for command in output.commands:
+            self._obey(command)
+        done = self._due <= self._time + 1e-9
+        self._position[done], self._phase[done] = self._target[done], self._after[done]
+        self._due[done] = np.inf
+
+    def _obey(self, command: Command) -> None:
+        rows = command.agent
+        phases = {
+            Order.TAKEOFF: (AgentPhase.TAKING_OFF, AgentPhase.FLYING),
+            Order.LAND: (AgentPhase.LANDING, AgentPhase.LANDED),
+        }
+        self._target[rows] = self._position[rows]
+        self._due[rows] = self._time + command.duration
+        if command.order in phases:
+            self._phase[rows], self._after[rows] = phases[command.order]
+            self._target[rows, 2] = command.position[:, 2]
+        else:
+            self._after[rows] = self._phase[rows]
+            if command.order is Order.GOTO:
+                self._target[rows] = command.position
