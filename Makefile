@@ -6,7 +6,7 @@ MISSION ?= missions/first_flight.yaml
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check docs air bench campaign faults guardian mutants scenarios lowest clean
+.PHONY: help fly test check docs air bench campaign faults guardian mutants scenarios soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -61,6 +61,9 @@ guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose progra
 
 faults: $(VENV)/.ready  ## the fault matrix of docs/reliability.md; long
 	$(BIN)/python benchmarks/faults.py --page docs/reliability.md
+
+soak: $(VENV)/.ready  ## 30 drones over the protocol for 10 minutes: ticks, memory, files, threads; exit 1 if a bound is broken
+	$(BIN)/python benchmarks/soak.py
 
 mutants: $(VENV)/.ready  ## plant small mistakes, and print which of them the tests notice
 	$(BIN)/python benchmarks/mutants.py

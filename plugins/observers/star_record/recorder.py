@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Array, Detections, Flight, Frames, Image, Tick
+from star_core import Detections, Flight, Frames, Image, Tick
+from star_record.spool import Spool
 from star_record.text_log import TextLog
 
 log = logging.getLogger(__name__)
 
 
 class Recorder:
-    """Keeps every tick in memory and writes it at the end; the manifest is written at the start.
+    """Collects every tick and writes the tables at the end; the manifest is written at the start.
 
     `docs/record.md` describes the files.
 
@@ -34,12 +35,12 @@ class Recorder:
     def __init__(self, flight: Flight, folder: Path) -> None:
         self._folder = folder
         self._agents = flight.scene.names
-        self._columns: dict[str, list[Array]] = {}
-        self._timing: dict[str, list[float]] = {}
         self._detections: list[Detections] = []
         self._save_frames = flight.save_frames
         self._unknown = {"truth_position", "truth_attitude", "signal"}  # in all ticks so far
         folder.mkdir(parents=True, exist_ok=True)
+        self._trajectory, self._timing = Spool(folder), Spool(folder)
+        self._full = False  # whether a tick could not be stored
         self._write("manifest.json", flight.manifest)
         self.log = TextLog(folder / "log.txt")
 
@@ -76,10 +77,17 @@ class Recorder:
             self._detections.append(found)
         if self._save_frames:
             self._save_images(tick.telemetry.frames)
-        for name, value in row.items():
-            self._columns.setdefault(name, []).append(value)
-        for name, seconds in {"time": tick.time, **tick.timing}.items():
-            self._timing.setdefault(name, []).append(seconds)
+        if not self._full:
+            self._store(row, {"time": tick.time, **tick.timing})
+
+    def _store(self, row: Mapping[str, Any], timing: Mapping[str, float]) -> None:
+        """Store the row of a tick; after the first failure, store no more of them."""
+        try:
+            self._trajectory.add(row)
+            self._timing.add(timing)
+        except OSError as error:
+            self._full = True
+            log.warning("recording of the trajectory stopped: %s", error)
 
     def _save_images(self, frames: Frames) -> None:
         """Write images; after the first failure, save no more of them."""
@@ -100,16 +108,13 @@ class Recorder:
         self._write("summary.json", summary)
         if summary["targets"]["total"]:
             self._write_targets(summary["targets"]["list"])
-        columns: dict[str, Any] = {
-            name: np.array(rows)
-            for name, rows in self._columns.items()
-            if name not in self._unknown
-        }
-        np.savez_compressed(
-            self._folder / "trajectory.npz", agents=np.array(self._agents), **columns
-        )
-        times: dict[str, Any] = {name: np.array(rows) for name, rows in self._timing.items()}
-        np.savez_compressed(self._folder / "timing.npz", **times)
+        with self._trajectory as trajectory, self._timing as timing:
+            columns = trajectory.columns()
+            for name in self._unknown:
+                columns.pop(name, None)
+            path, agents = self._folder / "trajectory.npz", np.array(self._agents)
+            np.savez_compressed(path, agents=agents, **columns)
+            np.savez_compressed(self._folder / "timing.npz", **timing.columns())
         if self._detections:
             found = Detections.merged(self._detections)
             seen: dict[str, Any] = {one.name: getattr(found, one.name) for one in fields(found)}
