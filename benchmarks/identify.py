@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from recorded_flights import FOLDER, Flight, body_axes, read
+from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, body_axes, read
 
 from star_core import Array
 from star_sim import airframe, battery, powertrain
@@ -23,6 +23,7 @@ USED = ("circle", "helix", "star")  # in the names of the flights that identify
 SECOND = 100  # samples
 EDGE = 40  # samples at both ends that smoothing spoils
 ACCELEROMETER_DELAY = 0.0075  # s: Butterworth of order 2 at 30 Hz (``sensors_bmi088_bmp3xx.c``)
+MOVING = 0.1  # m/s
 LAGS = np.arange(0.02, 0.15, 0.0025)  # s
 
 
@@ -47,6 +48,8 @@ def main() -> None:
     show("RESISTANCE", [resistance(flight) for flight in flights], powertrain.RESISTANCE)
     show("DRAG", [drag(flight) for flight in flights], powertrain.DRAG)
     show("MOMENT", [moment(flight) for flight in flights], powertrain.MOMENT)
+    print("of the recordings, for benchmarks/real_flights.py:")
+    show("ESTIMATE_LATENCY", [estimate_latency(flight) for flight in flights], ESTIMATE_LATENCY)
 
 
 def show(name: str, values: list[float], used: float) -> None:
@@ -125,6 +128,16 @@ def moment(flight: Flight) -> float:
         table = np.stack([_smooth(along[:, side]), spin, np.ones_like(spin)], axis=1)
         slopes.append(sign * np.linalg.lstsq(table[inner], torque[inner], rcond=None)[0][0])
     return float(np.mean(slopes))
+
+
+def estimate_latency(flight: Flight) -> float:
+    """Return by how much the on-board estimate of the position trails the measured one, s."""
+    data, part = flight.data, flight.counted
+    moving = np.linalg.norm(data["velocity"][part, :2], axis=1) > MOVING
+    error = (data["estimate_position"] - data["position"])[part, :2][moving]
+    velocity = data["velocity"][part, :2][moving]
+    error, velocity = error - error.mean(axis=0), velocity - velocity.mean(axis=0)
+    return float(-(error * velocity).sum() / (velocity**2).sum())
 
 
 def lagged(values: Array, lag: float) -> Array:

@@ -4,8 +4,9 @@
 
 * replays the recorded setpoints in the simulator, from the recorded start on the ground to where
   the real drone landed or left its trajectory, and compares the paths at equal times, the lag
-  behind the setpoints and the PWM; a second replay adds the recorded errors of the on-board
-  estimate to what the simulated controller believes, and so tests controller and body alone;
+  behind the setpoints and the PWM; a second replay lets the estimate of the position trail by the
+  latency that it has in the recordings, one constant for all flights; a third one adds the recorded
+  errors of the on-board estimate, and so tests controller and body alone;
 * predicts, from recorded states and PWM, the next sample and the state 0.5 s later, with the
   simulator's rigid body and motors and with those of drone-models, where that is installed
   (crazyflow simulates the same models).
@@ -26,7 +27,7 @@ os.environ.setdefault("SCIPY_ARRAY_API", "1")  # what drone-models requires befo
 
 import numpy as np
 from flight_models import Model, ours, predict, theirs
-from recorded_flights import FOLDER, Flight, read, rms
+from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, read, rms
 
 from star_core import Agent, Array, Fence, Scene, World
 from star_sim import battery
@@ -37,14 +38,18 @@ from star_sim.transport import Simulator
 TENTHS = np.linspace(0.0, 1.0, len(battery.VOLTAGE_OF_CHARGE))
 
 
-def replay(flight: Flight, controller: str, *, estimated: bool = False) -> dict[str, Array]:
+REPLAYS = {"true": "", "late": "late_", "recorded": "estimated_"}
+"""Estimates that the simulated controller flies by, and prefixes of the figures' names."""
+
+
+def replay(flight: Flight, controller: str, estimate: str) -> dict[str, Array]:
     """Fly the recorded setpoints in the simulator.
 
     Args:
         flight: A recorded one.
         controller: Name of a controller of the transport `sim`.
-        estimated: Whether the simulated estimate errs by as much as the recorded one; otherwise it
-            does not.
+        estimate: What the simulated controller believes: the true state; the true state with a
+            position in the plane that is `ESTIMATE_LATENCY` old; or with the recorded errors.
 
     Returns:
         ``position`` (T, 3) m, ``pwm`` (T, 4) and ``voltage`` (T,) V at the recorded times; NaN
@@ -85,7 +90,9 @@ def replay(flight: Flight, controller: str, *, estimated: bool = False) -> dict[
         if simulator.cascades is not None:
             flown["pwm"][k] = simulator.cascades["pwm"][0]
         simulator.wait(round(time[k + 1] / CYCLE) * CYCLE)
-        if estimated:
+        if estimate == "late":
+            drone["believed_position"][:2] -= ESTIMATE_LATENCY * drone["velocity"][:2]
+        elif estimate == "recorded":
             for name in ("position", "velocity"):
                 drone[f"believed_{name}"] += data[f"estimate_{name}"][k + 1] - data[name][k + 1]
     return flown
@@ -105,20 +112,20 @@ def lag(time: Array, path: Array, setpoint: Array) -> float:
 def compare(flight: Flight, controller: str) -> dict[str, float]:
     """Return the figures of one replayed flight."""
     data, part = flight.data, flight.counted
-    flown, known = replay(flight, controller), replay(flight, controller, estimated=True)
     time, real, setpoint = data["time"][part], data["position"][part], data["setpoint"][part]
-    apart, still_apart = flown["position"][part] - real, known["position"][part] - real
-    return {
+    flights = {estimate: replay(flight, controller, estimate) for estimate in REPLAYS}
+    flown = flights["true"]
+    figures = {}
+    for estimate, prefix in REPLAYS.items():
+        path = flights[estimate]["position"][part]
+        figures[f"{prefix}lag_sim"] = lag(time, path[:, :2], setpoint[:, :2])
+        figures[f"{prefix}rms_xy"] = rms((path - real)[:, :2])
+        figures[f"{prefix}rms_z"] = rms((path - real)[:, 2:])
+        figures[f"{prefix}rms"] = rms(path - real)
+    return figures | {
         "seconds": float(time[-1] - time[0]),
         "speed": flight.speed,
         "lag_real": lag(time, real[:, :2], setpoint[:, :2]),
-        "lag_sim": lag(time, flown["position"][part][:, :2], setpoint[:, :2]),
-        "rms_xy": rms(apart[:, :2]),
-        "rms_z": rms(apart[:, 2:]),
-        "rms": rms(apart),
-        "estimated_lag_sim": lag(time, known["position"][part][:, :2], setpoint[:, :2]),
-        "estimated_rms_xy": rms(still_apart[:, :2]),
-        "estimated_rms_z": rms(still_apart[:, 2:]),
         "pwm_real": float(data["pwm"][part].mean()),
         "pwm_sim": float(flown["pwm"][part].mean()),
         "voltage_real": float(data["voltage"][part].mean()),
@@ -163,7 +170,9 @@ COLUMNS = (  # title, key, format
     ("sim", "lag_sim", "6.2f"),
     ("RMS m, xy", "rms_xy", "6.3f"),
     ("z", "rms_z", "6.3f"),
-    ("known: lag", "estimated_lag_sim", "6.2f"),
+    ("late: lag", "late_lag_sim", "6.2f"),
+    ("xy", "late_rms_xy", "6.3f"),
+    ("recorded: lag", "estimated_lag_sim", "6.2f"),
     ("xy", "estimated_rms_xy", "6.3f"),
     ("z", "estimated_rms_z", "6.3f"),
     ("PWM, real", "pwm_real", "6.0f"),
@@ -190,23 +199,18 @@ def print_row(name: str, row: dict[str, Any], *, header: bool) -> None:
 def print_summary(figures: dict[str, Any]) -> None:
     """Print medians and extremes over the flights at each speed, and the errors of predictions."""
     rows = list(figures.values())
-    print(
-        "\nmedian (worst) at a speed   lag, sim - real s    RMS xy m        known: lag     RMS xy m"
-    )
+    print("\nmedian (worst)                estimate    lag, sim - real s   RMS xy m")
     for low, high in ((0.0, 0.6), (0.6, 0.85), (0.85, 9.9)):
         some = [row for row in rows if low <= row["speed"] < high]
-        if some:
-            texts = []
-            for lag_key, rms_key in (
-                ("lag_sim", "rms_xy"),
-                ("estimated_lag_sim", "estimated_rms_xy"),
-            ):
-                late = np.array([row[lag_key] - row["lag_real"] for row in some])
-                apart = np.array([row[rms_key] for row in some])
-                texts.append(f"{np.median(late):6.3f} ({late[np.argmax(np.abs(late))]:6.3f})")
-                texts.append(f"{np.median(apart):6.3f} ({apart.max():.3f})")
+        for estimate, prefix in REPLAYS.items() if some else ():
+            late = np.array([row[f"{prefix}lag_sim"] - row["lag_real"] for row in some])
+            apart = np.array([row[f"{prefix}rms_xy"] for row in some])
             speed = np.median([row["speed"] for row in some])
-            print(f"{speed:4.2f} m/s, {len(some):2} flights        " + "  ".join(texts))
+            print(
+                f"{speed:4.2f} m/s, {len(some):2} flights        {estimate:8}   "
+                f"{np.median(late):6.3f} ({late[np.argmax(np.abs(late))]:6.3f})     "
+                f"{np.median(apart):6.3f} ({apart.max():.3f})"
+            )
     share = [row["pwm_sim"] / row["pwm_real"] - 1 for row in rows]
     print(f"PWM, sim over real: median {np.median(share):+.1%}, worst {max(share, key=abs):+.1%}")
     print("\nmedians of the predictions' RMS errors: after 10 ms velocity m/s, rates rad/s;")

@@ -25,6 +25,7 @@ AIRBORNE = 0.3  # m: lower than that a drone takes off or lands
 SETTLED = 1.0  # s in the air until a flight counts
 LEFT = 1.3  # m from its setpoint: more than any lag of these flights
 LEVELLED = 0.5  # cosine of a tilt that no controller asks for
+ESTIMATE_LATENCY = 0.017  # s, of the on-board estimate behind motion capture: `identify.py`
 SAG = -0.05  # m, mean error of the height: the PID integrates it away, Mellinger's law does not
 
 
@@ -75,12 +76,12 @@ def read(path: Path) -> Flight:
         data["voltage"] = data["voltage"].reshape(-1)
     except KeyError as error:
         sys.exit(f"{path}: no array {error}")
-    told = np.any(setpoint != 0, axis=1)
-    flying = told & (pwm.max(axis=1) > 0) & (position[:, 2] > AIRBORNE)
+    commanded = np.any(setpoint != 0, axis=1)
+    flying = commanded & (pwm.max(axis=1) > 0) & (position[:, 2] > AIRBORNE)
     flying &= setpoint[:, 2] > AIRBORNE
     if not flying.any():
         sys.exit(f"{path}: the drone does not fly")
-    began = int(np.flatnonzero(told)[0])
+    began = int(np.flatnonzero(commanded)[0])
     first = int(np.flatnonzero(flying)[0])
     distance = np.linalg.norm(position - setpoint[:, :3], axis=1)
     lost = (distance > LEFT) | (1 - 2 * (x**2 + y**2) < LEVELLED) | ~flying
