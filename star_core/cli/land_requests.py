@@ -1,4 +1,4 @@
-"""Requests to land all agents, beside signals: the space bar, and `star stop` in another terminal.
+"""Requests to land all agents, beside signals: space bar, gamepad, `star stop` in another terminal.
 
 Each flight listens on a socket, named by its process, in a folder that only its user can open.
 """
@@ -11,13 +11,14 @@ import select
 import signal
 import socket
 import stat
+import struct
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from star_core.errors import InputError
 from star_core.operator import Operator
@@ -29,6 +30,12 @@ LAND: Final = b"land"
 ANSWER_TIMEOUT: Final = 1.0  # s
 BACKGROUND_PERIOD: Final = 0.2  # s, between checks whether the flight is in the foreground again
 MAX_MESSAGE: Final = 1000  # bytes
+GAMEPADS: Final = Path("/dev/input")  # folder of the devices js0, js1, ...
+GAMEPAD_EVENT: Final = struct.Struct("IhBB")  # ``js_event`` of linux/joystick.h
+BUTTON: Final = 1  # kind of event; those of buttons that were down at the start have other kinds
+
+Handler: TypeAlias = Callable[[int], bool]
+"""Reads from a file descriptor that is ready; returns whether to go on with it."""
 
 
 @contextmanager
@@ -36,19 +43,23 @@ def listening(operator: Operator, mission: str) -> Iterator[None]:
     """Land all agents when the space bar is pressed, and at `star stop`."""
     with ExitStack() as stack:
         waker, woken = (stack.enter_context(end) for end in socket.socketpair())
-        sources: dict[int, socket.socket | None] = {woken.fileno(): None}
+        handlers: dict[int, Handler] = {}
         try:
             server = stack.enter_context(_server())
-            sources[server.fileno()] = server
+            handlers[server.fileno()] = lambda _: _answer(operator, mission, server)
         except (OSError, InputError) as error:
             log_messages.warning("`star stop` cannot land this flight: %s", error)
         if sys.stdin is not None and sys.stdin.isatty() and _in_foreground():
             stack.enter_context(_keys_at_once())
-            sources[sys.stdin.fileno()] = None
+            handlers[sys.stdin.fileno()] = lambda source: _press(operator, source, woken.fileno())
             log("space or Ctrl-C lands all agents; a second Ctrl-C stops the motors")
-        thread = threading.Thread(
-            target=_listen, args=(operator, mission, sources, woken.fileno()), daemon=True
-        )
+        for device in sorted(GAMEPADS.glob("js*")):
+            with suppress(OSError):  # it may belong to another user
+                source = os.open(device, os.O_RDONLY | os.O_NONBLOCK)
+                stack.callback(os.close, source)
+                handlers[source] = lambda source: _push(operator, source)
+                log(f"any button of the gamepad {device} lands all agents")
+        thread = threading.Thread(target=_listen, args=(handlers, woken.fileno()), daemon=True)
         thread.start()
         try:
             yield
@@ -136,36 +147,46 @@ def _in_foreground() -> bool:
         return False
 
 
-def _listen(
-    operator: Operator, mission: str, sources: dict[int, socket.socket | None], woken: int
-) -> None:
+def _listen(handlers: dict[int, Handler], woken: int) -> None:
     """Wait for requests until `woken` is readable; runs in a thread."""
     while True:
-        ready, _, _ = select.select(list(sources), [], [])
+        ready, _, _ = select.select([woken, *handlers], [], [])
         if woken in ready:
             return
         for source in ready:
-            server = sources[source]
-            if server is not None:
-                _answer(operator, mission, server)
-            elif not _in_foreground():
-                select.select([woken], [], [], BACKGROUND_PERIOD)
-            else:
-                keys = _keys(source)
-                if not keys:  # the terminal is gone
-                    del sources[source]
-                elif b" " in keys:
-                    _land(operator, "space")
+            if not handlers[source](source):
+                del handlers[source]
 
 
-def _keys(source: int) -> bytes:
+def _press(operator: Operator, terminal: int, woken: int) -> bool:
+    """Obey the space bar."""
+    if not _in_foreground():
+        select.select([woken], [], [], BACKGROUND_PERIOD)
+        return True
+    keys = _read(terminal)
+    if b" " in keys:
+        _land(operator, "space")
+    return bool(keys)  # otherwise the terminal is gone
+
+
+def _push(operator: Operator, gamepad: int) -> bool:
+    """Obey a button of a gamepad."""
+    events = _read(gamepad)
+    whole = len(events) - len(events) % GAMEPAD_EVENT.size
+    for _time, value, kind, button in GAMEPAD_EVENT.iter_unpack(events[:whole]):
+        if kind == BUTTON and value:
+            _land(operator, f"gamepad, button {button}")
+    return bool(events)  # otherwise it was unplugged
+
+
+def _read(source: int) -> bytes:
     try:
-        return os.read(source, MAX_MESSAGE)
+        return os.read(source, MAX_MESSAGE - MAX_MESSAGE % GAMEPAD_EVENT.size)
     except OSError:
         return b""
 
 
-def _answer(operator: Operator, mission: str, server: socket.socket) -> None:
+def _answer(operator: Operator, mission: str, server: socket.socket) -> bool:
     """Obey a `star stop`."""
     with suppress(OSError):
         client, _address = server.accept()
@@ -174,6 +195,7 @@ def _answer(operator: Operator, mission: str, server: socket.socket) -> None:
             if client.recv(MAX_MESSAGE) == LAND:
                 _land(operator, "star stop")
                 client.sendall(mission.encode())
+    return True
 
 
 def _land(operator: Operator, source: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pty
 import socket
+import struct
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from star_core import Operator
+from star_core.cli import land_requests
 from star_core.cli.land_requests import listening
 from star_core.cli.main import main
 
@@ -95,3 +97,26 @@ def test_the_space_bar_lands_all_agents() -> None:
         assert flight.stdout.readline() == "1\n"
     os.close(keyboard)
     os.close(terminal)
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "stops"),
+    [
+        pytest.param(1, 0x01, 1, id="pressed"),
+        pytest.param(0, 0x01, 0, id="released"),
+        pytest.param(1, 0x81, 0, id="down when the device is opened"),
+        pytest.param(32767, 0x02, 0, id="axis"),
+    ],
+)
+def test_a_button_of_a_gamepad_lands_all_agents(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: int, kind: int, stops: int
+) -> None:
+    os.mkfifo(tmp_path / "js0")
+    monkeypatch.setattr(land_requests, "GAMEPADS", tmp_path)
+    requests: list[str] = []
+    monkeypatch.setattr(land_requests, "_land", lambda _operator, source: requests.append(source))
+    with listening(Operator(), "demo"), (tmp_path / "js0").open("wb", buffering=0) as gamepad:
+        gamepad.write(struct.pack("=IhBB", 1000, value, kind, 3))
+        gamepad.close()  # unplugged
+        main(["stop"])  # the event of the gamepad is read by then, or at once after it
+    assert sorted(requests) == ["gamepad, button 3"] * stops + ["star stop"]
