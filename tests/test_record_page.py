@@ -30,6 +30,7 @@ def test_every_array_and_key_is_described(hop: Path) -> None:
     arrays = set(np.load(hop / "run" / "trajectory.npz").files)
     assert arrays == described["trajectory.npz"] - {"signal"}  # there is no radio
     assert set(np.load(hop / "run" / "timing.npz").files) == described["timing.npz"]
+    assert set(np.load(hop / "run" / "paths.npz").files) == described["paths.npz"]
     assert {field.name for field in fields(Detections)} == described["detections.npz"]
     summary = json.loads((hop / "run" / "summary.json").read_text())
     assert set(summary) == described["summary.json"]

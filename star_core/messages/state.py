@@ -233,6 +233,38 @@ class Paths:
     def __post_init__(self) -> None:
         freeze_arrays(self, {"point": (3,)}, integers=("agent",), per="point")
 
+    def of(self, row: int) -> Array:
+        """Return the points of an agent's path, (K, 3) m."""
+        points: Array = self.point[self.agent == row]
+        return points
+
+    def beyond(self, position: Array) -> Self:
+        """Return the paths without their first points where these are the agents' positions.
+
+        What is left changes only when an agent replans, passes a corner, or its goal moves.
+
+        Args:
+            position: (N, 3) m.
+        """
+        first = np.diff(self.agent, prepend=-1) != 0
+        kept = ~first | (self.point != position[self.agent]).any(axis=1)
+        return type(self)(self.agent[kept], self.point[kept])
+
+    def changed(self, before: Self) -> Rows:
+        """Return the rows of the agents whose paths differ from those of another table."""
+        one, two = (self.agent, self.point), (before.agent, before.point)
+        if all(map(np.array_equal, one, two)):
+            return np.zeros(0, np.int64)
+        rows = np.union1d(self.agent, before.agent)
+        same = [np.array_equal(self.of(row), before.of(row)) for row in rows.tolist()]
+        return rows[~np.array(same, np.bool_)]
+
+    @classmethod
+    @cache  # tables are read-only
+    def none(cls) -> Self:
+        """Return a table without a path."""
+        return cls(np.zeros(0, np.int64), np.zeros((0, 3)))
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:
@@ -258,7 +290,7 @@ class Plan:
         """Return a plan without a setpoint for `n` agents."""
         inactive = np.zeros(n, np.bool_)
         setpoint = Setpoint(np.zeros((n, 3)), np.zeros(n), inactive)
-        return cls(setpoint, Paths(np.zeros(0, np.int64), np.zeros((0, 3))), inactive)
+        return cls(setpoint, Paths.none(), inactive)
 
 
 @dataclass(frozen=True, slots=True)

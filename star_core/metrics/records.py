@@ -13,6 +13,7 @@ import numpy as np
 from star_core.errors import InputError
 from star_core.messages.arrays import Array
 from star_core.messages.vision import Detections
+from star_core.metrics.planned_paths import PlannedPaths
 from star_core.mission_file import world_loader
 from star_core.mission_file.located import Document
 from star_core.mission_file.scene_builder import agents
@@ -31,6 +32,7 @@ class Run:
         summary: Outcome, figures, steps and events.
         arrays: The arrays of ``trajectory.npz`` by name, over ticks and agents, map frame, SI.
         detections: All tags detected in images.
+        paths: Planned paths.
         timing: The arrays of ``timing.npz`` by name, over ticks, s; empty without that file.
         agents: Name of the agent in each row.
         swarm: The agents with their starts and cameras, as the mission has them.
@@ -42,6 +44,7 @@ class Run:
     summary: Mapping[str, Any]
     arrays: Mapping[str, Array]
     detections: Detections
+    paths: PlannedPaths
     timing: Mapping[str, Array]
     agents: tuple[str, ...]
     swarm: tuple[Agent, ...]
@@ -72,6 +75,8 @@ def read_run(folder: Path | str) -> Run:
         timing = _arrays(file) if (file := folder / "timing.npz").exists() else {}
         found = _arrays(file) if (file := folder / "detections.npz").exists() else None
         detections = Detections.none() if found is None else Detections(**found)
+        planned = _arrays(file) if (file := folder / "paths.npz").exists() else None
+        paths = PlannedPaths.none() if planned is None else PlannedPaths(**planned)
     except FileNotFoundError as error:
         what = "the record of an interrupted run" if (folder / "manifest.json").exists() else "none"
         text = f"{folder}: expected the folder of a recorded run, found {what}"
@@ -83,7 +88,7 @@ def read_run(folder: Path | str) -> Run:
     source = folder / "manifest.json"
     document = Document(parse(json.dumps(manifest["world"]), str(source)), source)
     world = world_loader.world(document)
-    return Run(folder, manifest, summary, arrays, detections, timing, names, swarm, world)
+    return Run(folder, manifest, summary, arrays, detections, paths, timing, names, swarm, world)
 
 
 def _arrays(file: Path) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def page(run: Run) -> str:
             "Circle: start; square: end.",
             views.top_view(run),
         ),
-        ("Replay", "", views.replay(run)),
+        ("Replay", "Thick: the last 10 s. Thin: planned path.", views.replay(run)),
         *charts.series(run),
         ("Steps", "When each agent executed which step.", charts.steps(run)),
         *charts.tick_times(run),

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from star_core import Array, Obstacle, Run, Tag, box_edges, obstacle_meshes
+from star_core import AgentPhase, Array, Obstacle, Run, Tag, box_edges, obstacle_meshes
 from star_report.figures import ALARM, Figure, colour, crosses, dotted, line
 from star_report.series import airborne, clearance, positions, separation
 
@@ -103,7 +103,9 @@ def replay(run: Run) -> Figure:
     """Return the flight in three dimensions; the page moves the agents.
 
     ``path`` holds the positions at `REPLAY_RATE`, (frames, N, 3) in a row, and ``time`` their
-    mission times; the last traces are the trail of each agent, and all agents.
+    mission times; ``here`` holds the estimated positions, and ``planned`` the index into ``points``
+    of the planned path, (frames, N) in a row. The last traces are the planned path of each agent,
+    its trail, and all agents.
     """
     time = run.arrays["time"]
     frames = np.arange(time[0], time[-1] + 1e-9, 1 / REPLAY_RATE)
@@ -134,9 +136,10 @@ def replay(run: Run) -> Figure:
             "x": [],
             "y": [],
             "z": [],
-            "line": {"color": colour(i), "width": 3},
+            "line": {"color": colour(i)} | style,
             "hoverinfo": "skip",
         }
+        for style in ({"width": 1}, {"width": 4})
         for i in range(len(run.agents))
     ]
     data.append(
@@ -151,6 +154,9 @@ def replay(run: Run) -> Figure:
         }
     )
     size = high - low
+    numbers = np.stack([run.paths.current(i, frames) for i in range(len(run.agents))], axis=1)
+    pursuing = np.isin(run.arrays["phase"][rows], (AgentPhase.TAKING_OFF, AgentPhase.FLYING))
+    shown, planned = np.unique(np.where(pursuing, numbers, -1), return_inverse=True)
     return {
         "data": data,
         "layout": {
@@ -177,6 +183,9 @@ def replay(run: Run) -> Figure:
         },
         "agents": len(run.agents),
         "path": np.asarray(path, np.float32).ravel(),
+        "here": np.asarray(run.arrays["estimate_position"][rows], np.float32).ravel(),
+        "planned": planned.ravel().astype(np.int32),
+        "points": [run.paths.points(n) if n >= 0 else [] for n in shown.tolist()],
         "time": np.asarray(frames, np.float32),
     }
 

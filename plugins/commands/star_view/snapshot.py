@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
 from star_core import AgentPhase, Array, Rows, Run, Tick
+
+PURSUING: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING)
+"""Phases in which agents fly to their goals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +28,9 @@ class Snapshot:
         covariance: (N, 3, 3) of the estimated position, m².
         phase: (N,) `AgentPhase`.
         battery: (N,) V.
-        goal: (N, 3) m.
+        goal: (N, 3) of agents in the phases `PURSUING`, m.
         velocity: (N, 3) commanded velocity, m/s.
-        path: For each agent the points, (K, 3), of the rest of its planned path, m.
+        path: Of these agents the points, (K, 3), of the rest of their planned paths, m.
         trail: (M, N, 3) latest positions, m.
         doing: The running steps.
         simulated: Whether `position` is ground truth.
@@ -57,6 +60,7 @@ class Snapshot:
         if truth is not None:
             attitude = np.where(np.isfinite(truth.attitude), truth.attitude, attitude)
         goals, sent, paths = tick.goals, tick.sent, tick.plan.paths
+        pursuing = np.isin(tick.health.phase, PURSUING)
         return cls(
             time=tick.time,
             position=position,
@@ -66,9 +70,9 @@ class Snapshot:
             covariance=estimate.covariance,
             phase=tick.health.phase,
             battery=tick.health.battery,
-            goal=np.where(goals.active[:, None], goals.position, np.nan),
+            goal=np.where((goals.active & pursuing)[:, None], goals.position, np.nan),
             velocity=np.where(sent.active[:, None], sent.velocity, np.nan),
-            path=[paths.point[paths.agent == row] for row in range(len(position))],
+            path=[paths.of(row)[: None if on else 0] for row, on in enumerate(pursuing)],
             trail=position[None],
             doing=tick.doing,
             simulated=truth is not None,
@@ -96,9 +100,9 @@ def of_record(run: Run, tick: int, trail_duration: float) -> Snapshot:
     time, estimate, yaw = arrays["time"], arrays["estimate_position"], arrays["estimate_yaw"]
     position = arrays.get("truth_position", estimate)
     level = _level(yaw[tick])
-    n = len(run.agents)
     std = arrays.get("estimate_position_std", np.full(estimate.shape, np.nan))[tick]
-    active, sent = arrays["goal_active"][tick, :, None], arrays["setpoint_active"][tick, :, None]
+    pursuing = np.isin(arrays["phase"][tick], PURSUING)
+    active, sent = arrays["goal_active"][tick] & pursuing, arrays["setpoint_active"][tick, :, None]
     begin = int(np.searchsorted(time, time[tick] - trail_duration))
     return Snapshot(
         time=float(time[tick]),
@@ -109,13 +113,22 @@ def of_record(run: Run, tick: int, trail_duration: float) -> Snapshot:
         covariance=std[:, :, None] ** 2 * np.eye(3),
         phase=arrays["phase"][tick].astype(np.int64),
         battery=arrays["battery"][tick],
-        goal=np.where(active, arrays["goal_position"][tick], np.nan),
+        goal=np.where(active[:, None], arrays["goal_position"][tick], np.nan),
         velocity=np.where(sent, arrays["setpoint_velocity"][tick], np.nan),
-        path=[np.zeros((0, 3))] * n,
+        path=[_planned(run, row, tick, pursues=on) for row, on in enumerate(pursuing.tolist())],
         trail=position[begin : tick + 1],
         doing=_doing(run, float(time[tick])),
         simulated="truth_position" in arrays,
     )
+
+
+def _planned(run: Run, row: int, tick: int, *, pursues: bool) -> Array:
+    """Return the rest of an agent's planned path at a tick, (K, 3) m."""
+    [number] = run.paths.current(row, run.arrays["time"][[tick]])
+    if number < 0 or not pursues:
+        return np.zeros((0, 3))
+    here = run.arrays["estimate_position"][tick, row]
+    return np.vstack([here, run.paths.points(number)])
 
 
 def _doing(run: Run, moment: float) -> str:

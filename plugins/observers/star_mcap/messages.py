@@ -89,6 +89,11 @@ def pose_stamped(
     return kind("geometry_msgs/PoseStamped")(header(time), pose(position, attitude))
 
 
+def path(time: int, points: Iterable[Iterable[float]]) -> Any:
+    """Return a path in the map; its attitudes are level."""
+    return kind("nav_msgs/Path")(header(time), [pose_stamped(time, point) for point in points])
+
+
 def transform(
     time: int, parent: str, child: str, position: Sequence[float], attitude: Sequence[float]
 ) -> Any:

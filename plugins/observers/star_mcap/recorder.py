@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from star_core import AgentPhase, Array, Event, Flight, Mask, Tick, Truth
+from star_core import AgentPhase, Array, Event, Flight, Mask, Paths, Tick, Truth
 from star_mcap import messages
 from star_mcap.messages import FILE, encode, header, kind, pose_stamped, transform, twist_stamped
 from star_mcap.world_markers import world_markers
@@ -19,6 +19,7 @@ CHUNK: Final = 64 * 1024  # bytes
 FLUSH_PERIOD: Final = 1.0  # s of wall time: what a killed program loses at most
 BATTERY_PERIOD: Final = 1.0  # s
 IMAGE_PERIOD: Final = 0.2  # s, for each camera
+PATH_PERIOD: Final = 0.2  # s
 WARNINGS: Final = frozenset({"collision", "close_approach", "failure", "late", "slow", "observer"})
 
 
@@ -43,7 +44,8 @@ class Recorder:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._last: dict[str, str] = {}  # of topics that are written when they change
-        self._next_battery = -np.inf
+        self._next_battery = self._next_paths = -np.inf
+        self._planned = Paths.none()  # the latest that were written
         self._next_image = np.full(len(self._names), -np.inf)
         self._in_flight = np.zeros(len(self._names), np.bool_)
         self._unknown = np.zeros(36)
@@ -58,10 +60,11 @@ class Recorder:
     def add(self, tick: Tick) -> None:
         """Write one tick."""
         self._now = self._nanoseconds(tick.time)
-        attitude = self._write_estimates(tick)
+        self._write_estimates(tick)
         if tick.truth is not None:
             self._write_truth(tick, tick.truth)
-        self._write_setpoints(tick, attitude)
+        self._write_setpoints(tick)
+        self._write_paths(tick)
         self._write_health(tick)
         self._write_detections(tick)
         if self._images:
@@ -99,8 +102,8 @@ class Recorder:
             "mission", {"name": flight.mission, "file": str(flight.manifest["mission_file"])}
         )
 
-    def _write_estimates(self, tick: Tick) -> Array:
-        """Write estimates and their transforms; return the attitudes (N, 4) in the map."""
+    def _write_estimates(self, tick: Tick) -> None:
+        """Write estimates and their transforms."""
         estimate = tick.estimate
         attitude = _attitude(estimate.map_from_odom.yaw, estimate.yaw, tick.telemetry.attitude)
         known = estimate.valid & np.isfinite(estimate.position).all(axis=1)
@@ -119,7 +122,6 @@ class Recorder:
             self._write(f"/{name}/estimate", odometry)
         if transforms:
             self._write("/tf", kind("tf2_msgs/TFMessage")(transforms))
-        return attitude
 
     def _write_truth(self, tick: Tick, truth: Truth) -> None:
         """Write ground truth; that between take-off and landing also to a topic of its own."""
@@ -139,7 +141,7 @@ class Recorder:
                 topic = f"/{name}/ground_truth/in_flight"
                 self._write_bytes(topic, "geometry_msgs/msg/PoseStamped", message)
 
-    def _write_setpoints(self, tick: Tick, attitude: Array) -> None:
+    def _write_setpoints(self, tick: Tick) -> None:
         for topic, setpoint in (
             ("setpoint/planned", tick.plan.setpoint),
             ("setpoint/sent", tick.sent),
@@ -152,6 +154,20 @@ class Recorder:
             turned = (0.0, 0.0, float(np.sin(half)), float(np.cos(half)))
             goal = pose_stamped(self._now, tick.goals.position[i].tolist(), turned)
             self._write_changed(f"/{self._names[i]}/goal", goal, str(goal.pose))
+
+    def _write_paths(self, tick: Tick) -> None:
+        """Write the planned paths that changed, each from where its agent is."""
+        if tick.time < self._next_paths:
+            return
+        self._next_paths = tick.time + PATH_PERIOD
+        position = tick.estimate.position
+        planned = tick.plan.paths.beyond(position)
+        for row in planned.changed(self._planned).tolist():
+            points = planned.of(row)
+            points = np.vstack([position[row], points]) if len(points) else points
+            path = messages.path(self._now, points.tolist())
+            self._write(f"/{self._names[row]}/plan", path)
+        self._planned = planned
 
     def _write_health(self, tick: Tick) -> None:
         for name, phase in zip(self._names, tick.health.phase.tolist(), strict=True):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Detections, Flight, Frames, Image, Tick
+from star_core import Detections, Flight, Frames, Image, Paths, Tick
 from star_record.spool import Spool
 from star_record.text_log import TextLog
 
@@ -36,10 +36,11 @@ class Recorder:
         self._folder = folder
         self._agents = flight.scene.names
         self._detections: list[Detections] = []
+        self._planned = Paths.none()  # the latest
         self._save_frames = flight.save_frames
         self._unknown = {"truth_position", "truth_attitude", "signal"}  # in all ticks so far
         folder.mkdir(parents=True, exist_ok=True)
-        self._trajectory, self._timing = Spool(folder), Spool(folder)
+        self._trajectory, self._timing, self._paths = Spool(folder), Spool(folder), Spool(folder)
         self._full = False  # whether a tick could not be stored
         self._write("manifest.json", flight.manifest)
         self.log = TextLog(folder / "log.txt")
@@ -78,16 +79,26 @@ class Recorder:
         if self._save_frames:
             self._save_images(tick.telemetry.frames)
         if not self._full:
-            self._store(row, {"time": tick.time, **tick.timing})
+            self._store(tick, row)
 
-    def _store(self, row: Mapping[str, Any], timing: Mapping[str, float]) -> None:
-        """Store the row of a tick; after the first failure, store no more of them."""
+    def _store(self, tick: Tick, row: Mapping[str, Any]) -> None:
+        """Store a tick and its row; after the first failure, store no more of them."""
         try:
             self._trajectory.add(row)
-            self._timing.add(timing)
+            self._timing.add({"time": tick.time, **tick.timing})
+            self._store_paths(tick)
         except OSError as error:
             self._full = True
             log.warning("recording of the trajectory stopped: %s", error)
+
+    def _store_paths(self, tick: Tick) -> None:
+        """Store the planned paths that changed: their points, or one of NaN for none."""
+        planned = tick.plan.paths.beyond(tick.estimate.position)
+        for agent in planned.changed(self._planned).tolist():
+            points = planned.of(agent)
+            for point in points if len(points) else np.full((1, 3), np.nan):
+                self._paths.add({"time": tick.time, "agent": agent, "point": point})
+        self._planned = planned
 
     def _save_images(self, frames: Frames) -> None:
         """Write images; after the first failure, save no more of them."""
@@ -108,13 +119,16 @@ class Recorder:
         self._write("summary.json", summary)
         if summary["targets"]["total"]:
             self._write_targets(summary["targets"]["list"])
-        with self._trajectory as trajectory, self._timing as timing:
+        with self._trajectory as trajectory, self._timing as timing, self._paths as paths:
             columns = trajectory.columns()
             for name in self._unknown:
                 columns.pop(name, None)
             path, agents = self._folder / "trajectory.npz", np.array(self._agents)
             np.savez_compressed(path, agents=agents, **columns)
             np.savez_compressed(self._folder / "timing.npz", **timing.columns())
+            if planned := paths.columns():
+                planned["agent"] = planned["agent"].astype(np.int64)
+                np.savez_compressed(self._folder / "paths.npz", **planned)
         if self._detections:
             found = Detections.merged(self._detections)
             seen: dict[str, Any] = {one.name: getattr(found, one.name) for one in fields(found)}

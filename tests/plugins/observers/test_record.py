@@ -148,6 +148,7 @@ def test_a_run_leaves_a_manifest_a_summary_and_a_trajectory(run: Run) -> None:
     assert sorted(path.name for path in run[0].iterdir()) == [
         "log.txt",
         "manifest.json",
+        "paths.npz",
         "summary.json",
         "timing.npz",
         "trajectory.npz",
@@ -164,6 +165,19 @@ def test_the_times_of_every_tick_are_kept(run: Run) -> None:
     mean = 1e6 * timing["planner"][timing["planner"] > 0].sum()
     ticks, agents = len(timing["time"]), len(recorded.agents)
     assert mean / ticks / agents == pytest.approx(run[1]["compute_us"]["planner"], rel=0.05)
+
+
+def test_planned_paths_are_kept_when_they_change(run: Run) -> None:
+    recorded, ticks = read_run(run[0]), run[2]
+    paths = recorded.paths
+    for row in (0, 1):
+        numbers = paths.current(row, recorded.arrays["time"])
+        for tick, number in zip(ticks, numbers.tolist(), strict=True):
+            planned = tick.plan.paths.of(row)
+            kept = paths.points(number) if number >= 0 else planned[:0]
+            np.testing.assert_array_equal(planned[1:], kept)
+            assert (planned[:1] == tick.estimate.position[row]).all()
+    assert 0 < len(paths.time) < 10
 
 
 def test_the_summary_is_what_the_flight_returned(run: Run) -> None:

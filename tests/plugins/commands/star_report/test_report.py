@@ -98,6 +98,19 @@ def test_the_world_is_in_the_views(run: Run) -> None:
     assert [trace["type"] for trace in moving["data"]].count("mesh3d") == 1
 
 
+def test_the_replay_has_the_planned_paths(run: Run) -> None:
+    moving = replay(run)
+    planned = moving["planned"].reshape(-1, 2)
+    lengths = [len(moving["points"][k]) for k in planned[:, 0].tolist()]
+    assert lengths[-1] == 0  # landed
+    frame = int(np.argmax(lengths))
+    tick = int(np.searchsorted(run.arrays["time"], moving["time"][frame] - 1e-4))
+    goal = run.arrays["goal_position"][tick, 0]
+    assert moving["points"][planned[frame, 0]] == pytest.approx(goal[None])
+    here = moving["here"].reshape(-1, 2, 3)[frame]
+    assert here == pytest.approx(run.arrays["estimate_position"][tick], abs=1e-6)
+
+
 def test_an_estimate_without_truth_has_no_error_figure(run: Run, tmp_path: Path) -> None:
     for file in run.folder.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())

@@ -65,6 +65,16 @@ def test_ellipsoids_are_two_standard_deviations(viewer: Replay) -> None:
     assert sorted(viewer.swarm.ellipsoids[1].scale) == pytest.approx(sorted(2 * std))
 
 
+def test_planned_paths_lead_from_the_estimate_to_the_goal(viewer: Replay) -> None:
+    viewer.show(150)
+    arrays = viewer._run.arrays
+    line = viewer.swarm._lines["planned"][0]._segments
+    expected = [[arrays["estimate_position"][150, 0], arrays["goal_position"][150, 0]]]
+    assert line == pytest.approx(np.array(expected), abs=1e-6)
+    viewer.show(len(arrays["time"]) - 1)
+    assert len(viewer.swarm._lines["planned"][0]._segments) == 0
+
+
 def test_previous_and_next_jump_from_event_to_event(viewer: Replay) -> None:
     times = [event["time"] for event in viewer._run.summary["events"]]
     viewer.timeline.value = 0.5

@@ -107,6 +107,23 @@ def test_an_estimate_has_the_covariance_and_the_velocity_of_the_body(run: Path) 
     assert odometry.header.frame_id == "map"
 
 
+def test_planned_paths_lead_from_the_agent_to_its_goal(run: Path) -> None:
+    with AnyReader([run / FILE]) as bag:
+        wanted = [one for one in bag.connections if one.topic == "/cf1/plan"]
+        found: list[Any] = [
+            bag.deserialize(data, one.msgtype) for one, _, data in bag.messages(connections=wanted)
+        ]
+    kept = read_run(run)
+    ends = [kept.paths.points(k) for k in np.flatnonzero(kept.paths.agent == 0).tolist()]
+    assert 1 < len(found) <= len(ends)
+    path = found[0]
+    assert (path.header.frame_id, len(path.poses)) == ("map", 2)
+    moment = path.header.stamp.sec + 1e-9 * path.header.stamp.nanosec
+    tick = int(np.argmin(np.abs(kept.arrays["time"] - moment)))
+    line = [(at.x, at.y, at.z) for at in (one.pose.position for one in path.poses)]
+    assert line == [tuple(kept.arrays["estimate_position"][tick, 0]), tuple(ends[0][0])]
+
+
 def test_tags_that_the_localizer_detected_are_recorded_with_the_stamps_of_their_images(
     tmp_path: Path,
 ) -> None:
