@@ -138,7 +138,8 @@ def test_log_messages_of_a_process_are_logged(caplog: pytest.LogCaptureFixture) 
     assert {record.name for record in caplog.records} == {"star_apriltag.agent_group"}
 
 
-def test_processes_end_when_the_localizer_is_closed() -> None:
+def test_processes_end_when_the_localizer_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_pool, "EXIT_TIMEOUT", 60.0)  # they may still be importing
     with localizer(room(CIRCLES, TAGS), 2) as made:
         workers = [w for w in made._pool._workers if isinstance(w, RemoteWorker)]
     assert [worker._process.returncode for worker in workers] == [0, 0]

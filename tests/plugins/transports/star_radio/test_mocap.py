@@ -42,13 +42,13 @@ class System:
         if self.kind == "ending" and time.monotonic() > self.begun + 0.1:
             raise RuntimeError("gone")
         time.sleep(0.01)
+        self.x = time.monotonic() - self.begun  # last, as near as possible to the frame's time
 
     @property
     def rigidBodies(self):
         turn = SimpleNamespace(x=0.0, y=0.0, z=0.6, w=0.8)
-        x = time.monotonic() - self.begun
         return {
-            "cf1": SimpleNamespace(position=[x, 2.0, 3.0], rotation=turn),
+            "cf1": SimpleNamespace(position=[self.x, 2.0, 3.0], rotation=turn),
             self.name: SimpleNamespace(position=[0.0, 0.0, 1.0], rotation=turn),
         }
 """
