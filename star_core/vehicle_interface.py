@@ -19,6 +19,7 @@ from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed
 from star_core.safety.monitor import MAX_REPORT_AGE, EstimateGate, UnheardAgents
+from star_core.safety.motion_check import MotionCheck
 from star_core.scene import Scene
 
 log = logging.getLogger(__name__)
@@ -65,6 +66,8 @@ class VehicleInterface:
         self._setpoints_sent = np.zeros(n, np.bool_)  # in the last tick
         self._truth_failed = False
         self._gate = EstimateGate(n, scene.limits.speed)
+        self._motion = MotionCheck(n)
+        self._contradicted = np.zeros(n, np.bool_)
         self._unheard = UnheardAgents(n)
         self._frames = Transform(  # last known
             np.array([agent.yaw for agent in scene.agents]),
@@ -99,7 +102,7 @@ class VehicleInterface:
             estimate = self._with_known_frames(self._pipeline.locate(telemetry))
             if len(estimate.corrections.agent):
                 self._pipeline.correct(estimate.corrections)
-            estimate = self._gated(estimate, telemetry.velocity)
+            estimate = self._gated(estimate, telemetry)
         self.estimate = self._unheard.mark(estimate, telemetry.age)
         return self.estimate
 
@@ -254,8 +257,12 @@ class VehicleInterface:
         self._setpoints_sent = setpoint.active | brakes
         if not brakes.any():
             return setpoint
+        _, faster = self._motion.errors()
+        rest = 0.0 - estimate.map_from_odom.turn(faster)  # flown so, they are at rest
+        speed = np.linalg.norm(rest, axis=1, keepdims=True)
+        rest *= self._scene.limits.speed / np.maximum(speed, self._scene.limits.speed)
         return Setpoint(
-            velocity=np.where(brakes[:, None], 0.0, setpoint.velocity),
+            velocity=np.where(brakes[:, None], rest, setpoint.velocity),
             yaw=np.where(brakes, heading, setpoint.yaw),
             active=self._setpoints_sent,
         )
@@ -280,14 +287,11 @@ class VehicleInterface:
         self._frames = estimate.map_from_odom.where(known, self._frames)
         return replace(estimate, map_from_odom=self._frames)
 
-    def _gated(self, estimate: Estimate, reported: Array) -> Estimate:
-        """Return the estimate without implausible positions, and report new ones.
-
-        Args:
-            estimate: Of the localizer.
-            reported: (N, 3) velocities that the agents report, m/s.
-        """
-        accepted, jumps = self._gate.check(estimate, self.phases.among(*AIRBORNE), reported)
+    def _gated(self, estimate: Estimate, telemetry: Telemetry) -> Estimate:
+        """Return the estimate without implausible positions and motions, and report new ones."""
+        airborne = self.phases.among(*AIRBORNE)
+        reported = np.where((telemetry.age <= MAX_REPORT_AGE)[:, None], telemetry.velocity, np.nan)
+        accepted, jumps = self._gate.check(estimate, airborne, reported)
         for jump in jumps:
             name = self._scene.agents[jump.row].name
             moved = (
@@ -301,4 +305,22 @@ class VehicleInterface:
                 f"{name} brakes: its estimated position {moved} from {self._pipeline.localizer}",
                 name,
             )
-        return accepted
+        contradicted = self._motion.check(telemetry, airborne)
+        for row in np.flatnonzero(contradicted & ~self._contradicted).tolist():
+            name = self._scene.agents[row].name
+            self._observers.event(
+                "estimate",
+                f"{name} brakes: it flies faster than it reports, by its tilt; "
+                "does its flow sensor see the floor?",
+                name,
+            )
+        self._contradicted = contradicted
+        if not contradicted.any():
+            return accepted
+        away, faster = map(accepted.map_from_odom.turn, self._motion.errors())
+        return replace(
+            accepted,
+            position=accepted.position + away,
+            velocity=accepted.velocity + faster,
+            valid=accepted.valid & ~contradicted,
+        )

@@ -118,6 +118,7 @@ MAX_STILL_PATH: Final = 0.3
 FORGETTING_TIME: Final = 5.0  # s, time constant with which unexplained movement is forgotten
 CORRECTION_SIGMAS: Final = 4.0  # standard deviations by which a position may be corrected
 SPEED_RATIO: Final = 2.0  # greatest plausible speed over the limit: overshoot, gusts, descents
+REPORT_ERROR: Final = 0.3  # greatest error of a reported velocity, relative to it
 MIN_PLAUSIBLE_SPEED: Final = 3.0  # m/s, whatever the limit: on-board trajectories, falls
 
 MAX_REPORT_AGE: Final = 0.5
@@ -155,7 +156,9 @@ class EstimateGate:
     estimate before less that of the estimate after it (Kalman). Movement beyond that adds up over
     ticks, and is forgotten in `FORGETTING_TIME`; many small jumps are a large one. A position with
     which it exceeds `JUMP_MARGIN` is rejected: the row keeps its last position, at rest and not
-    valid, so that the agent brakes. It is compared again in the next tick. So is a position that is
+    valid, so that the agent brakes. It is compared again in the next tick, with the last position
+    that was accepted moved on by the velocities that the agent has reported since then: a jump that
+    lasts does not become plausible with time. So is a position that is
     the same, to the last bit, while the agent reports that it flies `MAX_STILL_PATH`: its localizer
     is stuck. On the ground everything is accepted.
 
@@ -172,6 +175,8 @@ class EstimateGate:
         self._frames = Transform(np.zeros(n), np.zeros((n, 3)))
         self._unexplained = np.zeros(n)  # m, recently
         self._rejected = np.zeros(n, np.bool_)
+        self._flown = np.zeros((n, 3))  # m, since then, by the reported velocities
+        self._range = np.zeros(n)  # m, that the agents can have flown since then besides
         self._still_path = np.zeros(n)  # m, that agents report since their estimates last moved
         self._seen = 0.0, self._position, self._position  # time, positions, velocities reported
 
@@ -185,13 +190,14 @@ class EstimateGate:
             airborne: (N,) which agents are in the air.
             reported: (N, 3) velocities that the agents report, m/s; None if unknown.
         """
+        self._fly(estimate.time - self._seen[0], reported)
         stuck = self._stuck(estimate, airborne, reported)
         seconds = estimate.time - self._time
         before, now = (
             np.trace(c, axis1=1, axis2=2) for c in (self._covariance, estimate.covariance)
         )
-        moved = np.linalg.norm(estimate.position - self._position, axis=1)
-        explained = self._speed * seconds + CORRECTION_SIGMAS * np.sqrt(np.fmax(before - now, 0.0))
+        moved = np.linalg.norm(estimate.position - self._position - self._flown, axis=1)
+        explained = self._range + CORRECTION_SIGMAS * np.sqrt(np.fmax(before - now, 0.0))
         carried = self._unexplained * np.exp(-seconds / FORGETTING_TIME)
         unexplained = carried + np.maximum(moved - explained, 0.0)
         rejected = airborne & estimate.valid & ((unexplained > JUMP_MARGIN) | stuck)  # NaN is not
@@ -216,9 +222,24 @@ class EstimateGate:
             map_from_odom=self._frames.where(rejected, estimate.map_from_odom),
         ), jumps
 
+    def _fly(self, seconds: float, reported: Array | None) -> None:
+        """Move the last positions by the reported velocities, and extend what is reachable.
+
+        A rejected row can be elsewhere only by the error of its reports; any other row, as before,
+        by the greatest plausible speed.
+        """
+        velocity = np.full((len(self._range), 3), np.nan) if reported is None else reported
+        velocity = self._frames.turn(velocity)
+        speed = np.linalg.norm(velocity, axis=1)
+        known = np.isfinite(speed)
+        self._flown = self._flown + seconds * np.where(known[:, None], velocity, 0.0)
+        error = np.where(known & self._rejected, REPORT_ERROR * speed, self._speed)
+        self._range = self._range + seconds * error
+
     def _stuck(self, estimate: Estimate, airborne: Mask, reported: Array | None) -> Mask:
         """Return whose estimates stay exactly where they are while the agents report flight."""
         if reported is None:
+            self._seen = estimate.time, *self._seen[1:]
             return np.zeros(len(airborne), np.bool_)
         (time, position, velocity), self._seen = (
             self._seen,
@@ -234,6 +255,8 @@ class EstimateGate:
         """Keep the accepted rows for the next comparison."""
         column = accepted[:, None]
         self._time = np.where(accepted, estimate.time, self._time)
+        self._flown = np.where(column, 0.0, self._flown)
+        self._range = np.where(accepted, 0.0, self._range)
         self._position = np.where(column, estimate.position, self._position)
         self._covariance = np.where(column[..., None], estimate.covariance, self._covariance)
         self._frames = estimate.map_from_odom.where(accepted, self._frames)

@@ -87,6 +87,17 @@ def test_a_jump_is_reported_once() -> None:
     assert [len(found) for found in jumps] == [1, 0, 0, 0]
 
 
+def test_a_jump_that_lasts_does_not_become_plausible() -> None:
+    gate = EstimateGate(1, SPEED)
+    gate.check(believed(0.0, 0.0), AIRBORNE)
+    velocity = SPEED
+    for k in range(1, 60):
+        velocity *= 0.9  # it brakes
+        reported = np.array([[velocity, 0.0, 0.0]])
+        assert not gate.check(believed(2.0, k * PERIOD), AIRBORNE, reported)[0].valid.any()
+    assert gate.check(believed(0.2, 3.0), AIRBORNE, reported)[0].valid.all()
+
+
 def test_many_small_jumps_are_a_large_one() -> None:
     step = MIN_PLAUSIBLE_SPEED * PERIOD + 0.9 * JUMP_MARGIN
     assert gated(0.0, step, 2 * step) == [True, True, False]

@@ -110,6 +110,18 @@ def test_faults_provoke_each_safety_rule(
     assert flight.summary["outcome"] == "completed"
 
 
+def test_a_flow_sensor_that_sees_no_motion_is_noticed(tmp_path: Path) -> None:
+    there = {"takeoff": {"height": 0.6}}, {"goto": {"agents": "cf4", "to": [1.5, 2.5, 0.6]}}
+    stuck = {"component": "flow", "mode": "stuck", "agents": "cf4", "at": 3.0}
+    flight = flown(tmp_path, stuck, mission=[*there, {"land": {}}])
+    (estimate,) = flight.texts("estimate")
+    assert estimate.startswith("cf4 brakes: it flies faster than it reports")
+    assert flight.texts("safety") == ["cf4 lands: position_lost: not located for 1 s"]
+    truth = np.array([tick.truth.position[3] for tick in flight.ticks if tick.truth is not None])
+    assert truth[:, 1].max() < 3.0
+    assert truth[-1, 2] < 0.1
+
+
 def test_a_short_silence_triggers_no_rule_and_is_reported_twice(tmp_path: Path) -> None:
     off = {"component": "link", "mode": "off", "agents": "cf1", "at": 4}
     flight = flown(tmp_path, {**off, "for": 0.3})

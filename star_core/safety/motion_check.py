@@ -1,0 +1,144 @@
+"""Compares the velocities that agents report with the accelerations that their tilt causes."""
+
+from __future__ import annotations
+
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from star_core.messages.arrays import Array, Mask
+from star_core.messages.telemetry import Telemetry
+
+GRAVITY: Final = 9.81  # m/s²
+
+DRAG: Final = 0.42
+"""Deceleration by the air per speed, 1/s: 0.0135 N s/m of a Crazyflie of 32 g."""
+
+MEMORY: Final = 1.5  # s, time constant with which velocities and discrepancies are forgotten
+BIAS_TIME: Final = 5.0  # s, in which a constant error of the tilt is learnt
+LEARNING_TIME: Final = 1.0  # s in the air before the first verdict
+
+MAX_DISCREPANCY: Final = 0.35
+"""Velocity that the on-board estimate may lose without a cause within `MEMORY`, m/s."""
+
+MAX_DRAG: Final = 0.7
+"""Share of the believed motion that it may lose, beyond `DRAG`, 1/s. The firmware's Kalman filter
+corrects a velocity towards that of a Flow deck at 1.5 to 3 per second."""
+
+MAX_GAP: Final = 0.2  # s between two reports that are compared
+MIN_UPRIGHT: Final = 0.5  # cosine of the greatest tilt of an agent that still flies
+TINY: Final = 1e-9
+
+Vectors: TypeAlias = NDArray[np.complex128]
+
+
+class MotionCheck:
+    """Finds agents whose on-board estimate denies the motion that they fly.
+
+    A drone with a Flow deck accelerates by gravity times the tangent of its tilt, less drag. If the
+    flow sensor sees no motion (a dark, glossy or uniform floor, a covered lens, a fault), the
+    estimator corrects the velocity towards zero all the time: the controller tilts the drone
+    further, and it flies away while its estimate hardly moves. The sum of these corrections is the
+    innovation that an autopilot such as PX4 checks on board. A Crazyflie does not report it, but it
+    is the change of the reported velocity less the acceleration by tilt and drag. Along the path
+    that the agent reports, it must exceed `MAX_DISCREPANCY`, and `MAX_DRAG` times the path, and
+    the tilt must cause it: errors of the tilt, which are learnt in `BIAS_TIME`, and wind are not in
+    proportion to the path, and an agent that reports no tilt is not judged. One that was found
+    stays so until it is on the ground.
+
+    Args:
+        n: Number of agents.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._time = np.full(n, np.nan)  # s, of the newest report, like the next two
+        self._velocity = np.full(n, np.nan, np.complex128)  # m/s; vectors are complex: x + iy
+        self._pull = np.full(n, np.nan, np.complex128)  # m/s², by the tilt
+        self._bias = np.zeros(n, np.complex128)  # m/s², ahead + i left
+        self._learnt = np.zeros(n)  # s
+        # Sums in the odometry frame, which fade in `MEMORY`: m/s without a cause, m/s by the tilt,
+        # m of the reported path, and m by which the true one differs.
+        self._sums = np.zeros((4, n), np.complex128)
+        self._contradicted = np.zeros(n, np.bool_)
+
+    def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
+        """Return the agents that fly otherwise than they report: (N,).
+
+        Args:
+            telemetry: Of the tick, in odometry frames.
+            airborne: (N,) which agents are in the air.
+        """
+        time = telemetry.time - telemetry.age
+        velocity = telemetry.velocity[:, 0] + 1j * telemetry.velocity[:, 1]
+        pull = _pull(telemetry.attitude)
+        seconds = time - self._time
+        with np.errstate(invalid="ignore", divide="ignore"):
+            speed, mean = (velocity + self._velocity) / 2, (pull + self._pull) / 2
+            unexplained = (velocity - self._velocity) / seconds - mean + DRAG * speed
+        known = airborne & (seconds > 0) & (seconds <= MAX_GAP) & np.isfinite(unexplained)
+        heading = np.exp(1j * np.where(known, telemetry.heading, 0.0))
+        self._add(known, seconds, unexplained, mean, speed, heading)
+        newer = ~(seconds <= 0)
+        self._time = np.where(newer, time, self._time)
+        self._velocity = np.where(newer, velocity, self._velocity)
+        self._pull = np.where(newer, pull, self._pull)
+        for one in (self._bias, self._learnt, *self._sums, self._contradicted):
+            one[~airborne] = 0
+        path = np.abs(self._sums[2])
+        lost, pulled = (self._sums[:2] * self._sums[2].conj()).real / np.maximum(path, TINY)
+        caused = np.minimum(-lost, pulled)
+        self._contradicted |= (
+            (self._learnt > LEARNING_TIME) & (caused > MAX_DISCREPANCY) & (caused > MAX_DRAG * path)
+        )
+        return self._contradicted.copy()
+
+    def errors(self) -> tuple[Array, Array]:
+        """Return by how much the motion of agents that were found differs from what they report.
+
+        Returns:
+            (N, 3) differences of the positions, m, and (N, 3) of the velocities, m/s, in the
+            odometry frames; zero for other agents.
+        """
+        found = np.where(self._contradicted, self._sums, 0.0)
+        level = np.zeros(len(self._learnt))
+        return (
+            np.stack([found[3].real, found[3].imag, level], axis=1),
+            np.stack([-found[0].real, -found[0].imag, level], axis=1),
+        )
+
+    def _add(
+        self,
+        known: Mask,
+        seconds: Array,
+        unexplained: Vectors,
+        pull: Vectors,
+        speed: Vectors,
+        heading: Vectors,
+    ) -> None:
+        """Add to the sums of the known rows what happened in some seconds, without the bias."""
+        dt = np.where(known, seconds, 0.0)
+        bias = self._bias * heading
+        rates = np.array([unexplained - bias, pull + bias, speed, -self._sums[0]])
+        rates[:, ~known] = 0.0
+        keep = np.where(self._contradicted, 1.0, np.exp(-dt / MEMORY))
+        self._sums = keep * self._sums + dt * rates
+        self._learnt += dt
+        gain = -np.expm1(-dt / np.clip(self._learnt, dt + TINY, BIAS_TIME))
+        self._bias += np.where(known, gain * rates[0] / heading, 0.0)
+
+
+def _pull(attitude: Array) -> Vectors:
+    """Return the horizontal acceleration by the thrust of drones that keep their height, m/s².
+
+    It is NaN for drones that fall, and for exactly level ones, which do not report a tilt.
+
+    Args:
+        attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame.
+    """
+    x, y, z, w = attitude.T
+    up = 1 - 2 * (x * x + y * y)
+    with np.errstate(invalid="ignore"):
+        up = np.where((up > MIN_UPRIGHT) & (up < 1), up, np.nan)
+        pull: Vectors = 2 * GRAVITY / up * (x * z + w * y + 1j * (y * z - w * x))
+    return pull

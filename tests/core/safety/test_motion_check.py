@@ -1,0 +1,89 @@
+"""Agents whose flow sensor sees no motion, and agents in wind, with a tilted sensor, or without."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from star_core import Array, Telemetry, quaternion_from_euler
+from star_core.safety.motion_check import DRAG, GRAVITY, MotionCheck
+
+PERIOD = 0.05  # s
+BEGUN = 2.0  # s, when something goes wrong
+FLOW_GAIN = 2.0  # 1/s, of the estimated velocity towards the flow sensor's
+AIRBORNE = np.ones(1, np.bool_)
+
+
+def report(time: float, speed: float, pull: float, yaw: float) -> Telemetry:
+    """An agent that flies along (-1, 1) in its odometry frame, m/s, and tilts for m/s²."""
+    direction = np.array([[-1.0, 1.0, 0.0]]) / np.sqrt(2)
+    ahead, aside = (pull * np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])) @ (
+        direction[0, :2]
+    )
+    attitude = quaternion_from_euler(
+        np.array([-np.arctan2(aside, np.hypot(GRAVITY, ahead))]),
+        np.array([np.arctan2(ahead, GRAVITY)]),
+        np.array([yaw]),
+    )
+    zero = np.zeros(1)
+    return Telemetry(
+        time, np.zeros((1, 3)), speed * direction, attitude, zero, np.zeros(1, np.int64), zero
+    )
+
+
+def found(
+    wanted: Array, *, seen: float = 1.0, wind: float = 0.0, error: float = 0.0, tilts: bool = True
+) -> float:
+    """Return when an agent is found that follows some speeds, (K,) m/s; infinity if never.
+
+    Args:
+        wanted: Of every tick.
+        seen: Share of the motion that its flow sensor sees from `BEGUN` on.
+        wind: Acceleration by wind from then on, m/s².
+        error: Of the reported tilt, m/s².
+        tilts: Whether it reports a tilt at all.
+    """
+    check, speed, believed = MotionCheck(1), 0.0, 0.0
+    for k, target in enumerate(wanted):
+        time = k * PERIOD
+        fails = time >= BEGUN
+        pull = 3.0 * (target - believed)
+        change = PERIOD * (pull - DRAG * speed + wind * fails)
+        speed += change
+        measured = (seen if fails else 1.0) * speed
+        believed += change + PERIOD * FLOW_GAIN * (measured - believed)
+        now = report(time, believed, pull + error if tilts else 0.0, yaw=0.3 * time)
+        if check.check(now, AIRBORNE)[0]:
+            return time
+    return np.inf
+
+
+TRIP = np.repeat([0.0, 0.5, 0.0, -0.5, 0.0, 1.0], 40)
+
+
+def test_an_agent_that_sees_no_motion_is_found_soon() -> None:
+    assert found(np.repeat([0.0, 0.5], [30, 100]), seen=0.0) <= BEGUN + 2.5
+    assert found(np.repeat([0.0, -0.5, 0.5], [30, 40, 100]), seen=0.0, error=0.2) <= BEGUN + 2.5
+
+
+@pytest.mark.parametrize(
+    "flight",
+    [{}, {"wind": 0.6}, {"error": 0.3}, {"seen": 0.8}, {"seen": 1.2}, {"tilts": False}],
+    ids=str,
+)
+def test_other_flights_are_let_alone(flight: dict[str, float]) -> None:
+    assert found(TRIP, **flight) == np.inf  # type: ignore[arg-type]
+
+
+def test_one_that_was_found_stays_so_until_it_is_on_the_ground() -> None:
+    check = MotionCheck(1)
+    for k in range(100):  # it tilts all the time, and reports a constant speed
+        answer = check.check(report(k * PERIOD, 0.5 * (k > 30), 1.5 * (k > 30) + 1e-6, 0), AIRBORNE)
+    assert answer.all()
+    away, faster = check.errors()
+    assert faster[0, 0] < -0.5
+    assert faster[0, 1] > 0.5
+    assert away[0, 1] > 0.2
+    assert check.check(report(5.0, 0.0, 1e-6, 0), AIRBORNE).all()
+    assert not check.check(report(5.05, 0.0, 1e-6, 0), ~AIRBORNE).any()
+    assert not np.any(check.errors())
