@@ -1,7 +1,8 @@
 """Rewrites the parts of pages in ``docs/`` that are made from the code: run it after a change.
 
 Examples of plugins are the files that ``star new plugin`` writes, named by a comment in the page.
-``docs/plugins/tables.md`` has the fields of the tables that plugins receive, from their docstrings.
+``docs/plugins/tables.md`` has the fields of the tables that plugins receive, from their docstrings;
+``docs/pictures/tick.svg`` is drawn by `tick_diagram`.
 
     python docs/site/committed.py
 """
@@ -20,10 +21,13 @@ from io import StringIO
 from pathlib import Path
 from typing import Any, Final
 
+from tick_diagram import diagram
+
 import star_core
 from star_core.cli.main import main
 
 DOCS: Final = Path(__file__).parents[1]
+PICTURE: Final = DOCS / "pictures" / "tick.svg"
 TABLES: Final = DOCS / "plugins" / "tables.md"
 COMMAND: Final = re.compile(r"^<!-- star (new plugin (\S+) --kind \S+) -->$", re.MULTILINE)
 FILE: Final = re.compile(r"^(`([\w./-]+)`:\n\n```\w+\n)(.*?)(?=^```$)", re.MULTILINE | re.DOTALL)
@@ -113,6 +117,7 @@ def _attributes(text: str) -> Iterator[tuple[str, str]]:
 
 
 if __name__ == "__main__":
+    PICTURE.write_text(diagram(), encoding="utf-8")
     TABLES.write_text(tables(), encoding="utf-8")
     for page in sorted((DOCS / "plugins").glob("*.md")):
         page.write_text(with_examples(page.read_text("utf-8")), encoding="utf-8")
