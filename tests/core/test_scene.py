@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from star_core.errors import InputError
-from star_core.scene import inside
+from star_core.mission_file import schema
+from star_core.plugin_support.option_schema import fill_defaults
+from star_core.scene import Limits, inside
 
 
 def refusal(folder: Path, name: str) -> str:
@@ -75,3 +77,9 @@ def test_a_folder_is_no_file(missions: Path) -> None:
 def test_what_is_no_path_is_refused(missions: Path, name: str) -> None:
     (missions / "loop").symlink_to("loop")
     assert repr(name) in refusal(missions, name)
+
+
+def test_limits_in_python_are_those_of_a_mission_without_limits() -> None:
+    limits = schema.load("mission")["properties"]["limits"]
+    given = fill_defaults({}, limits)
+    assert Limits(**given | {"height": tuple(given["height"])}) == Limits()
