@@ -79,9 +79,10 @@ OPTIONS: dict[str, Any] = {
         },
         "floor_odometry": {
             "type": "boolean",
-            "default": False,
-            "description": "Whether to measure motion from image to image by the floor's texture, "
-            "where it has any; the floor is the map's plane z = 0; with method: filter.",
+            "default": True,
+            "description": "Whether to measure motion from image to image by the floor's texture "
+            "while no tag of the map is in view; the floor is the map's plane z = 0. Without "
+            "texture, flow odometry is used; with method: filter.",
         },
         "processes": {
             "type": ["integer", "null"],

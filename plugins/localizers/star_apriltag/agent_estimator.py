@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
-from star_apriltag.dead_reckoning import AgentState, Anchor, predict, start
+from star_apriltag.dead_reckoning import AgentState, Anchor, Z, predict, start
 from star_apriltag.floor_odometry import FloorOdometry
 from star_apriltag.joint_filter import Deviations, JointFilter
 from star_apriltag.odometry_track import OdometryTrack
@@ -125,13 +125,13 @@ class FilterEstimator:
         time = report.taken
         if self._analyzer is None or not time > self.anchor.time:
             return None
-        measured = report.image is not None and self._measure_floor(report.image, time)
         state = self.at(time)
         prediction = _prediction(state, self._filter.camera_turn)
         if report.image is None:
             analysis = self._analyzer.evaluate(report.tags, report.corners, prediction)
         else:
             analysis = self._analyzer.analyze(report.image, prediction)
+        measured = self._measure_floor(report.image, time, needed=not analysis.views)
         if analysis.accepted:
             self._relocation.forget()
         if analysis.views or measured:
@@ -164,14 +164,19 @@ class FilterEstimator:
         self._filter.move(pose, covariance)
         self.anchor = self._filter.anchor
 
-    def _measure_floor(self, image: Image, time: float) -> bool:
+    def _measure_floor(self, image: Image | None, time: float, *, needed: bool) -> bool:
         """Correct the odometry up to an image by the floor; return whether that was possible."""
-        if self._floor is None:
+        if self._floor is None or image is None:
             return False
         bias = self.anchor.yaw_bias
-        turn = self._filter.camera_turn
         measured = self._floor.measure(
-            image, time, self.track, ground=self._ground, yaw_bias=bias, camera_turn=turn
+            image,
+            time,
+            self.track,
+            ground=self._ground + float(self.anchor.mean[Z]),
+            yaw_bias=bias,
+            camera_turn=self._filter.camera_turn,
+            needed=needed,
         )
         if measured is None:
             return False

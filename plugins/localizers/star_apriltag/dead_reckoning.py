@@ -49,6 +49,7 @@ YAW_BIAS_STD: Final = math.radians(0.25)  # rad/s
 YAW_BIAS_PER_TIME: Final = math.radians(0.025)  # rad/s/√s
 YAW_PER_TIME: Final = math.radians(0.05)  # rad/√s
 POSITION_PER_TIME: Final = 0.005  # m/√s
+SEEN_PER_TIME: Final = 0.015  # m/√s, in addition while the camera measures motion by the floor
 SLIP_STD, SLIP_TIME = 0.045, 0.35  # m/s and s
 """A Kalman filter that smooths flow samples over `SLIP_TIME` has such an error with the firmware's
 2 counts of noise (``flowStdFixed``) at a height of 0.8 m, 0.33 m/s in each sample of 10 ms."""
@@ -155,7 +156,7 @@ def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, 
     kept[FLOOR] = floor_kept = math.exp(-motion.length / FLOOR_LENGTH)
 
     # Derivatives of the displacement in the map, x + iy.
-    along = heading * motion.shift
+    along = heading * motion.blind_shift
     slipped = -heading * blind * SLIP_TIME * (1 - slip_kept)
     slipped *= cmath.rect(1.0, motion.turn / 2 * min(1.0, SLIP_TIME / max(took, SLIP_TIME)))
     on_floor = FLOOR_LENGTH * (1 - floor_kept) / motion.length if motion.length > 0 else 0.0
@@ -167,7 +168,11 @@ def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, 
     by[ARM_X] = blind * heading - end
     by[ARM_Y] = 1j * by[ARM_X]
     by[YAW_BIAS] = 1j * (end * complex(arm_x, arm_y) * took - heading * motion.moment)
-    shift = along + by[SLIP_X] * complex(slip_x, slip_y) + by[ARM_X] * complex(arm_x, arm_y)
+    shift = (
+        heading * motion.shift
+        + by[SLIP_X] * complex(slip_x, slip_y)
+        + by[ARM_X] * complex(arm_x, arm_y)
+    )
     by[YAW] = 1j * shift
 
     mean = kept * anchor.mean
@@ -192,6 +197,7 @@ def _noise(motion: Motion, heading: complex, kept: Array) -> Array:
     noise[Y, [SLIP_X, SLIP_Y]] = noise[[SLIP_X, SLIP_Y], Y] = end.imag, end.real
     variance, shared, left = _integrated(FLOOR_STD, FLOOR_LENGTH, motion.blind_length)
     along = heading * motion.shift / motion.length if motion.length > 0 else 0j
+    noise[[X, Y], [X, Y]] += SEEN_PER_TIME**2 * (motion.duration - motion.blind_duration)
     ahead = np.array([along.real, along.imag])
     noise[:FLOOR, :FLOOR][:2, :2] += variance * np.outer(ahead, ahead)
     noise[FLOOR, :2] = noise[:2, FLOOR] = shared * ahead

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import math
 from typing import Final, NamedTuple
 
 import cv2
@@ -24,6 +25,7 @@ MIN_TEXTURE: Final = 1e-3  # OpenCV's smaller eigenvalue; a third of that of a s
 
 MIN_HEIGHT: Final = 0.2  # m: nearer to the floor it moves too fast
 MIN_DIP: Final = 0.3  # slope of a ray, down per length: farther points are too uncertain
+WARPED_DIP: Final = 0.05  # likewise, of what is drawn: the windows of points contain farther ones
 MIN_POINTS: Final = 12
 OUTSIDE: Final = -1e4  # px, of a point that is not on the floor
 MAX_INTERVAL: Final = 1.0  # s between two images
@@ -35,10 +37,16 @@ MAX_SPREAD: Final = 0.3
 HUBER: Final = 1.5  # standard deviations above which a point weighs less
 ITERATIONS: Final = 4
 
-# Greatest difference from odometry; with a larger one the points are not on the floor.
-MAX_OFF: Final = 0.01  # m
-MAX_OFF_SHARE: Final = 0.3  # of the length
+# Greatest difference from odometry over all consecutive images; with a larger one the points are
+# not on the floor, or are a pattern of the sensor that does not move in the image.
+MAX_OFF: Final = 0.02  # m
+MAX_OFF_SHARE: Final = 0.25  # of the length
 MAX_OFF_RATE: Final = 0.05  # m/√s
+
+POINT_STD: Final = 0.15  # px, of a tracked point
+# Standard deviations of odometry's errors between two images, beside its shift of about 1 m: of the
+# turn, with times of images that are off by 0.02 s, and of the change of roll and pitch.
+ODOMETRY_STD: Final = np.array([1.0, 1.0, 0.02, 0.01, 0.01])
 
 RAYLEIGH: Final = 1.1774
 """Median length of a vector whose two components have the standard deviation 1."""
@@ -60,17 +68,34 @@ class _Frame(NamedTuple):
     sample: OdometrySample
 
 
+class _Difference(NamedTuple):
+    """Difference of consecutive measurements from odometry, and the motion over which it arose."""
+
+    shift: complex = 0j  # in the level body frame, m
+    length: float = 0.0  # m
+    duration: float = 0.0  # s
+
+    def after(self, motion: Motion, off: complex) -> _Difference:
+        return _Difference(
+            self.shift * cmath.rect(1.0, -motion.turn) + off,
+            self.length + motion.length,
+            self.duration + motion.duration,
+        )
+
+    @property
+    def plausible(self) -> bool:
+        most = MAX_OFF + MAX_OFF_SHARE * self.length + MAX_OFF_RATE * math.sqrt(self.duration)
+        return abs(self.shift) <= most
+
+
 class FloorOdometry:
     """Tracks a lattice of points from one image of a camera to the next.
 
     They are assumed to be on the floor, the map's plane z = 0: with the on-board tilt and height
     each pixel is then a point relative to the body. The last image is warped to the pose that
     odometry predicts; its points are tracked in the new image by the method of Lucas and Kanade
-    (IJCAI 1981), and the displacement is that of odometry plus the weighted mean of their errors.
-    Outliers weigh less, by Huber's rule; the turn is the gyro's. An angular error e of tilt or
-    mounting scales the displacement by a constant factor, which `JointFilter` estimates,
-    and makes the body seem to turn about a point e (h² + d²) / h beside it, with what is seen at a
-    disample d from a height h.
+    (IJCAI 1981), and errors of odometry's displacement, turn and change of tilt are fitted to
+    them. Outliers weigh less, by Huber's rule. The turn that is kept is the gyro's.
 
     Args:
         lens: Of the camera.
@@ -92,6 +117,7 @@ class FloorOdometry:
         )
         self._turned = lens.mounting.rotation
         self._last: _Frame | None = None
+        self._difference = _Difference()
 
     def measure(
         self,
@@ -102,6 +128,7 @@ class FloorOdometry:
         ground: float,
         yaw_bias: float,
         camera_turn: Array,
+        needed: bool = True,
     ) -> MeasuredMotion | None:
         """Return the motion since the previous image, or None if it cannot be measured.
 
@@ -112,6 +139,7 @@ class FloorOdometry:
             ground: z of its odometry frame in the map, m.
             yaw_bias: Subtracted from its yaw rate, rad/s.
             camera_turn: (3, 3) rotation of the camera against its mounting, in its frame.
+            needed: False only keeps the image for the next call.
 
         Raises:
             ValueError: It is no gray image of the camera's size.
@@ -121,16 +149,19 @@ class FloorOdometry:
         sample = track.at(time)
         sample = sample._replace(height=sample.height + ground, yaw_rate=sample.yaw_rate - yaw_bias)
         last, self._last = self._last, None
+        before, self._difference = self._difference, _Difference()
         if not sample.height > MIN_HEIGHT:
             return None
         self._last = _Frame(image, time, sample)
-        if last is None or not 0 < time - last.time <= MAX_INTERVAL or track.newest < time:
+        if not needed or last is None or not 0 < time - last.time <= MAX_INTERVAL:
+            return None
+        if track.newest < time:
             return None
         motion = track.between(last.time, time, yaw_bias=yaw_bias)
-        before, after = self._tracked(last, image, sample, motion)
-        off = _consensus(before - after, before, sample.height, self._lens.matrix[0, 0])
-        most = MAX_OFF + MAX_OFF_SHARE * motion.length + MAX_OFF_RATE * motion.duration**0.5
-        if off is None or abs(off) > most:
+        predicted, seen = self._tracked(last, image, sample, motion)
+        off = _consensus(predicted - seen, predicted, sample.height, self._lens.matrix[0, 0])
+        self._difference = before.after(motion, off or 0j)
+        if off is None or not self._difference.plausible:
             return None
         return MeasuredMotion(last.time, time, motion.shift + off * cmath.rect(1.0, motion.turn))
 
@@ -138,7 +169,7 @@ class FloorOdometry:
         self, last: _Frame, image: Image, sample: OdometrySample, motion: Motion
     ) -> tuple[Points, Points]:
         """Return points relative to the body: as predicted by odometry, and as seen."""
-        coarse = self._floor(self._coarse_rays, self._coarse, sample)
+        coarse = self._floor(self._coarse_rays, self._coarse, sample, min_dip=WARPED_DIP)
         whence = self._source(last.sample, coarse, motion).T.reshape(2, *self._shape)
         columns, rows = (
             cv2.remap(one, *self._between, cv2.INTER_LINEAR) for one in whence.astype(np.float32)
@@ -188,15 +219,18 @@ class FloorOdometry:
             delay = np.clip(self._lens.row_delay(pixels), -1.0, 1.0)
         return np.clip(pixels, OUTSIDE, -OUTSIDE)
 
-    def _floor(self, rays: Array, pixels: Array, sample: OdometrySample) -> Points:
+    def _floor(
+        self, rays: Array, pixels: Array, sample: OdometrySample, *, min_dip: float = MIN_DIP
+    ) -> Points:
         """Return the (K,) points x + iy on the floor of (K, 2) rays, relative to the level body.
 
-        They refer to the time of the image's middle row; NaN for rays that miss the floor.
+        They refer to the time of the image's middle row; NaN for rays that are not
+        at least `min_dip` steep.
         """
         rotation, position = self._camera(sample)
         away = np.column_stack([rays, np.ones(len(rays))]) @ rotation.T
         down = -away[:, 2]
-        meets = down > MIN_DIP * np.sqrt((away * away).sum(axis=1))  # not so for NaN
+        meets = down > min_dip * np.sqrt((away * away).sum(axis=1))  # not so for NaN
         x, y, _ = (position + away * (position[2] / np.where(meets, down, np.nan))[:, None]).T
         delay = self._lens.row_delay(pixels)
         velocity = complex(sample.velocity[0], sample.velocity[1])
@@ -219,7 +253,10 @@ def _lattice(width: int, height: int, columns: int, rows: int, margin: int) -> A
 
 
 def _consensus(shifts: Points, points: Points, height: float, focal: float) -> complex | None:
-    """Return the robust mean of points' displacements, or None if too few points agree.
+    """Return the robust displacement of the body, or None if too few points agree.
+
+    A turn by t shifts a point p by itp; a change of tilt by a about the axis ahead and b about that
+    to the left shifts it by ``h (ia - b) + p (a y - b x) / h``, for p = x + iy.
 
     Args:
         shifts: (K,) displacements, m.
@@ -230,10 +267,23 @@ def _consensus(shifts: Points, points: Points, height: float, focal: float) -> c
     if len(shifts) < MIN_POINTS:
         return None
     fine = focal * height / (height**2 + np.abs(points) ** 2)  # px/m
-    exact = weight = fine**2
+    even = np.ones(len(points), np.complex128)
+    roll, pitch = points * points.imag / height, points * points.real / height
+    columns = even, 1j * even, 1j * points, 1j * height + roll, -height - pitch
+    by = np.column_stack([_parts(np.asarray(column * fine)) for column in columns])
+    seen = _parts(shifts * fine)
+    prior = np.diag((POINT_STD / ODOMETRY_STD) ** 2)
+    weight = np.ones(len(points))
     for _ in range(ITERATIONS):
-        shift = complex((weight @ shifts) / weight.sum())
-        off = np.abs(shifts - shift) * fine
+        weighted = by * np.tile(weight, 2)[:, None]
+        found = np.linalg.solve(weighted.T @ by + prior, weighted.T @ seen)
+        off = np.hypot(*(seen - by @ found).reshape(2, -1))
         spread = float(np.median(off)) / RAYLEIGH
-        weight = exact / np.maximum(1.0, off / (HUBER * max(spread, CONVERGED)))
-    return shift if spread < MAX_SPREAD else None
+        weight = 1 / np.maximum(1.0, off / (HUBER * max(spread, CONVERGED)))
+    return complex(*found[:2]) if spread < MAX_SPREAD else None
+
+
+def _parts(values: Points) -> Array:
+    """Return the real parts, and then the imaginary parts."""
+    parts: Array = np.concatenate([values.real, values.imag])
+    return parts

@@ -25,6 +25,7 @@ class Motion(NamedTuple):
     duration: float  # without the time at rest, s
     blind_length: float  # length that only the flow sensor measured, m
     blind_duration: float  # likewise, s
+    blind_shift: complex = 0j  # share of the displacement that only the flow sensor measured, m
     moment: complex = 0j  # integral of the time since the start over the displacement, m s
 
 
@@ -93,7 +94,7 @@ class OdometryTrack:
         Args:
             begin: s.
             end: s, no earlier than `begin`.
-            scale: Factor of velocities: scale and misalignment of the flow sensor.
+            scale: Factor of the flow sensor's velocities: its scale and misalignment.
             yaw_bias: Subtracted from the yaw rate, rad/s.
         """
         times = self._rows[: self._end, 0]
@@ -108,8 +109,9 @@ class OdometryTrack:
         took = np.diff(until, prepend=begin) * (1 - rows[:, 9])
         turns = (rows[:, 4] - yaw_bias) * took
         after = np.cumsum(turns)
-        steps = scale * (rows[:, 1] + 1j * rows[:, 2]) * took
-        lengths, blind = np.abs(steps), rows[:, 8]
+        blind = rows[:, 8]
+        steps = np.where(blind > 0, scale, 1.0) * (rows[:, 1] + 1j * rows[:, 2]) * took
+        lengths = np.abs(steps)
         turned = np.exp(1j * (after - turns / 2)) * steps
         return Motion(
             shift=complex(turned.sum()),
@@ -118,6 +120,7 @@ class OdometryTrack:
             duration=float(took.sum()),
             blind_length=float(lengths @ blind),
             blind_duration=float(took @ blind),
+            blind_shift=complex(turned @ blind),
             moment=complex((np.cumsum(took) - took / 2) @ turned),
         )
 

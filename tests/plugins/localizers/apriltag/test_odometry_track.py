@@ -12,7 +12,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from star_apriltag.odometry_track import CAPACITY, OdometryTrack
+from star_apriltag.odometry_track import CAPACITY, Motion, OdometryTrack
 from star_core import Array, Odometry
 
 number = st.floats(-1.0, 1.0)
@@ -117,7 +117,7 @@ def test_who_stands_neither_moves_nor_turns(
     made.add(stream(time, velocity, np.full(100, rate)), np.arange(100), motors=motors)
     motion = made.between(0.0, 1.0, yaw_bias=0.004)
     if stands:
-        assert motion == (0j, 0.0, 0.0, 0.0, 0.0, 0.0, 0j)
+        assert motion == Motion(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
     else:
         assert motion.turn == pytest.approx(rate - 0.004)
         assert (motion.length, motion.duration) == pytest.approx((speed, 1.0))
@@ -132,12 +132,20 @@ def test_a_stand_between_two_ways_takes_no_time() -> None:
     assert (motion.length, motion.duration, motion.blind_duration) == pytest.approx((1.0, 2.0, 2.0))
 
 
+def test_the_flow_sensors_scale_is_not_that_of_the_camera() -> None:
+    made = even(12.0, (0.5, 0.0))
+    made.correct(10.0, 11.0, 0.4 + 0j, yaw_bias=0.0)
+    motion = made.between(10.0, 12.0, scale=1.1)
+    assert motion.shift == pytest.approx(0.4 + 0.55)
+    assert motion.blind_shift == pytest.approx(0.55)
+
+
 def test_without_a_sample_nothing_moves() -> None:
-    assert OdometryTrack().between(1.0, 3.0) == (0j, 0.0, 0.0, 2.0, 0.0, 2.0, 0j)
+    assert OdometryTrack().between(1.0, 3.0) == Motion(0j, 0.0, 0.0, 2.0, 0.0, 2.0)
 
 
 def test_a_time_that_ends_before_it_begins_holds_no_motion() -> None:
-    assert even(1.0).between(0.8, 0.3) == (0j, 0.0, 0.0, 0.0, 0.0, 0.0, 0j)
+    assert even(1.0).between(0.8, 0.3) == Motion(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("times", [[0.2, 0.1, 0.3], [0.1, 0.1, 0.3], [0.1, math.nan, 0.3]])
