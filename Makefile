@@ -3,10 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/first_flight.yaml
+TIMES ?= 1
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check docs air bench campaign faults guardian mutants scenarios soak lowest clean
+.PHONY: help fly test check docs air bench campaign faults guardian mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -61,6 +62,9 @@ guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose progra
 
 faults: $(VENV)/.ready  ## the fault matrix of docs/reliability.md; long
 	$(BIN)/python benchmarks/faults.py --page docs/reliability.md
+
+fuzz: $(VENV)/.ready  ## spoiled inputs of every kind (docs/fuzzing.md); long; TIMES=0.1 tries fewer
+	$(BIN)/python -m tests.fuzz --times $(TIMES)
 
 soak: $(VENV)/.ready  ## 30 drones over the protocol for 10 minutes: ticks, memory, files, threads; exit 1 if a bound is broken
 	$(BIN)/python benchmarks/soak.py

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from star_core.errors import InputError
+from star_core.errors import ContractError, InputError
 from star_core.messages.arrays import Array
 from star_core.messages.vision import Detections
 from star_core.metrics.planned_paths import PlannedPaths
@@ -20,6 +22,13 @@ from star_core.mission_file.scene_builder import agents
 from star_core.mission_file.yaml_reader import parse
 from star_core.scene import Agent
 from star_core.world.world import World
+
+DAMAGE: Final = (
+    *(OSError, ValueError, TypeError, LookupError, AttributeError, ContractError),
+    *(zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, MemoryError),
+)
+"""What the readers of JSON, ZIP and NumPy files, and what takes their content apart, raise for a
+damaged file."""
 
 
 @dataclass(frozen=True)
@@ -69,20 +78,26 @@ def read_run(folder: Path | str) -> Run:
         text = f"{folder}: is a file, expected the folder of a recorded run"
         raise InputError(text, "wrong-file")
     try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        arrays = _arrays(folder / "trajectory.npz")
-        timing = _arrays(file) if (file := folder / "timing.npz").exists() else {}
-        found = _arrays(file) if (file := folder / "detections.npz").exists() else None
-        detections = Detections.none() if found is None else Detections(**found)
-        planned = _arrays(file) if (file := folder / "paths.npz").exists() else None
-        paths = PlannedPaths.none() if planned is None else PlannedPaths(**planned)
+        return _read(folder)
     except FileNotFoundError as error:
         what = "the record of an interrupted run" if (folder / "manifest.json").exists() else "none"
         text = f"{folder}: expected the folder of a recorded run, found {what}"
         raise InputError(f"{text}: no '{Path(error.filename).name}'", "no-record") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"{folder}: the record cannot be read: {error}", "no-record") from error
+    except DAMAGE as error:
+        why = f"{type(error).__name__}: {error}".partition("\n")[0]
+        raise InputError(f"{folder}: the record cannot be read: {why}", "no-record") from error
+
+
+def _read(folder: Path) -> Run:
+    """Return a recorded flight; raise one of `DAMAGE` if a file is not as it was written."""
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    arrays = _arrays(folder / "trajectory.npz")
+    timing = _arrays(file) if (file := folder / "timing.npz").exists() else {}
+    found = _arrays(file) if (file := folder / "detections.npz").exists() else None
+    detections = Detections.none() if found is None else Detections(**found)
+    planned = _arrays(file) if (file := folder / "paths.npz").exists() else None
+    paths = PlannedPaths.none() if planned is None else PlannedPaths(**planned)
     names = tuple(str(name) for name in arrays.pop("agents"))
     swarm = agents(manifest["mission"])
     source = folder / "manifest.json"
@@ -92,5 +107,5 @@ def read_run(folder: Path | str) -> Run:
 
 
 def _arrays(file: Path) -> dict[str, Any]:
-    with np.load(file) as arrays:
+    with file.open("rb") as stream, np.load(stream) as arrays:  # NumPy leaves a damaged file open
         return {name: arrays[name] for name in arrays.files}

@@ -5,18 +5,30 @@ from __future__ import annotations
 import argparse
 import struct
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final, NamedTuple
 
 from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
 
 from star_core import InputError, Progress
 from star_mcap.messages import FILE
+
+MAX_RECORD: Final = 1 << 28  # bytes; a longer one is damaged
+DAMAGE: Final = (
+    McapError,
+    struct.error,
+    ZstdError,
+    ValueError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+)
+"""What the reader raises for a damaged file."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -28,13 +40,14 @@ def run(arguments: Sequence[str]) -> int:
     folder = Path(parser().parse_args(arguments).run)
     path = folder / FILE if folder.is_dir() else folder
     if not path.is_file():
-        raise InputError([f"{path}: no such recording; name the folder of a run"])
+        raise InputError(f"{path}: no such recording; name the folder of a run", "no-record")
     try:
         with Progress(f"recovering {path}"):
-            messages, seconds = recover(path)
+            found = recover(path)
     except (OSError, McapError) as error:
-        raise InputError([f"{path}: cannot be recovered: {error}"]) from error
-    sys.stdout.write(f"{path}: {messages} messages, {seconds:.1f} s\n")
+        raise InputError(f"{path}: cannot be recovered: {error}", "unreadable-file") from error
+    lost = f", without {found.lost} damaged records" if found.lost else ""
+    sys.stdout.write(f"{path}: {found.messages} messages, {found.seconds:.1f} s{lost}\n")
     return 0
 
 
@@ -50,59 +63,102 @@ def parser() -> argparse.ArgumentParser:
     return star
 
 
-def recover(path: Path) -> tuple[int, float]:
-    """Write the index and the end of a recording that lacks them.
+class Recovered(NamedTuple):
+    """What a recording holds.
+
+    Attributes:
+        messages: Number of messages.
+        seconds: Time from the first to the last, s.
+        lost: Number of damaged records: chunks of messages, and messages of unknown channels.
+    """
+
+    messages: int
+    seconds: float
+    lost: int
+
+
+def recover(path: Path) -> Recovered:
+    """Write the index and the end of a recording that lacks them, without its damaged records.
 
     The file is replaced once its copy is complete.
 
-    Returns:
-        Number of messages, and the time from the first to the last, s.
-
     Raises:
         OSError: A file cannot be read or written.
-        McapError: It is no MCAP file.
+        McapError: It is no MCAP file, or none of its messages can be read.
     """
     copy = path.with_suffix(".mcap.part")
-    first = last = None
-    count = 0
+    times: list[int] = []
+    lost = count = 0
     try:
         with path.open("rb") as source, copy.open("wb") as target:
             writer = Writer(target, chunk_size=64 * 1024, compression=CompressionType.ZSTD)
             writer.start(profile="ros2", library="star-swarm")
-            schemas: dict[int, int] = {0: 0}
-            channels: dict[int, int] = {}
+            channels = _copy_channels(source, writer)
+            source.seek(0)
             for record in _readable(source):
-                if isinstance(record, Schema) and record.id not in schemas:
-                    schemas[record.id] = writer.register_schema(
-                        record.name, record.encoding, record.data
-                    )
-                elif isinstance(record, Channel) and record.id not in channels:
-                    channels[record.id] = writer.register_channel(
-                        record.topic, record.message_encoding, schemas[record.schema_id]
-                    )
-                elif isinstance(record, Metadata):
+                if isinstance(record, Metadata):
                     writer.add_metadata(record.name, record.metadata)
-                elif isinstance(record, Message):
+                elif isinstance(record, Message) and record.channel_id in channels:
                     channel, at = channels[record.channel_id], record.log_time
                     writer.add_message(channel, at, record.data, record.publish_time)
-                    first, last, count = at if first is None else first, at, count + 1
+                    times, count = [*times[:1], at], count + 1
+                elif record is None or isinstance(record, Message):
+                    lost += 1
             writer.finish()  # type: ignore[no-untyped-call]
+        if not count:
+            raise McapError("none of its messages can be read")
         copy.replace(path)
     finally:
         copy.unlink(missing_ok=True)
-    return count, 0.0 if first is None or last is None else (last - first) / 1e9
+    return Recovered(count, (times[-1] - times[0]) / 1e9, lost)
 
 
-def _readable(stream: BinaryIO) -> Iterator[McapRecord]:
-    """Yield the records of a file up to where it breaks off.
+def _copy_channels(source: BinaryIO, writer: Writer) -> dict[int, int]:
+    """Register the channels of a file, some of which only its summary may have, and their schemas.
+
+    Returns the new number of each channel by its old one.
+    """
+    schemas: dict[int, int] = {0: 0}
+    channels: dict[int, int] = {}
+    for record in _readable(source):
+        if isinstance(record, Schema) and record.id not in schemas:
+            schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+        elif (
+            isinstance(record, Channel)
+            and record.id not in channels
+            and record.schema_id in schemas
+        ):
+            channels[record.id] = writer.register_channel(
+                record.topic, record.message_encoding, schemas[record.schema_id]
+            )
+    return channels
+
+
+def _readable(stream: BinaryIO) -> Iterator[McapRecord | None]:
+    """Yield the records of a file, and None for each damaged one.
 
     Raises:
         McapError: Not even its header can be read.
     """
-    records = StreamReader(stream).records
+    records = StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD).records
     try:
         yield next(records)
-    except (StopIteration, struct.error) as error:
+    except (StopIteration, *DAMAGE) as error:
         raise McapError("it is no MCAP file") from error
-    with suppress(McapError, struct.error):
-        yield from records
+    try:
+        for record in records:
+            if isinstance(record, Chunk):
+                yield from _unpacked(record)
+            else:
+                yield record
+    except DAMAGE:  # where the next record begins is unknown
+        if stream.read(1):  # it is not the end of an interrupted recording
+            yield None
+
+
+def _unpacked(chunk: Chunk) -> Iterable[McapRecord | None]:
+    """Return the records of a chunk; None if they are damaged."""
+    try:
+        return breakup_chunk(chunk, validate_crc=True)
+    except DAMAGE:
+        return [None]

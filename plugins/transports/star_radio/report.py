@@ -101,7 +101,8 @@ class Layout:
         values = np.full((len(table), len(SOURCES)), np.nan)
         for column, source in self._reported:
             values[:, column] = table[str(column)]
-            values[:, column] *= source.unit
+            with np.errstate(invalid="ignore"):  # a NaN of any kind remains one
+                values[:, column] *= source.unit
         return values
 
     @property

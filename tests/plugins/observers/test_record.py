@@ -19,6 +19,7 @@ from star_core import (
     AgentPhase,
     Array,
     Flight,
+    InputError,
     Telemetry,
     Tick,
     TransportSpec,
@@ -178,6 +179,29 @@ def test_planned_paths_are_kept_when_they_change(run: Run) -> None:
             np.testing.assert_array_equal(planned[1:], kept)
             assert (planned[:1] == tick.estimate.position[row]).all()
     assert 0 < len(paths.time) < 10
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("trajectory.npz", b"PK\x01\x02", b"PK\x01\x03"),
+        ("timing.npz", b"late.npy", b"lat_.npy"),
+        ("manifest.json", b'"low":', b'"lo_":'),
+        ("manifest.json", b'"swarm":', b'"swar_":'),
+        ("summary.json", b"{", b"["),
+    ],
+)
+def test_a_damaged_record_is_refused_with_its_folder(
+    run: Run, tmp_path: Path, name: str, old: bytes, new: bytes
+) -> None:
+    copy = shutil.copytree(run[0], tmp_path / "copy")
+    content = (copy / name).read_bytes()
+    assert old in content
+    (copy / name).write_bytes(content.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        read_run(copy)
+    assert str(error.value).startswith(f"{copy}: the record cannot be read: ")
+    assert error.value.code == "no-record"
 
 
 def test_the_summary_is_what_the_flight_returned(run: Run) -> None:

@@ -12,6 +12,7 @@ from star_radio.connection import packets
 
 MIN_RETRY_PERIOD: Final = 0.2  # s; a radio round trip takes about 10 ms
 ATTEMPTS: Final = 10  # after which a question is given up
+MAX_ROUND_TRIP: Final = 5.0  # s
 MARGIN: Final = 0.05  # s above the mean round trip, at least: reports delay answers
 
 
@@ -74,7 +75,16 @@ class RoundTrip:
         self._deviation = 0.0  # s
 
     def note(self, time: float) -> None:
-        """Add a measured round-trip time, s."""
+        """Add a measured round-trip time, s; a time that no echo can take is ignored.
+
+        >>> trip = RoundTrip()
+        >>> trip.note(-1.0)
+        >>> trip.note(float("nan"))
+        >>> trip.timeout
+        0.0
+        """
+        if not 0 <= time <= MAX_ROUND_TRIP:  # of an altered echo, or another program's
+            return
         if self._mean is None:
             self._mean, self._deviation = time, time / 2
             return

@@ -197,14 +197,42 @@ def test_a_recording_that_breaks_off_is_completed(run: Path, tmp_path: Path) -> 
     whole = (run / FILE).read_bytes()
     broken = tmp_path / FILE
     broken.write_bytes(whole[: len(whole) * 2 // 3])
-    messages, seconds = recover(broken)
+    messages, seconds, lost = recover(broken)
     with broken.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
     assert summary.statistics is not None
     assert summary.statistics.message_count == messages > 100
     assert seconds > 1
+    assert lost == 0
     assert recover(broken)[0] == messages  # a complete one stays as it is
+
+
+def test_a_damaged_chunk_costs_its_own_messages_only(run: Path, tmp_path: Path) -> None:
+    whole = (run / FILE).read_bytes()
+    broken = tmp_path / FILE
+    broken.write_bytes(whole)
+    before = recover(broken)
+    first, second, *_ = (found.start() for found in re.finditer(rb"zstd", broken.read_bytes()))
+    content = bytearray(broken.read_bytes())
+    content[(first + second) // 2] ^= 1
+    broken.write_bytes(content)
+    after = recover(broken)
+    assert 0 < after.messages < before.messages
+    assert after.lost > 0
+    with broken.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert sum(1 for _ in reader.iter_messages()) == after.messages
+
+
+def test_a_recording_of_which_nothing_can_be_read_is_kept(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = (run / FILE).read_bytes()[:200]
+    (tmp_path / FILE).write_bytes(content)
+    assert main(["recover", str(tmp_path)]) == 2
+    assert "none of its messages can be read [unreadable-file]" in capsys.readouterr().err
+    assert (tmp_path / FILE).read_bytes() == content
 
 
 def test_what_is_no_recording_is_refused(

@@ -1,10 +1,10 @@
-"""Spoils files at random, as slips of the hand, of an editor and of the disk do; seeded."""
+"""Spoils files at random, as slips of the hand, of an editor, of the disk and of a link do."""
 
 from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 
 SCALAR = re.compile(r"(?<=[\[ ])[^\s\[\]{}#:,]+(?=[\],} \n])")
 KEY = re.compile(r"[A-Za-z_]\w*(?=:)")
@@ -26,19 +26,29 @@ KEYS = (
     *("agents", "until", "timeout", "parallel", "repeat", "each", "include", "file", "to", "by"),
     *("path", "size", "spacing", "height", "use", "times", "steps", "start", "x", ""),
 )
+WORDS = (
+    *(b"\0", b"\xff", b"\xef\xbb\xbf", b"\xe2\x80\xa8", b"\r\n", b"\n---\n"),
+    *b"""
+    18446744073709551615 null true [] {} '' [[0,0]] ../ / all cf9 use: agents: file: parallel:
+    repeat: land:{} ' " | > % @ ` &a *a !b <<: --- # ? : , -
+""".split(),
+)
 
 Draw = random.Random
 
 
-def mutants(originals: Mapping[str, bytes], count: int, seed: int) -> Iterator[tuple[str, bytes]]:
-    """Yield the name of a file and what is left of it, one to four slips later."""
-    for number in range(count):
-        draw = random.Random(f"{seed}-{number}")  # noqa: S311 -- nothing is kept secret by it
-        name = draw.choice(sorted(originals))
-        content = originals[name]
-        for _ in range(draw.choice((1, 1, 1, 2, 4))):
-            content = draw.choice(SLIPS)(content, draw)
-        yield name, content
+def spoiled(content: bytes, draw: Draw) -> bytes:
+    """Return what is left of a text file, one to four slips later."""
+    for _ in range(draw.choice((1, 1, 1, 2, 4))):
+        content = draw.choice(SLIPS)(content, draw)
+    return content
+
+
+def damaged(content: bytes, draw: Draw) -> bytes:
+    """Return what is left of a binary file or stream, one to eight faults later."""
+    for _ in range(draw.choice((1, 1, 2, 4, 8))):
+        content = draw.choice(FAULTS)(content, draw)
+    return content
 
 
 def _text(slip: Callable[[str, Draw], str]) -> Callable[[bytes, Draw], bytes]:
@@ -135,6 +145,58 @@ def _cut_off(content: bytes, draw: Draw) -> bytes:
     return content[: draw.randrange(len(content) + 1)]
 
 
+def _moved(content: bytes, draw: Draw) -> bytes:
+    begin = draw.randrange(len(content) + 1)
+    piece = content[begin : begin + draw.randint(1, 40)]
+    at = draw.randrange(len(content) + 1)
+    return content[:at] + piece + content[at + draw.choice((0, len(piece))) :]
+
+
+def _words_put_in(content: bytes, draw: Draw) -> bytes:
+    at = draw.randrange(len(content) + 1)
+    return content[:at] + draw.choice(WORDS) + content[at + draw.choice((0, 0, 1, 5, 20)) :]
+
+
+def _bit_flipped(content: bytes, draw: Draw) -> bytes:
+    if not content:
+        return content
+    at = draw.randrange(len(content))
+    return content[:at] + bytes([content[at] ^ 1 << draw.randrange(8)]) + content[at + 1 :]
+
+
+def _number_replaced(content: bytes, draw: Draw) -> bytes:
+    """Put a number that is often not expected in the place of one, two, four or eight bytes."""
+    size = draw.choice((1, 2, 4, 8))
+    at = draw.randrange(len(content) + 1)
+    number = draw.choice((0, 1, 1 << 8 * size - 1, (1 << 8 * size - 1) - 1, (1 << 8 * size) - 1))
+    return content[:at] + number.to_bytes(size, "little") + content[at + size :]
+
+
+def _block_lost(content: bytes, draw: Draw) -> bytes:
+    at = draw.randrange(len(content) + 1)
+    return content[:at] + content[at + draw.randrange(1, 2000) :]
+
+
+def _block_zeroed(content: bytes, draw: Draw) -> bytes:
+    at = draw.randrange(len(content) + 1)
+    size = min(draw.randrange(1, 600), len(content) - at)
+    return content[:at] + bytes(size) + content[at + size :]
+
+
+FAULTS: tuple[Callable[[bytes, Draw], bytes], ...] = (
+    _bit_flipped,
+    _bit_flipped,
+    _number_replaced,
+    _number_replaced,
+    _bytes_put_in,
+    _characters_lost,
+    _block_lost,
+    _block_zeroed,
+    _moved,
+    _cut_off,
+)
+"""Each takes what a binary file holds, and returns it with one fault."""
+
 SLIPS: tuple[Callable[[bytes, Draw], bytes], ...] = (
     _lines(_without_line),
     _lines(_line_twice),
@@ -151,6 +213,8 @@ SLIPS: tuple[Callable[[bytes, Draw], bytes], ...] = (
     _characters_lost,
     _bytes_put_in,
     _signs_put_in,
+    _words_put_in,
+    _moved,
     _cut_off,
 )
 """Each takes what a file holds, and returns it with one slip."""
