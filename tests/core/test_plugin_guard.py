@@ -8,7 +8,8 @@ import sys
 import pytest
 
 from star_core import ContractError, InputError, PluginError
-from star_core.plugin_support.guard import PluginGuard
+from star_core.plugin_support.guard import PluginGuard, Strikes
+from star_core.plugin_support.watchdog import PluginTimeout
 
 PLUGIN = "planner 'mine' (my-dist 1.0:mine)"
 
@@ -88,3 +89,25 @@ def test_one_problem_may_be_given_as_text() -> None:
 def test_an_error_of_many_lines_is_reported_on_one() -> None:
     with pytest.raises(PluginError, match="a plugin: ValueError: a b "), PluginGuard("a plugin"):
         raise ValueError("a\nb")
+
+
+def test_two_failures_of_each_plugin_are_tolerated_in_flight() -> None:
+    strikes, failure = Strikes(3), PluginError("boom")
+    strikes.begin_tick(in_flight=True)
+    answers = [strikes.tolerates(plugin, failure) for plugin in ("one", "other", "one", "one")]
+    assert answers == [True, True, True, False]
+    first, *_rest = strikes.drain()
+    assert first == "all agents brake: boom (failure 1; at 3 all land)"
+    assert strikes.drain() == []
+
+
+def test_a_plugin_that_hangs_in_flight_is_not_tolerated() -> None:
+    strikes = Strikes(3)
+    strikes.begin_tick(in_flight=True)
+
+    def expire() -> None:
+        raise PluginTimeout("no result after 1 s")
+
+    with pytest.raises(PluginError) as caught, PluginGuard(PLUGIN):
+        expire()
+    assert not strikes.tolerates(PLUGIN, caught.value)

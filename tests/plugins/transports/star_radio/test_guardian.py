@@ -218,6 +218,18 @@ def test_agents_land_that_had_just_been_commanded_to_take_off(
     assert not (flight.air.fleet._info & int(Supervisor.FLYING)).any()
 
 
+def test_agents_land_whose_take_off_arrives_after_the_flight_has_ended(flight: Flight) -> None:
+    flight.tick()
+    air, carry = flight.air, flight.air.carry
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(air, "carry", lambda *sent: air.later(1.0, lambda: carry(*sent)))
+        flight.order(Order.TAKEOFF, np.tile([0.0, 0.0, 0.5], (3, 1)))
+        flight.die()
+        air.sleep(3.0)
+    assert not flight.fallen
+    assert not (flight.air.fleet._info & int(Supervisor.FLYING)).any()
+
+
 def test_nothing_moves_when_a_flight_ends_on_the_ground(flight: Flight, tmp_path: Path) -> None:
     flight.fly(0.5)
     flight.silence(3.0)

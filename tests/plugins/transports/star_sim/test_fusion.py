@@ -1,0 +1,50 @@
+"""The gains and the covariance of the on-board estimator are those of the firmware's filter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from star_core import Array
+from star_sim import drone, estimator
+from star_sim.airframe import CYCLE, GRAVITY
+from star_sim.fusion import Fusion
+
+FLOW_STD = 0.33  # m/s, 2 counts at 0.8 m
+VELOCITY_NOISE = (0.5 * CYCLE) ** 2  # m²/s², per cycle
+TILT_NOISE = (0.1 * CYCLE) ** 2  # rad², per cycle
+
+
+def settled(carry: Array, noise: Array) -> Array:
+    """Return the gain at which a Kalman filter settles whose state 0 is measured as the flow is."""
+    covariance, gain = np.zeros_like(noise), np.zeros(len(noise))
+    for _ in range(2000):
+        covariance = carry @ covariance @ carry.T + noise
+        gain = covariance[:, 0] / (covariance[0, 0] + FLOW_STD**2)
+        covariance -= np.outer(gain, covariance[0])
+    return gain
+
+
+def test_constant_gains_are_those_at_which_a_kalman_filter_settles() -> None:
+    [velocity] = settled(np.eye(1), np.diag([VELOCITY_NOISE]))
+    assert pytest.approx(velocity, rel=0.02) == estimator.FLOW_GAIN
+    carry = np.array([[1.0, CYCLE * GRAVITY], [0.0, 1.0]])
+    gains = settled(carry, np.diag([VELOCITY_NOISE, TILT_NOISE]))
+    assert gains == pytest.approx([estimator.IMU_FLOW_GAIN, estimator.TILT_GAIN], rel=0.02)
+
+
+def test_the_covariance_grows_as_that_of_a_position_that_integrates_the_filtered_velocity() -> None:
+    gain = estimator.FLOW_GAIN
+    carry = np.array([[1 - gain, 0.0], [CYCLE * (1 - gain), 1.0]])  # velocity, position
+    measured = gain * np.array([1.0, CYCLE])
+    covariance, variance = np.zeros((2, 2)), []
+    for _ in range(2000):
+        covariance = carry @ (covariance + np.diag([VELOCITY_NOISE, 0.0])) @ carry.T
+        covariance += FLOW_STD**2 * np.outer(measured, measured)
+        variance.append(covariance[1, 1])
+    drones = np.zeros(1, drone.DRONE)
+    fusion = Fusion(1)
+    fusion.forget(drones, 0, 5.0)
+    before, after = (fusion.covariance(drones, time)[0, 0, 0] for time in (15.0, 25.0))
+    assert before > 0
+    assert after - before == pytest.approx(variance[-1] - variance[-1001], rel=0.02)
