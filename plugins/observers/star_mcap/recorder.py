@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
 
 from star_core import AgentPhase, Array, Event, Flight, Mask, Paths, Tick, Truth
-from star_mcap import messages
+from star_mcap import messages, writer
 from star_mcap.messages import FILE, encode, header, kind, pose_stamped, transform, twist_stamped
 from star_mcap.world_markers import world_markers
 
-CHUNK: Final = 64 * 1024  # bytes
 FLUSH_PERIOD: Final = 1.0  # s of wall time: what a killed program loses at most
 BATTERY_PERIOD: Final = 1.0  # s
 IMAGE_PERIOD: Final = 0.2  # s, for each camera
@@ -50,8 +48,7 @@ class Recorder:
         self._in_flight = np.zeros(len(self._names), np.bool_)
         self._unknown = np.zeros(36)
         self._file = (folder / FILE).open("wb")
-        self._writer = Writer(self._file, chunk_size=CHUNK, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library="star-swarm")
+        self._writer = writer.begin(self._file)
         self._now = self._epoch
         self._write_static(flight)
         self._flushed = 0.0

@@ -12,11 +12,12 @@ from typing import BinaryIO, Final, NamedTuple
 from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 from zstandard import ZstdError
 
 from star_core import InputError, Progress
 from star_mcap.messages import FILE
+from star_mcap.writer import begin
 
 MAX_RECORD: Final = 1 << 28  # bytes; a longer one is damaged
 DAMAGE: Final = (
@@ -91,8 +92,7 @@ def recover(path: Path) -> Recovered:
     lost = count = 0
     try:
         with path.open("rb") as source, copy.open("wb") as target:
-            writer = Writer(target, chunk_size=64 * 1024, compression=CompressionType.ZSTD)
-            writer.start(profile="ros2", library="star-swarm")
+            writer = begin(target)
             channels = _copy_channels(source, writer)
             source.seek(0)
             for record in _readable(source):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
@@ -20,11 +21,13 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.records import ChunkIndex
 from rosbags.highlevel import AnyReader
 
 import star_mcap
 from star_core import Camera, Progress, read_run
 from star_core.cli.main import main
+from star_mcap import writer
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover
 
@@ -193,6 +196,27 @@ def _matrix() -> tuple[float, ...]:
     return fx, cx, fy, cy
 
 
+def test_no_index_of_a_chunk_stays_in_memory_until_the_end(tmp_path: Path) -> None:
+    chunks, channels = 20, 50
+    with (tmp_path / FILE).open("wb") as stream:
+        recording = writer.begin(stream)
+        numbers = [recording.register_channel(f"/{i}", "cdr", 0) for i in range(channels)]
+        for chunk in range(chunks):
+            for number in numbers:
+                recording.add_message(number, chunk, b"x", chunk)
+            recording.flush()  # type: ignore[no-untyped-call]
+        gc.collect()
+        assert not [one for one in gc.get_objects() if isinstance(one, ChunkIndex)]
+        recording.finish()  # type: ignore[no-untyped-call]
+    with (tmp_path / FILE).open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert len(summary.chunk_indexes) == chunks
+        assert all(len(one.message_index_offsets) == channels for one in summary.chunk_indexes)
+        assert sum(1 for _ in reader.iter_messages(topics="/7")) == chunks
+
+
 def test_a_recording_that_breaks_off_is_completed(run: Path, tmp_path: Path) -> None:
     whole = (run / FILE).read_bytes()
     broken = tmp_path / FILE
@@ -208,7 +232,10 @@ def test_a_recording_that_breaks_off_is_completed(run: Path, tmp_path: Path) -> 
     assert recover(broken)[0] == messages  # a complete one stays as it is
 
 
-def test_a_damaged_chunk_costs_its_own_messages_only(run: Path, tmp_path: Path) -> None:
+def test_a_damaged_chunk_costs_its_own_messages_only(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "CHUNK", 64 * 1024)
     whole = (run / FILE).read_bytes()
     broken = tmp_path / FILE
     broken.write_bytes(whole)
