@@ -26,6 +26,7 @@ from star_core import Agent, Fence, Scene, World
 from star_fleet.packet import Port, join
 from star_fleet.server import Fleet
 from star_fleet.variables import VARIABLES
+from star_sim import ideal_world
 
 FLIGHT = 12.0  # s
 ALOFT = 0.4  # m
@@ -134,7 +135,7 @@ def run_clients(pipe: Connection, addresses: list[str], log_period: int) -> None
 def load(n: int, log_period: int) -> dict[str, float]:
     """Figures of `n` vehicles with two log blocks each at a period in 10 ms."""
     ours, theirs = multiprocessing.Pipe()
-    with Fleet(grid(n), port=0) as fleet:
+    with Fleet(grid(n), port=0, **ideal_world(speed=1.0)) as fleet:
         run = multiprocessing.get_context("spawn").Process(
             target=run_clients, args=(theirs, fleet.addresses, log_period)
         )

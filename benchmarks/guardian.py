@@ -32,6 +32,7 @@ import star_radio
 from star_core import Registry, Scene, Setpoint, fill_defaults, load
 from star_fleet.server import Fleet
 from star_radio.options import OPTIONS
+from star_sim import ideal_world
 
 MAX_TIME = 15.0  # s, from the fault until all drones are on the floor
 MAX_IMPACT = 1.0  # m/s
@@ -108,7 +109,7 @@ class Watched(Fleet):
         self.impact = np.zeros(n)
         self.nearest = np.inf
         self._pairs = np.triu_indices(n, 1)
-        super().__init__(room, port=0, noise=False)
+        super().__init__(room, port=0, **ideal_world(noise=False, speed=1.0))
 
     @property
     def height(self) -> Any:

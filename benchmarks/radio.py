@@ -34,6 +34,7 @@ from star_core import PluginError, Scene, Setpoint
 from star_core.plugin_support.option_schema import fill_defaults
 from star_core.testing import scene
 from star_radio.options import OPTIONS
+from star_sim import ideal_world
 
 MANY, FEW = 30, 10  # drones to connect, drones to steer
 ROUNDS = 3
@@ -46,7 +47,7 @@ def serve(n: int, told: Connection) -> None:
     """Serve `n` drones until told to stop; runs in a process of its own."""
     from star_fleet.server import Fleet
 
-    with Fleet(scene(n), port=0, noise=False) as fleet:
+    with Fleet(scene(n), port=0, **ideal_world(noise=False, speed=1.0)) as fleet:
         told.send(fleet.addresses)
         told.recv()
 

@@ -30,7 +30,7 @@ from flight_models import Model, ours, predict, theirs
 from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, read, rms
 
 from star_core import Agent, Array, Fence, Scene, World
-from star_sim import battery
+from star_sim import battery, ideal_world
 from star_sim.airframe import CYCLE
 from star_sim.drone import DEMAND, OFF, PLACE
 from star_sim.transport import Simulator
@@ -61,7 +61,9 @@ def replay(flight: Flight, controller: str, estimate: str) -> dict[str, Array]:
     yaw = float(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
     world = World("recorded", Fence((-9.0, -9.0, 0.0), (9.0, 9.0, 9.0)))
     agent = Agent("cf1", (float(start[0]), float(start[1]), 0.0), yaw)
-    simulator = Simulator(Scene((agent,), 0.05, world, seed=0), noise=False, controller=controller)
+    simulator = Simulator(
+        Scene((agent,), 0.05, world, seed=0), **ideal_world(noise=False, controller=controller)
+    )
     simulator.connect()
     drone = simulator.drones[0]
     drone["origin"], drone["origin_yaw"] = 0.0, 0.0

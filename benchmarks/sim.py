@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 
 from star_core import Agent, Array, Command, Fence, Order, Scene, Setpoint, World
-from star_sim import airframe, attitude, position
+from star_sim import airframe, attitude, ideal_world, position
 from star_sim.drone import VELOCITY
 from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
 from star_sim.transport import Simulator
@@ -135,7 +135,9 @@ def hover(
     n: int, *, noise: bool = True, controller: str = "ideal", profile: ErrorProfile = IDEAL
 ) -> Simulator:
     """A connected simulator with `n` drones in the air, steered by setpoints."""
-    simulator = Simulator(grid(n, 1.0), noise=noise, controller=controller, profile=profile)
+    simulator = Simulator(
+        grid(n, 1.0), **ideal_world(noise=noise, controller=controller, profile=profile)
+    )
     simulator.connect()
     simulator.drones["position"][:, 2] = simulator.drones["seen_position"][:, 2] = 1.0
     simulator.drones["believed_position"][:, 2] = 1.0
@@ -209,7 +211,7 @@ def drift(agents: int = 20, laps: int = 3, side: float = 2.37, cruise: float = 0
     The drones are guided by the truth at 0.8 m with their heading along the path, 6 m apart, so
     that each sees a floor and has errors of its own. A corner is turned on the spot at 48 °/s.
     """
-    simulator = Simulator(grid(agents, 6.0))
+    simulator = Simulator(grid(agents, 6.0), **ideal_world())
     simulator.connect()
     rows = np.arange(agents)
     height = np.tile([0.0, 0.0, 0.8], (agents, 1))

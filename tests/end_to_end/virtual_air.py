@@ -17,8 +17,8 @@ import numpy as np
 
 from star_core import Array, Mask, Operator, Registry, Scene, fly, load
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
-from star_fleet.server import Fleet
 from tests.plugins.transports.star_radio.virtual import EPOCH, VirtualTime, virtual
+from tests.simulators import ideal_fleet
 
 TAKEN_OFF = 0.4  # m
 ON_FLOOR = 0.05  # m
@@ -44,7 +44,7 @@ class Air(VirtualTime):
 
     def __init__(self, scene: Scene, *, seed: int = 0, **options: Any) -> None:
         super().__init__()
-        self.fleet = Fleet(scene, port=0, **options)
+        self.fleet = ideal_fleet(scene, **options)
         self.uris = [f"udp://air:{row + 1}" for row in range(len(scene.agents))]
         self.links = FaultyLinks(len(scene.agents), seed=seed)
         self.watch: Callable[[], object] = lambda: None

@@ -14,9 +14,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Mission, PluginError, Registry, fill_defaults, load, read_faults
-from star_sim import OPTIONS
-from star_sim.camera_sim.options import camera_options
-from star_sim.error_profile import PROFILES
+from star_sim import OPTIONS, simulator_arguments
 
 if TYPE_CHECKING:
     from star_fleet.server import Fleet
@@ -84,8 +82,7 @@ def parser() -> argparse.ArgumentParser:
     star = argparse.ArgumentParser(
         prog="star fleet",
         description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
-        epilog="Profile, noise, controller, battery, endurance and camera are taken from the "
-        "mission's transport `sim`.",
+        epilog="The options of the mission's transport `sim` apply, except `speed` and `radio`.",
         allow_abbrev=False,
     )
     star.add_argument("mission", help="mission file (YAML)")
@@ -188,7 +185,7 @@ def _port_errors(flag: str, port: int, instead: str = "") -> Iterator[None]:
 
 
 def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
-    """Return the mission's options for the simulator, or the defaults for another transport.
+    """Return the simulator's arguments for the mission, the defaults for another transport.
 
     Args:
         mission: The mission.
@@ -196,14 +193,9 @@ def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
     """
     part = mission.parts["transport"]
     options = fill_defaults(part.options if part.use == "sim" else {}, OPTIONS)
-    profile = PROFILES[options["profile"]]
-    camera = camera_options(profile, **{**options.get("camera", {}), "mode": "rendered"})
-    shared = ("noise", "battery", "endurance", "controller")
-    return {
-        **{name: options[name] for name in shared},
-        "profile": profile,
-        "camera": camera if seen else None,
-    }
+    options["camera"] = {**options.get("camera", {}), "mode": "rendered" if seen else "off"}
+    del options["speed"]  # the fleet's own
+    return simulator_arguments(**options)
 
 
 @contextmanager

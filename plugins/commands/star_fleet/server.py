@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final, Self, TypeAlias
+from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from star_fleet.supervisor import PERIOD
 from star_fleet.variables import Readings
 from star_fleet.vehicle import Vehicle
 from star_sim.airframe import CYCLE
-from star_sim.battery import HOVER_TIME
-from star_sim.camera_sim.options import CameraOptions
-from star_sim.error_profile import IDEAL, ErrorProfile
 from star_sim.transport import Simulator
 
 PORT: Final = 19850  # where clients look first
@@ -57,21 +54,16 @@ class Fleet:
         host: Address to serve at.
         port: Of the first agent.
         ports: Of each agent, in place of `port`.
-        noise: Whether the estimators err.
-        battery: Charge at the start, as a fraction of full.
-        endurance: How long a full battery lets a drone hover, s.
-        camera: How cameras err; None switches them off.
-        controller: Of the simulator. With ``pid`` or ``mellinger`` it is what flies until a client
-            sets the parameter ``stabilizer.controller``.
-        profile: Magnitudes of the errors of sensors. Delay and loss of its radio link have no
-            effect: see `faults`.
         speed: Simulated seconds per second.
         arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
-        feed_forward: Whether a vehicle that follows a plan or holds a position heeds the velocity
+        feed_forward: Whether a vehicle that follows a plan or holds a position uses the velocity
             and acceleration of its reference; the controller ``pid`` never does.
         faults: Of every UDP link, in both directions; see `links` to change them in flight. A
             delay is rounded up to whole cycles of 10 ms.
         seed: Of the random numbers of the faults; the scene's if not given.
+        simulator: Further arguments of `Simulator`. A controller ``pid`` or ``mellinger`` flies
+            until a client sets the parameter ``stabilizer.controller``. Delay and loss of the
+            profile's radio link have no effect: see `faults`.
 
     Attributes:
         simulator: What flies; the truth is there.
@@ -89,29 +81,15 @@ class Fleet:
         host: str = "127.0.0.1",
         port: int = PORT,
         ports: Sequence[int] | None = None,
-        noise: bool = True,
-        battery: float = 1.0,
-        endurance: float = HOVER_TIME,
-        camera: CameraOptions | None = None,
-        controller: str = "ideal",
-        profile: ErrorProfile = IDEAL,
         speed: float = 1.0,
         arms_itself: bool = True,
         feed_forward: bool = True,
         faults: LinkFaults = NO_FAULTS,
         seed: int | None = None,
+        **simulator: Any,
     ) -> None:
-        self.simulator = Simulator(
-            scene,
-            noise=noise,
-            battery=battery,
-            endurance=endurance,
-            camera=camera,
-            controller=controller,
-            profile=profile,
-            wanted=self.watched,
-        )
-        if controller != "ideal":  # a client may select Mellinger's in flight
+        self.simulator = Simulator(scene, **simulator, wanted=self.watched)
+        if self.simulator.cascades is not None:  # a client may select Mellinger's in flight
             self.simulator.leads = np.zeros((len(scene.agents), 3))
         if not feed_forward:
             self.simulator.drones["feed_forward"] = 0.0

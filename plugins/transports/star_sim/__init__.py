@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from star_core import Problem, TransportSpec, hookimpl
+from star_core import Problem, TransportSpec, fill_defaults, hookimpl
 from star_sim.camera_sim import options as camera_options
 from star_sim.error_profile import PROFILES
 
@@ -125,28 +125,33 @@ OPTIONS: dict[str, Any] = {
 }
 
 
-def make(
-    scene: Scene,
+def make(scene: Scene, **options: Any) -> Transport:
+    """Return the simulator of a scene's agents."""
+    from star_sim.transport import Simulator
+
+    return Simulator(scene, **simulator_arguments(**options))
+
+
+def simulator_arguments(
     *,
     profile: str,
     camera: Mapping[str, Any] | None = None,
     radio: Mapping[str, Any] | None = None,
     aerodynamics: bool | None = None,
     **options: Any,
-) -> Transport:
-    """Return the simulator of a scene's agents."""
-    from star_sim.transport import Simulator
-
+) -> dict[str, Any]:
+    """Return the arguments of `Simulator` for options of a mission, defaults included."""
     errors = replace(PROFILES[profile], **radio or {})
     if aerodynamics is not None:
         errors = replace(errors, aerodynamics=aerodynamics)
     wanted = camera_options.camera_options(errors, **camera or {})
-    return Simulator(
-        scene,
-        profile=errors,
-        camera=None if wanted.mode == "off" else wanted,
-        **options,
-    )
+    return options | {"profile": errors, "camera": None if wanted.mode == "off" else wanted}
+
+
+def ideal_world(**changes: Any) -> dict[str, Any]:
+    """Return arguments of `Simulator` for a world that is kinder than a real one, with changes."""
+    ideal = {"profile": "ideal", "controller": "ideal", "camera": {"mode": "off"}}
+    return simulator_arguments(**fill_defaults(ideal, OPTIONS)) | changes
 
 
 def check(

@@ -29,13 +29,13 @@ from star_core import (
 from star_sim import commander
 from star_sim.aerodynamics import COLUMNS, Wind
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
-from star_sim.battery import HOVER_CURRENT, HOVER_TIME, VOLTAGE_OF_CHARGE
+from star_sim.battery import HOVER_CURRENT, VOLTAGE_OF_CHARGE
 from star_sim.camera_sim.options import CameraOptions
 from star_sim.cascade import CONTROLLERS, Cascades, cascades
 from star_sim.contact import SWEEP, prisms
 from star_sim.drone import OFF, standing
 from star_sim.drone_faults import DroneFaults
-from star_sim.error_profile import IDEAL, ErrorProfile
+from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance, report
@@ -84,11 +84,11 @@ class Simulator:
         self,
         scene: Scene,
         *,
-        noise: bool = True,
-        controller: str = "ideal",
-        profile: ErrorProfile = IDEAL,
-        battery: float = 1.0,
-        endurance: float = HOVER_TIME,
+        noise: bool,
+        controller: str,
+        profile: ErrorProfile,
+        battery: float,
+        endurance: float,
         swap_time: float | None = None,
         speed: float | None = None,
         camera: CameraOptions | None = None,

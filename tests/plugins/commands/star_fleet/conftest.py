@@ -12,8 +12,8 @@ from star_core import Array, Supervisor
 from star_core.testing import scene
 from star_fleet.packet import Port, join
 from star_fleet.parameters import CONTENTS as PARAMETERS
-from star_fleet.server import Fleet
 from star_fleet.variables import FORMAT, VARIABLES
+from tests.simulators import ideal_fleet
 
 LOG_NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 
@@ -22,7 +22,7 @@ class Bench:
     """A fleet, its simulated clock, and everything that its vehicles streamed."""
 
     def __init__(self, n: int = 1, *, noise: bool = False, **options: Any) -> None:
-        self.fleet = Fleet(scene(n), port=0, noise=noise, **options)
+        self.fleet = ideal_fleet(scene(n), noise=noise, **options)
         self.streamed: list[list[bytes]] = [[] for _ in range(n)]
         for row, packets in enumerate(self.streamed):
             self.fleet.listen(row, packets.append)

@@ -11,6 +11,7 @@ import pytest
 
 from star_core.testing import scene
 from star_fleet.server import Fleet
+from tests.simulators import ideal_fleet
 
 crtp = pytest.importorskip("cflib.crtp")
 SPEED = 5.0  # simulated seconds per second
@@ -20,7 +21,7 @@ PATIENCE = 30.0  # s of the clock on the wall
 @pytest.fixture(scope="module")
 def fleet() -> Iterator[Fleet]:
     crtp.init_drivers()
-    with Fleet(scene(4), port=0, noise=False, speed=SPEED) as made:
+    with ideal_fleet(scene(4), noise=False, speed=SPEED) as made:
         yield made
 
 

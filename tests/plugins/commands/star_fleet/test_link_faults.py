@@ -13,7 +13,7 @@ from star_core import InputError, faults_of
 from star_core.testing import scene
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
 from star_fleet.packet import Port, join
-from star_fleet.server import Fleet
+from tests.simulators import ideal_fleet
 
 UP, DOWN = Direction.TO_VEHICLE, Direction.TO_CLIENT
 N = 2000
@@ -88,7 +88,7 @@ def test_values_out_of_range_are_refused(name: str, wrong: float) -> None:
 
 def test_a_fleet_delays_packets_in_both_directions() -> None:
     with (
-        Fleet(scene(1), port=0, faults=LinkFaults(delay=0.1)) as fleet,
+        ideal_fleet(scene(1), faults=LinkFaults(delay=0.1)) as fleet,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
     ):
         host, _, port = fleet.addresses[0].removeprefix("udp://").rpartition(":")
@@ -101,7 +101,7 @@ def test_a_fleet_delays_packets_in_both_directions() -> None:
 
 def test_the_links_of_a_fleet_are_cut_while_it_serves() -> None:
     with (
-        Fleet(scene(1), port=0) as fleet,
+        ideal_fleet(scene(1)) as fleet,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
     ):
         host, _, port = fleet.addresses[0].removeprefix("udp://").rpartition(":")
@@ -127,7 +127,7 @@ def test_the_faults_of_a_file_come_and_go() -> None:
         {"component": "firmware", "mode": "off", "at": 0.08, "agents": first},
         {"component": "motor", "mode": "off", "agents": second},
     ]
-    fleet = Fleet(swarm, port=0, noise=False)
+    fleet = ideal_fleet(swarm, noise=False)
     try:
         fleet.inject(faults_of(faults, swarm))
         seen, vehicle = [], fleet.vehicles[0]

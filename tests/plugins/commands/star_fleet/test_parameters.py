@@ -12,7 +12,7 @@ from star_core import Camera
 from star_core.testing import scene
 from star_fleet.packet import Port, join
 from star_fleet.parameters import CONTENTS, PARAMETERS
-from star_fleet.server import Fleet
+from tests.simulators import ideal_fleet
 
 Start = Callable[..., Any]
 DEVIATION = CONTENTS.number["locSrv.extPosStdDev"]
@@ -39,7 +39,7 @@ def test_every_parameter_can_be_read(start: Start) -> None:
 def test_a_vehicle_with_a_camera_has_an_ai_deck() -> None:
     room = scene(2)
     agents = (room.agents[0], replace(room.agents[1], camera=Camera()))
-    fleet = Fleet(replace(room, agents=agents), port=0)
+    fleet = ideal_fleet(replace(room, agents=agents))
     asked = struct.pack("<H", CONTENTS.number["deck.bcAI"])
     for row in (0, 1):
         answer = join(Port.PARAMETERS, 1, asked + bytes([0, row]))

@@ -13,8 +13,9 @@ import pytest
 from star_core import Camera, Fence, Image, PluginError, Scene, Tag, World
 from star_core.testing import scene
 from star_fleet.packet import NULL, Port, join
-from star_fleet.server import Fleet, address
+from star_fleet.server import address
 from star_sim.camera_sim.options import camera_options
+from tests.simulators import ideal_fleet
 
 FAST = 10.0
 
@@ -32,7 +33,7 @@ def place(uri: str) -> tuple[str, int]:
 
 
 def test_every_agent_has_a_port_of_its_own(client: socket.socket) -> None:
-    with Fleet(scene(3), port=0) as fleet:
+    with ideal_fleet(scene(3)) as fleet:
         assert len(set(fleet.addresses)) == 3
         for uri in fleet.addresses:
             client.sendto(NULL, place(uri))
@@ -40,27 +41,27 @@ def test_every_agent_has_a_port_of_its_own(client: socket.socket) -> None:
 
 
 def test_ports_follow_the_first_one() -> None:
-    with Fleet(scene(1), port=0) as probe:
+    with ideal_fleet(scene(1)) as probe:
         first = place(probe.addresses[0])[1]
-    with Fleet(scene(1), port=first) as fleet:
+    with ideal_fleet(scene(1), port=first) as fleet:
         assert fleet.addresses == [f"udp://127.0.0.1:{first}"]
 
 
 def test_a_port_that_somebody_else_has_is_named() -> None:
-    with Fleet(scene(1), port=0) as fleet:
+    with ideal_fleet(scene(1)) as fleet:
         taken = place(fleet.addresses[0])[1]
         match = rf"agent 'cf2': port {taken} of '127.0.0.1' is not available: "
         with pytest.raises(PluginError, match=match):
-            Fleet(scene(2), ports=[0, taken])
+            ideal_fleet(scene(2), ports=[0, taken])
 
 
 def test_there_is_a_port_for_each_agent() -> None:
     with pytest.raises(PluginError, match="1 ports for 2 agents"):
-        Fleet(scene(2), ports=[0])
+        ideal_fleet(scene(2), ports=[0])
 
 
 def test_what_is_asked_for_is_streamed_to_who_asked_last(client: socket.socket) -> None:
-    with Fleet(scene(1), port=0, speed=FAST) as fleet:
+    with ideal_fleet(scene(1), speed=FAST) as fleet:
         there = place(fleet.addresses[0])
         client.sendto(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)), there)
         assert client.recv(64) == join(Port.LOG, 1, b"\x06\x01\0")
@@ -70,7 +71,7 @@ def test_what_is_asked_for_is_streamed_to_who_asked_last(client: socket.socket) 
 
 
 def test_simulated_time_goes_at_its_speed() -> None:
-    with Fleet(scene(1), port=0, speed=4.0) as fleet:
+    with ideal_fleet(scene(1), speed=4.0) as fleet:
         first, began = fleet.time, time.monotonic()
         time.sleep(0.5)
         rate = (fleet.time - first) / (time.monotonic() - began)
@@ -78,7 +79,7 @@ def test_simulated_time_goes_at_its_speed() -> None:
 
 
 def test_serving_ends_at_a_time_and_at_a_word() -> None:
-    fleet = Fleet(scene(1), port=0, speed=FAST)
+    fleet = ideal_fleet(scene(1), speed=FAST)
     fleet.serve(until=0.5)
     assert fleet.time == pytest.approx(0.5, abs=0.011)
     threading.Timer(0.1, fleet.stop).start()
@@ -89,16 +90,16 @@ def test_serving_ends_at_a_time_and_at_a_word() -> None:
 
 
 def test_ports_are_free_again_when_it_is_closed() -> None:
-    with Fleet(scene(1), port=0) as fleet:
+    with ideal_fleet(scene(1)) as fleet:
         port = place(fleet.addresses[0])[1]
-    with Fleet(scene(1), port=port):
+    with ideal_fleet(scene(1), port=port):
         pass
 
 
 def test_the_same_seed_gives_the_same_flight() -> None:
     ends = []
     for _ in range(2):
-        fleet = Fleet(scene(2, seed=5), port=0)
+        fleet = ideal_fleet(scene(2, seed=5))
         fleet.handle(0, join(Port.HIGH_LEVEL, 0, struct.pack("<BBff?f", 7, 0, 0.8, 0, 1, 1)))
         for _ in range(200):
             fleet.advance()
@@ -113,7 +114,7 @@ def test_images_are_handed_on() -> None:
     tag = Tag(0, 0.16, (1.0, 0.0, 0.3), (0.5, 0.5, 0.5, 0.5), "mark")
     world = World("room", Fence((-5, -5, 0), (5, 5, 3)), landmarks=(tag,))
     agents = tuple(type(agent)(agent.name, agent.start, camera=camera) for agent in scene(1).agents)
-    fleet = Fleet(Scene(agents, 0.05, world), port=0, camera=camera_options())
+    fleet = ideal_fleet(Scene(agents, 0.05, world), camera=camera_options())
     seen: list[tuple[Image, float, float]] = []
     fleet.watch(0, lambda image, taken: seen.append((image, taken, fleet.time)), lambda: True)
     for _ in range(100):

@@ -15,9 +15,9 @@ from star_core import Camera, Image, PluginError, Scene
 from star_core.testing import scene
 from star_fleet.aideck import Wifi
 from star_fleet.packet import Port, join
-from star_fleet.server import Fleet
 from star_sim.camera_sim.options import camera_options
 from star_sim.camera_sim.renderer import Renderer
+from tests.simulators import ideal_fleet
 
 
 def eyes() -> Scene:
@@ -41,7 +41,7 @@ def place(address: str) -> tuple[str, int]:
 
 
 def test_a_link_over_tcp_is_answered_and_streamed_to() -> None:
-    with Fleet(scene(1), port=0, speed=10.0) as fleet:
+    with ideal_fleet(scene(1), speed=10.0) as fleet:
         wifi = Wifi(fleet, scene(1), "127.0.0.1", links=0, cameras=None)
         with socket.create_connection(place(wifi.links[0]), timeout=10) as client:
 
@@ -63,7 +63,7 @@ def test_a_link_over_tcp_is_answered_and_streamed_to() -> None:
 
 def test_only_agents_with_a_camera_stream_images() -> None:
     room = eyes()
-    with Fleet(room, port=0, camera=camera_options()) as fleet:
+    with ideal_fleet(room, camera=camera_options()) as fleet:
         wifi = Wifi(fleet, room, "127.0.0.1", links=None, cameras=0)
         assert list(wifi.cameras) == [1]
         with socket.create_connection(place(wifi.cameras[1]), timeout=60) as client:
@@ -76,7 +76,7 @@ def test_only_agents_with_a_camera_stream_images() -> None:
 
 
 def test_a_port_that_is_taken_leaves_nothing_open() -> None:
-    with Fleet(scene(2), port=0) as fleet, socket.socket() as taken:
+    with ideal_fleet(scene(2)) as fleet, socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
@@ -88,7 +88,7 @@ def test_a_port_that_is_taken_leaves_nothing_open() -> None:
 
 
 def test_an_image_is_sent_in_the_cycle_in_which_it_arrives() -> None:
-    fleet = Fleet(eyes(), port=0, camera=camera_options(latency=0.1, latency_std=0.0))
+    fleet = ideal_fleet(eyes(), camera=camera_options(latency=0.1, latency_std=0.0))
     late: list[float] = []
     fleet.watch(1, lambda _image, taken: late.append(fleet.time - taken), lambda: True)
     for _ in range(100):
@@ -99,7 +99,7 @@ def test_an_image_is_sent_in_the_cycle_in_which_it_arrives() -> None:
 
 
 def test_no_image_is_made_while_nobody_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    fleet = Fleet(eyes(), port=0, camera=camera_options())
+    fleet = ideal_fleet(eyes(), camera=camera_options())
     made: list[float] = []
     render = Renderer.render
 
@@ -130,7 +130,7 @@ def test_no_image_is_made_while_nobody_is_there(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_who_comes_later_gets_no_image_of_before() -> None:
-    fleet = Fleet(eyes(), port=0, camera=camera_options(latency=0.1, latency_std=0.0))
+    fleet = ideal_fleet(eyes(), camera=camera_options(latency=0.1, latency_std=0.0))
     watching = True
     late: list[float] = []
     fleet.watch(1, lambda _image, taken: late.append(fleet.time - taken), lambda: watching)

@@ -29,12 +29,12 @@ from star_core import (
 )
 from star_core.testing import scene
 from star_fleet.aideck import CrtpOverTcp
-from star_fleet.server import Fleet
 from star_radio import orders
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air
 from tests.plugins.transports.star_radio.conftest import options as defaults
 from tests.plugins.transports.star_radio.virtual import virtual
+from tests.simulators import ideal_fleet
 
 TICK = 0.05  # s
 MISSION = """\
@@ -248,7 +248,7 @@ def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.DEBUG)  # as `--verbose`
-    with Fleet(scene(1), port=0, noise=False) as fleet:  # in real time: the driver is cflib's
+    with ideal_fleet(scene(1), noise=False) as fleet:  # in real time: the driver is cflib's
         server = CrtpOverTcp("127.0.0.1", 0, lambda packet: fleet.handle(0, packet))
         fleet.listen(0, server.push)
         flight = Flight(["tcp://{}:{}".format(*server.address)], scene(1), tmp_path)

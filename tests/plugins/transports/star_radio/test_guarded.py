@@ -18,6 +18,7 @@ from star_fleet.server import Fleet
 from star_radio.guarded import GuardedRadio
 from tests.end_to_end.virtual_air import ON_FLOOR
 from tests.plugins.transports.star_radio.conftest import options, reached
+from tests.simulators import ideal_fleet
 
 PATIENCE = 60.0  # s, on a busy machine
 PERIOD = 0.05  # s
@@ -71,7 +72,7 @@ class Flight:
 
 @pytest.fixture
 def flight(tmp_path: Path) -> Iterator[Flight]:
-    with Fleet(scene(2), port=0, noise=False) as fleet:
+    with ideal_fleet(scene(2), noise=False) as fleet:
         flight = Flight(tmp_path, fleet)
         with closing(flight.radio):
             yield flight

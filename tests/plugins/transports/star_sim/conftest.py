@@ -11,7 +11,7 @@ import pytest
 
 from star_core import Agent, Array, Command, Obstacle, Order, Setpoint, Supervisor, Telemetry
 from star_core.testing import scene
-from star_sim.transport import Simulator
+from tests.simulators import ideal_simulator
 
 
 class Flight:
@@ -36,7 +36,7 @@ class Flight:
             agents=tuple(Agent(f"cf{i + 1}", place, yaw) for i, place in enumerate(places)),
             world=dataclasses.replace(room.world, obstacles=obstacles),
         )
-        self.simulator = Simulator(room, noise=noise, **options)
+        self.simulator = ideal_simulator(room, noise=noise, **options)
         self.simulator.connect()
         self.n, self.period, self.ticks = len(places), room.period, 0
         self.telemetry = self.simulator.receive()

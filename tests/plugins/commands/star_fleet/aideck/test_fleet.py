@@ -16,6 +16,7 @@ from star_fleet.aideck import CrtpOverTcp, Wifi
 from star_fleet.server import Fleet
 from star_radio.camera.ai_decks import CameraClient
 from star_sim.camera_sim.options import camera_options
+from tests.simulators import ideal_fleet
 
 Until: TypeAlias = Callable[..., bool]
 
@@ -27,7 +28,7 @@ def scene() -> Scene:
 
 @pytest.fixture
 def fleet() -> Iterator[Fleet]:
-    with Fleet(scene(), ports=[0], camera=camera_options()) as fleet:
+    with ideal_fleet(scene(), ports=[0], camera=camera_options()) as fleet:
         yield fleet
 
 
