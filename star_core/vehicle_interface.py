@@ -18,7 +18,7 @@ from star_core.metrics.timing import TickTiming
 from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed
-from star_core.safety.monitor import MAX_REPORT_AGE, EstimateGate, UnheardAgents
+from star_core.safety.monitor import FALL_TIME, MAX_REPORT_AGE, EstimateGate, UnheardAgents
 from star_core.safety.motion_check import MotionCheck
 from star_core.scene import Scene
 
@@ -69,6 +69,7 @@ class VehicleInterface:
         self._motion = MotionCheck(n)
         self._contradicted = np.zeros(n, np.bool_)
         self._unheard = UnheardAgents(n)
+        self._heard = np.ones(n, np.bool_)
         self._frames = Transform(  # last known
             np.array([agent.yaw for agent in scene.agents]),
             np.array([agent.start for agent in scene.agents]),
@@ -103,6 +104,7 @@ class VehicleInterface:
             if len(estimate.corrections.agent):
                 self._pipeline.correct(estimate.corrections)
             estimate = self._gated(estimate, telemetry)
+        self._heard = telemetry.age <= MAX_REPORT_AGE
         self.estimate = self._unheard.mark(estimate, telemetry.age)
         return self.estimate
 
@@ -152,6 +154,7 @@ class VehicleInterface:
             yaw=setpoint.yaw - to_map.yaw,
         )
         sent = self._pipeline.send(odom, to_map)
+        self._unheard.steered(self.time, setpoint.active)
         if sent is odom:
             return setpoint
         return replace(sent, velocity=to_map.turn(sent.velocity), yaw=sent.yaw + to_map.yaw)
@@ -168,15 +171,21 @@ class VehicleInterface:
         )
         if command.order is not Order.ARM:
             self._commanded[command.agent] = command.order in FLOWN_ON_BOARD
+        heard = self._heard[command.agent]
         match command.order:
             case Order.TAKEOFF:
+                self._unheard.flies_on_board(command.agent)
                 self.phases.fire("take_off", command.agent)
             case Order.LAND:
+                self._unheard.lands(command.agent, self.time + command.duration, heard)
                 self.phases.fire("land", command.agent)
                 self.down_by = max(self.down_by, self.time + float(command.duration.max(initial=0)))
             case Order.STOP:
+                fallen = np.full(len(heard), self.time + FALL_TIME)
+                self._unheard.lands(command.agent, fallen, heard)
                 self.phases.fire("fail", command.agent)
             case Order.GOTO | Order.FOLLOW:
+                self._unheard.flies_on_board(command.agent)
                 self._until[command.agent] = self.time + command.duration
         self.report_phases()
 

@@ -23,6 +23,7 @@ OBSTACLE_CLEARANCE: Final = 0.1  # m in the plane to obstacles below
 EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
 SEARCH_STEP: Final = 0.05  # m between the candidates for a landing position
 SEARCH_RADIUS: Final = 3.0  # m
+TRAVEL_POINTS: Final = 11  # possible positions of an agent that is not heard, 0.1 m apart or less
 SETTLED: Final = 0.1  # m/s and m: an agent slower than that and this near its goal can land
 SETTLING_TIME: Final = 2.0  # s that an agent may take to come to rest
 
@@ -152,7 +153,10 @@ class LandingManager:
         return here
 
     def _taken(self, row: int, estimate: Estimate) -> Array:
-        """Positions of agents on the ground or below an agent, and of their landings: (K, 2) m."""
+        """Return what agents on the ground or below an agent, and their landings, take: (K, 2) m.
+
+        Agents that are not heard take all of their possible positions.
+        """
         phases = self._vehicles.phases.of_agents()
         position = estimate.position
         flies = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
@@ -163,8 +167,10 @@ class LandingManager:
         }
         others[list(chosen)] = False  # they land elsewhere
         others &= np.isfinite(position).all(axis=1)
+        shares = np.linspace(0.0, 1.0, TRAVEL_POINTS) if estimate.possible_travel.any() else [0.0]
+        travel = estimate.possible_travel[others, :2]
         landings = np.array(list(chosen.values())).reshape(-1, 2)
-        return np.concatenate([position[others, :2], landings])
+        return np.concatenate([*(position[others, :2] + s * travel for s in shares), landings])
 
     def _free(self, candidates: Array, taken: Array, top: float, extra: float) -> Mask:
         """Return whether (K, 2) positions, m, are clear of what is below `top`, m, by `extra`."""

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.rotations import Transform
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.scene import Scene
@@ -128,6 +128,8 @@ setpoints, after which it levels out."""
 WATCHDOG_TIME: Final = 2.0
 """How long an agent that hears nothing keeps its velocity, s, before its firmware stops the
 motors (the commander's watchdog)."""
+
+FALL_TIME: Final = 1.0  # s; from 3 m it is 0.8 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,7 +272,8 @@ class UnheardAgents:
     A drone whose reports are lost may have braked, landed or crashed where it was last heard; one
     that hears no setpoints either keeps its last velocity until its watchdog stops the motors. The
     estimate has such an agent at rest where it was last heard, with a
-    `star_core.Estimate.possible_travel` of `WATCHDOG_TIME` at its last velocity.
+    `star_core.Estimate.possible_travel` of `WATCHDOG_TIME` at its last velocity. Once it has fallen
+    or landed in any case, all of this is on the ground.
 
     Args:
         n: Number of agents.
@@ -278,6 +281,26 @@ class UnheardAgents:
 
     def __init__(self, n: int) -> None:
         self._velocity: Array = np.zeros((n, 3))  # m/s, when last heard
+        self._down_by = np.full(n, np.inf)  # s, mission time
+
+    def steered(self, time: float, rows: Mask | Rows) -> None:
+        """Note that setpoints were sent to agents: without another one their motors stop."""
+        self._down_by[rows] = time + WATCHDOG_TIME + FALL_TIME
+
+    def flies_on_board(self, rows: Rows) -> None:
+        """Note that agents fly a command, after which they hover until they hear another one."""
+        self._down_by[rows] = np.inf
+
+    def lands(self, rows: Rows, until: Array, heard: Mask) -> None:
+        """Note that agents were commanded to land or to stop.
+
+        Args:
+            rows: (K,) the agents.
+            until: (K,) mission times at which they are down, s, if they receive the command.
+            heard: (K,) which of them certainly do. The others stop for want of setpoints, if
+                these flew them.
+        """
+        self._down_by[rows] = np.where(heard, until, np.maximum(until, self._down_by[rows]))
 
     def mark(self, estimate: Estimate, age: Array) -> Estimate:
         """Return the estimate with the agents marked that are not heard.
@@ -291,8 +314,13 @@ class UnheardAgents:
         self._velocity = np.where(heard & known, estimate.velocity, self._velocity)
         if heard.all():
             return estimate
+        down = ~heard[:, 0] & (estimate.time >= self._down_by)
+        position = estimate.position.copy()
+        travel = np.where(heard, 0.0, WATCHDOG_TIME * self._velocity)
+        position[down, 2] = travel[down, 2] = 0.0
         return replace(
             estimate,
+            position=position,
             velocity=np.where(heard, estimate.velocity, 0.0),
-            possible_travel=np.where(heard, 0.0, WATCHDOG_TIME * self._velocity),
+            possible_travel=travel,
         )

@@ -11,7 +11,7 @@ from star_core import Array, Estimate, Registry, Setpoint, fill_defaults
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
 from star_core.safety.filter import SafetyFilter
-from star_core.safety.monitor import WATCHDOG_TIME, UnheardAgents
+from star_core.safety.monitor import FALL_TIME, WATCHDOG_TIME, UnheardAgents
 from star_core.testing import estimate, scene
 
 HEARD, UNHEARD = 0.0, 0.6  # s, ages of reports
@@ -67,6 +67,34 @@ def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
     assert np.linalg.norm(steps, axis=1).max() <= 0.2
     assert extended.active.tolist() == [True, True] + [False] * len(added)
     assert not seen.velocity[2:].any()
+
+
+def test_an_agent_that_is_not_heard_is_on_the_ground_when_it_has_fallen_or_landed() -> None:
+    heard, every = np.array([True, False, False, True]), np.arange(4)
+    tracker = UnheardAgents(4)
+    tracker.flies_on_board(every)
+    tracker.steered(1.0, np.array([False, True, False, False]))
+    tracker.lands(np.array([1, 2, 3]), np.array([6.0, 6.0, 3.0]), heard[1:])
+    ages = np.array([9.0, 9.0, 9.0, 9.0])
+
+    def heights(time: float) -> list[float]:
+        now = estimate(np.tile([0.0, 0.0, 0.7], (4, 1)), time=time)
+        assert tracker.mark(now, 0 * ages).position[:, 2].tolist() == [0.7] * 4
+        return [float(z) for z in tracker.mark(now, ages).position[:, 2]]
+
+    assert heights(2.9) == [0.7, 0.7, 0.7, 0.7]
+    assert heights(3.0) == [0.7, 0.7, 0.7, 0.0]  # received the command to land
+    assert heights(6.0) == [0.7, 0.0, 0.7, 0.0]  # landed, or fell for want of setpoints
+    assert heights(99.0) == [0.7, 0.0, 0.7, 0.0]  # the others may hover
+
+
+def test_setpoints_keep_an_agent_in_the_air() -> None:
+    tracker = UnheardAgents(1)
+    fallen = WATCHDOG_TIME + FALL_TIME
+    for time in (1.0, 2.0):
+        tracker.steered(time, np.array([True]))
+    now = [estimate(np.ones((1, 3)), time=time + fallen) for time in (1.0, 2.0)]
+    assert [tracker.mark(one, np.array([UNHEARD])).position[0, 2] for one in now] == [1.0, 0.0]
 
 
 # Flights: the second agent is last heard at the origin, flying along +x, and is in fact there or
