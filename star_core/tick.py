@@ -33,6 +33,7 @@ from star_core.mission import Mission
 from star_core.observers import Observers
 from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
+from star_core.safety.fence_press import FencePress
 from star_core.safety.filter import SafetyFilter
 from star_core.safety.monitor import Rules, SafetyAction
 from star_core.vehicle_interface import VehicleInterface
@@ -80,6 +81,7 @@ class ControlLoop:
         self._assignments = Assignments(n, mission.reserve_rows)
         self._rules = Rules(scene, mission.safety)
         self._safety = SafetyFilter(scene)
+        self._fence_press = FencePress(scene)
         self.vehicles = VehicleInterface(scene, pipeline, observers)
         self.executor = StepExecutor(
             mission, registry, self._assignments, observers, pipeline.compute_time, pipeline.strikes
@@ -125,6 +127,7 @@ class ControlLoop:
             avoided = replace(avoided, active=np.zeros_like(avoided.active))  # brake
         near = self._near(estimate)
         with self._pipeline.safety_time:
+            avoided = self._fence_press.draw_in(estimate, avoided, wanted)
             safe, corrected = self._safety.filter(estimate, avoided, wanted, near)
         sent = self.vehicles.send(safe, telemetry, estimate)
         outputs = telemetry, estimate, health, merged, plan, sent, self.vehicles.truth()
