@@ -281,17 +281,26 @@ class TransportSpec(MissionSpec):
     Attributes:
         realtime: Whether mission time advances by itself, as on hardware. Plugins read it in
             `Scene.realtime`.
+        heights_above_surface: ``heights_above_surface(**options)`` returns whether the on-board
+            estimators take what is below for the floor, as they do with a Flow deck.
     """
 
     make: Callable[..., Transport]
     realtime: bool = False
+    heights_above_surface: Callable[..., bool] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalizerSpec(MissionSpec):
-    """Announces a localizer."""
+    """Announces a localizer.
+
+    Attributes:
+        corrects_heights: Whether its heights are right over obstacles too if those of the on-board
+            estimators are not; if not, ``star check`` warns of agents that fly over obstacles.
+    """
 
     make: Callable[..., Localizer]
+    corrects_heights: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -248,6 +248,17 @@ class World:
         touched = [obstacle for obstacle in self.obstacles if obstacle.touched(point, height)]
         return min(touched, key=lambda obstacle: obstacle.height[0], default=None)
 
+    def below(self, point: Point) -> Obstacle | None:
+        """Return the obstacle whose top is the surface below `point` (map frame, m), if one is."""
+        below = [
+            obstacle
+            for obstacle in self.obstacles
+            if obstacle.height[1] <= point[2] + CONTACT_RADIUS
+            and obstacle.is_near(point, 0.0, math.inf)
+            and obstacle.gaps(point)[0] == 0.0
+        ]
+        return max(below, key=lambda obstacle: obstacle.height[1], default=None)
+
 
 def _show(point: Point) -> str:
     return "[" + ", ".join(f"{value:g}" for value in point) + "]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from star_core import CommandSpec, actions, deferred, hookimpl
+from star_core import CommandSpec, actions, deferred, fill_defaults, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Mission, Problem, Registry
@@ -31,10 +31,21 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         and registry.find("task", step.verb).offer.exclusive is None
         for step in actions(mission.steps)
     )
-    if blocked or timed:
+    if blocked or timed or follows_surfaces(mission, registry):
         from star_explain.problems import problems
 
         yield from problems(mission, registry)
+
+
+def follows_surfaces(mission: Mission, registry: Registry) -> bool:
+    """Return whether drones climb over obstacles, since their heights are measured from there."""
+    used = mission.parts["transport"]
+    offer = registry.find("transport", used.use).offer
+    localizer = registry.find("localizer", mission.parts["localizer"].use).offer
+    if offer.heights_above_surface is None or localizer.corrects_heights:
+        return False
+    options = fill_defaults(used.options, offer.options)
+    return bool(mission.scene.world.obstacles) and offer.heights_above_surface(**options)
 
 
 @hookimpl

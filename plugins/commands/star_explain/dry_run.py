@@ -17,25 +17,20 @@ import numpy as np
 from star_core import (
     AgentPhase,
     Array,
-    Command,
-    Estimate,
     Goals,
-    Health,
     Mission,
-    Order,
     Registry,
-    Rows,
-    Scene,
     StarError,
     Status,
     Task,
     TaskSpec,
-    Transform,
     fill_defaults,
     holds_from,
     longest_wait,
     step_timeout,
 )
+from star_explain import follows_surfaces
+from star_explain.dry_run_swarm import NO_TIME, DryRunSwarm
 from star_explain.words import seconds
 
 TICK: Final = 0.1  # s, of the dry run: a smaller one does not change points that fly straight
@@ -57,6 +52,8 @@ class StepResult:
         fault: Why it would fail, or why nothing is known about it; empty otherwise.
         on_board: Whether its agents fly trajectories on board, without steering.
         blocked: Which obstacles are in the way of which agents, if the planner ignores them.
+        surfaces: Over which surface each agent flies that is not as high as that of its start, if
+            heights are measured from there.
         late: Whether it fails by its timeout.
         paths: For each agent, corners of its path, (K, 3) in the map, m; of several repetitions
             those of the first.
@@ -70,6 +67,7 @@ class StepResult:
     fault: str
     on_board: bool = False
     blocked: tuple[str, ...] = ()
+    surfaces: tuple[str, ...] = ()
     late: bool = False
     paths: tuple[Array, ...] = ()
 
@@ -155,9 +153,11 @@ class _DryRun:
         self._ignores_obstacles = not registry.find(
             "planner", mission.parts["planner"].use
         ).offer.avoids_obstacles
+        self._surfaces_matter = follows_surfaces(mission, registry)
         # Of the current step: whether it is flown on board or late, obstacles in its way, and path.
         self._on_board = self._late = False
         self._blocked: dict[tuple[int, str], str] = {}
+        self._surfaces: dict[tuple[int, str], str] = {}
         self._track: list[Array] = []  # positions, (n, 3) m, of its n agents
 
     def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
@@ -186,7 +186,7 @@ class _DryRun:
         if not rows:
             return StepResult(action, agents, 0.0, 0.0, given, "no agents are left for it")
         self._on_board = self._late = False
-        self._blocked = {}
+        self._blocked, self._surfaces = {}, {}
         self._track = [self._swarm.position[[*rows]]]
         try:
             takes, limit, fault = self._run(action, rows, begun)
@@ -200,7 +200,17 @@ class _DryRun:
         blocked = tuple(self._blocked.values())
         paths = tuple(corners(path) for path in np.array(self._track).swapaxes(0, 1))
         return StepResult(
-            action, agents, takes, limit, given, fault, self._on_board, blocked, self._late, paths
+            action,
+            agents,
+            takes,
+            limit,
+            given,
+            fault,
+            on_board=self._on_board,
+            blocked=blocked,
+            surfaces=tuple(self._surfaces.values()),
+            late=self._late,
+            paths=paths,
         )
 
     def _run(
@@ -254,6 +264,8 @@ class _DryRun:
             self._track.append(self._swarm.position[[*rows]])
             if self._ignores_obstacles:
                 self._note_obstacles(rows)
+            if self._surfaces_matter:
+                self._note_surfaces(rows)
         late = action.until is None and limit <= LONGEST
         return None, f"times out after {limit:g} s, even with nothing in the way" if late else ""
 
@@ -270,86 +282,35 @@ class _DryRun:
                     text = f"obstacle {obstacle.name!r} is in the way of {name} {where}"
                     self._blocked.setdefault((row, obstacle.name), text)
 
-
-CHARGED = 4.0  # V
-NO_TIME = 1e-9  # s: rounding error of a clock
-
-
-class DryRunSwarm:
-    """State of every agent in a dry run.
-
-    A flying agent goes straight to its goal at the goal's speed, through obstacles, and turns
-    instantly. A commanded climb or landing takes the commanded time.
-
-    Args:
-        scene: The mission's scene.
-
-    Attributes:
-        scene: The mission's scene.
-        position: (N, 3) m.
-        phase: (N,) `AgentPhase`.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        n = len(scene.agents)
-        self.scene = scene
-        self.position: Array = np.array([agent.start for agent in scene.agents], np.float64)
-        self.phase: Rows = np.full(n, int(AgentPhase.GROUNDED))
-        self._velocity: Array = np.zeros((n, 3))
-        self._yaw: Array = np.array([agent.yaw for agent in scene.agents], np.float64)
-        self._ready = np.full(n, np.inf)  # s, end of the current on-board command
-        self._height = np.zeros(n)  # m, height at that time
-        self._targets = len(dict.fromkeys(tag.of for tag in scene.world.targets))
-
-    def estimate(self, time: float) -> Estimate:
-        """Return the exact estimate of all agents."""
-        n = len(self.phase)
-        return Estimate(
-            time=time,
-            position=self.position.copy(),
-            velocity=self._velocity.copy(),
-            yaw=self._yaw.copy(),
-            covariance=np.zeros((n, 3, 3)),
-            valid=np.ones(n, np.bool_),
-            map_from_odom=Transform(np.zeros(n), np.zeros((n, 3))),
-        )
-
-    def health(self) -> Health:
-        """Return the health of all agents: charged and connected; no target found."""
-        n = len(self.phase)
-        unfound = np.full(self._targets, -1)
-        return Health(self.phase.copy(), np.full(n, CHARGED), np.zeros(n), unfound)
-
-    def execute(self, command: Command, time: float) -> None:
-        """Begin an on-board command."""
-        rows = command.agent
-        if command.order is Order.STOP:
-            self.phase[rows] = AgentPhase.LANDED
-        elif command.order in {Order.TAKEOFF, Order.LAND}:
-            climbs = command.order is Order.TAKEOFF
-            self.phase[rows] = AgentPhase.TAKING_OFF if climbs else AgentPhase.LANDING
-            self._height[rows] = command.position[:, 2]
-            self._ready[rows] = time + command.duration
-        elif command.order is Order.GOTO:
-            self.position[rows] = command.position
-
-    def move(self, goals: Goals | None, rows: tuple[int, ...], time: float) -> None:
-        """Advance some agents by one tick, which ends at `time`, s."""
+    def _note_surfaces(self, rows: tuple[int, ...]) -> None:
+        """Note over what the agents fly that is not as high as where they started."""
         for row in rows:
-            if self._ready[row] <= time + NO_TIME:
-                climbed = self.phase[row] == AgentPhase.TAKING_OFF
-                self.phase[row] = AgentPhase.FLYING if climbed else AgentPhase.LANDED
-                self.position[row, 2] = self._height[row]
-                self._ready[row] = np.inf
-                self._velocity[row] = 0.0
-            elif goals is not None and goals.active[row] and self.phase[row] == AgentPhase.FLYING:
-                self._fly(row, goals)
+            agent = self._scene.agents[row]
+            if self._swarm.phase[row] != AgentPhase.FLYING or math.isnan(agent.start[0]):
+                continue
+            x, y, z = self._swarm.position[row].tolist()
+            height, what, flies = self._surface((x, y, z))
+            climbs = height - self._surface(agent.start)[0]
+            if climbs != 0.0:
+                text = (
+                    f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from where "
+                    f"a ranger measures its height: it {'climbs' if climbs > 0 else 'sinks'} by "
+                    f"{abs(climbs):.2f} m"
+                )
+                self._surfaces.setdefault((row, what), text)
 
-    def _fly(self, row: int, goals: Goals) -> None:
-        way = goals.position[row] - self.position[row]
-        far = math.sqrt(float(way @ way))
-        speed = min(float(goals.speed[row]), self.scene.limits.speed)
-        step = way * min(1.0, speed * self.scene.period / far) if far > 0 else way
-        self.position[row] += step
-        self._velocity[row] = step / self.scene.period
-        self._yaw[row] = goals.yaw[row]
+    def _surface(self, point: tuple[float, float, float]) -> tuple[float, str, str]:
+        """Return the surface below a point: its height, m, and what it is; and how sure that is.
+
+        A planner may lead over an obstacle that is in the way.
+        """
+        scene = self._scene
+        ceiling = min(scene.limits.height[1], scene.world.fence.high[2])
+        for obstacle in () if self._ignores_obstacles else scene.world.obstacles:
+            top = obstacle.height[1]
+            if point[2] < top < ceiling and obstacle.touched(point, point[2]):
+                return top, f"obstacle {obstacle.name!r}", "may fly"
+        below = scene.world.below(point)
+        if below is None:
+            return 0.0, "the floor", "flies"
+        return below.height[1], f"obstacle {below.name!r}", "flies"

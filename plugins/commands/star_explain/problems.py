@@ -9,7 +9,7 @@ from star_explain.dry_run import Part, StepResult, dry_run
 
 
 def problems(mission: Mission, registry: Registry) -> Iterator[Problem]:
-    """Yield the steps that time out in the dry run, and obstacles in the way of agents."""
+    """Yield what a dry run finds: timeouts, and obstacles in the way of agents or below them."""
     avoider = registry.find("avoider", mission.parts["avoider"].use).offer
     others = [
         name
@@ -25,6 +25,8 @@ def problems(mission: Mission, registry: Registry) -> Iterator[Problem]:
         for blocked in result.blocked:
             text = f"{blocked}: planner {mission.parts['planner'].use!r} ignores obstacles{hint}"
             yield Problem(path, text, "path-blocked", warning=avoider.avoids_obstacles)
+        for surface in result.surfaces:
+            yield Problem(path, surface, "over-obstacle", warning=True)
 
 
 def _steps(part: Part) -> Iterator[StepResult]:

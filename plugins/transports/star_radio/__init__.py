@@ -88,4 +88,5 @@ def star_transports() -> Iterable[TransportSpec]:
         options=OPTIONS,
         check=check,
         realtime=True,
+        heights_above_surface=lambda **_options: True,
     )

@@ -168,6 +168,11 @@ def check(
             yield Problem(("camera", "covered", i), reason, "unknown-landmark")
 
 
+def heights_above_surface(*, noise: bool, profile: str, **_others: Any) -> bool:
+    """Return whether the estimators measure heights from obstacles below."""
+    return noise and PROFILES[profile].surfaces
+
+
 @hookimpl
 def star_transports() -> Iterable[TransportSpec]:
     yield TransportSpec(
@@ -176,4 +181,5 @@ def star_transports() -> Iterable[TransportSpec]:
         make=make,
         options=OPTIONS,
         check=check,
+        heights_above_surface=heights_above_surface,
     )

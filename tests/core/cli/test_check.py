@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core import Mission, Problem, Registry, hookimpl
+from star_core import Localizer, LocalizerSpec, Mission, Problem, Registry, hookimpl
 from star_core.cli.check import check_file
 from star_core.errors import InputError, PluginError
 
@@ -37,11 +37,13 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def warnings(old: str = "", new: str = "", world: str = "", *plugins: object) -> list[str]:
-    """The warnings about the mission with one of its texts replaced."""
+def warnings(
+    old: str = "", new: str = "", world: str = "", *plugins: object, changes: tuple[str, ...] = ()
+) -> list[str]:
+    """The warnings about the mission with one of its texts replaced, and with changes."""
     Path("hop.yaml").write_text(MISSION.replace(old, new) if old else MISSION)
     Path("room.yaml").write_text(WORLD + world)
-    text, found = check_file(Path("hop.yaml"), (), Registry(*plugins))
+    text, found = check_file(Path("hop.yaml"), changes, Registry(*plugins))
     assert text == "hop.yaml: 'hop' can be flown, with 2 agents"
     return list(found)
 
@@ -75,6 +77,52 @@ def test_an_obstacle_in_the_way_is_a_warning_if_the_avoider_avoids_it() -> None:
 
 def test_a_planner_that_avoids_obstacles_is_not_rehearsed() -> None:
     assert warnings("straight", "visibility", WALL) == []
+
+
+RANGER = ("transport.profile=realistic",)
+LOW_WALL = WALL.replace("[0, 2]", "[0, 0.5]")
+
+
+def test_a_flight_over_an_obstacle_is_a_warning_if_a_ranger_measures_heights() -> None:
+    assert warnings(world=LOW_WALL, changes=RANGER) == [
+        "hop.yaml:14:11: warning: cf1 flies over obstacle 'wall' at [-1.00, 0.50, 0.80], from "
+        "where a ranger measures its height: it climbs by 0.50 m [over-obstacle]"
+    ]
+
+
+def test_a_flight_off_the_table_it_started_on_is_one_too() -> None:
+    (found,) = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, changes=RANGER)
+    assert "cf1 flies over the floor" in found
+    assert found.endswith("it sinks by 0.40 m [over-obstacle]")
+
+
+def test_a_planner_may_lead_over_an_obstacle_that_is_low_enough() -> None:
+    changes = (*RANGER, "planner=visibility")
+    (found,) = warnings(world=WALL.replace("[0, 2]", "[0, 1.2]"), changes=changes)
+    assert "cf1 may fly over obstacle 'wall'" in found
+    assert warnings(world=WALL, changes=changes) == []
+
+
+@pytest.mark.parametrize("changes", [(), (*RANGER, "transport.noise=false")])
+def test_where_heights_are_those_of_the_map_obstacles_may_be_below(changes: tuple[str]) -> None:
+    assert warnings(world=LOW_WALL, changes=changes) == []
+
+
+def _no_localizer(*_arguments: object, **_options: object) -> Localizer:
+    raise NotImplementedError
+
+
+class RightHeights:
+    """Announces a localizer that corrects heights."""
+
+    @hookimpl
+    def star_localizers(self) -> Iterator[LocalizerSpec]:
+        yield LocalizerSpec(name="map", summary="Maps.", make=_no_localizer, corrects_heights=True)
+
+
+def test_a_localizer_that_corrects_heights_may_fly_over_obstacles() -> None:
+    changes = (*RANGER, "localizer=map")
+    assert warnings("", "", LOW_WALL, RightHeights(), changes=changes) == []
 
 
 class TooLong:
