@@ -2,7 +2,8 @@
 
 A cell is a mission with faults at a random time and of a random agent. Every flight is flown as by
 ``star run MISSION --faults FILE``, and then watched for another 5 s without the program. Flights
-that were flown before are read from the results; ``--page`` writes docs/reliability.md.
+that were flown before are read from the results; ``--page`` writes docs/reliability.md. The world
+is the default one of `sim`, or the ideal one with ``--world ideal``.
 """
 
 from __future__ import annotations
@@ -210,7 +211,8 @@ CELLS: Final = (
     Cell("7", "battery of one drone at 2 %", [one("battery", "wrong", charge=0.02)]),
     Cell("7", "battery of one drone empty", [one("battery", "wrong", charge=0.0)]),
     Cell("8", "a motor stops", [one("motor", "off")]),
-    Cell("8", "thrust of one drone -20 %", [one("motor", "wrong", motors=[1, 2, 3, 4])]),
+    Cell("8", "thrust of one drone -20 %", [one("motor", "wrong", motors=[1, 2, 3, 4])],
+         status=EITHER),
     Cell("8", "a motor fails in 30 % of ticks", [one("motor", "intermittent")], status=EITHER),
     Cell("9", "goal outside of the fence", changes={
         "mission": [{"takeoff": {}}, {"goto": {"agents": "cf1", "to": [4, 0, 0.6]}}]
@@ -324,8 +326,16 @@ class Witness:
             self._see(begun + 0.05 * k)
 
 
-def flown(cell: Cell, seed: int) -> dict[str, Any]:
-    """Fly a cell with a seed; return the verdicts of the policies, and figures."""
+def in_world(mission: Mapping[str, Any], world: str) -> dict[str, Any]:
+    """Return a mission in the ideal world as one in a world, ``ideal`` or ``default``."""
+    transport = dict(mission["transport"])
+    if world == "default":
+        del transport["profile"], transport["controller"]
+    return {**mission, "transport": transport}
+
+
+def flown(cell: Cell, seed: int, world: str) -> dict[str, Any]:
+    """Fly a cell with a seed in a world; return the verdicts of the policies, and figures."""
     random = np.random.default_rng([seed, crc32(cell.name.encode())])
     at, victim = round(float(random.uniform(2.0, 5.0)), 2), f"cf{random.integers(1, 5)}"
     given = list(cell.faults)
@@ -345,7 +355,8 @@ def flown(cell: Cell, seed: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "room.yaml").write_text(json.dumps(ROOM))
-        (folder / "mission.yaml").write_text(json.dumps({**CROSSING, **cell.changes}))
+        mission = in_world({**CROSSING, **cell.changes}, world)
+        (folder / "mission.yaml").write_text(json.dumps(mission))
         (folder / "faults.yaml").write_text(json.dumps({"star": 1, "faults": faults}))
         at = min((fault.get("at", 0.0) for fault in faults), default=at)
         status = _run(folder, seed, registry, faulty=bool(faults))
@@ -496,9 +507,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=30)
     parser.add_argument("--cells", default="", help="fly only cells whose names contain this")
     parser.add_argument("--rows", nargs="*", help="fly only these rows")
-    parser.add_argument("--results", type=Path, default=Path("runs/faults.json"))
+    parser.add_argument("--world", choices=("default", "ideal"), default="default")
+    parser.add_argument("--results", type=Path, help="runs/faults-WORLD.json if not given")
     parser.add_argument("--page", type=Path, help="put the table into this page")
     options = parser.parse_args()
+    options.results = options.results or Path(f"runs/faults-{options.world}.json")
     options.results.parent.mkdir(parents=True, exist_ok=True)
     results = json.loads(options.results.read_text()) if options.results.exists() else {}
     for cell in CELLS:
@@ -507,7 +520,7 @@ def main() -> None:
         for seed in range(min(options.seeds, cell.most)):
             key = f"{cell.name}/{seed}"
             if key not in results:
-                results[key] = flown(cell, seed)
+                results[key] = flown(cell, seed, options.world)
                 if results[key]["broken"]:
                     print(key, results[key]["broken"], file=sys.stderr, flush=True)
         options.results.write_text(json.dumps(results, indent=1))
