@@ -19,6 +19,7 @@ from star_core.mission_file.shipped import named
 if TYPE_CHECKING:
     from ruamel.yaml.nodes import Node
 
+MAX_SIZE: Final = 1_000_000  # bytes: 10 s of reading; a mission of 1000 steps has 50 kB
 DEEPEST: Final = 32  # levels of maps and lists: a step in four `parallel` is at level 11
 _INTEGER: Final = re.compile(r"[-+]?(0|[1-9][0-9]{0,19})")
 _FLOAT: Final = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -55,7 +56,8 @@ def read_yaml(path: Path, *, text_keys: bool = False) -> Value:
             reason with its location.
     """
     try:
-        raw = path.read_bytes().removeprefix(BOM_UTF8)
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_SIZE + 1).removeprefix(BOM_UTF8)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file", "file-not-found") from None
     except IsADirectoryError:
@@ -67,6 +69,11 @@ def read_yaml(path: Path, *, text_keys: bool = False) -> Value:
     except OSError as error:
         message = f"{path}: cannot be read: {error.strerror}"
         raise InputError(message, "unreadable-file") from error
+    if len(raw) > MAX_SIZE:
+        message = (
+            f"the file has more than {MAX_SIZE / 1e6:g} MB; split it, or remove what is not read"
+        )
+        raise InputError(f"{Mark(str(path), 1, 1)}: {message}", "unreadable-file")
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:

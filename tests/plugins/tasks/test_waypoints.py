@@ -76,3 +76,9 @@ def test_a_file_that_is_not_csv_is_refused(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "path.csv").write_bytes(data)
     with pytest.raises(InputError, match=r"^path.csv: cannot be .* \[unreadable-file\]$"):
         read_waypoints(tmp_path / "path.csv", "path.csv")
+
+
+def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
+    written(tmp_path, "x,y,z\n" + "0,0,1\n" * 200_000)
+    with pytest.raises(InputError, match=r"path.csv: has more than 1 MB \[unreadable-file\]"):
+        read_waypoints(tmp_path / "path.csv", "path.csv")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ PIECE_COLUMNS: Final = (
     "duration",
     *(f"{axis}^{power}" for axis in ("x", "y", "z", "yaw") for power in DEGREES),
 )
+MAX_SIZE: Final = 1_000_000  # bytes, of a file: 40,000 waypoints
 MAX_DURATION: Final = 1200.0  # s: a Crazyflie's battery lasts some 420 s
 MAX_PIECES: Final = 1000
 MAX_COEFFICIENT: Final = 1e9  # with it even 1200 s to the seventh power is a finite number
@@ -135,6 +137,10 @@ def _read_rows(path: Path, file: str) -> list[tuple[int, list[str]]]:
     """Return the rows of a file that are not blank, each with its line number."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
+            if os.fstat(stream.fileno()).st_size > MAX_SIZE:
+                raise InputError(
+                    f"{file}: has more than {MAX_SIZE / 1e6:g} MB", code="unreadable-file"
+                )
             reader = csv.reader(stream, strict=True)
             return [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
