@@ -32,6 +32,7 @@ from star_radio.vehicle import MAX_BUFFERED_REPORTS, Vehicle
 from tests.fuzz.harness import Draw, Target, Try
 from tests.fuzz.mutants import damaged, spoiled
 from tests.fuzz.vehicles import GOOD
+from tests.simulators import ideal_fleet
 
 MAX_TIMEOUT: Final = 60.0  # s, of an answer, whatever was heard
 ALTERED: Final = 0.02  # of the answers
@@ -53,7 +54,7 @@ class Sink:
 @contextmanager
 def answers(_folder: Path) -> Iterator[Try]:
     """Packets of a drone: answers to open questions, reports and echoes."""
-    fleet = Fleet(scene(1), port=0)
+    fleet = ideal_fleet(scene(1))
     try:
         heard = [answer for packet in GOOD for answer in fleet.handle(0, packet)]
     finally:
@@ -121,7 +122,7 @@ class Altered:
 @contextmanager
 def tables(folder: Path) -> Iterator[Try]:
     """Tables of contents of a drone that answers wrongly, and those that are cached."""
-    fleet = Fleet(scene(1), port=0)
+    fleet = ideal_fleet(scene(1))
     drone = Altered(fleet)
 
     def attempt(draw: Draw) -> str:

@@ -18,6 +18,7 @@ from star_fleet.packet import MAX_PAYLOAD, Port, is_null, join, split
 from star_fleet.server import Fleet
 from star_fleet.setpoints import decode, fixes
 from tests.fuzz.harness import Draw, Target, Try
+from tests.simulators import ideal_fleet
 
 GOOD: Final = [
     join(Port.SETPOINT, 0, struct.pack("<Bffff", 8, 0.1, 0.0, 0.0, 0.0)),
@@ -115,7 +116,7 @@ def grid(_folder: Path) -> Iterator[Try]:
 @contextmanager
 def flying() -> Iterator[Fleet]:
     """Two vehicles, of which the first is in the air."""
-    fleet = Fleet(scene(2), port=0, noise=True)
+    fleet = ideal_fleet(scene(2), noise=True)
     try:
         takeoff = struct.pack("<BBff?f", 7, 0, 0.8, 0.0, 0, 1.5)
         fleet.handle(0, join(Port.HIGH_LEVEL, 0, takeoff))

@@ -42,7 +42,7 @@ def test_every_agent_has_a_port_of_its_own(client: socket.socket) -> None:
 
 @pytest.mark.parametrize("size", [0, 32, 64, 65, 65_507])
 def test_a_datagram_that_is_no_packet_is_not_answered(client: socket.socket, size: int) -> None:
-    with Fleet(scene(1), port=0) as fleet:
+    with ideal_fleet(scene(1)) as fleet:
         client.sendto(bytes([0xF0] * size), place(fleet.addresses[0]))
         client.sendto(b"\xf0ping", place(fleet.addresses[0]))
         assert client.recv(64) == b"\xf0ping"
