@@ -14,7 +14,7 @@ from star_apriltag.dead_reckoning import AgentState, Anchor, Z, predict, start
 from star_apriltag.floor_odometry import FloorOdometry
 from star_apriltag.joint_filter import Deviations, JointFilter
 from star_apriltag.odometry_track import OdometryTrack
-from star_apriltag.vision.body_pose import Motion, Prediction, View
+from star_apriltag.vision.body_pose import Motion, Prediction, Verdict, View
 from star_apriltag.vision.image_analysis import ImageAnalysis, ImageAnalyzer
 from star_core import Agent, Array, Image, Odometry, Pose, Rows, Tag
 
@@ -105,7 +105,8 @@ class FilterEstimator:
             settings.survey_turn_std,
         )
         self._filter = JointFilter(start(agent), mounting, landmarks, self._ground, deviations)
-        self._relocation = Relocation()
+        self._sheets = {tag.id: tag.of for tag in landmarks}
+        self._relocation = Relocation(len(set(self._sheets.values())))
         self.anchor = self._filter.anchor
 
     def at(self, time: float) -> AgentState:
@@ -137,10 +138,12 @@ class FilterEstimator:
         if analysis.views or measured:
             self.add_views(time, analysis.views, stamped=report.stamped)
         elif analysis.other is not None:
-            claim = Claim(time, analysis.other.pose, analysis.other.covariance)
+            tags = [seen.tag for seen in analysis.with_verdict(Verdict.ELSEWHERE)]
+            sheets = frozenset(self._sheets[tag] for tag in tags)
+            claim = Claim(time, analysis.other.pose, analysis.other.covariance, sheets)
             if self._relocation.consider(claim, self.track):
                 log.info("an agent is relocated at %.2f s", time)
-                self.restart(*claim)
+                self.restart(claim.time, claim.pose, claim.covariance)
         return analysis, state
 
     def add_views(
@@ -197,7 +200,8 @@ def _prediction(state: AgentState, camera_turn: Array) -> Prediction:
 MIN_IMAGES: Final = 4  # consecutive ones that must agree
 MAX_DISTANCE: Final = 0.15  # m between their positions
 MAX_TURN: Final = math.radians(10.0)  # rad between their headings
-MAX_TIME: Final = 3.0  # s between the first and the last
+MAX_TIME: Final = 6.0  # s between the first and the last
+MIN_LANDMARKS: Final = 2  # that must agree, if the map has more than one
 
 
 class Claim(NamedTuple):
@@ -206,12 +210,21 @@ class Claim(NamedTuple):
     time: float  # of its exposure, s
     pose: Pose  # body in the map
     covariance: Array  # (6, 6) of a rotation and then a shift in the body's own frame
+    landmarks: frozenset[str]  # names of those in the image
 
 
 class Relocation:
-    """Collects the claims of images whose tags were all rejected, until enough of them agree."""
+    """Collects the claims of images whose tags were all rejected, until enough of them agree.
 
-    def __init__(self) -> None:
+    Images of one landmark always agree with each other, also if it is not where the map has it. So
+    two landmarks must.
+
+    Args:
+        landmarks: Number of those of the map.
+    """
+
+    def __init__(self, landmarks: int) -> None:
+        self._least = min(MIN_LANDMARKS, landmarks)
         self._claims: list[Claim] = []
 
     def forget(self) -> None:
@@ -225,8 +238,12 @@ class Relocation:
             for old in self._claims
             if claim.time - old.time < MAX_TIME and _agree(old, claim, track)
         ]
+        same = [old for old in self._claims if old.landmarks == claim.landmarks]
+        if len(same) >= MIN_IMAGES:
+            self._claims = [old for old in self._claims if old is not same[0]]
         self._claims.append(claim)
-        if len(self._claims) < MIN_IMAGES:
+        landmarks = frozenset[str]().union(*(one.landmarks for one in self._claims))
+        if len(self._claims) < MIN_IMAGES or len(landmarks) < self._least:
             return False
         self._claims.clear()
         return True

@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 
-from star_apriltag.agent_estimator import MAX_DISTANCE, MAX_TURN, MIN_IMAGES, Claim, Relocation
+from star_apriltag.agent_estimator import (
+    MAX_DISTANCE,
+    MAX_TIME,
+    MAX_TURN,
+    MIN_IMAGES,
+    Claim,
+    Relocation,
+)
 from star_apriltag.odometry_track import OdometryTrack
 from star_core import Pose, rotation_from_vector
 from tests.plugins.localizers.apriltag.conftest import Circle
@@ -22,16 +29,16 @@ def track() -> OdometryTrack:
     return made
 
 
-def claim(time: float, *, aside: float = 0.0, turned: float = 0.0) -> Claim:
-    """The claim of an image that was taken at the true pose."""
+def claim(time: float, *, aside: float = 0.0, turned: float = 0.0, landmarks: str = "ab") -> Claim:
+    """The claim of an image of some landmarks that was taken at the true pose."""
     body = CIRCLE.body(time)
     rotation = body.rotation @ rotation_from_vector(np.array([0.0, 0.0, turned]))
     place = body.position + ELSEWHERE + [aside, 0.0, 0.0]
-    return Claim(time, Pose(rotation, place), np.eye(6) * 1e-4)
+    return Claim(time, Pose(rotation, place), np.eye(6) * 1e-4, frozenset(landmarks))
 
 
-def considered(*claims: Claim) -> list[bool]:
-    relocation, odometry = Relocation(), track()
+def considered(*claims: Claim, landmarks: int = 9) -> list[bool]:
+    relocation, odometry = Relocation(landmarks), track()
     return [relocation.consider(one, odometry) for one in claims]
 
 
@@ -44,6 +51,14 @@ def test_fewer_are_not() -> None:
     assert considered(*[claim(0.1 * k) for k in range(MIN_IMAGES - 1)]) == [False] * (
         MIN_IMAGES - 1
     )
+
+
+def test_one_landmark_may_be_elsewhere_than_in_the_map_and_is_not_believed_alone() -> None:
+    alone = [claim(0.1 * k, landmarks="a") for k in range(10)]
+    assert not any(considered(*alone))
+    assert considered(*alone, landmarks=1)[MIN_IMAGES - 1]
+    assert considered(*alone, claim(1.0, landmarks="b"))[-1]
+    assert not considered(*alone, claim(1.0, landmarks="b", aside=0.9))[-1]
 
 
 def test_places_that_disagree_are_not_believed() -> None:
@@ -75,14 +90,14 @@ def test_one_claim_that_disagrees_begins_the_count_again() -> None:
 
 def test_a_gap_makes_it_forget() -> None:
     before = [claim(0.1 * k) for k in range(MIN_IMAGES - 1)]
-    after = [claim(before[-1].time + 3.1 + 0.1 * k) for k in range(MIN_IMAGES)]
+    after = [claim(before[-1].time + MAX_TIME + 0.1 * (k + 1)) for k in range(MIN_IMAGES)]
     answers = considered(*before, *after)
     assert not any(answers[:-1])
     assert answers[-1]
 
 
 def test_an_image_that_was_believed_makes_it_forget() -> None:
-    relocation, odometry = Relocation(), track()
+    relocation, odometry = Relocation(9), track()
     for k in range(MIN_IMAGES - 1):
         relocation.consider(claim(0.1 * k), odometry)
     relocation.forget()
