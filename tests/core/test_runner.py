@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -9,7 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Estimate, Order, Plan, Setpoint, Supervisor, Telemetry
+from star_core import (
+    AgentPhase,
+    Estimate,
+    Order,
+    Plan,
+    Setpoint,
+    Supervisor,
+    Telemetry,
+    fly,
+    hookimpl,
+)
 from star_core.registry import Registry, Source
 from star_core.runner import outcome_of
 from star_core.shutdown import MAX_LANDING_DELAY, MAX_SILENCE
@@ -79,6 +90,32 @@ def test_every_part_receives_whether_time_goes_on_by_itself(lab: Lab, *, realtim
     lab.registry = Registry(installed=False)
     lab.registry.add(lab, Source("their-dist:lab"))
     assert lab.load().scene.realtime is realtime
+
+
+class Frozen:
+    """Notes how many objects are excluded from garbage collection in each tick."""
+
+    def __init__(self) -> None:
+        self.counts: list[int] = []
+
+    @hookimpl
+    def star_ticked(self) -> None:
+        self.counts.append(gc.get_freeze_count())
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_objects_of_before_a_flight_in_real_time_are_not_collected_in_it(
+    lab: Lab, *, realtime: bool
+) -> None:
+    frozen = Frozen()
+    lab.realtime = realtime
+    lab.registry = Registry(installed=False)
+    lab.registry.add(lab, Source("their-dist:lab"))
+    lab.registry.add(frozen, Source("their-dist:frozen"))
+    fly(lab.load(PLACES), lab.registry)
+    assert frozen.counts
+    assert all((count > 0) is realtime for count in frozen.counts)
+    assert gc.get_freeze_count() == 0
 
 
 def test_agents_that_a_mission_leaves_in_the_air_are_landed(lab: Lab) -> None:
