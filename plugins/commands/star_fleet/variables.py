@@ -222,11 +222,12 @@ def _rssi(readings: Readings) -> Any:
 
 
 def _range(readings: Readings) -> Any:
-    """Along the body's z axis, to the floor, mm."""
+    """Along the body's z axis, to the floor or the obstacle below, mm."""
     drones = readings.drones
     x, y = drones["attitude"][:, 0], drones["attitude"][:, 1]
     upright = 1 - 2 * (x * x + y * y)
-    distance = 1000 * drones["position"][:, 2] / np.maximum(upright, 1e-6)
+    height = drones["position"][:, 2] - drones["surface"]
+    distance = 1000 * height / np.maximum(upright, 1e-6)
     return np.where(upright > 0, np.minimum(distance, MAX_RANGE), MAX_RANGE)
 
 

@@ -164,6 +164,15 @@ def test_angles_and_rates_have_the_firmwares_signs(start: Start) -> None:
     assert height == pytest.approx(800, abs=60)
 
 
+def test_the_ranger_measures_to_what_the_estimator_takes_for_the_floor(start: Start) -> None:
+    bench = start()
+    bench.takeoff()
+    bench.fly(3.0)
+    bench.fleet.simulator.drones["surface"] = 0.3
+    (distance,) = bench.log("range.zrange")
+    assert distance == pytest.approx(500, abs=60)
+
+
 def test_what_the_controller_wants_is_what_the_vehicle_does(start: Start) -> None:
     bench = start()
     bench.takeoff()
