@@ -36,6 +36,7 @@ settings.load_profile("star")
 TOGETHER: Final = (
     "tests/outside/",
     "tests/end_to_end/test_over_the_air.py",
+    "tests/core/toolkit/test_jit.py",
     "tests/plugins/commands/star_ablate/",
     "tests/plugins/commands/star_calibrate/",
     "tests/plugins/localizers/apriltag/test_simulated.py",

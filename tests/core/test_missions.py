@@ -24,6 +24,7 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
     "paper_box": PAPER,
     "paper_circle": PAPER,
     "paper_figure8": PAPER,
+    "paths": ("mission.2.parallel.0.follow.laps=1", "mission.2.parallel.1.repeat.times=1"),
     "relief": (
         "mission.1.repeat.times=1",
         "transport.endurance=100",
@@ -79,11 +80,10 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     return out, flown(MISSIONS / "first_flight.yaml", out)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_drifting_drones_that_swap_positions_stay_apart_and_fly_differently_with_each_seed(
-    seed: int, first: tuple[Path, dict[str, Any]], missions: Path, tmp_path: Path
+def test_drifting_drones_that_swap_positions_stay_apart_and_fly_differently_with_another_seed(
+    first: tuple[Path, dict[str, Any]], missions: Path, tmp_path: Path
 ) -> None:
-    summary = flown(missions / "first_flight.yaml", tmp_path, "--seed", str(seed))
+    summary = flown(missions / "first_flight.yaml", tmp_path, "--seed", "1")
     assert summary["min_separation_m"] >= 0.2
     assert summary["position_rmse_m"] > 0.01  # they do drift
     assert summary["path_length_m"] != first[1]["path_length_m"]

@@ -42,6 +42,12 @@ IDEAL = [  # as drones of `Fleet` fly
 ]
 
 
+SWAP = (
+    "mission=[{takeoff: {height: 0.8}}, {parallel: [{goto: {agents: cf1, to: [1.2, 0, 0.8]}},"
+    " {goto: {agents: cf2, to: [-1.2, 0, 0.8]}}]}, {land: {speed: 0.6}}]"
+)
+
+
 class Flown(NamedTuple):
     """A flight as it was recorded: (T,) s, and (T, N, 3) m."""
 
@@ -145,8 +151,10 @@ def error(flight: Flown, truth: Flown) -> float:
 
 def test_the_demo_flies_over_udp_as_in_the_simulator(tmp_path: Path) -> None:
     mission = MISSIONS / "first_flight.yaml"
-    beside = star("run", mission, "--out", tmp_path / "sim", *IDEAL)
-    flown, truth, late = over_the_air(mission, tmp_path / "air", noise=False, cameras=False)
+    beside = star("run", mission, "--out", tmp_path / "sim", *IDEAL, f"--set={SWAP}")
+    flown, truth, late = over_the_air(
+        mission, tmp_path / "air", noise=False, cameras=False, changes=[SWAP]
+    )
     told, _ = beside.communicate(timeout=PATIENCE)
     assert beside.returncode == 0, told
     assert apart(flown, recorded(tmp_path / "sim")) < 0.05 + SPEED * late

@@ -8,9 +8,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
@@ -47,22 +46,7 @@ def twice(x):
     return 2.0 * x
 '''
 CONSTANTS = "OFFSET = 1.0\n"
-
-
-@pytest.fixture
-def run(tmp_path: Path) -> Callable[[], tuple[float, int, str]]:
-    """Runs the kernel in a new process: its result for 1, its loads from disk, and stderr."""
-    sources = {"kernel": KERNEL, "functions": FUNCTIONS, "constants": CONSTANTS}
-    for name, source in sources.items():
-        (tmp_path / f"{name}.py").write_text(source)
-
-    def run() -> tuple[float, int, str]:
-        command = [sys.executable, str(tmp_path / "kernel.py")]
-        done = subprocess.run(command, capture_output=True, check=True, text=True)
-        value, hits = done.stdout.split()
-        return float(value), int(hits), done.stderr
-
-    return run
+Runs: TypeAlias = dict[str, tuple[float, int, str]]
 
 
 def edit(file: Path, old: str, new: str) -> None:
@@ -71,34 +55,47 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(source.replace(old, new))
 
 
-def test_machine_code_is_loaded_from_disk_and_never_that_of_other_sources(
-    tmp_path: Path, run: Callable[[], tuple[float, int, str]]
-) -> None:
-    assert run()[:2] == (3.0, 0)
-    assert run()[:2] == (3.0, 1)
-    edit(tmp_path / "functions.py", "2.0 * x", "5.0 * x")
-    assert run()[:2] == (6.0, 0)
-    edit(tmp_path / "constants.py", "1.0", "4.0")
-    assert run()[:2] == (9.0, 0)
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    """Runs of the kernel in new processes: its result for 1, its loads from disk, and stderr."""
+    folder = tmp_path_factory.mktemp("kernel")
+    sources = {"kernel": KERNEL, "functions": FUNCTIONS, "constants": CONSTANTS}
+    for name, source in sources.items():
+        (folder / f"{name}.py").write_text(source)
+
+    def run() -> tuple[float, int, str]:
+        command = [sys.executable, str(folder / "kernel.py")]
+        done = subprocess.run(command, capture_output=True, check=True, text=True)
+        value, hits = done.stdout.split()
+        return float(value), int(hits), done.stderr
+
+    found = {"first": run()}
+    edit(folder / "functions.py", "a sum", "the sum, which is a long story")
+    edit(folder / "functions.py", "from star", "# A comment.\nfrom star")
+    edit(folder / "constants.py", "\n", "\nUNUSED = 2.0\n")
+    found["commented"] = run()
+    edit(folder / "functions.py", "2.0 * x", "5.0 * x")
+    found["other function"] = run()
+    edit(folder / "constants.py", "1.0", "4.0")
+    found["other constant"] = run()
+    return found
 
 
-def test_comments_docstrings_and_unused_functions_recompile_nothing(
-    tmp_path: Path, run: Callable[[], tuple[float, int, str]]
-) -> None:
-    run()
-    edit(tmp_path / "functions.py", "a sum", "the sum, which is a long story")
-    edit(tmp_path / "functions.py", "from star", "# A comment.\nfrom star")
-    edit(tmp_path / "constants.py", "\n", "\nUNUSED = 2.0\n")
-    assert run()[:2] == (3.0, 1)
+def test_machine_code_of_other_sources_is_never_loaded_from_disk(runs: Runs) -> None:
+    assert runs["first"][:2] == (3.0, 0)
+    assert runs["other function"][:2] == (6.0, 0)
+    assert runs["other constant"][:2] == (9.0, 0)
 
 
-def test_compilation_is_reported_on_stderr_and_loading_is_not(
-    run: Callable[[], tuple[float, int, str]],
-) -> None:
-    first = run()[2].splitlines()
-    assert first[0] == "compiling kernels (once): __main__.kernel, 0 of up to 3 functions"
-    assert all(line.startswith("compiling kernels (once): __main__.kernel, ") for line in first)
-    assert not run()[2]
+def test_comments_docstrings_and_unused_functions_recompile_nothing(runs: Runs) -> None:
+    assert runs["commented"][:2] == (3.0, 1)
+
+
+def test_compilation_is_reported_on_stderr_and_loading_is_not(runs: Runs) -> None:
+    lines = runs["first"][2].splitlines()
+    assert lines[0] == "compiling kernels (once): __main__.kernel, 0 of up to 3 functions"
+    assert all(line.startswith("compiling kernels (once): __main__.kernel, ") for line in lines)
+    assert not runs["commented"][2]
 
 
 def test_machine_code_whose_types_were_in_another_module_is_compiled_again(tmp_path: Path) -> None:

@@ -24,6 +24,8 @@ from star_view.live_view import LiveView
 from tests.plugins.commands.star_view.browser import PATIENCE, Browser
 
 FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
+STEPS = ["takeoff: {height: 0.5}", "goto: {agents: cf1, by: [0.2, 0, 0]}", "land: {speed: 0.5}"]
+SHORT = f"mission=[{', '.join(f'{{{step}}}' for step in STEPS)}]"
 PORT = 18260
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 
@@ -31,11 +33,17 @@ WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 def flown(view: LiveView | None, operator: Operator | None = None, speed: str = "40") -> Any:
     """Fly a mission, watched or not; return its summary without what depends on wall time."""
     registry = Registry()
-    mission = load(FIRST_FLIGHT, registry, [f"transport.speed={speed}"])
+    mission = load(FIRST_FLIGHT, registry, [f"transport.speed={speed}", SHORT])
     if view is not None:
         registry.add(view, Source("star-swarm:view:view"))
     summary = fly(mission, registry, operator=operator)
     return {key: value for key, value in summary.items() if key not in WALL}
+
+
+@pytest.fixture(scope="module")
+def unwatched() -> Any:
+    """Summary of the flight without a view."""
+    return flown(None)
 
 
 def watched(
@@ -54,8 +62,8 @@ def watched(
             return flight.result(PATIENCE)
 
 
-def test_a_watched_flight_is_the_same_flight() -> None:
-    assert flown(LiveView(0.3, port=PORT)) == flown(None)
+def test_a_watched_flight_is_the_same_flight(unwatched: Any) -> None:
+    assert flown(LiveView(0.3, port=PORT)) == unwatched
 
 
 def test_the_page_shows_agents_steps_and_events_and_lands_all_agents_with_its_token() -> None:
@@ -92,7 +100,7 @@ def test_the_page_stops_the_motors() -> None:
     assert summary["reason"] == "interrupted by the operator; stopped, motors off"
 
 
-def test_the_page_changes_the_speed_of_the_simulation_and_nothing_else() -> None:
+def test_the_page_changes_the_speed_of_the_simulation_and_nothing_else(unwatched: Any) -> None:
     operator = Operator()
 
     def act(browser: Browser) -> None:
@@ -103,7 +111,7 @@ def test_the_page_changes_the_speed_of_the_simulation_and_nothing_else() -> None
         assert any("| cf1 | landed |" in text for text in browser.texts.values())
         assert operator.simulation.speed == 9.5
 
-    assert watched(act, operator) == flown(None)
+    assert watched(act, operator) == unwatched
 
 
 class Watcher:
@@ -121,7 +129,7 @@ def test_a_page_that_fails_does_not_disturb_the_flight(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     view, registry = LiveView(None, port=PORT), Registry()
-    mission = load(FIRST_FLIGHT, registry, ["transport.speed=40"])
+    mission = load(FIRST_FLIGHT, registry, ["transport.speed=40", SHORT])
 
     def fail(moment: float) -> None:
         if moment > 3.0:

@@ -169,9 +169,9 @@ def test_a_camera_that_looks_down_sees_the_floor_below_it() -> None:
     assert np.linalg.norm(ahead[:, :2], axis=1).max() < MAX_DISTANCE + 0.1
 
 
-def test_ctrl_c_ends_it(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    assert main(["run", str(FIRST_FLIGHT), "--out", str(run)]) == 0
+def test_ctrl_c_ends_it(hop: Path) -> None:
+    run = hop / "run"
+    assert main(["run", "hop.yaml", "--out", str(run)]) == 0
     star = Path(sys.executable).with_name("star")
     command = [str(star), "view", str(run), "--port", "18240"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as view:
