@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytest
 
 import star_sim
 from star_core import (
@@ -148,19 +147,12 @@ def flown(mission: Path, out: Path, *arguments: str) -> dict[str, Any]:
     return {name: value for name, value in summary.items() if name not in WALL}
 
 
-@pytest.fixture
-def mission(tmp_path: Path) -> Path:
+def test_a_rendered_flight_repeats_with_its_seed_and_differs_with_another(tmp_path: Path) -> None:
     (tmp_path / "mat.yaml").write_text(WORLD)
-    (tmp_path / "peek.yaml").write_text(MISSION)
-    return tmp_path / "peek.yaml"
-
-
-def test_the_same_seed_gives_the_same_rendered_flight(mission: Path, tmp_path: Path) -> None:
+    mission = tmp_path / "peek.yaml"
+    mission.write_text(MISSION)
     first = flown(mission, tmp_path / "a")
     assert first == flown(mission, tmp_path / "b")
     assert first["position_rmse_m"] < 0.05
-
-
-def test_another_seed_gives_another(mission: Path, tmp_path: Path) -> None:
-    first = flown(mission, tmp_path / "a", "--seed", "1")
-    assert first["position_mse_m2"] != flown(mission, tmp_path / "b")["position_mse_m2"]
+    other = flown(mission, tmp_path / "c", "--seed", "1")
+    assert first["position_mse_m2"] != other["position_mse_m2"]
