@@ -128,7 +128,7 @@ def test_a_file_that_is_no_mission_is_refused_at_its_place(
         ("loop.yaml", f"cannot be read: {os.strerror(errno.ELOOP)} [unreadable-file]"),
     ],
 )
-def test_a_mission_that_cannot_be_read_says_why(
+def test_a_mission_that_cannot_be_read_reports_why(
     refused: Callable[..., list[str]], name: str, why: str
 ) -> None:
     Path("loop.yaml").symlink_to("loop.yaml")
@@ -270,7 +270,7 @@ def test_a_world_that_no_path_leads_to_is_refused(
     assert line.startswith(f"m.yaml:3:8: '{name}' is no path of a file: ")
 
 
-def test_a_mistake_in_a_world_is_told_in_the_worlds_own_file(
+def test_a_mistake_in_a_world_is_reported_in_the_worlds_own_file(
     refused: Callable[..., list[str]],
 ) -> None:
     change("height: [0, 2]", "height: [2, 0]", "worlds/room.yaml")
@@ -283,7 +283,9 @@ def test_a_mistake_in_a_world_is_told_in_the_worlds_own_file(
 # All at once
 
 
-def test_every_mistake_is_told_in_the_order_of_the_file(refused: Callable[..., list[str]]) -> None:
+def test_every_mistake_is_reported_in_the_order_of_the_file(
+    refused: Callable[..., list[str]],
+) -> None:
     change("name: bad", "name: b/d")
     change("use: orca", "use: orka")
     change("takeoff:", "takeof:")
@@ -292,7 +294,7 @@ def test_every_mistake_is_told_in_the_order_of_the_file(refused: Callable[..., l
     assert places == ["m.yaml:2:7", "m.yaml:12:16", "m.yaml:14:5", "m.yaml:16:5"]
 
 
-def test_mistakes_in_a_mission_and_in_its_world_are_told_at_once(
+def test_mistakes_in_a_mission_and_in_its_world_are_reported_at_once(
     refused: Callable[..., list[str]],
 ) -> None:
     change("seed: 7", "sead: 7")

@@ -116,9 +116,7 @@ FAILING = [
 
 
 @pytest.mark.parametrize(("options", "why"), FAILING, ids=["says so", "given", "derived"])
-def test_a_step_that_fails_aborts_the_mission_if_nothing_else_is_said(
-    lab: Lab, options: str, why: str
-) -> None:
+def test_a_step_that_fails_aborts_the_mission_by_default(lab: Lab, options: str, why: str) -> None:
     summary = lab.fly(f"\n  - climb: {{}}\n  - wait: {{{options}}}\n  - visit: {{to: [1, 1, 1]}}")
     assert summary["outcome"] == "failed"
     assert summary["reason"].endswith(f"mission.yaml:12 wait cf1, cf2 failed: {why}")
@@ -130,7 +128,7 @@ def test_a_step_that_fails_aborts_the_mission_if_nothing_else_is_said(
 
 
 @pytest.mark.parametrize(("options", "why"), FAILING, ids=["says so", "given", "derived"])
-def test_a_step_that_fails_lands_its_agents_if_that_is_said_and_the_others_go_on(
+def test_a_step_that_fails_lands_its_agents_if_configured_and_the_others_go_on(
     lab: Lab, options: str, why: str
 ) -> None:
     summary = lab.fly(
@@ -144,7 +142,7 @@ def test_a_step_that_fails_lands_its_agents_if_that_is_said_and_the_others_go_on
 
 
 @pytest.mark.parametrize(("options", "why"), FAILING, ids=["says so", "given", "derived"])
-def test_a_step_that_fails_is_passed_over_if_that_is_said(lab: Lab, options: str, why: str) -> None:
+def test_a_step_that_fails_is_passed_over_if_configured(lab: Lab, options: str, why: str) -> None:
     summary = lab.fly(
         f"\n  - climb: {{}}\n  - wait: {{{options}, on_failure: continue}}"
         "\n  - visit: {agents: cf1, to: [1, 1, 1]}\n  - descend: {}"
@@ -184,7 +182,7 @@ def test_an_agent_without_a_way_to_its_goal_fails_its_step_at_once_and_not_the_n
     assert [s["outcome"] for s in summary["steps"]] == ["success", "failure", "success"]
 
 
-def test_an_agent_that_refuses_an_order_fails_its_step_with_what_it_says(lab: Lab) -> None:
+def test_an_agent_that_refuses_an_order_fails_its_step_with_its_reason(lab: Lab) -> None:
     left = [Refusal(1, "refuses to climb: it is blocked")]
 
     def says(receive: Any) -> Telemetry:
@@ -219,7 +217,7 @@ def test_a_step_that_is_done_in_the_tick_of_its_time_out_is_done(lab: Lab) -> No
     assert lab.fly("\n  - wait: {seconds: 2, timeout: 2}")["outcome"] == "completed"
 
 
-def test_a_step_that_fails_without_a_reason_says_that(lab: Lab) -> None:
+def test_a_step_that_fails_without_a_reason_is_reported_so(lab: Lab) -> None:
     lab.spoil("wait", "step", lambda *_: TaskOutput(status=Status.FAILURE))
     assert lab.fly()["reason"].endswith("wait cf1, cf2 failed: failed and gave no reason")
 
@@ -311,7 +309,7 @@ def test_a_failure_in_parallel_that_is_allowed_leaves_the_steps_beside_it_alone(
     assert lab.ordered(Order.LAND)[0] == (1 if then == "land" else 0)
 
 
-def test_repeat_runs_its_steps_as_often_as_it_says(lab: Lab) -> None:
+def test_repeat_runs_its_steps_as_often_as_given(lab: Lab) -> None:
     lab.fly("\n  - repeat: {times: 3, steps: [{wait: {seconds: 0.5}}, {wait: {seconds: 0.2}}]}")
     assert len(began(lab)) == 6
     assert sum(text.endswith(" done") for text in lab.said("step")) == 6

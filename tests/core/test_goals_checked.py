@@ -132,7 +132,7 @@ def test_a_goal_that_the_planner_accepts_is_no_problem(tmp_path: Path) -> None:
         ("each: {steps: [goto: {to: [0, 1, 1.2]}]}", "13:31: goal [0, 1, 1.2]"),
     ],
 )
-def test_every_verb_of_stars_own_says_where_it_sends_agents(
+def test_every_verb_of_stars_own_declares_where_it_sends_agents(
     tmp_path: Path, step: str, found: str
 ) -> None:
     (tmp_path / "way.csv").write_text("x,y,z\n0,0,0.8\n0,1,1.2\n")

@@ -161,7 +161,7 @@ def read_until(flight: subprocess.Popen[str], text: str) -> None:
     pytest.fail(f"{text!r} is not in {seen!r}")
 
 
-def test_ctrl_c_lands_all_agents_and_says_so(missions: Path) -> None:
+def test_ctrl_c_lands_all_agents_and_reports_it(missions: Path) -> None:
     with in_the_air(missions / "first_flight.yaml") as flight:
         flight.send_signal(signal.SIGINT)
         out, reported = flight.communicate()

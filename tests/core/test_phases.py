@@ -69,7 +69,7 @@ def agent_in(phase: AgentPhase) -> Phases:
 
 @pytest.mark.parametrize("phase", AgentPhase)
 @pytest.mark.parametrize("trigger", TRIGGERS)
-def test_a_trigger_leads_an_agent_where_the_table_says_or_nowhere(
+def test_a_trigger_leads_an_agent_as_in_the_table_or_nowhere(
     trigger: str, phase: AgentPhase
 ) -> None:
     phases = agent_in(phase)
@@ -81,7 +81,7 @@ def test_a_trigger_leads_an_agent_where_the_table_says_or_nowhere(
 
 @pytest.mark.parametrize("phase", MissionPhase)
 @pytest.mark.parametrize("trigger", MISSION_TRIGGERS)
-def test_a_trigger_leads_the_mission_where_the_table_says_or_nowhere(
+def test_a_trigger_leads_the_mission_as_in_the_table_or_nowhere(
     trigger: str, phase: MissionPhase
 ) -> None:
     phases = Phases(())
@@ -139,7 +139,9 @@ def test_an_agent_that_has_fallen_is_in_an_emergency(phase: AgentPhase, bit: Sup
 
 @pytest.mark.parametrize("state", [Supervisor.CRASHED, UP | DONE])
 @pytest.mark.parametrize("phase", [GROUNDED, LANDING, LANDED, LOST])
-def test_what_an_agent_said_long_ago_means_nothing(phase: AgentPhase, state: Supervisor) -> None:
+def test_what_an_agent_reported_long_ago_means_nothing(
+    phase: AgentPhase, state: Supervisor
+) -> None:
     assert observed(phase, state, heard=False) is phase
 
 
@@ -166,7 +168,7 @@ def test_an_agent_that_flies_and_is_not_heard_or_not_located_is_lost(
 
 
 @pytest.mark.parametrize(("heard", "located"), [(False, True), (True, False)])
-def test_an_agent_that_is_lost_while_it_says_the_same_is_lost_all_the_same(
+def test_an_agent_that_is_lost_while_it_reports_the_same_is_lost_all_the_same(
     heard: bool,  # noqa: FBT001 -- what is reported
     located: bool,  # noqa: FBT001
 ) -> None:

@@ -318,14 +318,12 @@ def test_all_agents_land_though_the_truth_cannot_be_known(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("time", [np.nan, np.inf, 0.0])
-def test_a_clock_that_does_not_tell_the_time_it_is_names_the_transport(
-    lab: Lab, time: float
-) -> None:
+def test_a_clock_that_gives_a_wrong_time_names_the_transport(lab: Lab, time: float) -> None:
     lab.spoil("transport", "wait", lambda *_: time, ONCE)
     assert lab.fly()["reason"].startswith(f"{NAMED['transport']}: ")
 
 
-def test_no_step_takes_for_ever_when_a_localizer_does_not_tell_the_time_it_is(lab: Lab) -> None:
+def test_no_step_takes_for_ever_when_a_localizer_gives_a_wrong_time(lab: Lab) -> None:
     lab.spoil("localizer", "locate", change(time=0.0))
     lab.fly()
     assert lab.ticks[-1].time < 40.0

@@ -52,7 +52,7 @@ def test_the_place_is_inside_the_plugin_and_not_where_it_was_called() -> None:
 
 
 @pytest.mark.parametrize("error", [ContractError("no rows"), InputError(["a", "b"])])
-def test_what_star_itself_says_needs_no_place(error: Exception) -> None:
+def test_what_star_itself_reports_needs_no_place(error: Exception) -> None:
     assert str(blamed(error)) == f"{PLUGIN}: {error}"
 
 

@@ -146,7 +146,7 @@ def test_a_hook_that_does_not_exist_is_refused_with_a_hint(registry: Registry) -
     )
 
 
-def test_a_hook_that_asks_for_what_no_agent_tells_is_refused(registry: Registry) -> None:
+def test_a_hook_that_asks_for_what_no_agent_reports_is_refused(registry: Registry) -> None:
     class Wrong:
         @hookimpl
         def star_ticked(self, tock: Tick) -> None: ...

@@ -99,7 +99,7 @@ def test_there_is_something_to_look_at() -> None:
     assert "mission/$defs/goto/to" in dict(EVERY)
 
 
-def test_every_key_has_a_title_and_says_what_it_is() -> None:
+def test_every_key_has_a_title_and_a_description() -> None:
     assert [path for path, found in EVERY if not found.schema.get("title")] == []
     assert [path for path, found in EVERY if not found.schema.get("description")] == []
 
@@ -111,7 +111,7 @@ def test_the_title_of_a_key_is_its_name_in_words() -> None:
     assert made["mission/planner/yaw_rate_deg"].schema["title"] == "Yaw rate"
 
 
-def test_every_quantity_says_its_unit_and_every_other_number_what_it_counts() -> None:
+def test_every_quantity_has_its_unit_and_other_numbers_what_they_count() -> None:
     numbers = [
         (path, found.schema["description"])
         for path, found in EVERY
@@ -129,7 +129,7 @@ def test_a_unit_is_found_where_there_is_one(key: str) -> None:
     assert UNIT.search(dict(EVERY)[f"mission/{key}"].schema["description"])
 
 
-def test_every_optional_key_has_a_default_or_says_what_it_is_without_one() -> None:
+def test_every_optional_key_has_a_default_or_describes_its_absence() -> None:
     told = {"default", "const"}
     assert [
         path

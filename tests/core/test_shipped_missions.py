@@ -48,7 +48,7 @@ def verbs(steps: list[dict[str, Any]]) -> Iterator[str]:
             yield from verbs(inner)
 
 
-def test_the_first_flight_says_what_it_needs_on_hardware() -> None:
+def test_the_first_flight_has_a_note_on_what_it_needs_on_hardware() -> None:
     path, registry = MISSIONS / "first_flight.yaml", Registry()
     (line,) = [line for line in path.read_text().splitlines() if line.startswith("transport: ")]
     assert re.search(r"# on hardware: radio, with the extra \[radio\] and a uri per agent$", line)
@@ -73,7 +73,7 @@ def test_checking_the_missions_imports_nothing_heavy() -> None:
     subprocess.run([sys.executable, "-c", ask, *paths], check=True)
 
 
-def test_where_targets_are_is_told_to_every_plugin_as_the_schema_says() -> None:
+def test_every_plugin_receives_the_positions_of_targets_as_in_the_schema() -> None:
     targets = load(MISSIONS / "search.yaml", Registry()).scene.world.targets
     assert all(np.isfinite(tag.position).all() for tag in targets)
     said = schema.load("world")["properties"]["targets"]["description"]
@@ -89,7 +89,7 @@ def test_every_verb_occurs_in_a_mission_that_ships() -> None:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_mission_is_short_says_in_a_comment_what_it_shows_and_names_its_schema(
+def test_a_mission_is_short_has_a_comment_on_what_it_shows_and_names_its_schema(
     path: Path,
 ) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()

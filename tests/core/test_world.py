@@ -288,7 +288,7 @@ def test_a_line_may_come_back_to_where_it_began() -> None:
 
 
 @pytest.mark.parametrize(("kind", "whose"), [("landmarks", "landmark"), ("targets", "target")])
-def test_offsets_that_do_not_fit_are_told_with_whose_they_are(kind: str, whose: str) -> None:
+def test_offsets_that_do_not_fit_are_reported_with_their_agents(kind: str, whose: str) -> None:
     sheet = "{tags: [0, 1], at: [0, 0, 0], spacing: 0.3, offsets: [[0, 0]]}"
     assert {found.partition(": ")[2] for found in problems(f"{WORLD}{kind}: {{s: {sheet}}}\n")} == {
         f"{whose} 's' has 1 offsets for 2 tags, expected one each [wrong-length]",

@@ -59,7 +59,7 @@ def test_the_files_that_are_spoilt_are_good(topic: str) -> None:
 
 
 @pytest.mark.parametrize("case", FAULTY, ids=str)
-def test_a_fault_is_told_on_its_line_and_nowhere_else(
+def test_a_fault_is_reported_on_its_line_and_nowhere_else(
     case: Case, capsys: pytest.CaptureFixture[str]
 ) -> None:
     case.write(Path())

@@ -199,7 +199,7 @@ def test_three_drones_find_their_places_by_what_their_decks_stream(tmp_path: Pat
 
 
 @pytest.mark.campaign
-def test_drones_that_are_told_where_they_are_find_their_places_too(tmp_path: Path) -> None:
+def test_drones_that_receive_their_positions_find_their_places_too(tmp_path: Path) -> None:
     told = ["localizer={use: apriltag, feedback: extpose}"]
     mission = MISSIONS / "three_eyes.yaml"
     flown, truth, late = over_the_air(

@@ -204,7 +204,7 @@ def test_a_plugin_is_described_with_an_example(said: Said) -> None:
 # For scripts
 
 
-def test_the_json_holds_what_the_text_tells() -> None:
+def test_the_json_holds_what_the_text_reports() -> None:
     options = {"type": "object", "properties": {"gain": {"type": "number", "default": 2.5}}}
     some = registry({"shy": options})
     some.broken[Source("bad-dist:bad", "0.1")] = "ImportError: no torch"
@@ -300,7 +300,7 @@ def test_a_schema_is_written_to_a_file_in_place_of_being_printed(said: Said) -> 
     assert written == for_editors(compose(Registry().offers()))
 
 
-def test_a_schema_that_cannot_be_written_says_why(said: Said) -> None:
+def test_a_schema_that_cannot_be_written_reports_why(said: Said) -> None:
     assert main(["schema", "--out", "nowhere/x.json"]) == 2
     assert main(["schema", "--out", "."]) == 2
     assert said.readouterr() == (

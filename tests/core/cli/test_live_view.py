@@ -232,7 +232,7 @@ def test_json_is_shown_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
     assert events_in(capsys.readouterr().err) == []
 
 
-def test_a_summary_is_printed_though_no_one_reads_the_events() -> None:
+def test_a_summary_is_printed_though_stderr_is_closed() -> None:
     code = "import sys; from star_core.cli.main import main; sys.exit(main())"
     with subprocess.Popen(
         [sys.executable, "-c", code, "run", "hop.yaml", "--no-record"],

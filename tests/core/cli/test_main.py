@@ -114,7 +114,7 @@ def test_a_mission_that_can_be_flown_is_confirmed_in_a_line(said: Said) -> None:
         ),
     ],
 )
-def test_a_file_of_steps_is_said_to_be_one(said: Said, steps: str, reported: str) -> None:
+def test_a_file_of_steps_is_described_as_one(said: Said, steps: str, reported: str) -> None:
     Path("steps.yaml").write_text(f"star: 1\n{steps}\n")
     assert main(["check", "steps.yaml"]) == 0
     assert said.readouterr() == (f"steps.yaml: {reported}\n", "")
@@ -155,7 +155,9 @@ CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
     ("text", "reported"),
     [(WORLD, "'hall', a world that can be flown in"), (CAMERA, "'mine', a camera for missions")],
 )
-def test_a_file_that_missions_name_is_said_to_be_one(said: Said, text: str, reported: str) -> None:
+def test_a_file_that_missions_name_is_described_as_one(
+    said: Said, text: str, reported: str
+) -> None:
     Path("file.yaml").write_text(text)
     assert main(["check", "file.yaml"]) == 0
     assert said.readouterr() == (f"file.yaml: {reported}\n", "")

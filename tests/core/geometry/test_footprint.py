@@ -92,7 +92,7 @@ def test_only_what_reaches_in_between_counts(low: float, high: float, *, there: 
     assert footprint([shelf], low, high).is_empty is not there
 
 
-def test_a_wall_thinner_than_numbers_can_tell_is_in_the_way_all_the_same() -> None:
+def test_a_wall_thinner_than_numbers_resolve_is_in_the_way_all_the_same() -> None:
     thin = thing(*wall([(0.0, 0.0), (1.0, 0.0)], 1e-300))
     only = footprint([thin], 1.0, 1.0, 0.2)
     assert only.contains(shapely.Point(0.5, 0.19))

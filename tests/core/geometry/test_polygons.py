@@ -73,7 +73,7 @@ def test_corners_have_no_fault_exactly_when_they_make_a_simple_polygon(
         ),
     ],
 )
-def test_what_is_no_polygon_is_said_with_its_place(corners: list[Corner], fault: str) -> None:
+def test_what_is_no_polygon_is_reported_with_its_place(corners: list[Corner], fault: str) -> None:
     assert outline_fault(corners) == fault
 
 

@@ -144,7 +144,7 @@ def test_what_a_transport_limits_is_recorded_in_the_map(lab: Lab) -> None:
     assert recorded.yaw[0] == pytest.approx(math.pi / 2)
 
 
-def test_agents_arrive_where_the_map_says(lab: Lab) -> None:
+def test_agents_arrive_at_positions_in_the_map(lab: Lab) -> None:
     askew(lab, ALONG_X)
     tick = lab.ticks[-1]
     assert tick.truth is not None

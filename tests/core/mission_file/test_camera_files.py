@@ -49,19 +49,19 @@ def refusal(*assignments: str) -> str:
     return str(caught.value)
 
 
-def test_an_agent_sees_with_what_the_file_says() -> None:
+def test_an_agent_sees_as_in_the_file() -> None:
     found = camera()
     assert (found.width, found.height) == (320, 240)
     assert found.matrix == (190.0, 191.0, 160.0, 120.0)
 
 
-def test_what_the_mission_says_itself_wins() -> None:
+def test_values_of_the_mission_itself_win() -> None:
     found = camera()
     assert found.rate == 8
     assert found.pitch == pytest.approx(0.5236, abs=1e-4)
 
 
-def test_what_neither_says_is_an_ai_deck_s() -> None:
+def test_what_neither_sets_is_an_ai_deck_s() -> None:
     assert camera().distortion == Camera().distortion
 
 
@@ -85,7 +85,7 @@ def test_two_cameras_may_be_of_one_file() -> None:
     assert camera("swarm.cf1.camera=low").pitch == pytest.approx(0.3491, abs=1e-4)
 
 
-def test_a_file_that_is_not_there_is_told_where_the_mission_names_it() -> None:
+def test_a_file_that_is_not_there_is_reported_where_the_mission_names_it() -> None:
     Path("cameras/lens.yaml").unlink()
     line = len(Path("hop.yaml").read_text().splitlines())
     assert refusal() == (
@@ -93,7 +93,7 @@ def test_a_file_that_is_not_there_is_told_where_the_mission_names_it() -> None:
     )
 
 
-def test_a_file_that_is_set_and_not_there_is_told_as_set() -> None:
+def test_a_file_that_is_set_and_not_there_is_reported_as_set() -> None:
     assert refusal("cameras.mine.file=cameras/lans.yaml") == (
         "--set cameras.mine.file=cameras/lans.yaml: no file 'cameras/lans.yaml' in the mission's"
         " folder; did you mean 'cameras/lens.yaml'? [file-not-found]"
@@ -107,7 +107,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path_factory: pytest.TempP
     assert "is outside the mission's folder" in refusal("cameras.mine.file=cameras/link.yaml")
 
 
-def test_every_mistake_in_a_file_is_told_once_though_two_cameras_are_of_it() -> None:
+def test_every_mistake_in_a_file_is_reported_once_though_two_cameras_are_of_it() -> None:
     Path("cameras/lens.yaml").write_text(FILE.replace("width", "widht").replace("1\n", "2\n", 1))
     two = "cameras={mine: {file: cameras/lens.yaml}, low: {file: cameras/lens.yaml}}"
     assert refusal(two).splitlines() == [
@@ -117,14 +117,14 @@ def test_every_mistake_in_a_file_is_told_once_though_two_cameras_are_of_it() -> 
     ]
 
 
-def test_a_mistake_that_only_file_and_mission_make_together_is_told_in_the_file() -> None:
+def test_a_mistake_that_only_file_and_mission_make_together_is_reported_in_the_file() -> None:
     assert refusal("cameras.mine.width=100") == (
         "cameras/lens.yaml:5:9: the principal point [160, 120] is outside the image of 100 x 240 px"
         " [invalid-camera]"
     )
 
 
-def test_a_mission_is_kept_with_what_its_cameras_files_say() -> None:
+def test_a_mission_is_kept_with_the_contents_of_its_camera_files() -> None:
     kept = manifest(load("hop.yaml", Registry()))["mission"]
     assert kept["cameras"] == {"mine": {**OWN, "rate": 8, "pitch_deg": 30}}
 

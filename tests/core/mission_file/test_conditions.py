@@ -138,7 +138,7 @@ def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
     ],
     ids=str,
 )
-def test_what_cannot_be_meant_is_told_with_its_place(
+def test_what_cannot_be_meant_is_reported_with_its_place(
     condition: dict[str, Any], fault: tuple[tuple[str | int, ...], str]
 ) -> None:
     assert [one[:2] for one in problems(condition, NAMES, ("bat", "survivor"))] == [fault]
@@ -158,7 +158,7 @@ def kinds() -> list[str]:
     return list(known)
 
 
-def test_a_condition_may_ask_for_every_kind_of_event_that_the_core_tells() -> None:
+def test_a_condition_may_ask_for_every_kind_of_event_of_the_core() -> None:
     told = {a or b for f in CORE.rglob("*.py") for a, b in TOLD.findall(f.read_text("utf-8"))}
     assert told | {"fault"} == {*kinds()}  # which the plugin `star_faults` reports
 

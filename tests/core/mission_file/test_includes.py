@@ -55,7 +55,7 @@ def test_a_value_that_is_not_given_is_the_one_of_the_file(lab: Lab) -> None:
     assert wait["ended_s"] - wait["begun_s"] == pytest.approx(1.0)
 
 
-def test_what_else_is_wrong_is_told_beside_an_include_that_is(lab: Lab) -> None:
+def test_what_else_is_wrong_is_reported_beside_an_include_that_is(lab: Lab) -> None:
     wrong = "\n  - climb: {}\n  - include: {file: gone.yaml}\n  - wait: {agents: 7}\n"
     found = faults(lab, wrong)
     assert len(found) == 2
@@ -95,7 +95,7 @@ def places(lab: Lab, tour: str) -> list[str]:
     ]
 
 
-def test_a_value_that_does_not_fit_is_told_where_it_is_given_and_used(lab: Lab) -> None:
+def test_a_value_that_does_not_fit_is_reported_where_it_is_given_and_used(lab: Lab) -> None:
     wrong = TOUR.replace("who: cf1", "who: cf9")
     assert places(lab, wrong) == ["mission.yaml:12:46 < patrol.yaml:5:21"]
     assert faults(lab, wrong) == [
@@ -103,7 +103,7 @@ def test_a_value_that_does_not_fit_is_told_where_it_is_given_and_used(lab: Lab) 
     ]
 
 
-def test_of_two_includes_the_one_with_the_wrong_value_is_told(lab: Lab) -> None:
+def test_of_two_includes_the_one_with_the_wrong_value_is_reported(lab: Lab) -> None:
     tour = (
         "\n  - climb: {}"
         "\n  - include: {file: patrol.yaml, with: {to: 1, who: cf1}}"
@@ -116,13 +116,13 @@ def test_of_two_includes_the_one_with_the_wrong_value_is_told(lab: Lab) -> None:
     ]
 
 
-def test_a_default_that_does_not_fit_is_told_where_it_stands(lab: Lab, tmp_path: Path) -> None:
+def test_a_default_that_does_not_fit_is_reported_where_it_stands(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text(PATROL.replace("who: all", "who: al"))
     tour = TOUR.replace("who: cf1, ", "")
     assert places(lab, tour) == ["patrol.yaml:3:19 < patrol.yaml:5:21"]
 
 
-def test_a_value_that_is_handed_on_is_told_on_its_whole_way(lab: Lab, tmp_path: Path) -> None:
+def test_a_value_that_is_handed_on_is_reported_on_its_whole_way(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "outer.yaml").write_text(
         "star: 1\nparameters: {who: null}\n"
         "mission: [include: {file: patrol.yaml, with: {to: 1, who: [cf1, $who]}}]\n"
@@ -131,7 +131,7 @@ def test_a_value_that_is_handed_on_is_told_on_its_whole_way(lab: Lab, tmp_path: 
     assert places(lab, tour) == ["mission.yaml:12:45 < outer.yaml:3:65 < patrol.yaml:5:21"]
 
 
-def test_a_list_is_told_with_the_places_of_the_values_in_it(lab: Lab, tmp_path: Path) -> None:
+def test_a_list_is_reported_with_the_places_of_the_values_in_it(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "low.yaml").write_text(
         "star: 1\nparameters: {x: 1, z: null}\n"
         "mission: [wait: {until: {near: {point: [$x, $x, $z, 0], within: 1}}}]\n"
@@ -140,7 +140,7 @@ def test_a_list_is_told_with_the_places_of_the_values_in_it(lab: Lab, tmp_path: 
     assert places(lab, tour) == ["low.yaml:2:17 < mission.yaml:11:41 < low.yaml:3:40"]
 
 
-def test_what_a_map_that_is_given_has_too_much_is_told_in_it(lab: Lab, tmp_path: Path) -> None:
+def test_what_a_map_that_is_given_has_too_much_is_reported_in_it(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "any.yaml").write_text("star: 1\nparameters: {o: null}\nmission: [visit: $o]\n")
     tour = "\n  - include: {file: any.yaml, with: {o: {too: [0, 0, 1]}}}"
     assert "mission.yaml:11:42 < any.yaml:3:18" in places(lab, tour)
@@ -151,7 +151,7 @@ def test_a_name_in_the_file_is_at_fault_by_itself(lab: Lab, tmp_path: Path) -> N
     assert places(lab, TOUR) == ["patrol.yaml:6:12"]
 
 
-def test_a_file_with_a_mistake_that_is_included_twice_is_told_once(
+def test_a_file_with_a_mistake_that_is_included_twice_is_reported_once(
     lab: Lab, tmp_path: Path
 ) -> None:
     (tmp_path / "patrol.yaml").write_text(PATROL.replace("to: null", "to: [0, 0, $who]"))
@@ -200,7 +200,7 @@ def test_files_may_include_files(lab: Lab, tmp_path: Path) -> None:
     ],
     ids=["parameter", "missing", "file", "outside", "no file", "option"],
 )
-def test_a_mistake_where_a_file_is_included_is_told(lab: Lab, tour: str, fault: str) -> None:
+def test_a_mistake_where_a_file_is_included_is_reported(lab: Lab, tour: str, fault: str) -> None:
     (said,) = faults(lab, tour)
     assert fault in said or fault in f"mission.yaml:12:5: {said}"
 
@@ -268,5 +268,5 @@ def test_a_key_of_missions_makes_no_file_of_steps(key: str) -> None:
         ("star name width mission", "mission"),
     ],
 )
-def test_what_a_file_is_meant_to_be_is_said_by_its_keys(keys: str, kind: str) -> None:
+def test_the_kind_of_a_file_follows_from_its_keys(keys: str, kind: str) -> None:
     assert kind_of(dict.fromkeys(keys.split())) == kind

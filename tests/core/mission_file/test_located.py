@@ -126,9 +126,7 @@ def test_a_byte_order_mark_and_windows_line_ends_shift_no_place(tmp_path: Path) 
         ("|\n  two\n  lines", "two\nlines"),
     ],
 )
-def test_a_scalar_means_what_yaml_1_2_and_json_say(
-    tmp_path: Path, text: str, value: object
-) -> None:
+def test_a_scalar_is_read_as_in_yaml_1_2_and_json(tmp_path: Path, text: str, value: object) -> None:
     found = write(tmp_path, f"a: {text}").data["a"]
     assert found == value
     assert type(found) is type(value)

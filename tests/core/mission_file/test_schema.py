@@ -61,7 +61,7 @@ def test_every_schema_is_one(schema: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("name", ["mission", "steps", "world"])
-def test_every_property_says_what_it_is(name: str) -> None:
+def test_every_property_has_a_description(name: str) -> None:
     schema = load(name)
     waiting: list[Any] = [schema]
     while waiting:
@@ -107,7 +107,7 @@ def test_composing_leaves_what_a_plugin_offers_alone() -> None:
     assert json.dumps(OFFERS["localizer"]["flow"].options) == before
 
 
-def test_the_schema_says_in_editors_what_each_plugin_and_verb_is_for() -> None:
+def test_the_schema_describes_each_plugin_and_verb_for_editors() -> None:
     assert SCHEMA["properties"]["avoider"]["then"]["enumDescriptions"] == ["The none.", "The orca."]
     assert SCHEMA["$defs"]["step"]["properties"]["land"]["description"] == "The land."
 
@@ -150,7 +150,9 @@ def test_what_a_verb_refers_to_is_among_the_definitions_of_a_file_of_steps() -> 
         ("lnd: $how", ["unknown verb 'lnd'; did you mean 'land'?"]),
     ],
 )
-def test_a_parameter_is_no_mistake_where_they_are_told_apart(step: str, faults: list[str]) -> None:
+def test_a_parameter_is_no_mistake_where_they_are_distinguished(
+    step: str, faults: list[str]
+) -> None:
     text = f"star: 1\nmission:\n  - {step}\n"
     found = problems(document(text), compose_steps(OFFERS), parameters=True)
     assert len(found) == len(faults)

@@ -280,7 +280,7 @@ def test_a_key_that_resembles_none_is_answered_by_all_there_are() -> None:
     )
 
 
-def test_no_installed_plugin_is_said() -> None:
+def test_no_installed_plugin_is_reported() -> None:
     found = problems(document(MISSION), compose({}))
     assert "m.yaml:6:12: no transport named 'sim'; none is installed [unknown-plugin]" in found
 

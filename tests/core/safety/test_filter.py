@@ -200,7 +200,7 @@ def test_an_agent_that_is_in_the_way_and_not_steered_is_braked_for() -> None:
     assert corrected.separation.tolist() == [True, False]
 
 
-def test_an_agent_that_is_in_the_way_and_says_nothing_of_its_velocity_is_braked_for() -> None:
+def test_an_agent_that_is_in_the_way_and_reports_no_velocity_is_braked_for() -> None:
     wanted = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
     here = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
     silent = estimate(here, velocity=np.array([[0.0] * 3, [math.nan] * 3]))

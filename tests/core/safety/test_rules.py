@@ -137,7 +137,7 @@ def test_one_that_holds_stays_where_it_is_until_the_end(lab: Lab) -> None:
     assert held >= last
 
 
-def test_motors_stop_where_a_rule_says_so(lab: Lab) -> None:
+def test_motors_stop_by_a_rule(lab: Lab) -> None:
     lab.spoil("transport", "receive", battery(1, 3.0, since=1.5))
     lab.fly(f"{TOUR}{{battery_low: {{below: 3.4, then: stop}}}}")
     assert lab.ordered(Order.STOP) == [1]
@@ -187,7 +187,7 @@ def battery(row: int, volt: float, since: float) -> Callable[..., Telemetry]:
     return wrong
 
 
-def test_an_agent_that_is_not_located_is_excused_only_where_a_rule_says_what_becomes_of_it(
+def test_an_agent_that_is_not_located_is_excused_only_under_a_rule(
     lab: Lab,
 ) -> None:
     def blind(right: Callable[..., Estimate], *args: Any) -> Estimate:

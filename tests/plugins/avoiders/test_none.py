@@ -9,7 +9,7 @@ from star_core import Setpoint
 from star_core.testing import estimate, scene
 
 
-def test_what_is_wanted_is_flown_whoever_is_in_the_way() -> None:
+def test_what_is_wanted_is_flown_whatever_is_in_the_way() -> None:
     (offer,) = star_none.star_avoiders()
     wish = Setpoint(np.array([[0.5, 0, 0], [-0.5, 0, 0]]), np.zeros(2), np.ones(2, np.bool_))
     now = estimate(np.array([[0.0, 0, 1], [0.3, 0, 1]]))

@@ -123,19 +123,19 @@ def test_a_lone_agent_that_wants_too_much_flies_as_fast_as_it_may() -> None:
 
 
 @given(seeds)
-def test_nobody_is_sent_faster_than_allowed_in_space(seed: int) -> None:
+def test_no_agent_is_sent_faster_than_allowed_in_space(seed: int) -> None:
     position, velocity, wish = crowd(40, seed)
     random = np.random.default_rng(seed)
     position[:, 2], wish[:, 2] = random.uniform(0, 3, 40), random.uniform(-2, 2, 40)
     assert np.linalg.norm(ask(position, velocity, wish), axis=1).max() <= SPEED + 1e-12
 
 
-def test_with_nobody_ahead_a_wish_is_not_turned() -> None:
+def test_with_no_agent_ahead_a_wish_is_not_turned() -> None:
     position, wish = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[-0.5, 0, 0], [0.5, 0, 0]])
     assert (ask(position, np.zeros((2, 3)), wish, turn=0.1) == wish).all()
 
 
-def test_with_somebody_ahead_a_wish_is_turned_to_the_right() -> None:
+def test_with_another_agent_ahead_a_wish_is_turned_to_the_right() -> None:
     position, wish = np.array([[0.0, 0, 0], [1.9, 0, 0]]), np.array([[0.1, 0, 0], [0.1, 0, 0]])
     answer = ask(position, np.zeros((2, 3)), wish, turn=0.1)
     assert answer[0] == pytest.approx([0.1 * np.cos(0.1), -0.1 * np.sin(0.1), 0.0])
@@ -153,23 +153,23 @@ def meeting(ahead: float, left: float, wish: tuple[float, float] = (-0.15, 0.0))
     return turn_of(ask(position, np.zeros((2, 3)), wishes, turn=0.1)[0])
 
 
-def test_who_comes_the_other_way_is_kept_on_the_left_from_afar() -> None:
+def test_an_agent_that_comes_the_other_way_is_kept_on_the_left_from_afar() -> None:
     assert meeting(1.9, -0.5) == pytest.approx(np.arctan((2 * RADIUS + 0.5) / 1.9))
 
 
-def test_who_comes_on_the_left_already_asks_for_no_more_than_the_small_turn() -> None:
+def test_an_agent_that_comes_on_the_left_already_asks_for_no_more_than_the_small_turn() -> None:
     assert meeting(1.5, 0.4) == pytest.approx(0.1)
 
 
-def test_nobody_turns_farther_than_the_steepest_lane() -> None:
+def test_no_agent_turns_farther_than_the_steepest_lane() -> None:
     assert meeting(0.95, -0.8) == pytest.approx(np.radians(35.0))
 
 
-def test_who_crosses_makes_nobody_take_a_lane() -> None:
+def test_an_agent_that_crosses_makes_no_agent_take_a_lane() -> None:
     assert abs(meeting(1.0, 0.1, (0.0, 0.1))) == pytest.approx(0.1)
 
 
-def test_who_comes_far_out_on_the_right_is_left_there() -> None:
+def test_an_agent_that_comes_far_out_on_the_right_is_left_there() -> None:
     assert meeting(1.5, -1.0) == pytest.approx(-0.1)
 
 
@@ -217,7 +217,7 @@ def test_one_that_is_far_outside_is_brought_back_at_half_its_speed() -> None:
 
 
 @given(seeds)
-def test_nobody_makes_room_by_leaving_the_fence(seed: int) -> None:
+def test_no_agent_makes_room_by_leaving_the_fence(seed: int) -> None:
     position, velocity, wish = crowd(20, seed)
     low, high = np.array([-2.0, -2.5, 0.0]), np.array([2.5, 3.0, 0.0])
     position, fence = np.clip(position, low, high), (*low[:2].tolist(), *high[:2].tolist())
@@ -417,7 +417,7 @@ WALL = ((1.0, -5.0), (1.2, -5.0), (1.2, 5.0), (1.0, 5.0))
 
 @pytest.mark.parametrize("virtual", [True, False])
 @pytest.mark.parametrize("wish", [(1.0, 0.0, 0.0), (0.7, 0.7, 0.0), (0.2, -0.9, 0.0)])
-def test_nobody_is_sent_into_a_wall(wish: tuple[float, float, float], *, virtual: bool) -> None:
+def test_no_agent_is_sent_into_a_wall(wish: tuple[float, float, float], *, virtual: bool) -> None:
     position, velocity = np.zeros((1, 3)), np.zeros((1, 3))
     for _ in range(300):
         velocity = ask(

@@ -162,7 +162,9 @@ def test_empty_is_sent_faster_than_the_scene_allows() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.5, 0.7])
-def test_who_is_to_turn_back_is_asked_for_no_more_than_the_limits_accelerate(speed: float) -> None:
+def test_an_agent_that_is_to_turn_back_is_asked_for_no_more_than_the_limits_accelerate(
+    speed: float,
+) -> None:
     room = scene(1, limits=Limits(speed=SPEED, acceleration=2.0))
     now = estimate(np.array([[0.0, 0.0, 0.8]]), velocity=np.array([[speed, 0.0, 0.0]]))
     asked = orca(room, response=0.2).avoid(now, wanted(np.array([[-SPEED, 0.0, 0.0]]))).velocity
@@ -172,7 +174,7 @@ def test_who_is_to_turn_back_is_asked_for_no_more_than_the_limits_accelerate(spe
     np.testing.assert_allclose(asked, [[-SPEED, 0.0, 0.0]])  # within reach: to the bit
 
 
-def test_who_flies_too_fast_is_still_asked_for_no_more_than_its_speed() -> None:
+def test_an_agent_that_flies_too_fast_is_still_asked_for_no_more_than_its_speed() -> None:
     room = scene(1, limits=Limits(speed=SPEED, acceleration=0.1))
     now = estimate(np.array([[0.0, 0.0, 0.8]]), velocity=np.array([[0.9, 0.0, 0.0]]))
     asked = orca(room).avoid(now, wanted(np.array([[0.0, SPEED, 0.0]]))).velocity
@@ -229,7 +231,7 @@ def checked(**given: float) -> list[Problem]:
     return list(spec.check(scene(2), **fill_defaults(given, spec.options)))
 
 
-def test_neighbours_must_be_seen_though_everybody_is_unsure() -> None:
+def test_neighbours_must_be_seen_by_uncertain_agents_too() -> None:
     assert not checked(radius=0.2, communication_radius=0.7)
     (problem,) = checked(radius=0.2, communication_radius=0.7, uncertainty_margin=1.0)
     assert "0.8 m" in problem.message

@@ -134,7 +134,7 @@ def flown(
     st.floats(-1.0, 1.0),
     st.floats(-1.0, 1.0),
 )
-def test_a_square_lies_where_its_exact_corners_say(
+def test_a_square_lies_at_its_exact_corners(
     centre: tuple[float, float, float], spin: float, roll: float, pitch: float
 ) -> None:
     """Its face is towards the camera, which looks straight down."""

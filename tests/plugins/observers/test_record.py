@@ -379,7 +379,7 @@ def test_the_signal_is_kept_where_agents_hear_a_radio(monkeypatch: pytest.Monkey
         assert np.isnan(file["signal"][1::2]).all()
 
 
-def test_targets_csv_tells_of_each_target_that_was_found_who_when_and_where() -> None:
+def test_targets_csv_has_finder_time_and_position_of_each_target() -> None:
     found = [
         {"name": "red", "finder": "cf2", "time_s": 12.5, "position_m": [1.0, -0.25, 0.0],
          "error_m": 0.03},
@@ -447,7 +447,7 @@ def test_a_folder_that_cannot_be_made_is_an_event_and_the_flight_goes_on() -> No
     assert "m.yaml/out" in told["text"]
 
 
-def test_a_folder_that_is_gone_at_the_end_is_told_and_costs_no_flight(
+def test_a_folder_that_is_gone_at_the_end_is_reported_and_costs_no_flight(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     class Vandal:

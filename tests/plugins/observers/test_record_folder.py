@@ -98,7 +98,7 @@ class Thief:
         flight.folder.touch()
 
 
-def test_a_record_that_was_not_written_is_not_told(
+def test_a_record_that_was_not_written_is_not_reported(
     said: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     registry = Registry()

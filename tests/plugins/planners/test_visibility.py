@@ -221,7 +221,7 @@ def test_a_goal_that_moves_behind_the_block_is_followed() -> None:
     assert np.linalg.norm(place - wanted.position) < 0.2
 
 
-def test_no_more_paths_than_allowed_are_planned_in_one_tick_and_everybody_has_a_turn() -> None:
+def test_no_more_paths_than_allowed_are_planned_in_one_tick_and_all_have_a_turn() -> None:
     blocked = room(BLOCK, n=5)
     here = np.array([[-2, 0.1 * i, 1.0] for i in range(5)])
     visible, moving = planner(blocked, queries_per_tick=2), []
@@ -264,7 +264,7 @@ def test_until_its_turn_an_agent_keeps_its_path_if_its_goal_moved_a_little(
         ),
     ],
 )
-def test_an_agent_holds_that_is_or_is_sent_where_nobody_can_be(
+def test_an_agent_holds_that_is_or_is_sent_where_no_agent_can_be(
     here: Sequence[float], there: Sequence[float], why: str
 ) -> None:
     visible = planner(room(BLOCK))
@@ -370,7 +370,7 @@ def test_an_agent_flies_over_a_low_wall_and_keeps_its_distance() -> None:
 
 @settings(max_examples=8)
 @given(st.integers(0, 10_000))
-def test_nobody_hits_anything_among_random_blocks(seed: int) -> None:
+def test_no_agent_hits_anything_among_random_blocks(seed: int) -> None:
     random = np.random.default_rng(seed)
     blocks = [
         Obstacle("block", (box((x, y), (length, width), yaw),), (0.0, top))

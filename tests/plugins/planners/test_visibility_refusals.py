@@ -256,7 +256,7 @@ def test_a_goal_at_the_clearance_is_not_refused_for_rounding() -> None:
         ((0.21, 0.0, 0.8), ""),
     ],
 )  # fmt: skip
-def test_a_refusal_says_how_far_the_goal_is_and_from_what(
+def test_a_refusal_names_how_far_the_goal_is_and_from_what(
     goal: tuple[float, float, float], reason: str
 ) -> None:
     assert refused(room(NOWHERE, obstacles=(WALL, SHELF)), goal) == reason

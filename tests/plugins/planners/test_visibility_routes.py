@@ -87,7 +87,7 @@ def blob(random: np.random.Generator) -> Obstacle:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_paths_are_as_long_as_an_independent_search_says(seed: int) -> None:
+def test_paths_are_as_long_as_those_of_an_independent_search(seed: int) -> None:
     random = np.random.default_rng(seed)
     blobs = [blob(random) for _ in range(9)]
     ground = footprint(blobs, 1.0, 1.0, KEPT)
@@ -272,7 +272,7 @@ BLOCK = block((0, 0), (1, 1))
         ),
     ],
 )
-def test_where_nobody_can_be_is_said(
+def test_a_position_where_no_agent_can_be_is_reported(
     start: tuple[float, ...], goal: tuple[float, ...], reason: str
 ) -> None:
     assert routes(BLOCK).route(np.array(start, float), np.array(goal, float)) == reason

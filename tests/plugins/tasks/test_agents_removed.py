@@ -54,7 +54,9 @@ def test_without_one_that_is_stuck_the_others_are_done(make: Any, fly: Any, verb
 
 
 @pytest.mark.parametrize("verb", FLYING)
-def test_who_stays_flies_where_it_would_have_flown(make: Any, fly: Any, verb: str) -> None:
+def test_an_agent_that_stays_flies_where_it_would_have_flown(
+    make: Any, fly: Any, verb: str
+) -> None:
     room = scene(3)
     whole = fly(make(verb, room, (0, 1, 2), **FLYING[verb]), room, AIR)
     task = Leaving(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT)
@@ -70,7 +72,7 @@ def test_who_stays_flies_where_it_would_have_flown(make: Any, fly: Any, verb: st
         ("land", AgentPhase.FLYING, AgentPhase.LANDED),
     ],
 )
-def test_who_stays_climbs_and_descends(
+def test_an_agent_that_stays_climbs_and_descends(
     make: Any, verb: str, begins: AgentPhase, ends: AgentPhase
 ) -> None:
     now = estimate(np.array(AIR))

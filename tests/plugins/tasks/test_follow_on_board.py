@@ -213,7 +213,7 @@ def test_in_a_mission_the_polynomial_is_flown_whatever_the_heading(tmp_path: Pat
     assert on_board[-1].time - begun == pytest.approx(2 * 1.5 * HALF, abs=0.11)
 
 
-def test_others_make_way_for_who_flies_on_board(tmp_path: Path) -> None:
+def test_others_make_way_for_an_agent_that_flies_on_board(tmp_path: Path) -> None:
     summary, ticks = flown_mission(tmp_path, CROSSED)
     assert summary["outcome"] == "completed", summary["reason"]
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}

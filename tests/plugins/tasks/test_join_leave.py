@@ -27,7 +27,7 @@ def joins(make: Any, where: Any = GROUND, volt: float = 4.1) -> Any:
     return task.step(estimate(np.array(where)), well)
 
 
-def test_who_is_fit_takes_off(make: Any) -> None:
+def test_an_agent_that_is_fit_takes_off(make: Any) -> None:
     step = joins(make)
     (command,) = step.commands
     assert (command.order, command.agent.tolist()) == (Order.TAKEOFF, [0])
@@ -35,7 +35,7 @@ def test_who_is_fit_takes_off(make: Any) -> None:
 
 
 @pytest.mark.parametrize(("volt", "shown"), [(3.7, "3.70"), (np.nan, "nan")])
-def test_who_has_too_little_battery_or_tells_none_stays_down(
+def test_an_agent_that_has_too_little_battery_or_reports_none_stays_down(
     make: Any, volt: float, shown: str
 ) -> None:
     step = joins(make, volt=volt)
@@ -43,7 +43,7 @@ def test_who_has_too_little_battery_or_tells_none_stays_down(
     assert step.reason == f"the battery of cf1 is at {shown} V, 3.8 V needed"
 
 
-def test_who_is_not_located_stays_down_until_it_is(make: Any) -> None:
+def test_an_agent_that_is_not_located_stays_down_until_it_is(make: Any) -> None:
     task = make("join", scene(3), (0,), battery=3.8)
     well = replace(health(3, GROUNDED), battery=np.full(3, 4.1))
     task.begin(estimate(GROUND), well)
@@ -72,7 +72,7 @@ class Deafness:
         return [TransportSpec(name="deaf", summary="Hears one.", make=Deaf)]
 
 
-def test_who_is_not_heard_does_not_join_and_the_others_land(tmp_path: Path) -> None:
+def test_an_agent_that_is_not_heard_does_not_join_and_the_others_land(tmp_path: Path) -> None:
     (tmp_path / "room.yaml").write_text(
         "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
     )

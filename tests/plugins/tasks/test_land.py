@@ -42,7 +42,7 @@ def test_agents_on_the_ground_get_no_command(make: Any, fly: Any, phase: AgentPh
     assert flown.commands == []
 
 
-def test_who_lands_already_gets_no_second_order(make: Any, fly: Any) -> None:
+def test_an_agent_that_lands_already_gets_no_second_order(make: Any, fly: Any) -> None:
     room = scene(2)
     task = make("land", room, (0, 1))
     flown = fly(task, room, AIR, phase=AgentPhase.LANDING, longest=1.0)
@@ -61,7 +61,9 @@ def test_a_replacement_of_a_landing_agent_lands_too(make: Any) -> None:
     assert command.agent.tolist() == [2]
 
 
-def test_who_is_not_located_descends_as_from_the_greatest_height(make: Any, fly: Any) -> None:
+def test_an_agent_that_is_not_located_descends_as_from_the_greatest_height(
+    make: Any, fly: Any
+) -> None:
     room = scene(2)
     task = make("land", room, (0, 1))
     flown = fly(task, room, AIR, located=lambda _: np.array([True, False]))

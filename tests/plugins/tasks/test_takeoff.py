@@ -37,7 +37,7 @@ def test_the_shortest_climb_takes_a_second(make: Any, fly: Any) -> None:
     assert command.duration.tolist() == [1.0, 1.0]
 
 
-def test_who_is_in_the_air_already_is_named(make: Any, fly: Any) -> None:
+def test_an_agent_that_is_in_the_air_already_is_named(make: Any, fly: Any) -> None:
     room = scene(2)
     flown = fly(make("takeoff", room, (0, 1)), room, GROUND, phase=AgentPhase.FLYING)
     assert flown.status is Status.FAILURE

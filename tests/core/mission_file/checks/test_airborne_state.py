@@ -50,34 +50,34 @@ def test_a_mission_that_takes_off_flies_and_lands_has_no_fault() -> None:
     assert faults(UP, GOTO, DOWN, UP, "hold: {for: 1}", DOWN) == []
 
 
-def test_who_did_not_take_off_cannot_fly() -> None:
+def test_an_agent_that_did_not_take_off_cannot_fly() -> None:
     assert faults(GOTO) == ["1 goto needs its agents in the air; cf1, cf2 are on the ground here"]
     assert faults("takeoff: {height: 0.8, agents: cf1}", GOTO) == [
         "2 goto needs its agents in the air; cf2 is on the ground here"
     ]
 
 
-def test_who_has_landed_cannot_fly() -> None:
+def test_an_agent_that_has_landed_cannot_fly() -> None:
     wrong = "3 goto needs its agents in the air; cf1 is on the ground here"
     assert faults(UP, "land: {agents: cf1}", GOTO) == [wrong]
 
 
-def test_who_flies_cannot_take_off() -> None:
+def test_an_agent_that_flies_cannot_take_off() -> None:
     assert faults(UP, GOTO, UP) == [
         "3 takeoff needs its agents on the ground; cf1, cf2 are in the air here"
     ]
 
 
-def test_it_is_told_once_and_what_follows_depends_on_how_it_is_mended() -> None:
+def test_it_is_reported_once_and_what_follows_depends_on_how_it_is_mended() -> None:
     assert len(faults(GOTO, GOTO, DOWN, UP, GOTO)) == 1
 
 
-def test_who_lands_may_stand_already() -> None:
+def test_an_agent_that_lands_may_stand_already() -> None:
     assert faults(UP, "land: {agents: cf1}", DOWN) == []
 
 
 @pytest.mark.parametrize("wait", ["wait: {until: {elapsed: 1}}", "hold: {for: 1}"])
-def test_a_wait_moves_nobody(wait: str) -> None:
+def test_a_wait_moves_no_agent(wait: str) -> None:
     assert faults(wait, UP, wait, GOTO) == []
     assert len(faults(wait, GOTO)) == 1
 
@@ -113,12 +113,12 @@ def test_branches_and_each_are_looked_into() -> None:
         "goto: {by: [0, 0.1, 0], on_failure: land}",
     ],
 )
-def test_nothing_is_said_of_those_whose_place_is_not_known(step: str) -> None:
+def test_nothing_is_reported_of_those_whose_place_is_not_known(step: str) -> None:
     assert faults(UP, step, "goto: {agents: cf1, by: [0, 0.1, 0]}") == []
     assert faults(UP, step, "takeoff: {agents: cf1, height: 0.8}") == []
 
 
-def test_who_left_is_in_no_step_and_a_step_for_those_alone_is_for_nobody() -> None:
+def test_an_agent_that_left_is_in_no_step_and_a_step_for_those_alone_has_no_agents() -> None:
     assert faults(UP, "leave: {agents: cf1}", GOTO) == []
     assert faults(UP, "leave: {agents: cf1}", "hold: {agents: cf1, for: 1}") == [
         "3 hold has no agents: cf1 left the mission before"
@@ -132,7 +132,7 @@ def test_a_reserve_flies_when_it_has_joined() -> None:
     ]
 
 
-def test_of_who_starts_above_the_floor_nothing_is_known() -> None:
+def test_nothing_is_known_of_an_agent_that_starts_above_the_floor() -> None:
     Path("m.yaml").write_text(
         HEAD.replace("reserve: {agents: cf3}\n", "")
         .replace(", 0, 0]", ", 0, 0.3]")

@@ -61,7 +61,7 @@ def test_a_climb_through_an_obstacle_into_it_or_up_to_it_is_refused(height: str)
     assert faults(up) == [f"1:5: 'cf2' cannot climb to {height} m: {HIT}"]
 
 
-def test_the_height_that_a_verb_climbs_to_unless_told_counts() -> None:
+def test_the_height_that_a_verb_climbs_to_by_default_counts() -> None:
     assert faults("takeoff: {}") == [f"1:5: 'cf2' cannot climb to 0.8 m: {HIT}"]
 
 
@@ -69,11 +69,11 @@ def test_only_the_agents_of_a_step_are_asked() -> None:
     assert faults("takeoff: {agents: cf1, height: 1.4}") == []
 
 
-def test_who_lands_elsewhere_may_climb_higher_than_over_its_start() -> None:
+def test_an_agent_that_lands_elsewhere_may_climb_higher_than_over_its_start() -> None:
     assert faults(LOW, ASIDE, "land: {}", HIGH) == []
 
 
-def test_a_climb_inside_of_other_steps_is_refused_and_told_once() -> None:
+def test_a_climb_inside_of_other_steps_is_refused_and_reported_once() -> None:
     inner = f"[{{{HIGH}}}, land: {{}}]"
     for step in (f"repeat: {{times: 3, steps: {inner}}}", f"each: {{steps: {inner}}}"):
         (found,) = faults(step)
@@ -90,7 +90,7 @@ def test_a_reserve_is_asked_when_it_relieves_and_when_it_joins_and_not_before() 
     assert found == f"-5:20: 'cf2' cannot climb to 1.2 m: {HIT}"
 
 
-def test_a_start_that_is_wrong_is_told_and_no_climb_from_it() -> None:
+def test_a_start_that_is_wrong_is_reported_and_no_climb_from_it() -> None:
     Path("room.yaml").write_text(WORLD.replace("[0.8, 1]", "[0.05, 1]"))
     (found,) = faults(HIGH)
     assert found.endswith(
@@ -108,12 +108,12 @@ def safe(within: float, head: str = MISSION) -> str:
     return head.replace("transport", f"{rule}transport", 1)
 
 
-def test_a_rule_for_who_is_near_the_fence_may_leave_room_for_starts_and_climbs() -> None:
+def test_a_rule_for_agents_near_the_fence_may_leave_room_for_starts_and_climbs() -> None:
     assert faults(LOW, "land: {}", head=safe(0.4)) == []
     assert faults("land: {}", head=safe(0.9)) == []  # nobody flies
 
 
-def test_starts_at_which_the_rule_would_end_the_flight_are_told() -> None:
+def test_starts_at_which_the_rule_would_end_the_flight_are_reported() -> None:
     at_the_edge = MISSION.replace("[-1, 0, 0]", "[-1, -1.75, 0]")
     (found,) = faults(LOW, head=safe(0.3, at_the_edge))
     assert found.endswith(
@@ -121,7 +121,7 @@ def test_starts_at_which_the_rule_would_end_the_flight_are_told() -> None:
     )
 
 
-def test_a_start_in_a_corner_is_told_at_the_fence_itself_too() -> None:
+def test_a_start_in_a_corner_is_reported_at_the_fence_itself_too() -> None:
     corner = MISSION.replace("[-1, 0, 0]", "[-2, -2, 0]").replace("transport", "safety: "
         "{fence_near: {}}\ntransport", 1)  # fmt: skip
     (found,) = faults(LOW, head=corner)
@@ -136,7 +136,7 @@ def test_a_start_in_a_corner_is_told_at_the_fence_itself_too() -> None:
         ("repeat: {times: 1, steps: [takeoff: {height: 0.5}]}", "1:50", "0.5 m is 0.50 m from"),
     ],
 )
-def test_a_climb_at_whose_end_the_rule_would_end_the_flight_is_told(
+def test_a_climb_at_whose_end_the_rule_would_end_the_flight_is_reported(
     step: str, place: str, told: str
 ) -> None:
     (found,) = faults(step, head=safe(0.6))
@@ -150,7 +150,7 @@ def test_so_is_the_climb_of_a_reserve() -> None:
     assert "0.5 m is 0.50 m from the floor of the fence" in found
 
 
-def test_limits_that_leave_no_height_the_rule_allows_are_told_once() -> None:
+def test_limits_that_leave_no_height_the_rule_allows_are_reported_once() -> None:
     low = MISSION.replace("transport", "limits: {height: [0.2, 0.5]}\ntransport", 1)
     (found,) = faults("takeoff: {height: 0.4}", head=safe(0.6, low))
     assert "every height to fly at, from 0.2 to 0.5 m, is within 0.6 m of the floor" in found
@@ -164,12 +164,12 @@ def test_a_reserve_may_join_in_each_and_needs_no_name_there() -> None:
     assert faults("takeoff: {agents: cf1}", each, head=RESERVE) == []
 
 
-def test_a_join_needs_names_elsewhere_and_says_so_once() -> None:
+def test_a_join_needs_names_elsewhere_and_reports_it_once() -> None:
     (found,) = faults("join: {height: 0.5}", head=RESERVE)
     assert found == "1:11: join: missing option 'agents' [missing-option]"
 
 
-def test_an_each_for_a_reserve_that_does_not_join_is_for_nobody() -> None:
+def test_an_each_for_a_reserve_that_does_not_join_has_no_agents() -> None:
     (found,) = faults("each: {agents: cf2, steps: [hold: {}]}", head=RESERVE)
     assert "cf2 is in reserve, which is in no step before a 'join'" in found
 

@@ -140,7 +140,7 @@ def test_nothing_is_wrong_with_a_good_mission_in_a_good_world() -> None:
 # Names
 
 
-def test_every_part_is_told_the_groups_of_a_mission(missions: Path) -> None:
+def test_every_part_receives_the_groups_of_a_mission(missions: Path) -> None:
     groups = "groups={ends: [cf3, cf1], pair: [cf1, cf2]}"
     scene = load(missions / "first_flight.yaml", Registry(), [groups]).scene
     assert scene.groups == {"ends": (2, 0), "pair": (0, 1)}
@@ -164,7 +164,7 @@ def test_the_agents_of_a_step_come_once_each_in_the_order_of_the_swarm(
     assert rows_of(given, groups) == rows
 
 
-def test_a_group_of_nobody_known_is_told_which_name_was_perhaps_meant() -> None:
+def test_a_group_of_an_unknown_agent_is_reported_with_a_suggestion() -> None:
     assert problems(MISSION.replace("[cf1, cf2]}", "[cf1, cf22]}")) == [
         "m.yaml:9:22: no agent named 'cf22'; did you mean 'cf2'? [unknown-agent]"
     ]
@@ -185,7 +185,7 @@ def test_a_group_cannot_be_called_like_an_agent() -> None:
         ("  - repeat: {times: 2, steps: [{wait: {agents: pear}}]}\n", "15:48"),
     ],
 )
-def test_a_step_for_nobody_known_is_told_wherever_it_stands(steps: str, place: str) -> None:
+def test_a_step_for_an_unknown_agent_is_reported_wherever_it_stands(steps: str, place: str) -> None:
     assert problems(with_steps(steps)) == [
         f"m.yaml:{place}: no agent or group named 'pear'; did you mean 'pair'? [unknown-agent]"
     ]
@@ -224,7 +224,7 @@ def test_an_agent_cannot_move_in_two_branches(branches: str, column: int, who: s
 # Starts and limits
 
 
-def test_a_start_that_nobody_can_be_at_is_refused() -> None:
+def test_a_start_that_is_impossible_is_refused() -> None:
     away, within = MISSION.replace("[-1, 0, 0]", "[-1, 0, -1]"), MISSION.replace("[1,", "[1, 1, 0,")
     assert problems(away) == [
         "m.yaml:6:16: start [-1, 0, -1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]"
@@ -306,7 +306,7 @@ def test_the_check_of_a_verb_is_given_the_rows_and_only_the_options_of_its_own()
     assert options == {"odd": 3}
 
 
-def test_a_verb_for_nobody_known_is_not_checked_further() -> None:
+def test_a_verb_for_an_unknown_agent_is_not_checked_further() -> None:
     plugin = Parts(faults={"task": [Problem((), "follows from it")]})
     assert len(problems(with_steps("  - wait: {agents: pear}\n"), plugin)) == 1
 
@@ -318,7 +318,7 @@ def test_what_the_check_of_a_verb_finds_stands_in_its_step() -> None:
 
 
 @pytest.mark.parametrize(("kind", "name"), [("avoider", "shy"), ("task", "wait")])
-def test_a_check_that_raises_is_told_as_a_fault_of_its_plugin(kind: str, name: str) -> None:
+def test_a_check_that_raises_is_reported_as_a_fault_of_its_plugin(kind: str, name: str) -> None:
     plugin = Parts(faults={kind: ZeroDivisionError("oops")})
     (found,) = problems(MISSION, plugin)
     assert found.partition(": ")[2] == (
@@ -327,7 +327,7 @@ def test_a_check_that_raises_is_told_as_a_fault_of_its_plugin(kind: str, name: s
     )
 
 
-def test_a_check_that_yields_something_else_is_told_as_a_fault_of_its_plugin() -> None:
+def test_a_check_that_yields_something_else_is_reported_as_a_fault_of_its_plugin() -> None:
     plugin = Parts(faults={"avoider": [(("odd",), "3 is odd")]})  # type: ignore[list-item]
     (found,) = problems(MISSION, plugin)
     assert found.partition(": ")[2] == (

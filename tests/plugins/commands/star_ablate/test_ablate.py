@@ -207,7 +207,7 @@ def test_results_do_not_go_where_something_else_is(
     assert caught.value.problems == (f"--out {out}: {why} [unwritable-file]",)
 
 
-def test_a_folder_that_cannot_be_made_is_told(study: Study, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(study: Study, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     out = tmp_path / "file" / "out"
     with pytest.raises(InputError) as caught:

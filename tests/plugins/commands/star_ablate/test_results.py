@@ -92,7 +92,7 @@ def test_a_measure_is_summed_up_over_seeds() -> None:
     assert "| hop | orca | 2 | 100% | 2 ± 1.41 [-10.7, 14.7] |" in page
 
 
-def test_a_measure_that_some_runs_lack_says_how_many_have_it() -> None:
+def test_a_measure_that_some_runs_lack_shows_how_many_have_it() -> None:
     page = as_markdown(a_study("a", seeds=3), results({"a": 1.0}, {"a": 3.0}, {"a": None}))
     assert "| 2 ± 1.41 [-10.7, 14.7] (n 2) |" in page
 
@@ -101,12 +101,12 @@ def test_large_numbers_are_written_to_the_unit() -> None:
     assert "| 123457 |" in as_markdown(a_study("a"), results({"a": 123456.7}))
 
 
-def test_a_study_that_is_not_finished_says_so() -> None:
+def test_a_study_that_is_not_finished_reports_it() -> None:
     page = as_markdown(a_study("a"), results({"a": 1.0}))
     assert "1 of 2 runs: 1 conditions, 2 seeds each." in page
 
 
-def test_a_study_whose_missions_have_own_seeds_says_so() -> None:
+def test_a_study_whose_missions_have_own_seeds_reports_it() -> None:
     page = as_markdown(replace(a_study("a"), seeds=None), results({"a": 1.0}))
     assert "1 of 1 runs: 1 conditions, own seeds." in page
 

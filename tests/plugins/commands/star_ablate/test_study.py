@@ -45,7 +45,7 @@ def test_every_combination_of_missions_and_levels_is_a_condition(
     ]
 
 
-def test_a_level_sets_what_it_says_and_nothing_else(
+def test_a_level_sets_its_values_and_nothing_else(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     factors = "factors: {radius: {small: {avoider: {use: orca, radius: 0.2}, rate: 10}}}\n"
@@ -219,7 +219,7 @@ def test_a_link_does_not_lead_out_of_the_folder(
     assert "'link.yaml' is outside the folder above the study's" in found
 
 
-def test_two_missions_of_one_name_cannot_be_told_apart(
+def test_two_missions_of_one_name_cannot_be_distinguished(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     path = study("missions: [../hop.yaml, hop.yaml]\n")
@@ -241,7 +241,7 @@ def test_what_a_level_sets_wrongly_is_located_in_the_study(
     assert "-1" in found
 
 
-def test_a_level_that_is_wrong_for_every_mission_is_told_once(
+def test_a_level_that_is_wrong_for_every_mission_is_reported_once(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     given = "missions: [../hop.yaml, ../jump.yaml]\nfactors: {fast: {very: {rate: -1}}}\n"
@@ -249,7 +249,7 @@ def test_a_level_that_is_wrong_for_every_mission_is_told_once(
     assert "-1" in problem
 
 
-def test_what_is_wrong_with_a_mission_at_every_level_is_told_once(
+def test_what_is_wrong_with_a_mission_at_every_level_is_reported_once(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     path = study(HOP + "factors: {rate: {a: {rate: 10}, b: {rate: 20}}}\n")
@@ -259,7 +259,7 @@ def test_what_is_wrong_with_a_mission_at_every_level_is_told_once(
     assert all("hop.yaml:1:1: " in problem and "; with" not in problem for problem in found)
 
 
-def test_the_schema_tells_the_defaults_that_are_used() -> None:
+def test_the_schema_has_the_defaults_that_are_used() -> None:
     properties = schemas.load("study")["properties"]
     assert properties["measures"]["default"] == list(MEASURES)
     assert properties["seeds"]["default"] == SEEDS

@@ -98,7 +98,7 @@ def test_the_noise_is_one_that_the_localizer_takes(tmp_path: Path) -> None:
     }
 
 
-def test_all_installed_avoiders_fly_if_nobody_says(tmp_path: Path) -> None:
+def test_all_installed_avoiders_fly_by_default(tmp_path: Path) -> None:
     main([*QUICK, "--write-only", "--out", str(tmp_path / "out")])
     study = (tmp_path / "out" / "study.yaml").read_text()
     assert all(f'    "{name}": {{"avoider"' in study for name in Registry().names("avoider"))
@@ -157,7 +157,7 @@ def test_files_do_not_go_where_something_else_is(tmp_path: Path) -> None:
     assert refused("--out", str(tmp_path / "file")).startswith(f"{wrong} [")
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     out = tmp_path / "file" / "out"
     assert (
@@ -166,7 +166,7 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     )
 
 
-def test_without_the_command_that_flies_studies_it_says_so(
+def test_the_absence_of_the_command_that_flies_studies_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lonely = Registry(star_bench, Idle(), installed=False)
@@ -183,7 +183,7 @@ class Idle:
         return [AvoiderSpec(name="idle", summary="Avoids nothing.", make=cast("Any", object))]
 
 
-def test_an_interrupted_campaign_leaves_a_table_and_says_that_it_is_not_done(
+def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"

@@ -166,7 +166,7 @@ def wall_reaches_the_fence(scenario: Scenario, side: int) -> bool:
     return walls(scenario).distance(Point(0, far)) < ROUNDING
 
 
-def test_a_corridor_is_eight_radii_wide_if_nobody_says() -> None:
+def test_a_corridor_is_eight_radii_wide_by_default() -> None:
     assert walls(Case("corridor", 8, 0).draw()).distance(Point(0, 0)) == pytest.approx(4 * RADIUS)
 
 
@@ -177,7 +177,7 @@ def test_agents_in_a_corridor_meet_head_on() -> None:
     assert {math.copysign(1, x) for x, _ in scenario.starts} == {-1.0, 1.0}
 
 
-def test_everybody_goes_through_the_door_the_same_way() -> None:
+def test_all_agents_pass_the_door_on_the_same_side() -> None:
     scenario = Case("doorway", 8, 0).draw()
     assert all(x < 0 for x, _ in scenario.starts)
     assert all(x > 0 for x, _, _ in scenario.legs[0])
@@ -220,7 +220,7 @@ def test_places_in_rows_are_a_pitch_apart(n: int, lanes: int) -> None:
 
 
 @given(st.integers(0, 50), st.integers(0, 99))
-def test_shuffling_loses_nobody(n: int, seed: int) -> None:
+def test_shuffling_loses_no_agent(n: int, seed: int) -> None:
     from random import Random
 
     assert sorted(permutation(n, Random(seed))) == list(range(n))  # noqa: S311 -- no secret

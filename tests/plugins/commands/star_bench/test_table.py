@@ -86,7 +86,7 @@ def test_the_time_ratio_takes_all_legs_together() -> None:
         [step("d1", 0.0, 9.0), step("d2", 0.0, 9.0, verb="takeoff")],
     ],
 )
-def test_there_is_no_time_ratio_if_somebody_did_not_arrive(steps: list[dict[str, Any]]) -> None:
+def test_there_is_no_time_ratio_if_an_agent_did_not_arrive(steps: list[dict[str, Any]]) -> None:
     assert time_ratio(steps, TWO, speed=0.5) is None
 
 
@@ -228,14 +228,14 @@ def test_the_page_shows_what_is_not_known_as_a_dash() -> None:
     )
 
 
-def test_the_page_tells_what_its_columns_mean() -> None:
+def test_the_page_explains_its_columns() -> None:
     page = as_markdown(rows([(KEY, flight())]))
     lines = page.splitlines()
     assert lines[0].count("|") == lines[1].count("|") == lines[2].count("|")
     assert "Time ratio: " in page
 
 
-def test_the_page_tells_of_waits_with_the_numbers_that_they_are_counted_by() -> None:
+def test_the_page_describes_waits_with_the_numbers_that_they_are_counted_by() -> None:
     words = " ".join(LEGEND.split())
     assert f"makes no progress for {MAX_WAIT:g} s" in words
     assert f"ahead of it within {WAITING_DISTANCE:g} m" in words

@@ -84,7 +84,7 @@ def test_the_error_is_that_of_the_corners(lens: Lens) -> None:
     assert lens.error == pytest.approx(np.sqrt(np.mean([s.error**2 for s in lens.used])), rel=0.01)
 
 
-def test_the_board_is_as_far_away_as_its_squares_say(views: Views, lens: Lens) -> None:
+def test_the_distance_of_the_board_follows_from_its_squares(views: Views, lens: Lens) -> None:
     assert all(0.15 < seen.distance < 0.45 for seen in lens.used)
     twice = solve(views, BOARD._replace(square=0.05))
     for one, other in zip(lens.used, twice.used, strict=True):

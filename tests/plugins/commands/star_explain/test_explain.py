@@ -76,7 +76,7 @@ def told(path: Path, *plugins: object) -> Group:
     return dry_run(load(path, registry), registry)
 
 
-def test_every_step_is_told_with_its_agents_options_and_times(explain: Explain) -> None:
+def test_every_step_is_reported_with_its_agents_options_and_times(explain: Explain) -> None:
     text = explain("  - takeoff: {height: 0.6}\n  - land: {agents: cf2}\n")
     assert text[text.index("plan:") :].splitlines() == [
         "plan: about 5.0 s, at most 25 s",
@@ -127,7 +127,7 @@ def test_a_condition_that_is_not_known_beforehand_leaves_the_time_open(explain: 
     assert "as long as it takes, at most 7.0 s (given); until a battery is below 3.5 V" in text
 
 
-def test_what_follows_a_failure_is_told(explain: Explain) -> None:
+def test_what_follows_a_failure_is_reported(explain: Explain) -> None:
     text = explain("  - takeoff: {on_failure: land}\n  - hold: {on_failure: continue}\n")
     assert "; if it fails, its agents land" in text
     assert "; if it fails, the next step begins" in text
@@ -148,13 +148,13 @@ def test_steps_over_again_take_as_often_as_long(explain: Explain) -> None:
     assert "2  3 times one after the other: about 6.0 s, at most 33 s" in explain(steps)
 
 
-def test_steps_of_each_agent_are_told_once(explain: Explain) -> None:
+def test_steps_of_each_agent_are_reported_once(explain: Explain) -> None:
     text = explain("  - takeoff: {}\n  - each: {steps: [goto: {by: [0, 1, 0]}, land: {}]}\n")
     assert "2  each by itself, cf1, cf2: about" in text
     assert text.count("goto") == 1
 
 
-def test_steps_of_agents_that_take_different_times_are_told_of_each(explain: Explain) -> None:
+def test_steps_of_agents_that_take_different_times_are_reported_of_each(explain: Explain) -> None:
     steps = "  - takeoff: {}\n  - each: {steps: [goto: {to: [1, 0.5, 0.8]}, land: {}]}\n"
     text = explain(steps)
     assert text.count("goto") == 2
@@ -226,14 +226,14 @@ def test_a_step_that_takes_hold_of_nothing_outside_is_rehearsed(write: Write) ->
     assert (alone.takes, alone.limit) == (0.0, 5.0)
 
 
-def test_what_is_for_somebody_outside_is_not_told_of_a_step_without(write: Write) -> None:
+def test_a_step_without_anything_external_is_not_reported_as_external(write: Write) -> None:
     path = write("  - ring: {}\n  - ring: {alone: true}\n")
     lines = list(plan(told(path, Alone()), Registry(Alone())))
     assert [line.strip() for line in lines if "default" in line] == ["by default port: 7"]
     assert "alone: true" in lines[-2]
 
 
-def test_a_step_that_would_fail_is_told(explain: Explain) -> None:
+def test_a_step_that_would_fail_is_reported(explain: Explain) -> None:
     text = explain(
         "  - takeoff: {}\n  - goto: {by: [0, 0, 0.1], on_failure: land}\n  - takeoff: {}\n"
     )
@@ -242,7 +242,7 @@ def test_a_step_that_would_fail_is_told(explain: Explain) -> None:
     assert "s, even with nothing in the way" in grounded
 
 
-def test_what_is_flown_on_board_is_told_with_the_time_it_takes(
+def test_what_is_flown_on_board_is_reported_with_the_time_it_takes(
     explain: Explain, tmp_path: Path
 ) -> None:
     header = ",".join(["duration", *(f"{a}^{p}" for a in ("x", "y", "z", "yaw") for p in range(8))])
@@ -257,7 +257,7 @@ def test_what_is_flown_on_board_is_told_with_the_time_it_takes(
     assert told.endswith("; flown on board: neither planner nor avoider steers")
 
 
-def test_who_is_in_reserve_does_nothing_until_it_joins(explain: Explain) -> None:
+def test_an_agent_that_is_in_reserve_does_nothing_until_it_joins(explain: Explain) -> None:
     text = explain(
         "  - takeoff: {}\n  - join: {agents: cf2}\n  - land: {}\n",
         beside="reserve: {agents: [cf2]}",
@@ -267,13 +267,13 @@ def test_who_is_in_reserve_does_nothing_until_it_joins(explain: Explain) -> None
     assert "in reserve: cf2, to replace agents below 3.4 V; ready above 4 V" in text
 
 
-def test_parts_are_told_with_options_and_defaults(explain: Explain) -> None:
+def test_parts_are_reported_with_options_and_defaults(explain: Explain) -> None:
     text = explain("  - land: {}\n")
     assert "  avoider    orca  radius: 0.2\n" in text
     assert "             by default horizon: 2, " in text
 
 
-def test_the_world_is_told_with_its_size_and_what_is_in_it(explain: Explain) -> None:
+def test_the_world_is_reported_with_its_size_and_what_is_in_it(explain: Explain) -> None:
     world = WORLD + (
         "obstacles: {post: {cylinder: {centre: [2, 2], radius: 0.1}, height: [0, 2]}}\n"
         "landmarks: {a: {tags: [0, 1], at: [-1, -1, 0]}}\n"
@@ -286,7 +286,7 @@ def test_the_world_is_told_with_its_size_and_what_is_in_it(explain: Explain) -> 
     assert "  targets    1: tags 9\n" in text
 
 
-def test_safety_rules_are_told_with_their_numbers(explain: Explain) -> None:
+def test_safety_rules_are_reported_with_their_numbers(explain: Explain) -> None:
     rules = "safety: {battery_low: {below: 3.6}, link_lost: {then: hold}, tumbled: {then: stop}}"
     text = explain("  - land: {}\n", beside=rules)
     assert "  battery_low: battery below 3.6 V, then land\n" in text
@@ -416,7 +416,9 @@ class Broken:
         self.closed += 1
 
 
-def test_a_verb_that_raises_is_told_and_closed_and_the_others_are_explained(write: Write) -> None:
+def test_a_verb_that_raises_is_reported_and_closed_and_the_others_are_explained(
+    write: Write,
+) -> None:
     broken = Broken()
     first, second = told(write("  - break: {}\n  - takeoff: {}\n"), broken).parts
     assert isinstance(first, StepResult)

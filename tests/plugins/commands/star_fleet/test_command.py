@@ -43,7 +43,7 @@ def called(port: int) -> socket.socket:
     raise TimeoutError
 
 
-def test_it_says_where_each_drone_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_prints_where_each_drone_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([FIRST, "--port", "0", "--duration", "0.2", "--speed", "10"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == ["cf1", "cf2", "cf3"]
@@ -100,7 +100,7 @@ def test_as_many_ports_are_needed_as_there_are_cameras(hop: Path) -> None:
         run([EYES, *flags])
 
 
-def test_cameras_are_streamed_from_the_port_of_an_ai_deck_unless_told_otherwise(
+def test_cameras_are_streamed_from_the_port_of_an_ai_deck_by_default(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert CAMERAS == PORT == 5000
@@ -220,7 +220,7 @@ def test_links_and_cameras_that_want_the_same_ports_are_refused() -> None:
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "nobody.invalid"])
-def test_a_host_that_is_not_here_is_told_as_that(host: str) -> None:
+def test_a_host_that_is_not_here_is_reported_as_that(host: str) -> None:
     with pytest.raises(InputError, match=r"; --host must be .* \[invalid-address\]$"):
         run([FIRST, "--port", "0", "--host", host])
 

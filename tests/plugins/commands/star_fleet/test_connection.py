@@ -18,7 +18,7 @@ def test_a_null_packet_is_answered_with_one(start: Start) -> None:
     assert start().fleet.handle(0, b"\xff") == [NULL]
 
 
-def test_the_link_source_tells_what_it_is(start: Start) -> None:
+def test_the_link_source_reports_what_it_is(start: Start) -> None:
     (answer,) = start().ask(Port.LINK, 1, b"\0")
     assert len(answer) == 30
     assert answer[:19] == b"Bitcraze Crazyflie\0"
@@ -37,7 +37,7 @@ def test_an_echo_is_the_same_bytes(start: Start) -> None:
     ("port", "contents", "tail"),
     [(Port.LOG, log.CONTENTS, b"\x10\x80"), (Port.PARAMETERS, parameters.CONTENTS, b"")],
 )
-def test_a_table_tells_its_size_and_every_entry(
+def test_a_table_has_its_size_and_every_entry(
     start: Start, port: int, contents: Any, tail: bytes
 ) -> None:
     bench = start()
@@ -76,7 +76,7 @@ def test_there_is_a_configuration_and_a_trajectory_memory(start: Start) -> None:
     assert bench.ask(Port.MEMORY, 0, b"\x02\x05") == [b"\x02\x05"]
 
 
-def test_a_vehicle_says_that_it_runs_once_somebody_listens(start: Start) -> None:
+def test_a_vehicle_reports_that_it_runs_once_a_client_listens(start: Start) -> None:
     bench = start()
     bench.fly(0.1)
     assert bench.streamed[0] == []
@@ -87,7 +87,7 @@ def test_a_vehicle_says_that_it_runs_once_somebody_listens(start: Start) -> None
     assert all(packet[0] == 0 and len(packet) <= 31 for packet in bench.streamed[0])
 
 
-def test_a_port_that_nobody_has_is_not_answered(start: Start) -> None:
+def test_a_port_that_is_closed_is_not_answered(start: Start) -> None:
     bench = start()
     for port in (1, 10, 11, 12, 14):
         assert bench.ask(port, 0, b"\0\0\0") == []

@@ -93,7 +93,7 @@ def test_no_deviation_is_taken_for_a_small_one(start: Start) -> None:
     assert np.isfinite(believed(bench)).all()
 
 
-def test_the_estimator_starts_anew_where_it_is_told_to_be(start: Start) -> None:
+def test_the_estimator_starts_anew_at_the_position_that_is_sent(start: Start) -> None:
     bench = start()
     bench.takeoff()
     bench.fly(3.0)

@@ -90,7 +90,7 @@ def test_a_parameter_can_be_written_by_its_name(start: Start) -> None:
     ]
 
 
-def test_the_first_value_is_told(start: Start) -> None:
+def test_the_first_value_is_reported(start: Start) -> None:
     bench = start()
     bench.write("locSrv.extPosStdDev", "f", 3.0)
     asked = struct.pack("<BH", 8, DEVIATION)
@@ -99,7 +99,7 @@ def test_the_first_value_is_told(start: Start) -> None:
     assert bench.ask(Port.PARAMETERS, 3, asked) == [asked + bytes([errno.ENOENT])]
 
 
-def test_a_persistent_parameter_is_stored_told_and_forgotten(start: Start) -> None:
+def test_a_persistent_parameter_is_stored_sent_and_forgotten(start: Start) -> None:
     bench = start()
 
     def ask(command: int, number: int = RING) -> bytes:

@@ -55,7 +55,7 @@ def test_ports_follow_the_first_one() -> None:
         assert fleet.addresses == [f"udp://127.0.0.1:{first}"]
 
 
-def test_a_port_that_somebody_else_has_is_named() -> None:
+def test_a_port_that_is_taken_is_named() -> None:
     with ideal_fleet(scene(1)) as fleet:
         taken = place(fleet.addresses[0])[1]
         match = rf"agent 'cf2': port {taken} of '127.0.0.1' is not available: "
@@ -68,7 +68,7 @@ def test_there_is_a_port_for_each_agent() -> None:
         ideal_fleet(scene(2), ports=[0])
 
 
-def test_what_is_asked_for_is_streamed_to_who_asked_last(client: socket.socket) -> None:
+def test_images_are_streamed_to_the_client_that_asked_last(client: socket.socket) -> None:
     with ideal_fleet(scene(1), speed=FAST) as fleet:
         there = place(fleet.addresses[0])
         client.sendto(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)), there)

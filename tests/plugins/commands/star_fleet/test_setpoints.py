@@ -128,7 +128,7 @@ def test_a_stop_setpoint_stops_the_motors(start: Start) -> None:
 
 
 @pytest.mark.parametrize("kind", [3, 12, 255])
-def test_a_format_that_nobody_knows_asks_for_nothing(kind: int) -> None:
+def test_a_format_that_is_unknown_asks_for_nothing(kind: int) -> None:
     assert decode(bytes([kind]) + bytes(16)) is None
     assert decode(b"") is None
 
@@ -140,7 +140,7 @@ def test_a_setpoint_that_is_too_short_or_no_number_asks_for_nothing(kind: int) -
         assert decode(struct.pack("<B4f", kind, math.nan, 0, 0, 0)) is None
 
 
-def test_what_is_held_is_what_the_format_says() -> None:
+def test_what_is_held_is_what_the_format_has() -> None:
     assert decode(b"\0") == STOP
     assert decoded("B4f", 8, 1, 2, 3, 0).axes == (SPEED, SPEED, SPEED)
     assert decoded("B4f", 10, 1, 2, 0, 3).axes == (SPEED, SPEED, PLACE)
@@ -148,7 +148,7 @@ def test_what_is_held_is_what_the_format_says() -> None:
     assert decoded("B4f", 7, 1, 2, 3, 0).axes == (PLACE, PLACE, PLACE)
 
 
-def test_who_levels_out_keeps_its_height_and_lets_go_of_the_rest() -> None:
+def test_an_agent_that_levels_out_keeps_its_height_and_lets_go_of_the_rest() -> None:
     level = decoded("B4f", 10, 1.0, 2.0, 30.0, 0.7).levelled()
     assert level.axes == (FREE, FREE, PLACE)
     assert level.position[2] == pytest.approx(0.7)

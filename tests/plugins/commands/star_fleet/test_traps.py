@@ -61,7 +61,7 @@ def test_a_command_under_setpoints_is_accepted_and_not_flown_until_they_let_go(
     assert bench.position == pytest.approx([0, 1, 0.8], abs=0.03)
 
 
-def test_who_lets_go_with_no_plan_falls(start: Start) -> None:
+def test_an_agent_that_lets_go_with_no_plan_falls(start: Start) -> None:
     bench = aloft(start)
     bench.fly(0.5, *VELOCITY)
     bench.let_go()
@@ -180,7 +180,7 @@ def test_a_parameter_stops_the_motors_too(start: Start) -> None:
 @pytest.mark.parametrize(
     ("port", "payload"), [(Port.SUPERVISOR, b"\x04"), (Port.LOCALISATION, b"\x04")]
 )
-def test_the_watchdog_stops_whoever_is_not_told_for_a_second(
+def test_the_watchdog_stops_drones_without_a_setpoint_for_a_second(
     start: Start, port: int, payload: bytes
 ) -> None:
     bench = aloft(start)
@@ -243,7 +243,7 @@ def test_a_vehicle_with_brushless_motors_flies_when_it_is_armed(start: Start) ->
     assert not bench.turned
 
 
-def test_who_does_not_fly_for_half_a_minute_is_disarmed(start: Start) -> None:
+def test_an_agent_that_does_not_fly_for_half_a_minute_is_disarmed(start: Start) -> None:
     bench = start(arms_itself=False)
     bench.ask(Port.SUPERVISOR, 1, b"\x01\x01")
     bench.fly(29.0)
@@ -252,7 +252,7 @@ def test_who_does_not_fly_for_half_a_minute_is_disarmed(start: Start) -> None:
     assert bench.state() == Supervisor.CAN_ARM
 
 
-def test_who_tumbles_in_flight_has_crashed_and_can_recover(start: Start) -> None:
+def test_an_agent_that_tumbles_in_flight_has_crashed_and_can_recover(start: Start) -> None:
     bench = aloft(start)
     drone = bench.fleet.simulator.drones[0]
     for _ in range(30):

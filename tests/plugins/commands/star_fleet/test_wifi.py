@@ -98,7 +98,7 @@ def test_an_image_is_sent_in_the_cycle_in_which_it_arrives() -> None:
     assert 0.1 - 1e-9 <= min(late) <= max(late) < 0.11
 
 
-def test_no_image_is_made_while_nobody_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_image_is_made_without_a_client(monkeypatch: pytest.MonkeyPatch) -> None:
     fleet = ideal_fleet(eyes(), camera=camera_options())
     made: list[float] = []
     render = Renderer.render
@@ -129,7 +129,7 @@ def test_no_image_is_made_while_nobody_is_there(monkeypatch: pytest.MonkeyPatch)
     fleet.close()
 
 
-def test_who_comes_later_gets_no_image_of_before() -> None:
+def test_a_client_that_connects_later_gets_no_earlier_image() -> None:
     fleet = ideal_fleet(eyes(), camera=camera_options(latency=0.1, latency_std=0.0))
     watching = True
     late: list[float] = []

@@ -73,14 +73,14 @@ def test_a_goto_turns_in_rad_and_a_goto_velocity_in_degrees(commands: Fly) -> No
     ]
 
 
-def test_every_record_is_told_with_its_place_and_its_units(take: Import, commands: Fly) -> None:
+def test_every_record_is_reported_with_its_place_and_its_units(take: Import, commands: Fly) -> None:
     commands('"hold", "wait", "cf1", "2", ""')
     told = take("m.yaml", "crazyflies.yaml", "--force")
     assert "m.yaml:2:1: hold of cf1 for 2 s" in told
     assert "m.yaml:2:1: cf1: not airborne at this point" in told
 
 
-def test_a_goto_moves_nobody_as_executed(commands: Fly) -> None:
+def test_a_goto_moves_no_agent_as_executed(commands: Fly) -> None:
     text = UP + '"goto", "wait", "cf1", "", "0 1 1 0"'
     assert steps(commands(text, "--as-executed"))[1:] == [("hold", (0,), {})]
     assert steps(commands(text))[1][0] == "goto"
@@ -92,7 +92,7 @@ def test_the_grid_moves_goals_as_executed(commands: Fly) -> None:
     assert options["to"] == [-0.2, 0.8, 1]
 
 
-def test_all_take_off_as_executed_whoever_is_named(commands: Fly) -> None:
+def test_all_take_off_as_executed_whichever_are_named(commands: Fly) -> None:
     text = '"takeoff", "wait", "cf1", "", ""'
     assert steps(commands(text, "--as-executed"))[0][1] == (0, 1)
     assert steps(commands(text))[0][1] == (0,)
@@ -102,13 +102,15 @@ def test_names_with_an_underscore_between_are_two(commands: Fly) -> None:
     assert steps(commands('"takeoff", "wait", "cf1_cf2", "", ""'))[0][1] == (0, 1)
 
 
-def test_a_mission_without_commands_is_one_in_which_nobody_moves(place: Put, take: Import) -> None:
+def test_a_mission_without_commands_is_one_in_which_no_agent_moves(
+    place: Put, take: Import
+) -> None:
     place("empty.yaml", "command_sequence: [\n  # a comment\n]\n")
     told = take("empty.yaml", "--agent", "cf1=0,0")
     assert "the list of commands: is empty, and so is the mission" in told
 
 
-def test_a_record_without_a_task_is_told_and_marked(place: Put, take: Import) -> None:
+def test_a_record_without_a_task_is_reported_and_marked(place: Put, take: Import) -> None:
     place("m.yaml", 'command_sequence: ["", "wait", "all", "", ""]\n')
     told = take("m.yaml", "--agent", "cf1=0,0")
     assert "m.yaml:1:20: has no task: the original skips it; ignored" in told
@@ -129,7 +131,7 @@ def test_a_record_without_a_task_is_told_and_marked(place: Put, take: Import) ->
          "m.yaml:3:1: yaw 0.7 is read as degrees"),
     ],
 )  # fmt: skip
-def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told: str) -> None:
+def test_what_is_doubtful_is_reported(commands: Fly, take: Import, record: str, told: str) -> None:
     commands(record)
     described = take("m.yaml", "crazyflies.yaml", "--force")
     assert [line for line in described if line.startswith(told)]
@@ -167,14 +169,14 @@ def test_what_is_doubtful_is_told(commands: Fly, take: Import, record: str, told
          "m [unreachable-goal]"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_said_is_refused_with_its_place(
+def test_what_cannot_be_expressed_is_refused_with_its_place(
     commands: Fly, record: str, expected: str
 ) -> None:
     assert expected in refused(commands, record)
     assert not Path("imported").exists()
 
 
-def test_every_record_that_is_wrong_is_told(commands: Fly) -> None:
+def test_every_record_that_is_wrong_is_reported(commands: Fly) -> None:
     found = refused(commands, '"a", "wait", "all", "", "",\n"b", "wait", "all", "", ""')
     assert [problem.split(": ")[0] for problem in found] == ["m.yaml:2:1", "m.yaml:3:1"]
 
@@ -185,7 +187,7 @@ def test_a_mission_without_robots_is_refused(place: Put, take: Import) -> None:
         take("m.yaml")
 
 
-def test_nothing_is_written_over_unless_told(place: Put, take: Import) -> None:
+def test_nothing_is_overwritten_by_default(place: Put, take: Import) -> None:
     place("m.yaml", "command_sequence: []\n")
     take("m.yaml", "--agent", "cf1=0,0")
     with pytest.raises(InputError, match=r"imported/m\.yaml: exists already; --force"):

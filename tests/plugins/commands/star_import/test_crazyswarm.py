@@ -35,7 +35,7 @@ def test_robots_become_agents_with_their_links(place: Put, take: Import) -> None
     ]
 
 
-def test_what_is_left_out_of_robots_is_told(place: Put, take: Import) -> None:
+def test_what_is_left_out_of_robots_is_reported(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS + "all: {firmware_logging: {enabled: true}}\n")
     told = take("crazyflies.yaml")
     assert "crazyflies.yaml:4:8: cf3 is not enabled; ignored" in told
@@ -69,7 +69,7 @@ def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, tak
          " [invalid-input]"),
     ],
 )  # fmt: skip
-def test_robots_that_cannot_be_said_are_refused(
+def test_robots_that_cannot_be_expressed_are_refused(
     place: Put, take: Import, old: str, new: str, expected: str
 ) -> None:
     place("crazyflies.yaml", ROBOTS.replace(old, new, 1))
@@ -84,7 +84,7 @@ def test_an_agent_that_is_named_twice_is_refused(place: Put, take: Import) -> No
         take("crazyflies.yaml", "--agent", "cf1=2,2")
 
 
-def test_nobody_enabled_is_refused(place: Put, take: Import) -> None:
+def test_no_agent_enabled_is_refused(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS.replace("enabled: true", "enabled: false"))
     with pytest.raises(InputError, match=r"crazyflies\.yaml:2:3: no robot is enabled"):
         take("crazyflies.yaml")
@@ -123,12 +123,12 @@ def test_a_trajectory_that_is_too_fast_is_refused_with_what_would_fit(
     take("eight.csv", "--agent", "cf1=0,0", "--timescale", "1.88")
 
 
-def test_a_trajectory_that_is_not_there_is_told(take: Import) -> None:
+def test_a_trajectory_that_is_not_there_is_reported(take: Import) -> None:
     with pytest.raises(InputError, match=r"no\.csv: no such file"):
         take("no.csv")
 
 
-def test_every_voltage_of_a_battery_is_told(place: Put, take: Import) -> None:
+def test_every_voltage_of_a_battery_is_reported(place: Put, take: Import) -> None:
     both = "{voltage_critical: 3.7, voltage_warning: 3.8}"
     place("crazyflies.yaml", ROBOTS.replace("{voltage_critical: 3.7}", both))
     told = take("crazyflies.yaml")
@@ -136,7 +136,7 @@ def test_every_voltage_of_a_battery_is_told(place: Put, take: Import) -> None:
     assert [line for line in told if "type a: 'voltage_warning' is not supported; ignored" in line]
 
 
-def test_numbers_that_no_file_says_are_told(place: Put, take: Import) -> None:
+def test_numbers_that_are_in_no_file_are_reported(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
     limits = "limits.speed 0.5 m/s, limits.height 0.2 to 2 m"
     told = take("crazyflies.yaml")
@@ -150,7 +150,7 @@ def test_numbers_that_no_file_says_are_told(place: Put, take: Import) -> None:
     )
 
 
-def test_an_agent_that_nobody_names_is_missed_though_there_is_none(place: Put) -> None:
+def test_an_agent_that_is_never_named_is_missed_though_there_is_none(place: Put) -> None:
     place("m.yaml", 'command_sequence: ["land", "wait", "cf2", "", ""]')
     with pytest.raises(InputError, match="no agent named 'cf2'; add its position: --agent"):
         main(["m.yaml"])

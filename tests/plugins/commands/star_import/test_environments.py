@@ -73,14 +73,14 @@ def test_points_without_a_key_point_are_absolute(world: World_) -> None:
     assert not obstacle.contains((0.0, 1.15, 1.0))
 
 
-def test_a_point_that_is_repeated_and_an_odd_number_are_told(place: Put, take: Import) -> None:
+def test_a_point_that_is_repeated_and_an_odd_number_are_reported(place: Put, take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="true", points="[1, 1, 0, 0, 0, 1, 7]"))
     told = take("lab.yaml")
     assert "lab.yaml:7:15: obs0: the last of 7 numbers has no pair; ignored" in told
     assert "lab.yaml:7:15: obs0: [1, 1] is repeated; used once" in told
 
 
-def test_the_fence_is_drawn_around_everything_and_told(place: Put, take: Import) -> None:
+def test_the_fence_is_drawn_around_everything_and_reported(place: Put, take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
     assert "fence: not in the files; from [-2.1, -1.1, 0] to [2.1, 1.1, 2.2] m" in take("lab.yaml")
 
@@ -95,7 +95,7 @@ def test_tags_lie_where_the_original_flew_them_as_executed(world: World_) -> Non
     assert second.position == pytest.approx((0.9565, -0.2320, 0.0))
 
 
-def test_places_are_those_of_the_middles_unless_told(world: World_) -> None:
+def test_places_are_those_of_the_middles_by_default(world: World_) -> None:
     first, _ = world(TAGS.format(tags=PAIR), *FENCE).landmarks
     assert first.position == pytest.approx((0.878, -0.1095, 0.0))
     corner, _ = world(TAGS.format(tags=PAIR), *FENCE, "--tag-origin", "corner").landmarks
@@ -119,7 +119,7 @@ def test_tags_to_eliminate_are_targets(world: World_) -> None:
     assert (target.id, target.position, target.size) == (100, (0.5, -0.5, 0.0), 0.157)
 
 
-def test_a_target_without_a_place_is_told_and_can_be_placed(
+def test_a_target_without_a_place_is_reported_and_can_be_placed(
     world: World_, place: Put, take: Import
 ) -> None:
     text = TAGS.format(tags="id100: {location: [0.0], purpose: eliminate}")
@@ -139,7 +139,7 @@ def test_three_numbers_of_a_place_are_its_first_two(world: World_) -> None:
     assert target.position == (2.0, 0.0, 0.0)
 
 
-def test_what_an_import_does_not_read_is_told(place: Put, take: Import) -> None:
+def test_what_an_import_does_not_read_is_reported(place: Put, take: Import) -> None:
     tag = "id100: {location: [2.0, 0.0], purpose: eliminate, size: 0.08, alignment: top-left}"
     place("lab.yaml", "lights: off\n" + TAGS.format(tags=tag))
     told = take("lab.yaml", *FENCE)
@@ -156,7 +156,7 @@ def test_one_file_of_commands_and_walls_is_imported_whole(place: Put, take: Impo
     assert "'environment' is nothing" not in told
 
 
-def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import) -> None:
+def test_a_tag_for_something_else_is_left_out_and_reported(place: Put, take: Import) -> None:
     place("lab.yaml", TAGS.format(tags="id100: {location: [2.0, 0.0], purpose: fun}"))
     described = "lab.yaml:5:12: id100 is for 'fun', which the original ignores; ignored"
     assert described in take("lab.yaml")
@@ -198,7 +198,7 @@ def test_a_tag_for_something_else_is_left_out_and_told(place: Put, take: Import)
          "original STAR) and 'robots' (Crazyswarm2) [invalid-input]"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_said_is_refused_with_its_place(
+def test_what_cannot_be_expressed_is_refused_with_its_place(
     place: Put, take: Import, text: str, expected: str
 ) -> None:
     assert refused(take, place, text) == [expected]
@@ -217,7 +217,7 @@ def test_smaller_tags_may_lie_nearer(world: World_) -> None:
         (("--name", "_."), "'_.' has no letter to form a name; give --name [invalid-input]"),
     ],
 )
-def test_what_is_wrong_with_an_option_is_told(
+def test_what_is_wrong_with_an_option_is_reported(
     place: Put, take: Import, arguments: tuple[str, str], expected: str
 ) -> None:
     option, value = arguments
@@ -244,7 +244,7 @@ def test_what_is_no_yaml_is_refused(place: Put, take: Import, text: str, expecte
     assert problem.startswith(expected)
 
 
-def test_a_file_that_is_not_there_is_told(take: Import) -> None:
+def test_a_file_that_is_not_there_is_reported(take: Import) -> None:
     with pytest.raises(InputError, match=r"no\.yaml: no such file"):
         take("no.yaml")
 

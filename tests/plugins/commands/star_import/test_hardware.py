@@ -81,7 +81,7 @@ def test_parameters_of_a_robot_override_its_types_and_those_override_all(swarm: 
     assert not [line for line in told if "warning" in line or "ignored" in line]
 
 
-def test_parameters_that_differ_between_robots_are_told_and_left_out(swarm: Swarm) -> None:
+def test_parameters_that_differ_between_robots_are_reported_and_left_out(swarm: Swarm) -> None:
     told = swarm(
         "a: 1",
         "firmware_params: {ring: {effect: 9}, pm: {lowVoltage: 3.2}}",
@@ -136,7 +136,7 @@ def test_the_addresses_of_decks_are_those_of_the_radio_transports_cameras(swarm:
     assert summary["outcome"] == "completed"
 
 
-def test_with_landmarks_images_are_rendered_and_missing_decks_are_told(
+def test_with_landmarks_images_are_rendered_and_missing_decks_are_reported(
     swarm: Swarm, place: Put
 ) -> None:
     place("lab.yaml", TAGS)
@@ -177,7 +177,7 @@ def test_a_turned_start_has_a_heading(swarm: Swarm, degrees: float) -> None:
     assert not [line for line in told if "tilted" in line]
 
 
-def test_a_tilted_start_is_told_and_keeps_its_heading(swarm: Swarm) -> None:
+def test_a_tilted_start_is_reported_and_keeps_its_heading(swarm: Swarm) -> None:
     half = math.radians(30) / 2
     told = swarm(f"initial_quaternion: [{math.sin(half)}, 0, 0, {math.cos(half)}]")
     assert [line for line in told if "cf1: initial_quaternion is tilted by 30 degrees" in line]

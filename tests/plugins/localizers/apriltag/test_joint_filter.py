@@ -293,7 +293,7 @@ def test_noise_turns_with_the_heading() -> None:
     assert there[[X, X + 1]][:, [SLIP_X, SLIP_Y]] == pytest.approx(quarter @ here, abs=1e-12)
 
 
-def test_an_image_of_uncertain_time_tells_less_of_the_position_on_the_way() -> None:
+def test_an_image_of_uncertain_time_determines_less_of_the_position_on_the_way() -> None:
     variances = []
     for time_std in (0.0, 0.5):
         flight = Flight(Circle(5.0))

@@ -106,7 +106,7 @@ def test_wholly_beyond_the_newest_sample_too() -> None:
         (True, 0.0, 0.008, False),  # it hovers
     ],
 )
-def test_who_stands_neither_moves_nor_turns(
+def test_an_agent_that_stands_neither_moves_nor_turns(
     motors: bool,  # noqa: FBT001
     speed: float,
     rate: float,

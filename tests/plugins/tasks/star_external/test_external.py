@@ -373,7 +373,7 @@ def test_a_replacement_inherits_the_goal(external: Make, connect: Connect) -> No
     assert given.position[2].tolist() == [0.5, 0.5, 1.0]
 
 
-def test_who_joins_can_be_given_goals(external: Make, connect: Connect) -> None:
+def test_an_agent_that_joins_can_be_given_goals(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     task.on_agents_added((0, 1, 2))
     given = goals(flying(task, client, {"goals": {"cf3": {"position": [0, 0, 1]}}}))

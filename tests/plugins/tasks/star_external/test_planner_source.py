@@ -153,7 +153,7 @@ def test_a_removed_agent_is_not_in_the_rows_and_has_no_goal(made: Any) -> None:
     assert planner.asked[-1][1] == (1,)
 
 
-def test_who_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any) -> None:
+def test_an_agent_that_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any) -> None:
     planner = Scripted({"cf1": THERE}, {})
     task = made(planner)
     step(task)
@@ -164,7 +164,7 @@ def test_who_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any) -> None:
     assert given.position[2].tolist() == [0.5, 0.5, 1.0]
 
 
-def test_who_joins_is_in_the_rows_and_can_be_given_goals(made: Any) -> None:
+def test_an_agent_that_joins_is_in_the_rows_and_can_be_given_goals(made: Any) -> None:
     planner = Scripted({}, {"cf3": THERE})
     task = made(planner)
     step(task)
@@ -198,7 +198,7 @@ def test_failures_of_a_planner_name_it(made: Any, answer: Any, why: str) -> None
     assert str(raised.value).startswith(LABEL + why)
 
 
-def test_who_wants_to_end_the_program_may(made: Any) -> None:
+def test_a_plugin_may_end_the_program(made: Any) -> None:
     task = made(Scripted(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         step(task)
@@ -267,7 +267,7 @@ def test_a_planner_that_raises_when_it_is_closed_is_named(made: Any) -> None:
     assert str(raised.value).startswith(f"{LABEL}OSError: stuck (")
 
 
-def test_who_installed_a_planner_is_named_with_it() -> None:
+def test_the_distribution_of_a_planner_is_named_with_it() -> None:
     theirs = SimpleNamespace(name="their-dist", version="1.0")
     point = EntryPoint("theirs", "their_package:Planner", GROUP)._for(theirs)  # type: ignore[attr-defined]
     with pytest.raises(PluginError, match=r"planner 'theirs' \(their-dist 1\.0: their_package:Pl"):

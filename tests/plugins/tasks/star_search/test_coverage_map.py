@@ -97,7 +97,7 @@ def test_cells_beside_others_share_a_side_with_them() -> None:
     ]  # fmt: skip
 
 
-def test_who_turns_fast_sees_nothing(hall: Any) -> None:
+def test_an_agent_that_turns_fast_sees_nothing(hall: Any) -> None:
     from dataclasses import replace
 
     from star_core.testing import estimate

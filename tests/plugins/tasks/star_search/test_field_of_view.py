@@ -68,7 +68,7 @@ def test_a_larger_tag_is_made_out_farther_away(camera: Camera, height: float, mo
 
 
 @given(cameras, heights, st.floats(0.1, 1.0), st.floats(1.0, 3.0))
-def test_who_flies_faster_sees_no_wider_strip(
+def test_an_agent_that_flies_faster_sees_no_wider_strip(
     camera: Camera, height: float, speed: float, times: float
 ) -> None:
     seen = field_of_view(camera, height, SIZE, 0.05)

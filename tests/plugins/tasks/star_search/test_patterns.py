@@ -134,7 +134,7 @@ def test_invisible_floor_is_not_required(pattern: str, hall: Any, search: Any) -
 
 
 @both
-def test_each_side_of_a_wall_is_searched_by_who_is_there(
+def test_each_side_of_a_wall_is_searched_by_the_agents_there(
     pattern: str, hall: Any, search: Any
 ) -> None:
     def meddle(time: float, _task: Any, scouts: Any) -> None:

@@ -20,7 +20,7 @@ def test_a_search_without_flying_agents_fails(hall: Any, search: Any) -> None:
     assert (flown.status, flown.reason) == (Status.FAILURE, "no agent flies; take off first")
 
 
-def test_it_waits_until_all_who_fly_are_located(hall: Any, search: Any) -> None:
+def test_it_waits_until_all_that_fly_are_located(hall: Any, search: Any) -> None:
     def meddle(time: float, _task: Any, scouts: Any) -> None:
         scouts.valid = np.array([True, time >= 2.0])
 
@@ -121,7 +121,9 @@ def test_the_finder_hovers_at_its_target_to_the_end(hall: Any, search: Any) -> N
     assert flown.position[-1][flown.finder[0], :2] == pytest.approx(RED, abs=0.2)
 
 
-def test_who_marks_a_target_stays_over_it_and_then_searches_on(hall: Any, search: Any) -> None:
+def test_an_agent_that_marks_a_target_stays_over_it_and_then_searches_on(
+    hall: Any, search: Any
+) -> None:
     flown = search(hall(1, targets=TWO), on_found="mark", mark_duration=4.0)
     assert flown.status is Status.SUCCESS
     for target in TWO.values():
@@ -166,7 +168,9 @@ def test_the_search_does_not_wait_for_a_finder_that_left(hall: Any, search: Any)
 
 
 @pytest.mark.parametrize("then", ["mark", "hover"])
-def test_who_takes_over_from_a_finder_makes_its_visit(then: str, hall: Any, search: Any) -> None:
+def test_an_agent_that_takes_over_from_a_finder_makes_its_visit(
+    then: str, hall: Any, search: Any
+) -> None:
     swapped: list[float] = []
 
     def meddle(time: float, task: Any, scouts: Any) -> None:

@@ -112,7 +112,7 @@ def test_an_order_that_many_wait_before_is_left_to_the_links(dongles: list[Dongl
     radio.close()
 
 
-def test_whoever_waits_for_a_dongle_that_fails_goes_on(dongles: list[Dongle]) -> None:
+def test_waiting_for_a_dongle_that_fails_ends(dongles: list[Dongle]) -> None:
     radio = Broadcaster(1, AIRED)
     dongles[1].error = OSError("pipe error")
     assert radio.order(b"a")
@@ -200,7 +200,9 @@ def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
     assert second[1:] == b"".join(each[4:])
 
 
-def test_who_is_too_far_for_millimetres_is_told_over_its_link(dongles: list[Dongle]) -> None:
+def test_an_agent_that_is_too_far_for_millimetres_is_reported_over_its_link(
+    dongles: list[Dongle],
+) -> None:
     broadcasts = BroadcastCommands(reached(AIR), 1)
     assert tuple(broadcasts.correct(placed(3, away=33.0))) == ()
     broadcasts.close()
@@ -327,7 +329,7 @@ def test_an_order_goes_to_each_while_setpoints_fly_one_of_them(said: Said) -> No
 
 
 @pytest.mark.usefixtures("dongles")
-def test_a_stop_is_broadcast_whoever_is_flown_by_setpoints(said: Said) -> None:
+def test_a_stop_is_broadcast_to_agents_that_setpoints_fly_too(said: Said) -> None:
     radio, log = said()
     radio.send(Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)))
     radio.command(ordered(Order.STOP))
@@ -336,7 +338,7 @@ def test_a_stop_is_broadcast_whoever_is_flown_by_setpoints(said: Said) -> None:
 
 
 @pytest.mark.usefixtures("dongles")
-def test_deviations_are_told_before_poses_are_broadcast(said: Said) -> None:
+def test_deviations_are_sent_before_poses_are_broadcast(said: Said) -> None:
     radio, log = said()
     radio.correct(corrections(2))
     assert log == [
@@ -346,7 +348,7 @@ def test_deviations_are_told_before_poses_are_broadcast(said: Said) -> None:
 
 
 @pytest.mark.usefixtures("dongles")
-def test_of_positions_only_no_deviation_of_attitudes_is_told(said: Said) -> None:
+def test_with_positions_alone_no_deviation_of_attitudes_is_sent(said: Said) -> None:
     radio, log = said()
     radio.correct(placed(2))
     assert log == [("cf1", "deviation"), ("cf2", "deviation"), *[("all", "pose")] * 2]

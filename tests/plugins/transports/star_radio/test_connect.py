@@ -202,7 +202,7 @@ def test_the_others_fly_without_an_absent_drone(
 
 @pytest.mark.usefixtures("virtual_clock")
 @pytest.mark.parametrize("absent", ["refuse", "fly-without"])
-def test_nobody_flies_when_all_are_absent(make: Open, absent: str) -> None:
+def test_no_agent_flies_when_all_are_absent(make: Open, absent: str) -> None:
     with pytest.raises(PluginError, match="cannot reach 1 of 1 agents: cf1") as caught:
         make([NOBODY], absent=absent).connect()
     assert "fly-without" not in str(caught.value)
@@ -223,7 +223,7 @@ def test_old_firmware_is_refused(peers: Peers, connect: Open) -> None:
         connect(peers(version=3))
 
 
-def test_an_answer_that_is_too_short_is_told(peers: Peers, connect: Open) -> None:
+def test_an_answer_that_is_too_short_is_reported(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     drone._table = lambda payload, _entries, _salt: payload  # type: ignore[method-assign,assignment]
     with pytest.raises(PluginError, match=r"cf1 .udp://.* sent an invalid answer: unpack_from"):

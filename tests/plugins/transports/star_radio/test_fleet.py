@@ -153,7 +153,7 @@ def flown(
     return fly(load(folder / "mission.yaml", registry), registry)
 
 
-def test_a_mission_that_allows_it_is_flown_without_who_is_absent(air: Air, tmp_path: Path) -> None:
+def test_a_mission_that_allows_it_is_flown_without_absent_agents(air: Air, tmp_path: Path) -> None:
     uris = [*air.uris, "udp://air:9"]
     summary = flown(tmp_path, uris, ", absent: fly-without", "on_failure: continue, timeout: 1")
     assert summary["outcome"] == "completed", summary["reason"]
@@ -162,7 +162,7 @@ def test_a_mission_that_allows_it_is_flown_without_who_is_absent(air: Air, tmp_p
 
 
 @pytest.mark.parametrize("rule", [True, False])
-def test_who_is_absent_is_taken_out_by_the_rule_for_lost_links(
+def test_an_absent_agent_is_taken_out_by_the_rule_for_lost_links(
     air: Air,
     tmp_path: Path,
     rule: bool,  # noqa: FBT001
@@ -194,7 +194,7 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
 
 
 @pytest.mark.parametrize("steered", [True, False])
-def test_a_drone_that_flies_at_the_end_is_told_to_land_and_not_locked(
+def test_a_drone_that_flies_at_the_end_is_commanded_to_land_and_not_locked(
     air: Air,
     tmp_path: Path,
     steered: bool,  # noqa: FBT001

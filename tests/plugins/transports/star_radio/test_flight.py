@@ -104,7 +104,7 @@ def test_firmware_without_the_compressed_state_reports_the_same(
     assert np.allclose(telemetry.odometry.yaw_rate, math.pi / 2)
 
 
-def test_firmware_that_does_not_tell_how_strong_its_link_is_reports_the_rest(
+def test_firmware_that_does_not_report_how_strong_its_link_is_reports_the_rest(
     peers: Peers, connect: Open
 ) -> None:
     telemetry = connect(peers(lacks=("radio.rssi",))).receive()
@@ -150,7 +150,7 @@ def test_a_tick_that_is_late_does_not_wait(make: Open) -> None:
     assert time.monotonic() - begun < 0.05
 
 
-def test_a_drone_hears_of_us_while_nothing_is_to_be_said(peers: Peers, connect: Open) -> None:
+def test_a_drone_is_polled_while_nothing_is_sent(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     connect([drone])
     assert drone.until(lambda: drone.echoes >= 2)
@@ -167,7 +167,7 @@ def test_a_drone_that_falls_silent_ages(peers: Peers, connect: Open) -> None:
     assert age[1] < 0.3
 
 
-def test_a_drone_that_is_gone_stops_nobody(peers: Peers, connect: Open) -> None:
+def test_a_drone_that_is_gone_stops_no_other(peers: Peers, connect: Open) -> None:
     gone, other = peers(2)
     radio = connect([gone, other])
     ticks(radio, 1)
@@ -211,7 +211,7 @@ def test_a_setpoint_that_is_not_finite_is_refused(peers: Peers, connect: Open) -
         radio.send(flown(np.full((1, 3), np.nan)))
 
 
-def test_who_is_absent_is_sent_nothing(peers: Peers, make: Open) -> None:
+def test_an_absent_agent_is_sent_nothing(peers: Peers, make: Open) -> None:
     [drone] = peers()
     radio = make([NOBODY, drone.uri], absent="fly-without")
     radio.connect()
@@ -336,7 +336,7 @@ def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect:
     ("error", "words"),
     [(8, "it does not know it"), (16, "its supervisor blocks it"), (5, "error 5")],
 )
-def test_an_order_that_is_refused_is_told(
+def test_an_order_that_is_refused_is_reported(
     peers: Peers,
     connect: Open,
     caplog: pytest.LogCaptureFixture,
@@ -380,7 +380,7 @@ def test_a_take_off_that_a_plan_is_in_the_way_of_is_refused(
 
 
 @pytest.mark.usefixtures("soon")
-def test_an_order_that_is_never_confirmed_is_told(
+def test_an_order_that_is_never_confirmed_is_reported(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     [drone] = peers()
@@ -436,7 +436,7 @@ def test_corrections_come_after_the_deviations_they_are_weighed_with(
     assert drone.sent_to(6, 1) == [orders.measured_pose((1, 2, 3), (0, 0, 0, 1))[1:]]
 
 
-def test_a_position_alone_is_told_without_an_attitude(peers: Peers, connect: Open) -> None:
+def test_a_position_alone_is_reported_without_an_attitude(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     before = len(drone.got)
@@ -447,7 +447,7 @@ def test_a_position_alone_is_told_without_an_attitude(peers: Peers, connect: Ope
     assert drone.sent_to(6, 0) == [orders.measured_position((1, 2, 3))[1:]]
 
 
-def test_deviations_are_told_when_they_change(peers: Peers, connect: Open) -> None:
+def test_deviations_are_sent_when_they_change(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     before = len(drone.sent_to(2, 2))
@@ -458,7 +458,7 @@ def test_deviations_are_told_when_they_change(peers: Peers, connect: Open) -> No
 
 
 @pytest.mark.usefixtures("soon")
-def test_a_deviation_that_was_given_up_is_told_anew(peers: Peers, connect: Open) -> None:
+def test_a_deviation_that_was_given_up_is_reported_anew(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     drone.lose[b"\x22\1\0"] = 10
@@ -475,7 +475,7 @@ def test_a_deviation_that_was_given_up_is_told_anew(peers: Peers, connect: Open)
 
 
 @pytest.mark.usefixtures("soon")
-def test_a_deviation_that_is_given_up_again_and_again_is_told_of_once(
+def test_a_deviation_that_is_given_up_again_and_again_is_reported_once(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     [drone] = peers()
@@ -489,7 +489,7 @@ def test_a_deviation_that_is_given_up_again_and_again_is_told_of_once(
     assert drone.stored["locSrv.extPosStdDev"] == struct.pack("<f", 0.05)
 
 
-def test_firmware_that_cannot_be_told_deviations_is_named(peers: Peers, connect: Open) -> None:
+def test_firmware_that_cannot_receive_deviations_is_named(peers: Peers, connect: Open) -> None:
     radio = connect(peers(lacks=("locSrv.extPosStdDev",)))
     with pytest.raises(PluginError, match=r"cf1: its firmware has no parameter 'locSrv.extPosStdD"):
         radio.correct(seen(0.1, 0.1))
@@ -519,7 +519,7 @@ def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None
     assert drone.until(lambda: drone.ordered == [define[1:], start[1:]])
 
 
-def test_a_trajectory_that_is_refused_is_told(peers: Peers, connect: Open) -> None:
+def test_a_trajectory_that_is_refused_is_reported(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     drone.errors[6] = [12]
     with pytest.raises(PluginError, match="trajectory 1 is refused: error '0c'"):
@@ -574,7 +574,7 @@ def test_a_late_reader_keeps_the_newest_reports(peers: Peers, connect: Open) -> 
         (Supervisor.CAN_FLY, 0.8, False),  # it stands on a table
     ],
 )
-def test_who_flies_by_itself_at_the_end_is_told_to_land(
+def test_an_agent_that_flies_by_itself_at_the_end_is_commanded_to_land(
     state: Supervisor,
     z: float,
     told: bool,  # noqa: FBT001

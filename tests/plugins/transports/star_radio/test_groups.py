@@ -153,14 +153,14 @@ def test_every_drone_gets_its_own_packet_once(
 
 
 @given(st.lists(SIX, max_size=8))
-def test_nobody_of_a_group_is_told_twice_what_all_of_it_is_told(groups: list[set[int]]) -> None:
+def test_a_command_to_a_group_is_not_repeated_to_its_agents(groups: list[set[int]]) -> None:
     named = {f"g{i}": tuple(rows) for i, rows in enumerate(groups)}
     told = [rows for rows in groups if len(rows) > 1 and 5 not in rows]
     reached = broadcasts(aired(6, named), Air()).order(dict.fromkeys(set().union(*told), STOP))
     assert reached.keys() == set().union(*told)
 
 
-def test_everybody_is_taken_out_of_groups() -> None:
+def test_all_agents_are_taken_out_of_groups() -> None:
     air = Air()
     broadcasts(aired(3, {}), air).clear_groups()
     assert [packet.hex() for packet, _rows in air.said] == ["8c0000"]
@@ -206,7 +206,7 @@ def test_every_drone_is_put_into_its_groups_at_last(peers: Peers, aloud: Aloud) 
     assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0\3"], [b"\0\7"], [b"\0\5"]]
 
 
-def test_who_is_in_no_group_is_in_that_of_all(peers: Peers, aloud: Aloud) -> None:
+def test_an_agent_that_is_in_no_group_is_in_that_of_all(peers: Peers, aloud: Aloud) -> None:
     drones = peers(1)
     aloud(uris(drones), {}, Air()).connect()
     assert drones[0].sent_to(8, 0) == [b"\0\1"]
@@ -220,14 +220,14 @@ def test_without_a_broadcast_all_drones_are_put_into_one_group(
     assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0\1"]] * 2
 
 
-def test_groups_are_told_again_if_that_is_lost(peers: Peers, aloud: Aloud) -> None:
+def test_groups_are_sent_again_if_that_is_lost(peers: Peers, aloud: Aloud) -> None:
     drones = peers(2)
     drones[0].lose[b"\x80\0"] = 1
     aloud(uris(drones), {}, Air()).connect()
     assert drones[0].sent_to(8, 0) == [b"\0\1"] * 2
 
 
-def test_who_refuses_its_groups_is_absent(peers: Peers, aloud: Aloud) -> None:
+def test_an_agent_that_refuses_its_groups_is_absent(peers: Peers, aloud: Aloud) -> None:
     drones = peers(1)
     drones[0].errors[0] = [8]
     with pytest.raises(PluginError, match="refuses to be put into groups: it does not know it"):

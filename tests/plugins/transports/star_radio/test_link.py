@@ -84,7 +84,7 @@ def setpoint(number: int) -> bytes:
     return bytes([0x7C, number])
 
 
-def test_nobody_waits_for_a_link_that_blocks(driver: Driver, link: Link) -> None:
+def test_a_link_that_blocks_delays_no_other(driver: Driver, link: Link) -> None:
     driver.go.clear()
     begun = time.monotonic()
     for number in range(100):
@@ -122,7 +122,7 @@ def test_a_driver_that_raises_is_noted(driver: Driver, link: Link) -> None:
     assert soon(lambda: link.broken == "unplugged")
 
 
-def test_what_a_driver_complains_of_is_told_with_what_is_not_answered(
+def test_what_a_driver_complains_of_is_reported_with_what_is_not_answered(
     driver: Driver, link: Link
 ) -> None:
     threading.Thread(target=driver.error, args=("CommandFailure\nToo many packets lost",)).start()
@@ -140,7 +140,7 @@ def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver
     assert soon(lambda: driver.closed)
 
 
-def test_a_link_that_stays_weak_is_told_once(
+def test_a_link_that_stays_weak_is_reported_once(
     link: Link, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("star_radio.connection.link.MIN_DURATION", 0.0)

@@ -100,7 +100,7 @@ def test_a_wrong_address_is_named() -> None:
     assert told == "agent 'cf1': 'udp://127.0.0.1' has no port"
 
 
-def test_an_overload_is_told() -> None:
+def test_an_overload_is_reported() -> None:
     [told] = found([f"radio://0/80/2M/{i:02X}" for i in range(9)])
     assert told.startswith("dongle '0' is to serve 9 agents")
 

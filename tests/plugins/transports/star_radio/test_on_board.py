@@ -132,7 +132,7 @@ def test_every_drone_that_refuses_an_upload_is_named(peers: Peers, connect: Open
     assert "cf3 (trajectory 0 is refused: error '0c'" in message
 
 
-def test_who_is_absent_is_uploaded_nothing(peers: Peers, make: Open) -> None:
+def test_no_trajectory_is_uploaded_to_an_absent_agent(peers: Peers, make: Open) -> None:
     [drone] = peers()
     radio = make(["udp://127.0.0.1:9", drone.uri], absent="fly-without")
     radio.connect()
@@ -141,9 +141,7 @@ def test_who_is_absent_is_uploaded_nothing(peers: Peers, make: Open) -> None:
     assert drone.until(lambda: len(begins(drone)) == 1)
 
 
-def test_it_begins_where_the_drone_is_and_takes_the_time_that_is_told(
-    peers: Peers, connect: Open
-) -> None:
+def test_it_begins_where_the_drone_is_and_takes_the_given_time(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     one, other = trajectory(3), trajectory(2, seed=1)
@@ -192,7 +190,7 @@ def test_one_that_is_to_lie_otherwise_is_refused(
 
 
 @pytest.mark.usefixtures("soon")
-def test_a_refusal_is_told(peers: Peers, connect: Open) -> None:
+def test_a_refusal_is_reported(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     drone.errors[13] = [8]
     radio = connect([drone])
@@ -205,7 +203,7 @@ def test_a_refusal_is_told(peers: Peers, connect: Open) -> None:
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_reports_to_be_on_the_way_is_not_told_again(
+def test_one_that_reports_to_be_on_the_way_is_not_commanded_again(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     [drone] = peers()
@@ -225,7 +223,7 @@ def test_one_that_reports_to_be_on_the_way_is_not_told_again(
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_does_not_report_so_is_told_again(peers: Peers, connect: Open) -> None:
+def test_one_that_does_not_report_so_is_commanded_again(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     drone.values["supervisor.info"] = FINISHED
     radio = connect([drone])
@@ -238,7 +236,7 @@ def test_one_that_does_not_report_so_is_told_again(peers: Peers, connect: Open) 
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_setpoints_took_over_is_not_told_again(peers: Peers, connect: Open) -> None:
+def test_one_that_setpoints_took_over_is_not_commanded_again(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     radio.upload((trajectory(),))

@@ -139,7 +139,7 @@ def test_what_was_flown_long_ago_leads_nowhere(clock: Clock) -> None:
     assert position == [0.4, 0, 0.8]
 
 
-def test_who_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> None:
+def test_an_agent_that_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> None:
     states = WholeStates(1, clock)
     states.packets(setpoint([0.3, 0, 0]), at([1, 2, 0.8]), [12])
     clock.time += TICK
@@ -150,7 +150,7 @@ def test_who_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("lost", [[math.nan] * 3, [33.0, 0, 0], [1e6, 0, 0]])
-def test_who_is_at_no_place_that_can_be_sent_is_flown_by_velocity(
+def test_an_agent_that_is_at_no_place_that_can_be_sent_is_flown_by_velocity(
     clock: Clock, lost: list[float]
 ) -> None:
     states, wanted = WholeStates(1, clock), setpoint([0.3, 0, 0])

@@ -85,7 +85,7 @@ def test_a_file_that_is_no_whole_table_is_not_believed(tmp_path: Path, text: str
     assert Tables(tmp_path).of(LOG, Drone().ask) == EXPECTED
 
 
-def test_a_folder_that_cannot_be_written_is_told(
+def test_a_folder_that_cannot_be_written_is_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "file").write_text("")

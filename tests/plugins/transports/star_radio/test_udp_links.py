@@ -78,16 +78,14 @@ def test_packets_go_and_come_as_they_are(datagrams: UdpLinks, drone: socket.sock
     line.close()
 
 
-def test_who_has_nothing_to_hear_is_asked_what_to_say(
-    datagrams: UdpLinks, drone: socket.socket
-) -> None:
+def test_an_agent_without_messages_is_polled(datagrams: UdpLinks, drone: socket.socket) -> None:
     ear = Listener()
     line = datagrams.open(uri(drone), ear)
     assert soon(lambda: ear.looks > 2)
     line.close()
 
 
-def test_nobody_at_an_address_is_a_complaint_and_not_the_end(
+def test_an_address_without_an_answer_is_reported_and_not_the_end(
     datagrams: UdpLinks, drone: socket.socket
 ) -> None:
     nobody, ear = Listener(), Listener()
@@ -102,7 +100,7 @@ def test_nobody_at_an_address_is_a_complaint_and_not_the_end(
     gone.close()
 
 
-def test_a_line_that_is_closed_says_and_hears_nothing(
+def test_a_line_that_is_closed_sends_and_receives_nothing(
     datagrams: UdpLinks, drone: socket.socket
 ) -> None:
     ear = Listener()

@@ -31,7 +31,7 @@ def test_how_long_a_battery_hovers_is_an_option(start: Flying) -> None:
     assert before - flight.simulator.drones["charge"][0] == pytest.approx(21 / 210, rel=0.02)
 
 
-def test_who_stands_for_so_long_after_a_flight_has_a_new_battery(start: Flying) -> None:
+def test_an_agent_that_stands_for_so_long_after_a_flight_has_a_new_battery(start: Flying) -> None:
     flight = start(endurance=30.0, swap_time=5.0)
     flight.rise()
     flight.order(Order.LAND, duration=3.0)
@@ -44,7 +44,7 @@ def test_who_stands_for_so_long_after_a_flight_has_a_new_battery(start: Flying) 
     assert flight.simulator.drones["charge"][0] > 0.99
 
 
-def test_nobody_changes_batteries_if_that_is_not_said(start: Flying) -> None:
+def test_no_agent_changes_batteries_by_default(start: Flying) -> None:
     flight = start(endurance=30.0)
     flight.rise()
     flight.order(Order.LAND, duration=3.0)

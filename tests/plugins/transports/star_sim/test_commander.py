@@ -98,7 +98,7 @@ def test_a_drone_takes_off_again_after_landing(start: Flying) -> None:
         assert flight.position[0, 2] == 0.0
 
 
-def test_a_moving_drone_that_is_told_to_land_does_so_where_it_was(start: Flying) -> None:
+def test_a_moving_drone_that_is_commanded_to_land_does_so_where_it_was(start: Flying) -> None:
     flight = start()
     flight.rise()
     flight.fly(2.0, (0.4, 0, 0))

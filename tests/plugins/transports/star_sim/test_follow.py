@@ -225,7 +225,7 @@ def test_arming_drops_nothing(start: Flying) -> None:
     assert flight.position[0] == pytest.approx([0.8, 0.6, 1.0], abs=0.02)
 
 
-def test_who_follows_nothing_costs_nothing(start: Flying) -> None:
+def test_an_agent_that_follows_nothing_costs_nothing(start: Flying) -> None:
     flight = start()
     flight.rise()
     assert flight.simulator._queue.next_step == NEVER

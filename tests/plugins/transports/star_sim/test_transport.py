@@ -64,7 +64,7 @@ def test_wait_stops_at_whole_steps_and_adds_up_without_drift(start: Flying) -> N
         assert now == pytest.approx(round(now / 0.002) * 0.002, abs=1e-12)
 
 
-def test_clock_telemetry_odometry_and_truth_tell_the_same_time(start: Flying) -> None:
+def test_clock_telemetry_odometry_and_truth_have_the_same_time(start: Flying) -> None:
     flight = start()
     for tick in range(1, 400):
         now = flight.simulator.wait(tick * 0.05)

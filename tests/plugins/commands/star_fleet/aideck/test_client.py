@@ -74,7 +74,7 @@ def test_the_transfer_of_an_image_is_timed(until: Until) -> None:
     assert (shot.began, shot.arrived) == (10.0, 10.6)
 
 
-def test_images_that_nobody_fetches_are_dropped_oldest_first(
+def test_images_that_are_not_read_are_dropped_oldest_first(
     server: AideckServer, until: Until
 ) -> None:
     with CameraClient(*server.address, waiting=3) as client:

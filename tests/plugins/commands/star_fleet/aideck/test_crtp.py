@@ -106,7 +106,9 @@ def test_a_client_that_sends_a_length_that_there_is_not_is_sent_away_and_may_com
         assert len(answers(again, 2)) == 2
 
 
-def test_a_thousand_malformed_frames_harm_nobody(link: CrtpOverTcp, client: socket.socket) -> None:
+def test_a_thousand_malformed_frames_change_nothing(
+    link: CrtpOverTcp, client: socket.socket
+) -> None:
     client.close()
     random = np.random.default_rng(3)
     for _ in range(20):

@@ -45,7 +45,7 @@ def test_a_client_gets_the_image_and_nothing_else(
     assert server.dropped == 0
 
 
-def test_a_client_that_does_not_read_misses_whole_images_and_delays_nobody(until: Until) -> None:
+def test_a_client_that_does_not_read_misses_whole_images_and_delays_no_other(until: Until) -> None:
     counts = Counts()
     stream = Stream(SHAPE, counts)
     with AideckServer(port=0) as server, socket.create_connection(server.address, 5) as client:

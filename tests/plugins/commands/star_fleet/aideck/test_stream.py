@@ -81,7 +81,7 @@ def test_the_transfer_is_timed_from_the_first_packet_to_the_last() -> None:
     assert (arrival.began, arrival.arrived) == (1.0, 1.5)
 
 
-def test_nobody_can_write_to_an_image() -> None:
+def test_images_are_read_only() -> None:
     for jpeg in (False, True):
         (image,), _ = read(framed(small(0), jpeg=jpeg))
         assert not image.flags.writeable
@@ -153,7 +153,7 @@ def test_a_jpeg_image_of_another_size_than_it_was_announced_is_dropped(picture: 
     assert read(head(64, 48, 1, len(body)) + app(body)) == ([], Counts(broken=1))
 
 
-def test_a_jpeg_image_that_says_to_be_huge_is_not_decoded(
+def test_a_jpeg_image_with_a_huge_size_in_its_header_is_not_decoded(
     picture: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     body = cv2.imencode(".jpg", picture)[1].tobytes()
