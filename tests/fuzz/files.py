@@ -204,7 +204,7 @@ def _assert_no_command_is_dropped(source: Path, made: Path) -> None:
     """Every command names its line in the mission that came out."""
     from star_core import read_yaml
 
-    fields = read_yaml(source).need("command_sequence").list()
+    fields = read_yaml(source, text_keys=True).need("command_sequence").list()
     lines = {field.mark.line for field in fields[::5]}
     written = {int(number) for number in re.findall(r"# line (\d+)", made.read_text())}
     assert lines == written, (lines, written)

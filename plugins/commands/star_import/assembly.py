@@ -17,7 +17,7 @@ from star_import.records import Record, records
 from star_import.robots import Robot, given_on_the_command_line, positioning, robots
 from star_import.sources import Sources
 from star_import.steps import CLIMB, REACHED, ZONE, Steps
-from star_import.tags import Reading, sheets
+from star_import.tags import Reading, Sheet, sheets
 from star_import.text import Line, word
 
 FLIGHT: Final = 0.1  # m/s, the original's default speed limit
@@ -26,6 +26,7 @@ HEIGHTS: Final = (0.5, 2.0)  # m, the original's lowest and highest flight heigh
 LOW: Final = 0.2  # m, the lowest for trajectories, whose z often descends below the take-off height
 TRAJECTORY_HEIGHT: Final = 1.0  # m, take-off height of Crazyswarm2's examples
 MARGIN: Final = 1.0  # m, of the fence around all positions in the files
+FARTHEST: Final = 1000.0  # m, of a position along an axis
 WIDE: Final = 3.0  # m, the same around agents that fly trajectories, of unknown extent
 
 
@@ -71,6 +72,7 @@ def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> Output
         with log.collected():
             found = records(sources.mission[1], [robot.name for robot in swarm], log)
     parameters, located_by = _hardware(sources, swarm, log)
+    _check_positions(built, printed, swarm, found, log)
     log.raise_problems()
     _log_differences(sources, log, as_executed=options.as_executed, built=built)
     points = corners(built, printed) + [robot.start[:2] for robot in swarm]
@@ -102,6 +104,23 @@ def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> Output
     lines[f"{name}.yaml"] = mission_lines(frame, swarm, steps, log)
     copies = {f"paths/{path.name}": path for path in sources.trajectories}
     return OutputFiles(lines, f"{name}.yaml", place, room, copies)
+
+
+def _check_positions(
+    built: Sequence[Wall],
+    printed: Sequence[Sheet],
+    swarm: Sequence[Robot],
+    found: Sequence[Record],
+    log: ImportLog,
+) -> None:
+    """Add positions that are too far away to the problems of `log`."""
+    places = [(wall.place, corners([wall], [])) for wall in built]
+    places += [(sheet.place, corners([], [sheet])) for sheet in printed]
+    places += [(robot.place, [robot.start[:2]]) for robot in swarm]
+    places += [(one.place, [one.point[:2]]) for one in found if one.task.startswith("goto")]
+    for place, points in places:
+        if any(abs(value) > FARTHEST for point in points for value in point):
+            log.problems.append(f"{place}: a position is more than {FARTHEST:g} m from the origin")
 
 
 def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Robot]:

@@ -96,13 +96,17 @@ class Layout:
         return np.dtype([("block", "u1"), ("stamp", "u1", 3), *named])
 
     def read(self, payloads: Sequence[bytes]) -> Array:
-        """Return (K, 13) values of K payloads, with the columns above; NaN if not reported."""
+        """Return (K, 13) values of K payloads, with the columns above.
+
+        Values that are not reported, or not finite, are NaN.
+        """
         table = np.frombuffer(b"".join(payloads), self.dtype)
         values = np.full((len(table), len(SOURCES)), np.nan)
         for column, source in self._reported:
             values[:, column] = table[str(column)]
             with np.errstate(invalid="ignore"):  # a NaN of any kind remains one
                 values[:, column] *= source.unit
+        values[np.isinf(values)] = np.nan
         return values
 
     @property

@@ -52,6 +52,13 @@ def test_every_verb_has_its_step(commands: Fly) -> None:
     ]
 
 
+def test_a_goal_at_the_end_of_the_world_is_refused_with_its_place(commands: Fly) -> None:
+    goto = '"goto_velocity", "wait", "cf1", "", "1e308 0 1 0"'
+    assert refused(commands, UP + goto) == [
+        "m.yaml:3:1: a position is more than 1000 m from the origin [invalid-input]"
+    ]
+
+
 def test_orders_that_do_not_wait_run_with_the_next(commands: Fly) -> None:
     mission = commands(
         '"takeoff", "wait", "all", "", "",\n'
