@@ -68,7 +68,7 @@ class VehicleInterface:
         self._gate = EstimateGate(n, scene.limits.speed)
         self._motion = MotionCheck(n)
         self._contradicted = np.zeros(n, np.bool_)
-        self._unheard = UnheardAgents(n)
+        self._unheard = UnheardAgents(n, scene.limits)
         self._heard = np.ones(n, np.bool_)
         self._frames = Transform(  # last known
             np.array([agent.yaw for agent in scene.agents]),

@@ -12,9 +12,11 @@ import numpy as np
 from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.rotations import Transform
 from star_core.messages.state import AgentPhase, Estimate, Health
-from star_core.scene import Scene
+from star_core.scene import Limits, Scene
 
 BATTERY_SAG_TIME: Final = 1.0  # s that a battery must stay below its limit: it sags under load
+SUNK_TIME: Final = 2.0  # s that a flying agent must stay at the floor: some rebound
+FLOOR_SHARE: Final = 0.5  # of the lowest height to fly at: below it is the floor
 
 
 class SafetyAction(IntEnum):
@@ -49,6 +51,7 @@ class Rules:
         n = len(scene.agents)
         self._low = np.array(scene.world.fence.low)
         self._high = np.array(scene.world.fence.high)
+        self._floor = FLOOR_SHARE * scene.limits.height[0]
         self._rules = rules
         self._since = {name: np.full(n, np.nan) for name in self._rules}  # s, of each violation
         self.action = np.zeros(n, np.int64)
@@ -84,7 +87,7 @@ class Rules:
 
     def _violations(
         self, name: str, rule: Mapping[str, Any], estimate: Estimate, health: Health
-    ) -> tuple[Mask, float, list[str]]:
+    ) -> tuple[Mask, float | Array, list[str]]:
         """Return which agents violate a rule, how long they must to trigger it, s, and why."""
         phase = health.phase
         flies = (phase == AgentPhase.FLYING) | (phase == AgentPhase.LOST)
@@ -105,7 +108,11 @@ class Rules:
                 reasons = [f"{max(0.0, distance):.2f} m from the fence" for distance in room]
                 return flies & estimate.valid & (room <= rule["within"]), 0.0, reasons
         fallen = phase == AgentPhase.EMERGENCY
-        return fallen, 0.0, ["tumbled, crashed, locked or rebooted"] * len(phase)
+        low = (phase == AgentPhase.FLYING) & (estimate.position[:, 2] < self._floor)
+        sunk = ~fallen & low & estimate.valid & (health.age <= MAX_REPORT_AGE)
+        tumbled, lies = "tumbled, crashed, locked or rebooted", "sank to the floor"
+        reasons = [lies if one else tumbled for one in sunk]
+        return fallen | sunk, np.where(sunk, SUNK_TIME, 0.0), reasons
 
 
 JUMP_MARGIN: Final = 1.5
@@ -273,13 +280,18 @@ class UnheardAgents:
     that hears no setpoints either keeps its last velocity until its watchdog stops the motors. The
     estimate has such an agent at rest where it was last heard, with a
     `star_core.Estimate.possible_travel` of `WATCHDOG_TIME` at its last velocity. Once it has fallen
-    or landed in any case, all of this is on the ground.
+    or landed in any case, all of this is on the ground. Its motors are off then, and downwash does
+    not disturb it: it is marked so far below the ground that agents above keep `Limits.separation`
+    rather than `Limits.vertical_separation`.
 
     Args:
         n: Number of agents.
+        limits: The separations.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, limits: Limits) -> None:
+        spare = limits.vertical_separation - limits.separation
+        self._depth = max(0.0, spare) if limits.separation > 0 else 0.0  # m
         self._velocity: Array = np.zeros((n, 3))  # m/s, when last heard
         self._down_by = np.full(n, np.inf)  # s, mission time
 
@@ -317,7 +329,7 @@ class UnheardAgents:
         down = ~heard[:, 0] & (estimate.time >= self._down_by)
         position = estimate.position.copy()
         travel = np.where(heard, 0.0, WATCHDOG_TIME * self._velocity)
-        position[down, 2] = travel[down, 2] = 0.0
+        position[down, 2], travel[down, 2] = -self._depth, 0.0
         return replace(
             estimate,
             position=position,

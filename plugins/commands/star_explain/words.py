@@ -61,7 +61,7 @@ RULES: Final[Mapping[str, str]] = {
     "link_lost": "no message for {after:g} s",
     "position_lost": "not located for {after:g} s",
     "fence_near": "within {within:g} m of the fence",
-    "tumbled": "tumbled, crashed, locked or rebooted",
+    "tumbled": "tumbled, crashed, locked, rebooted or on the floor",
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from star_core import AgentPhase, Array, Estimate, Order, Supervisor, Telemetry
 from star_core.mission_file.schema import load
 from star_core.plugin_support.option_schema import fill_defaults
-from star_core.safety.monitor import BATTERY_SAG_TIME, Rules, SafetyAction
+from star_core.safety.monitor import BATTERY_SAG_TIME, SUNK_TIME, Rules, SafetyAction
 from star_core.testing import estimate, health, scene
 from tests.core.conftest import Lab
 from tests.core.test_executor import silent
@@ -78,6 +78,16 @@ def test_an_agent_that_tumbled_is_out() -> None:
     assert judged({"tumbled": {"then": "stop"}}, 3.0, phase=AgentPhase.EMERGENCY) == [
         (1.0, 0, SafetyAction.STOP)
     ]
+
+
+def test_an_agent_that_stays_on_the_floor_instead_of_flying_is_out() -> None:
+    rules, floor = {"tumbled": {"then": "stop"}}, np.array([0.0, 0, 0.05])
+    assert judged(rules, 5.0, position=floor) == [(1.0 + SUNK_TIME, 0, SafetyAction.STOP)]
+    assert judged(rules, 1.0 + SUNK_TIME - 0.1, position=floor) == []
+    assert judged(rules, 5.0, position=floor, phase=AgentPhase.LANDING) == []
+    assert judged(rules, 5.0, position=np.array([0.0, 0, 0.15])) == []
+    fallen = judged(rules, 5.0, position=floor, phase=AgentPhase.EMERGENCY)
+    assert fallen == [(1.0, 0, SafetyAction.STOP)]
 
 
 def test_a_rule_fires_once_and_only_a_graver_answer_goes_over_it() -> None:

@@ -7,19 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_core import Array, Estimate, Registry, Setpoint, fill_defaults
+from star_core import Array, Estimate, Limits, Registry, Setpoint, fill_defaults
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
 from star_core.safety.filter import SafetyFilter
 from star_core.safety.monitor import FALL_TIME, WATCHDOG_TIME, UnheardAgents
 from star_core.testing import estimate, scene
 
+LIMITS = Limits(separation=0.2, vertical_separation=0.6)
+DOWN = LIMITS.separation - LIMITS.vertical_separation  # m, as others keep only `separation` above
 HEARD, UNHEARD = 0.0, 0.6  # s, ages of reports
 
 
 def marked(velocity: Array, *ages: float) -> Estimate:
     """The estimate of two agents at some (N, 3) velocity, m/s, after reports of these ages, s."""
-    tracker = UnheardAgents(len(velocity))
+    tracker = UnheardAgents(len(velocity), LIMITS)
     now = estimate(np.zeros_like(velocity), velocity=velocity)
     for age in ages:
         answer = tracker.mark(now, np.array([0.0, age]))
@@ -48,7 +50,7 @@ def test_an_agent_that_is_heard_again_is_where_it_is() -> None:
 
 
 def test_the_velocity_is_the_last_one_that_was_reported() -> None:
-    tracker = UnheardAgents(1)
+    tracker = UnheardAgents(1, LIMITS)
     flying = estimate(np.zeros((1, 3)), velocity=np.array([[0.5, 0.0, 0.0]]))
     unknown = replace(flying, velocity=np.full((1, 3), np.nan))
     tracker.mark(flying, np.array([HEARD]))
@@ -71,7 +73,7 @@ def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
 
 def test_an_agent_that_is_not_heard_is_on_the_ground_when_it_has_fallen_or_landed() -> None:
     heard, every = np.array([True, False, False, True]), np.arange(4)
-    tracker = UnheardAgents(4)
+    tracker = UnheardAgents(4, LIMITS)
     tracker.flies_on_board(every)
     tracker.steered(1.0, np.array([False, True, False, False]))
     tracker.lands(np.array([1, 2, 3]), np.array([6.0, 6.0, 3.0]), heard[1:])
@@ -83,18 +85,18 @@ def test_an_agent_that_is_not_heard_is_on_the_ground_when_it_has_fallen_or_lande
         return [float(z) for z in tracker.mark(now, ages).position[:, 2]]
 
     assert heights(2.9) == [0.7, 0.7, 0.7, 0.7]
-    assert heights(3.0) == [0.7, 0.7, 0.7, 0.0]  # received the command to land
-    assert heights(6.0) == [0.7, 0.0, 0.7, 0.0]  # landed, or fell for want of setpoints
-    assert heights(99.0) == [0.7, 0.0, 0.7, 0.0]  # the others may hover
+    assert heights(3.0) == [0.7, 0.7, 0.7, DOWN]  # received the command to land
+    assert heights(6.0) == [0.7, DOWN, 0.7, DOWN]  # landed, or fell for want of setpoints
+    assert heights(99.0) == [0.7, DOWN, 0.7, DOWN]  # the others may hover
 
 
 def test_setpoints_keep_an_agent_in_the_air() -> None:
-    tracker = UnheardAgents(1)
+    tracker = UnheardAgents(1, LIMITS)
     fallen = WATCHDOG_TIME + FALL_TIME
     for time in (1.0, 2.0):
         tracker.steered(time, np.array([True]))
     now = [estimate(np.ones((1, 3)), time=time + fallen) for time in (1.0, 2.0)]
-    assert [tracker.mark(one, np.array([UNHEARD])).position[0, 2] for one in now] == [1.0, 0.0]
+    assert [tracker.mark(one, np.array([UNHEARD])).position[0, 2] for one in now] == [1.0, DOWN]
 
 
 # Flights: the second agent is last heard at the origin, flying along +x, and is in fact there or
@@ -110,7 +112,7 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
     spec = Registry().find("avoider", avoider).offer
     options = {} if avoider == "none" else {"radius": RADIUS}
     made = spec.make(room, **fill_defaults(options, spec.options))
-    tracker, guard = UnheardAgents(2), SafetyFilter(room)
+    tracker, guard = UnheardAgents(2, LIMITS), SafetyFilter(room)
     speed, position = 0.5, np.array([start, np.zeros(3)])
     last = np.array([[0.0, 0.0, 0.0], [speed, 0.0, 0.0]])
     tracker.mark(estimate(position, velocity=last), np.zeros(2))

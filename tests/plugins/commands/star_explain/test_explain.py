@@ -291,7 +291,7 @@ def test_safety_rules_are_reported_with_their_numbers(explain: Explain) -> None:
     text = explain("  - land: {}\n", beside=rules)
     assert "  battery_low: battery below 3.6 V, then land\n" in text
     assert "  link_lost: no message for 0.5 s, then hold\n" in text
-    assert "  tumbled: tumbled, crashed, locked or rebooted, then stop\n" in text
+    assert "  tumbled: tumbled, crashed, locked, rebooted or on the floor, then stop\n" in text
 
 
 leaves = st.sampled_from(
