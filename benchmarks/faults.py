@@ -1,9 +1,10 @@
 """The fault matrix: each cell flown with many seeds, and judged by the same policies.
 
 A cell is a mission with faults at a random time and of a random agent. Every flight is flown as by
-``star run MISSION --faults FILE``, and then watched for another 5 s without the program. Flights
-that were flown before are read from the results; ``--page`` writes docs/reliability.md. The world
-is the default one of `sim`, or the ideal one with ``--world ideal``.
+``star run MISSION --faults FILE``, and then watched for another 5 s without the program. The world
+is the default one of `sim`, or the ideal one with ``--world ideal``. Flights are kept in a file for
+each world and commit: the same command again flies those that are missing, and ``--page`` puts the
+table of all into a page.
 """
 
 from __future__ import annotations
@@ -13,14 +14,17 @@ import json
 import os
 import resource
 import signal
+import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
@@ -38,6 +42,7 @@ GROUND: Final = 0.1  # m
 MAX_DOWN: Final = 15.0  # s on the way to the ground after an agent left, or the mission failed
 MAX_IMPACT: Final = 1.0  # m/s; a drone that lands is slower
 AFTER: Final = 5.0  # s of simulation after the program has ended
+SAVING_PERIOD: Final = 10.0  # s between two writes of the results
 
 ROOM: Final[dict[str, Any]] = {
     "star": 1,
@@ -202,9 +207,9 @@ CELLS: Final = (
     Cell("5", "all landmarks covered", [{"component": "tags", "mode": "off"}], SEEING, EITHER),
     Cell("6", "cameras off", [every("camera", "off")], SEEING, EITHER),
     Cell("6", "cameras at 1 Hz", [every("camera", "slow", rate=1.0)], SEEING, EITHER),
-    Cell("6", "images dark", [every("camera", "wrong", factor=0.05)], RENDERED, EITHER, most=5),
-    Cell("6", "images cut off", [every("camera", "garbage")], RENDERED, EITHER, most=5),
-    Cell("6", "images stuck", [every("camera", "stuck")], RENDERED, EITHER, most=5),
+    Cell("6", "images dark", [every("camera", "wrong", factor=0.05)], RENDERED, EITHER, most=10),
+    Cell("6", "images cut off", [every("camera", "garbage")], RENDERED, EITHER, most=10),
+    Cell("6", "images stuck", [every("camera", "stuck")], RENDERED, EITHER, most=10),
     Cell("7", "battery of one drone reports 3.0 V", [one("battery", "wrong", factor=0.75)]),
     Cell("7", "battery of one drone not reported", [one("battery", "off")]),
     Cell("7", "battery of one drone random", [one("battery", "garbage")]),
@@ -500,37 +505,85 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         )
 
 
+def fly_missing(
+    results: dict[str, Any], missing: Sequence[tuple[int, int]], options: argparse.Namespace
+) -> None:
+    """Fly cells with seeds in processes; add what happened to the results and their file.
+
+    Args:
+        results: By name of the cell and seed.
+        missing: Indices of cells and seeds.
+        options: Of the command line.
+    """
+    end, saved = time.monotonic() + 60 * options.minutes, time.monotonic()
+    with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
+        flights = {
+            pool.submit(_flown, index, seed, options.world): f"{CELLS[index].name}/{seed}"
+            for index, seed in missing
+        }
+        for flight in as_completed(flights):
+            if flight.cancelled():
+                continue
+            key = flights[flight]
+            results[key] = flight.result()
+            if results[key]["broken"]:
+                print(key, results[key]["broken"], file=sys.stderr, flush=True)
+            if time.monotonic() >= end:
+                pool.shutdown(wait=False, cancel_futures=True)
+            if time.monotonic() >= min(saved + SAVING_PERIOD, end):
+                saved = time.monotonic()
+                _save(options.results, results)
+    _save(options.results, results)
+
+
+def _flown(index: int, seed: int, world: str) -> dict[str, Any]:
+    return flown(CELLS[index], seed, world)  # the cell itself cannot be sent to a process
+
+
+def _save(path: Path, results: Mapping[str, Any]) -> None:
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(results, indent=1), encoding="utf-8")
+    part.replace(path)
+
+
+def _commit() -> str:
+    command = "git", "-C", str(Path(__file__).parent), "describe", "--always", "--exclude=*"
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
 def main() -> None:
     """Fly what is missing, and print the table."""
     os.environ.setdefault("STAR_BLOCK_PLUGINS", "mcap")  # it starts a process for each flight
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=30)
+    parser.add_argument("--first", type=int, default=1000, help="first seed")
     parser.add_argument("--cells", default="", help="fly only cells whose names contain this")
     parser.add_argument("--rows", nargs="*", help="fly only these rows")
     parser.add_argument("--world", choices=("default", "ideal"), default="default")
-    parser.add_argument("--results", type=Path, help="runs/faults-WORLD.json if not given")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no flight later")
+    parser.add_argument("--results", type=Path, help="runs/faults-WORLD-COMMIT.json if not given")
     parser.add_argument("--page", type=Path, help="put the table into this page")
     options = parser.parse_args()
-    options.results = options.results or Path(f"runs/faults-{options.world}.json")
+    options.results = options.results or Path(f"runs/faults-{options.world}-{_commit()}.json")
     options.results.parent.mkdir(parents=True, exist_ok=True)
     results = json.loads(options.results.read_text()) if options.results.exists() else {}
-    for cell in CELLS:
-        if options.cells not in cell.name or (options.rows and cell.row not in options.rows):
-            continue
-        for seed in range(min(options.seeds, cell.most)):
-            key = f"{cell.name}/{seed}"
-            if key not in results:
-                results[key] = flown(cell, seed, options.world)
-                if results[key]["broken"]:
-                    print(key, results[key]["broken"], file=sys.stderr, flush=True)
-        options.results.write_text(json.dumps(results, indent=1))
-    lines = list(table(results))
-    print("\n".join(lines))
+    missing = [
+        (index, options.first + k)
+        for k in range(options.seeds)
+        for index, cell in enumerate(CELLS)
+        if k < cell.most
+        and options.cells in cell.name
+        and (not options.rows or cell.row in options.rows)
+        and f"{cell.name}/{options.first + k}" not in results
+    ]
+    fly_missing(results, missing, options)
+    made = "\n".join(table(results))
+    print(made)
     if options.page:
         text = options.page.read_text(encoding="utf-8")
         before, _, rest = text.partition("<!-- table -->\n")
         _, _, after = rest.partition("<!-- end -->\n")
-        made = "\n".join(lines)
         options.page.write_text(
             f"{before}<!-- table -->\n{made}\n\n<!-- end -->\n{after}", encoding="utf-8"
         )

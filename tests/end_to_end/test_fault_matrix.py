@@ -25,8 +25,8 @@ def cell(matrix: Any, name: str) -> Any:
 
 
 def test_no_fault_breaks_no_policy_and_a_broken_motor_is_attributed(matrix: Any) -> None:
-    assert matrix.flown(cell(matrix, "no fault"), 0)["broken"] == []
-    fallen = matrix.flown(cell(matrix, "a motor stops"), 0)
+    assert matrix.flown(cell(matrix, "no fault"), 0, "ideal")["broken"] == []
+    fallen = matrix.flown(cell(matrix, "a motor stops"), 0, "ideal")
     assert fallen["broken"] == []
     assert fallen["fallen"] == 1
 
