@@ -7,7 +7,7 @@ TIMES ?= 1
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check docs air bench campaign faults guardian mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check docs air bench campaign faults guardian safe-defaults mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -68,6 +68,9 @@ fuzz: $(VENV)/.ready  ## spoiled inputs of every kind (docs/fuzzing.md); long; T
 
 soak: $(VENV)/.ready  ## 30 drones over the protocol for 10 minutes: ticks, memory, files, threads; exit 1 if a bound is broken
 	$(BIN)/python benchmarks/soak.py
+
+safe-defaults: $(VENV)/.ready  ## the table of safe defaults in docs/reliability.md; long
+	$(BIN)/python benchmarks/safe_defaults.py
 
 mutants: $(VENV)/.ready  ## plant small mistakes, and print which of them the tests notice
 	$(BIN)/python benchmarks/mutants.py

@@ -122,6 +122,7 @@ def main() -> None:
         ):
             changes = [
                 f"avoider={avoider}",
+                "limits.uncertainty_margin=0",
                 f"limits.vertical_separation={SEPARATIONS[shape]}",
                 f"transport.aerodynamics={str(air).lower()}",
             ]

@@ -59,6 +59,7 @@ CROSSING: Final[dict[str, Any]] = {
     "star": 1,
     "name": "crossing",
     "world": "room.yaml",
+    "limits": {"uncertainty_margin": 0},  # faults are judged, not margins
     "swarm": {
         "cf1": {"start": [-0.8, 0.4, 0]},
         "cf2": {"start": [0.8, 0.4, 0], "yaw_deg": 180},

@@ -185,7 +185,7 @@ def for_ours(state: State) -> tuple[Any, ...]:
     radius, speed, avoids = np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_)
     nothing_else = np.empty((n, 0, 3)), np.zeros(n, np.int64)
     limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
-    return (*state, radius, speed, avoids, *nothing_else, *limits)
+    return (*state, radius, np.zeros(n), speed, avoids, *nothing_else, *limits)
 
 
 def pyrvo_with(state: State) -> Any:

@@ -20,6 +20,7 @@ from star_core.registry import Source
 
 # The world of the published figures, with voltages for its batteries, which sag less.
 IDEAL = (
+    "limits.uncertainty_margin=0",
     "transport.profile=ideal",
     "transport.controller=ideal",
     "reserve.relieve_below=3.72",

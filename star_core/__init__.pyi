@@ -44,6 +44,10 @@ from star_core.messages.events import Corrected as Corrected
 from star_core.messages.events import Event as Event
 from star_core.messages.events import Flight as Flight
 from star_core.messages.events import Tick as Tick
+from star_core.messages.position_margin import MAX_MARGIN as MAX_MARGIN
+from star_core.messages.position_margin import YIELD_TIME as YIELD_TIME
+from star_core.messages.position_margin import position_margin as position_margin
+from star_core.messages.position_margin import yielding_margin as yielding_margin
 from star_core.messages.rotations import Pose as Pose
 from star_core.messages.rotations import Transform as Transform
 from star_core.messages.rotations import quaternion_from_euler as quaternion_from_euler

@@ -23,6 +23,7 @@ from typing import (
 )
 
 if TYPE_CHECKING:
+    from star_core.messages.arrays import Array
     from star_core.messages.commands import Command
     from star_core.messages.state import Estimate, Goals, Health, Plan, Setpoint, Truth
     from star_core.messages.telemetry import Telemetry
@@ -297,10 +298,15 @@ class LocalizerSpec(MissionSpec):
     Attributes:
         corrects_heights: Whether its heights are right over obstacles too if those of the on-board
             estimators are not; if not, ``star check`` warns of agents that fly over obstacles.
+        drift: ``drift(scene, time, position, yaw, **options)`` returns the expected standard
+            deviation, (T, N) m, of the horizontal error of agents that fly along paths: at times
+            (T,), s, with positions (T, N, 3), m, and headings (T, N), rad. It is for localizers
+            whose errors grow in flight, and runs in ``star check``; None for others.
     """
 
     make: Callable[..., Localizer]
     corrects_heights: bool = False
+    drift: Callable[..., Array] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

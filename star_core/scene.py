@@ -43,6 +43,8 @@ class Limits:
             which neither is steered towards the other, m; 0 switches this off.
         vertical_separation: The same of one above the other, m. In between, the two are semi-axes
             of an ellipsoid.
+        uncertainty_margin: Number of standard deviations of its position by which the distances to
+            an agent are enlarged, at most tripled; 0 treats positions as exact.
     """
 
     speed: float = 0.5
@@ -50,6 +52,7 @@ class Limits:
     height: tuple[float, float] = (0.2, 1.8)
     separation: float = 0.2
     vertical_separation: float = 0.6
+    uncertainty_margin: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ UNLIMITED: Final[Mapping[str, Any]] = {
     "height": (-math.inf, math.inf),
     "separation": 0.0,
     "vertical_separation": 1.0,
+    "uncertainty_margin": 0.0,
 }
 
 

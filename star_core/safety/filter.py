@@ -11,6 +11,7 @@ import numpy as np
 from star_core.geometry.neighbours import Pairs, warm_up
 from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.events import Corrected
+from star_core.messages.position_margin import MAX_MARGIN, YIELD_TIME, position_margin
 from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate, Setpoint, with_possible_positions
 from star_core.scene import Scene
@@ -29,9 +30,10 @@ class SafetyFilter:
     not less. With the remaining distance x and the speed c at which it shrinks now, a setpoint may
     let it shrink by ``BRAKING_GAIN (x - LAG c)``: a drone that follows setpoints with that lag
     comes to rest without overshoot. Nor may it be faster than what the mission's acceleration stops
-    within x. Agents outside the fence or too close to another are therefore moved away. Setpoints
-    are corrected by as little as possible; if the corrections for several neighbors do not
-    converge, agents stop.
+    within x. Agents outside the fence or too close to another are therefore moved away. The
+    horizontal separation of two agents grows by the margins for their uncertain positions, which
+    yield: see `star_core.yielding_margin`. Setpoints are corrected by as little as possible; if the
+    corrections for several neighbors do not converge, agents stop.
 
     Args:
         scene: Fence, limits and tick.
@@ -46,11 +48,13 @@ class SafetyFilter:
         self._brakes = scene.limits.acceleration
         self._separation = scene.limits.separation
         self._vertical_separation = scene.limits.vertical_separation
+        self._uncertainty_margin = scene.limits.uncertainty_margin
         self._period = scene.period
         closing = 2 * self._speed
         room = closing * (LAG + max(1 / BRAKING_GAIN, scene.period + closing / (4 * self._brakes)))
         wide = math.dist(scene.world.fence.low, scene.world.fence.high)
-        widest = max(self._separation, self._vertical_separation)
+        most = 1 + MAX_MARGIN if self._uncertainty_margin else 1.0  # over the one without margins
+        widest = max(most * self._separation, self._vertical_separation)
         self.reach = widest + min(1.5 * room, wide)  # some approach faster than allowed
         self._warm_up(len(scene.agents))
 
@@ -118,6 +122,7 @@ class SafetyFilter:
             self._brakes,
             self._separation,
             self._vertical_separation,
+            position_margin(estimate.covariance, self._uncertainty_margin, self._separation / 2),
             self._period,
         )
         return inside, np.where(active[:, None], apart, inside) if len(near.first) else inside
@@ -163,6 +168,9 @@ MAX_ITERATIONS: Final = 30
 ROUNDING: Final = 1e-9
 """Share by which rounding makes the square of a speed exceed that of the greatest one."""
 
+YIELDING: Final = 1 / (BRAKING_GAIN * YIELD_TIME)
+"""Share of the room outside of the separations that margins for uncertain positions leave."""
+
 TOLERANCE: Final = 1e-3
 """Excess of the closing speed that is not corrected, m/s."""
 
@@ -181,6 +189,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
     brakes: float,
     separation: float,
     vertical_separation: float,
+    margin: Array,
     period: float,
 ) -> None:
     """Correct velocities so that agents can brake before the fence and before each other.
@@ -204,6 +213,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         brakes: Greatest deceleration, m/s².
         separation: Horizontal semi-axes of the ellipsoid around an agent that others keep free, m.
         vertical_separation: Its vertical semi-axis, m.
+        margin: (N,) for each agent's uncertain position, m.
         period: Of the ticks, s.
     """
     for row in range(len(active)):
@@ -219,6 +229,11 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         one, two = first[pair], second[pair]
         steered = int(active[one]) + int(active[two])
         room, approach = direct(direction, pair, one, two, position, flown, separation, flat)
+        wide = separation + margin[one] + margin[two]
+        if wide > separation and room > 0.0:
+            least, flatter = YIELDING * room, wide / vertical_separation
+            room, approach = direct(direction, pair, one, two, position, flown, wide, flatter)
+            room = max(room, least)
         most = approach_speed(room, approach, brakes * max(1, steered), period)
         allowed[pair] = most if steered > 0 else math.inf
     change, times = np.empty((len(apart), 3)), np.empty(len(apart))

@@ -38,7 +38,8 @@ BESIDE = 0.2  # m, `limits.separation` of first_flight.yaml, as it is if not giv
 
 
 IDEAL = [  # as drones of `Fleet` fly
-    f"--set=transport.{one}" for one in ("noise=false", "profile=ideal", "controller=ideal")
+    *(f"--set=transport.{one}" for one in ("noise=false", "profile=ideal", "controller=ideal")),
+    "--set=limits.uncertainty_margin=0",
 ]
 
 

@@ -51,12 +51,14 @@ _OPTIONS: dict[str, Any] = {
             minimum=0,
             default=0.3,
         ),
-        "uncertainty_margin": number(
-            "Number of standard deviations of its position by which an agent's "
-            "radius is enlarged, at most doubled; 0 treats positions as exact.",
-            minimum=0,
-            default=0.0,
-        ),
+        "uncertainty_margin": {
+            "type": ["number", "null"],
+            "minimum": 0,
+            "default": None,
+            "description": "Number of standard deviations of its position by which an agent's "
+            "radius is enlarged, at most tripled; 0 treats positions as exact, null is "
+            "limits.uncertainty_margin.",
+        },
     },
 }
 
@@ -72,15 +74,20 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
     )
 
 
-def _check(_scene: Scene, **options: Any) -> Iterable[Problem]:
+def _check(scene: Scene, **options: Any) -> Iterable[Problem]:
     """Require neighbours to be detected before they are too near."""
-    from star_core import Problem
+    from star_core import MAX_MARGIN, Problem
 
-    widest = (2 if options["uncertainty_margin"] else 1) * options["radius"]
-    distance, apart = options["communication_radius"], 2 * widest
-    if distance <= apart:
+    margin = options["uncertainty_margin"]
+    margin = scene.limits.uncertainty_margin if margin is None else margin
+    distance, apart = options["communication_radius"], 2 * options["radius"]
+    widest = (1 + MAX_MARGIN) * apart if margin else apart
+    if distance <= widest:
+        keep = apart if distance <= apart else widest
+        unsure = "" if distance <= apart else " whose positions are uncertain"
         yield Problem(
             ("communication_radius",),
-            f"{distance!r} m is not more than {apart:g} m, the distance to keep between two "
-            "agents: neighbours would be detected too late",
+            f"{distance!r} m is not more than {keep:g} m, the distance to keep between two "
+            f"agents{unsure}: neighbours would be detected too late",
+            warning=distance > apart,
         )

@@ -15,6 +15,7 @@ from star_core import (
     Scene,
     Setpoint,
     Transform,
+    position_margin,
     with_possible_positions,
 )
 from star_orca.kernel import orca
@@ -54,7 +55,8 @@ class Orca:
             from the positions that much later, two overlapping agents take at least that long to
             separate, and setpoints respect the scene's horizontal acceleration limit.
         uncertainty_margin: Number of standard deviations of its position by which an agent's radius
-            is enlarged, at most doubled.
+            is enlarged, at most tripled; the scene's if None. The margin yields: see
+            `star_core.yielding_margin`.
     """
 
     def __init__(  # noqa: PLR0913 -- one for each option
@@ -69,12 +71,15 @@ class Orca:
         obstacle_horizon: float,
         clearance: float | None,
         response: float,
-        uncertainty_margin: float,
+        uncertainty_margin: float | None,
     ) -> None:
         n = len(scene.agents)
         self._radius = np.full(n, float(radius))
         self._spacing = float(radius)  # m, between possible positions of a silent agent
-        self._uncertainty_margin = float(uncertainty_margin)
+        margin = (
+            scene.limits.uncertainty_margin if uncertainty_margin is None else uncertainty_margin
+        )
+        self._uncertainty_margin = float(margin)
         self._speed = np.full(n, float(scene.limits.speed))
         self._horizon = float(horizon)
         self._communication_radius = float(communication_radius)
@@ -111,7 +116,8 @@ class Orca:
             here,
             flown,
             np.array(extended.velocity, order="C"),  # writable and in C order: one set of types
-            radius + position_uncertainty(seen.covariance, self._uncertainty_margin, radius),
+            radius,
+            position_margin(seen.covariance, self._uncertainty_margin, self._spacing),
             speed,
             gives_way,
             *hard_planes(
@@ -178,24 +184,6 @@ class Orca:
         estimate = Estimate(0.0, start, still, level, covariance, every_row, odometry)
         self.avoid(estimate, Setpoint(still, level, every_row))
         self._has_setpoint = np.zeros(n, np.bool_)
-
-
-def position_uncertainty(covariance: Array, margin: float, limit: Array) -> Array:
-    """(N,) margin in the horizontal direction of the greatest uncertainty, m.
-
-    Args:
-        covariance: (N, 3, 3) of the positions, m².
-        margin: Number of standard deviations.
-        limit: (N,) greatest result, also where the covariance is not finite, m.
-    """
-    if margin == 0.0:
-        return np.zeros(len(covariance))
-    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-    with np.errstate(invalid="ignore"):  # some are not finite
-        variance = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
-        std = margin * np.sqrt(np.maximum(variance, 0.0))
-    extra: Array = np.fmin(std, limit)
-    return extra
 
 
 def hard_planes(  # noqa: PLR0913 -- what the kernel takes

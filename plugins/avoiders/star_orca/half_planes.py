@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, Rows, subroutine
-from star_orca.neighbours import AVOIDS, CLIMB, RADIUS, ROW, VX, VY, X, Y, Z
+from star_core import YIELD_TIME, Array, Rows, subroutine
+from star_orca.neighbours import AVOIDS, CLIMB, MARGIN, RADIUS, ROW, VX, VY, X, Y, Z
 
 COLUMN = 1.0  # s, in which two agents one above the other must be apart horizontally
 
@@ -30,13 +30,14 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
     relative velocity out of the velocity obstacle: half of it for a neighbour that avoids too, and
     all of it for one that does not. The velocity obstacle is that of the section of an ellipsoid,
     `vertical` high, at the least difference in height within the horizon. Two agents that already
-    overlap must be apart after one period, or after `COLUMN` if one is above the other.
+    overlap must be apart after one period, or after `COLUMN` if one is above the other. The margins
+    for uncertain positions yield: see `star_core.yielding_margin`.
 
     Two agents at the same point with the same velocity have no direction to separate along: they
     separate along x, the earlier row forwards.
 
     Args:
-        agents: (M, 13) table of `sort_into_cells`.
+        agents: (M, 14) table of `sort_into_cells`.
         me: Row in it of the avoiding agent.
         neighbours: (K,) rows in it of its neighbours.
         count: Number of these to use.
@@ -47,6 +48,7 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
         hard: Row of the first in it.
     """
     px, py, vx, vy = agents[me, X], agents[me, Y], agents[me, VX], agents[me, VY]
+    firm = max(1.0 - horizon / YIELD_TIME, 0.0)
     for k in range(count):
         other = neighbours[k]
         dx, dy = agents[other, X] - px, agents[other, Y] - py  # from me to the other
@@ -54,11 +56,16 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
         share = 0.5 if agents[other, AVOIDS] > 0.0 else 1.0
         dz = agents[other, Z] - agents[me, Z]
         then = dz + horizon * (agents[other, CLIMB] - agents[me, CLIMB])
-        widest = apart = agents[me, RADIUS] + agents[other, RADIUS]
+        margin = agents[me, MARGIN] + agents[other, MARGIN]
+        widest = apart = agents[me, RADIUS] + agents[other, RADIUS] - margin
         if dz * then > 0.0:
             least = min(abs(dz), abs(then)) / vertical
-            apart *= math.sqrt(max(1.0 - least * least, 0.0))
+            section = math.sqrt(max(1.0 - least * least, 0.0))
+            apart *= section
+            margin *= section
         squared = dx * dx + dy * dy
+        if margin > 0.0:
+            apart += min(margin, firm * max(math.sqrt(squared) - apart, 0.0))
         rate = 1.0 / horizon
         if squared <= apart * apart:
             near = squared + dz * dz <= widest * widest

@@ -13,6 +13,7 @@ from star_orca.linear_program import solve
 from star_orca.neighbours import (
     AVOIDS,
     CLIMB,
+    MARGIN,
     RADIUS,
     ROW,
     SPEED,
@@ -33,6 +34,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
     velocity: Array,
     wish: Array,
     radius: Array,
+    margin: Array,
     speed: Array,
     avoids: Mask,
     hard_planes: Array,
@@ -63,6 +65,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         velocity: (N, 3) m/s; agents without a finite velocity are treated as stationary.
         wish: (N, 3) preferred velocity, m/s.
         radius: (N,) two agents keep the sum of their radii apart in the plane, m.
+        margin: (N,) by which the radius is enlarged for an uncertain position, m.
         speed: (N,) speed limit, m/s.
         avoids: (N,) False where the agent does not give way, so that the others avoid it alone.
         hard_planes: (N, H, 3) half-planes of the fence and of obstacles, and
@@ -79,7 +82,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         (N, 3) m/s.
     """
     agents, cell, start, columns = sort_into_cells(
-        position, velocity, wish, radius, speed, avoids, communication_radius
+        position, velocity, wish, radius, margin, speed, avoids, communication_radius
     )
     limits = (communication_radius, vertical, horizon)
     neighbours, distance = np.empty(most, np.int64), np.empty(most)
@@ -142,7 +145,7 @@ def climb(
     Agents are never made to climb or sink: altitude is kept.
 
     Args:
-        agents: (M, 13) table of `star_orca.neighbours.sort_into_cells`.
+        agents: (M, 14) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the avoiding agent.
         neighbours: (K,) rows in it of its neighbours.
         count: Number of these to use.
@@ -154,7 +157,8 @@ def climb(
     for k in range(count):
         other = neighbours[k]
         dx, dy = agents[other, X] - agents[me, X], agents[other, Y] - agents[me, Y]
-        column = WITHIN * (agents[me, RADIUS] + agents[other, RADIUS])
+        margin = agents[me, MARGIN] + agents[other, MARGIN]  # which yields: not part of the column
+        column = WITHIN * (agents[me, RADIUS] + agents[other, RADIUS] - margin)
         if dx * dx + dy * dy >= column * column:
             continue
         dz = agents[other, Z] - agents[me, Z]

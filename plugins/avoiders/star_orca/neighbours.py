@@ -9,8 +9,8 @@ import numpy as np
 from star_core import Array, Mask, Rows, subroutine
 
 # Columns of the table of `sort_into_cells`: one row per agent, in the order of the cells.
-X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB, WISH_X, WISH_Y, WISH_Z, SPEED = range(13)
-COLUMNS = 13
+X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB, WISH_X, WISH_Y, WISH_Z, SPEED, MARGIN = range(14)
+COLUMNS = 14
 
 REACH = 2  # cells, half the neighbour distance wide, searched to either side
 FEW = 48  # agents: up to this number, searching all of them is faster than sorting
@@ -22,6 +22,7 @@ def sort_into_cells(
     velocity: Array,
     wish: Array,
     radius: Array,
+    margin: Array,
     speed: Array,
     avoids: Mask,
     reach: float,
@@ -40,12 +41,13 @@ def sort_into_cells(
         wish: (N, 3) preferred velocity, m/s: the expected vertical velocity of an agent that
             avoids. One that does not is expected to keep its current vertical velocity.
         radius: (N,) m.
+        margin: (N,) by which it is enlarged, m; the table has the sum as the radius.
         speed: (N,) speed limit, m/s.
         avoids: (N,) whether the agent gives way.
         reach: Search radius, m.
 
     Returns:
-        (M, 13) table with the columns named above, (M,) cell of each of its rows, (C + 1,) row at
+        (M, 14) table with the columns named above, (M,) cell of each of its rows, (C + 1,) row at
         which each cell begins, and the number of cells along x.
     """
     where, columns, rows = cells(position, reach)
@@ -70,7 +72,7 @@ def sort_into_cells(
         agents[k, X], agents[k, Y], agents[k, Z] = position[i, 0], position[i, 1], position[i, 2]
         agents[k, VX] = velocity[i, 0] if moves else 0.0
         agents[k, VY] = velocity[i, 1] if moves else 0.0
-        agents[k, RADIUS] = radius[i]
+        agents[k, RADIUS], agents[k, MARGIN] = radius[i] + margin[i], margin[i]
         agents[k, AVOIDS] = 1.0 if avoids[i] else 0.0
         agents[k, ROW] = i
         climb = wish[i, 2] if avoids[i] else velocity[i, 2]
@@ -129,7 +131,7 @@ def nearest(
     Agents that are out of range in height, and stay so as both climb or sink, are skipped.
 
     Args:
-        agents: (M, 13) table of `sort_into_cells`.
+        agents: (M, 14) table of `sort_into_cells`.
         me: Row in it of the agent whose neighbours are searched.
         cell: The cell it is in.
         start: (C + 1,) row at which each cell begins.

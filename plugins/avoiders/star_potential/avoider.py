@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Scene, Setpoint, with_possible_positions
+from star_core import (
+    Array,
+    Estimate,
+    Mask,
+    Scene,
+    Setpoint,
+    position_margin,
+    with_possible_positions,
+    yielding_margin,
+)
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
+HORIZON = 1.0  # s, in which repulsion stops an approach, about
 MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height
 
 
@@ -19,6 +29,8 @@ class Potential:
     twice the speed limit, and the resulting velocity is limited to the speed limit. Such fields
     have local minima in which an agent stays: a known property of the method, and the reason for
     the other avoiders.
+
+    The distance of contact is enlarged for uncertain positions, at most tripled.
 
     The arguments beside the scene are the options of the schema.
     """
@@ -33,6 +45,7 @@ class Potential:
     ) -> None:
         self._radius, self._reach, self._gain = radius, reach, gain
         self._vertical = scene.limits.vertical_separation
+        self._uncertainty_margin = scene.limits.uncertainty_margin
         self._speed = scene.limits.speed
         rows = [
             (*a, *b, *obstacle.height)
@@ -48,13 +61,14 @@ class Potential:
         pushed = wanted.active & estimate.valid
         there = np.asarray(np.isfinite(estimate.position).all(axis=1))
         position = np.where(there[:, None], estimate.position, 0.0)
-        push = self._from_agents(position, there) + self._from_obstacles(position)
+        margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
+        push = self._from_agents(position, there, margin) + self._from_obstacles(position)
         velocity = wanted.velocity.copy()
         velocity[:, :2] += np.where(pushed[:, None], push, 0.0)
         answer = np.where(pushed[:, None], self._cut(velocity), velocity)
         return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
 
-    def _from_agents(self, position: Array, there: Mask) -> Array:
+    def _from_agents(self, position: Array, there: Mask, margin: Array) -> Array:
         """(N, 2) repulsion of other agents, m/s; agents at one point separate along x, by row."""
         n = len(position)
         away = position[:, None] - position  # (N, N, 3), from column to row
@@ -62,6 +76,8 @@ class Potential:
         direction = away[..., :2] / np.maximum(distance, NOTHING)[..., None]
         order = np.sign(np.arange(n) - np.arange(n)[:, None])  # 1 right of the diagonal
         direction[..., 0] += np.where(distance <= NOTHING, order, 0.0)
+        room = distance - 2 * self._radius
+        distance = distance - yielding_margin(margin + margin[:, None], room, HORIZON)
         near = there & there[:, None] & (np.abs(away[..., 2]) <= self._vertical)
         strength = np.where(near & ~np.eye(n, dtype=bool), self._strength(distance, 2), 0.0)
         return np.asarray(np.einsum("ij,ijk->ik", strength, direction))

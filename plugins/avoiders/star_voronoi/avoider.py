@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Scene, Setpoint, compiled, with_possible_positions
+from star_core import (
+    Array,
+    Estimate,
+    Mask,
+    Scene,
+    Setpoint,
+    compiled,
+    position_margin,
+    with_possible_positions,
+    yielding_margin,
+)
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
 MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height
@@ -20,6 +30,7 @@ class Voronoi:
     that agents that stay in their cells do not collide. Cells do not depend on the velocities of
     other agents; the border to an agent that does not avoid is drawn at that agent's circle. An
     agent that others block turns right. Vertically, agents above each other approach ever slower.
+    The radius is enlarged for uncertain positions, at most tripled.
 
     The arguments beside the scene are the options of the schema.
     """
@@ -27,6 +38,7 @@ class Voronoi:
     def __init__(self, scene: Scene, *, radius: float, horizon: float) -> None:
         self._radius, self._horizon = radius, horizon
         self._vertical = scene.limits.vertical_separation
+        self._uncertainty_margin = scene.limits.uncertainty_margin
         self._speed = scene.limits.speed
         self._reach = self._speed * horizon + radius  # m: farther borders have no effect
         within(np.zeros((1, 3)), np.zeros((1, 1, 2)), np.zeros((1, 1)))  # compile before flight
@@ -41,7 +53,8 @@ class Voronoi:
         there = np.asarray(np.isfinite(estimate.position).all(axis=1))
         position = np.where(there[:, None], estimate.position, 0.0)
         wish = np.ascontiguousarray(np.where(avoids[:, None], wanted.velocity, 0.0))
-        normal, room = self._agents(position, there, avoids)
+        margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
+        normal, room = self._agents(position, there, avoids, margin)
         wall, space = self._obstacles(position)
         normal = np.ascontiguousarray(np.concatenate([wall, normal], axis=1))
         most = np.concatenate([space, room], axis=1) / self._horizon
@@ -57,7 +70,9 @@ class Voronoi:
         answer = np.where(avoids[:, None], velocity, wanted.velocity)
         return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
 
-    def _agents(self, position: Array, there: Mask, avoids: Mask) -> tuple[Array, Array]:
+    def _agents(
+        self, position: Array, there: Mask, avoids: Mask, margin: Array
+    ) -> tuple[Array, Array]:
         """Borders to other agents: (N, N, 2) unit vectors towards them and (N, N) room, m."""
         n = len(position)
         towards = position - position[:, None]  # (N, N, 3), from row to column
@@ -65,7 +80,9 @@ class Voronoi:
         direction = towards[..., :2] / np.maximum(distance, NOTHING)[..., None]
         order = np.sign(np.arange(n)[:, None] - np.arange(n))
         direction[..., 0] += (distance <= NOTHING) * order  # the first of two goes forwards
-        room = np.where(avoids, distance / 2 - self._radius, distance - 2 * self._radius)
+        share = np.where(avoids, 0.5, 1.0)  # of the distance
+        room = share * distance - 2 * share * self._radius
+        room -= yielding_margin(share * (margin + margin[:, None]), room, self._horizon)
         none = ~there | (np.abs(towards[..., 2]) > self._vertical) | np.eye(n, dtype=bool)
         return direction, np.where(none | (room > self._reach), np.inf, room)
 

@@ -37,6 +37,7 @@ MISSIONS: Final = "missions"
 
 SPEED: Final = 0.5  # m/s
 ACCELERATION: Final = 2.0  # m/s²: the limits of the repository's missions
+EXACT: Final = f"height: [{LOW}, {HIGH}], uncertainty_margin: 0"  # no margins are compared
 RATE: Final = 20  # Hz
 TIMEOUT_FACTOR: Final = 4.0  # of a leg, times its longest straight flight
 TIMEOUT_MARGIN: Final = 20.0  # s: the last agent has waited for all others
@@ -110,7 +111,7 @@ def mission_lines(case: Case, scenario: Scenario) -> Iterator[str]:
     yield f"world: worlds/{case.name}.yaml"
     yield f"seed: {case.seed}"
     yield f"rate: {RATE}"
-    yield f"limits: {{speed: {SPEED}, acceleration: {ACCELERATION}, height: [{LOW}, {HIGH}]}}"
+    yield f"limits: {{speed: {SPEED}, acceleration: {ACCELERATION}, {EXACT}}}"
     yield "swarm:"
     for name, start in zip(names, scenario.starts, strict=True):
         yield f"  {name}: {{start: {_flow([*start, 0.0])}}}"

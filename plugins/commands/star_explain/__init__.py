@@ -10,6 +10,8 @@ from star_core import CommandSpec, actions, deferred, fill_defaults, hookimpl
 if TYPE_CHECKING:
     from star_core import Mission, Problem, Registry
 
+MOST_COMPARED = 100  # agents: comparing the pairs of more takes many seconds
+
 
 @hookimpl
 def star_commands() -> Iterator[CommandSpec]:
@@ -31,10 +33,17 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         and registry.find("task", step.verb).offer.exclusive is None
         for step in actions(mission.steps)
     )
-    if blocked or timed or follows_surfaces(mission, registry):
+    limits = mission.scene.limits
+    drifts = (
+        registry.find("localizer", mission.parts["localizer"].use).offer.drift is not None
+        and 1 < len(mission.scene.agents) <= MOST_COMPARED
+        and limits.separation > 0
+        and limits.uncertainty_margin > 0
+    )
+    if blocked or timed or drifts or follows_surfaces(mission, registry):
         from star_explain.problems import problems
 
-        yield from problems(mission, registry)
+        yield from problems(mission, registry, drifts=drifts)
 
 
 def follows_surfaces(mission: Mission, registry: Registry) -> bool:

@@ -31,6 +31,7 @@ from star_core import (
 )
 from star_explain import follows_surfaces
 from star_explain.dry_run_swarm import NO_TIME, DryRunSwarm
+from star_explain.tracks import Tracks
 from star_explain.words import seconds
 
 TICK: Final = 0.1  # s, of the dry run: a smaller one does not change points that fly straight
@@ -116,7 +117,13 @@ Part: TypeAlias = StepResult | Group
 
 def dry_run(mission: Mission, registry: Registry) -> Group:
     """Return the dry-run results of a mission's steps."""
-    return _DryRun(mission, registry).sequence(mission.steps, 1, 0.0)
+    return dry_run_with_tracks(mission, registry)[0]
+
+
+def dry_run_with_tracks(mission: Mission, registry: Registry) -> tuple[Group, Tracks]:
+    """Return the dry-run results of a mission's steps, and where its agents are meanwhile."""
+    run = _DryRun(mission, registry)
+    return run.sequence(mission.steps, 1, 0.0), run.tracks
 
 
 def corners(path: Array) -> Array:
@@ -142,6 +149,9 @@ class _DryRun:
     Args:
         mission: Mission to run.
         registry: Registry of its verbs.
+
+    Attributes:
+        tracks: Where the agents are.
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
@@ -149,6 +159,7 @@ class _DryRun:
         self._scene = replace(mission.scene, realtime=True, period=TICK)
         self._registry = registry
         self._swarm = DryRunSwarm(self._scene)
+        self.tracks = Tracks(self._scene)
         self._out = set(mission.reserve_rows)
         self._ignores_obstacles = not registry.find(
             "planner", mission.parts["planner"].use
@@ -163,10 +174,12 @@ class _DryRun:
     def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
         """Run steps in sequence; of several repetitions only the first is run."""
         parts: list[Part] = []
+        first, marks = begun, self.tracks.marks
         for node in nodes:
             part = self._node(node, begun)
             begun += part.takes or 0.0
             parts.append(part)
+        self.tracks.repeat(marks, times, begun - first)
         return Group(at_once=False, times=times, parts=tuple(parts))
 
     def _node(self, node: Any, begun: float) -> Part:
@@ -262,6 +275,8 @@ class _DryRun:
                 self._swarm.execute(command, now)
             self._swarm.move(goals, rows, now + TICK)
             self._track.append(self._swarm.position[[*rows]])
+            swarm = self._swarm
+            self.tracks.add(now + TICK, rows, swarm.position, swarm.yaw, swarm.phase)
             if self._ignores_obstacles:
                 self._note_obstacles(rows)
             if self._surfaces_matter:

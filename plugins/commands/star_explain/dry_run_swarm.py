@@ -36,6 +36,7 @@ class DryRunSwarm:
         scene: The mission's scene.
         position: (N, 3) m.
         phase: (N,) `AgentPhase`.
+        yaw: (N,) rad.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -44,7 +45,7 @@ class DryRunSwarm:
         self.position: Array = np.array([agent.start for agent in scene.agents], np.float64)
         self.phase: Rows = np.full(n, int(AgentPhase.GROUNDED))
         self._velocity: Array = np.zeros((n, 3))
-        self._yaw: Array = np.array([agent.yaw for agent in scene.agents], np.float64)
+        self.yaw: Array = np.array([agent.yaw for agent in scene.agents], np.float64)
         self._ready = np.full(n, np.inf)  # s, end of the current on-board command
         self._height = np.zeros(n)  # m, height at that time
         self._targets = len(dict.fromkeys(tag.of for tag in scene.world.targets))
@@ -56,7 +57,7 @@ class DryRunSwarm:
             time=time,
             position=self.position.copy(),
             velocity=self._velocity.copy(),
-            yaw=self._yaw.copy(),
+            yaw=self.yaw.copy(),
             covariance=np.zeros((n, 3, 3)),
             valid=np.ones(n, np.bool_),
             map_from_odom=Transform(np.zeros(n), np.zeros((n, 3))),
@@ -100,4 +101,4 @@ class DryRunSwarm:
         step = way * min(1.0, speed * self.scene.period / far) if far > 0 else way
         self.position[row] += step
         self._velocity[row] = step / self.scene.period
-        self._yaw[row] = goals.yaw[row]
+        self.yaw[row] = goals.yaw[row]

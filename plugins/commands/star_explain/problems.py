@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from star_core import Mission, Problem, Registry
-from star_explain.dry_run import Part, StepResult, dry_run
+from star_explain.drift import drift_problems
+from star_explain.dry_run import Part, StepResult, dry_run_with_tracks
 
 
-def problems(mission: Mission, registry: Registry) -> Iterator[Problem]:
-    """Yield what a dry run finds: timeouts, and obstacles in the way of agents or below them."""
+def problems(mission: Mission, registry: Registry, *, drifts: bool) -> Iterator[Problem]:
+    """Yield what a dry run finds: timeouts, and obstacles in the way of agents or below them.
+
+    If positions drift, also agents that come too near to each other for that.
+    """
     avoider = registry.find("avoider", mission.parts["avoider"].use).offer
     others = [
         name
@@ -17,16 +21,19 @@ def problems(mission: Mission, registry: Registry) -> Iterator[Problem]:
         if registry.find("planner", name).offer.avoids_obstacles
     ]
     hint = f"; use planner {' or '.join(others)}, or waypoints around it" if others else ""
-    for result in _steps(dry_run(mission, registry)):
-        path = (*result.action.path, result.action.verb)
-        if result.late and result.given:
-            text = f"{result.action.verb} {result.fault}"
+    result, tracks = dry_run_with_tracks(mission, registry)
+    for step in _steps(result):
+        path = (*step.action.path, step.action.verb)
+        if step.late and step.given:
+            text = f"{step.action.verb} {step.fault}"
             yield Problem((*path, "timeout"), text, "timeout-too-short")
-        for blocked in result.blocked:
+        for blocked in step.blocked:
             text = f"{blocked}: planner {mission.parts['planner'].use!r} ignores obstacles{hint}"
             yield Problem(path, text, "path-blocked", warning=avoider.avoids_obstacles)
-        for surface in result.surfaces:
+        for surface in step.surfaces:
             yield Problem(path, surface, "over-obstacle", warning=True)
+    if drifts:
+        yield from drift_problems(mission, registry, tracks)
 
 
 def _steps(part: Part) -> Iterator[StepResult]:

@@ -7,17 +7,21 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Scene
+from star_core import Array, Scene, position_margin
 
-YAW_BIAS = math.radians(0.17)  # rad/s, gyro bias that remains after calibration, per flight
+YAW_BIAS = math.radians(0.2)  # rad/s, gyro bias that remains after calibration, per flight
 SCALE = 0.05  # relative error of a displacement by height and focal length, per flight
 FLOOR = 2 * 0.045**2 * 0.7  # m²/m: 4.5 % error of scale with the floor, correlated over 0.7 m
 TEXTURE = 3 * FLOOR  # three laps over one floor repeat its error, which triples the variance
-NOISE = 3.0e-4  # m²/s, white noise of one count in each flow sample of 10 ms
-START = 0.02  # m, std of an agent's manual placement
+NOISE = 1.1e-3  # m²/s, white noise of two counts in each flow sample of 10 ms, at 0.8 m
+START = 0.05  # m, std of an agent's manual placement, and while the estimated tilt settles
 START_YAW = math.radians(1.0)  # rad, std of its heading
 HEIGHT = 0.02  # m, std of z, which the range sensor measures without drift
 MIN_STEP = 1e-9  # m, shorter steps count as this long
+
+# Velocity errors along each axis of the body: constant, and by a gyro whose bias wanders.
+VELOCITY_STD = np.array([0.004, 0.0058])  # m/s
+VELOCITY_RATE = np.array([0.0, 1 / 30.0])  # 1/s, one over the correlation time
 
 
 class Drift:
@@ -28,36 +32,57 @@ class Drift:
     an initial heading error rotates, the displacement ``r``. Random walks are the floor's texture,
     along the path, and the sensor's noise, in all directions. The covariance in x and y is
 
-    ``START² I + NOISE t I + TEXTURE sum(dp dp' / |dp|) + YAW_BIAS² Jm (Jm)' + SCALE² r r'
+    ``START² I + (NOISE t + w) I + TEXTURE sum(dp dp' / |dp|) + YAW_BIAS² Jm (Jm)' + SCALE² r r'
     + START_YAW² Jr (Jr)'``
 
-    where ``J`` rotates by 90°; z is independent, with ``HEIGHT²``.
+    where ``J`` rotates by 90°, and ``w`` is the variance by errors of the velocity. These are
+    first-order Gauss-Markov processes along the axes of the body, which turn with it: with standard
+    deviation ``s``, rate ``a`` and heading ``psi``, the covariance ``c`` of position and velocity
+    follows ``dc/dt = s² - (a + i dpsi/dt) c`` in the complex plane, and ``dw/dt = 2 Re c``. So they
+    cancel over a turn, but not in a hover. z is independent, with ``HEIGHT²``.
 
     Args:
         start: (N, 3) initial positions, map frame, m.
+        yaw: (N,) initial headings, rad.
     """
 
-    def __init__(self, start: Array) -> None:
+    def __init__(self, start: Array, yaw: Array) -> None:
         self._start: Array = start[:, :2].copy()
         self._last = self._start
-        self._began: float | None = None
+        self._time: float | None = None
+        self._began = 0.0
+        self._yaw = yaw
         self._texture = np.zeros((len(start), 2, 2))  # m²
         self._moment = np.zeros((len(start), 2))  # m s
+        self._coupling = np.zeros((len(start), 2), np.complex128)  # m²/s, of each velocity error
+        self._walked = np.zeros(len(start))  # m²
 
-    def covariance(self, time: float, position: Array) -> Array:
-        """Return the (N, 3, 3) covariance, m², at `time`, s, after a move to `position` (N, 3), m.
+    def covariance(self, time: float, position: Array, yaw: Array) -> Array:
+        """Return the (N, 3, 3) covariance, m², at a time after a move.
 
         Drift grows from the time of the first call.
+
+        Args:
+            time: Mission time, s.
+            position: (N, 3) m.
+            yaw: (N,) headings, rad.
         """
-        if self._began is None:
-            self._began = time
-        elapsed = time - self._began
+        if self._time is None:
+            self._time = self._began = time
+        period, elapsed = time - self._time, time - self._began
+        self._time = time
         here = position[:, :2]
         step = here - self._last
         self._last = here
         self._moment += elapsed * step
         length = np.maximum(np.hypot(step[:, 0], step[:, 1]), MIN_STEP)
         self._texture += (TEXTURE / length)[:, None, None] * step[:, :, None] * step[:, None]
+        self._coupling *= np.exp(
+            -period * VELOCITY_RATE - 1j * (yaw - self._yaw)[:, None]  # of any turns: 2 pi is none
+        )
+        self._coupling += period * VELOCITY_STD**2
+        self._walked += 2 * period * self._coupling.real.sum(axis=1)
+        self._yaw = yaw
         away = here - self._start
         deviations = np.stack(
             [
@@ -69,15 +94,35 @@ class Drift:
         )  # (N, 3, 2) m, of one standard deviation of each constant error
         covariance = np.zeros((len(position), 3, 3))
         covariance[:, :2, :2] = self._texture + deviations.swapaxes(1, 2) @ deviations
-        covariance[:, [0, 1, 2], [0, 1, 2]] += [*[START**2 + NOISE * elapsed] * 2, HEIGHT**2]
+        level = START**2 + NOISE * elapsed + self._walked
+        covariance[:, [0, 1], [0, 1]] += level[:, None]
+        covariance[:, 2, 2] = HEIGHT**2
         return covariance
+
+
+def expected_std(
+    scene: Scene, time: Array, position: Array, yaw: Array, *, error_std: float, **_options: object
+) -> Array:
+    """Return the greatest standard deviation in the plane along paths: (T, N) m.
+
+    Args:
+        scene: Agents.
+        time: (T,) s.
+        position: (T, N, 3) m.
+        yaw: (T, N) rad.
+        error_std: The artificial error, m.
+    """
+    drift = Drift(np.array([agent.start for agent in scene.agents]), yaw[0])
+    rows = zip(time.tolist(), position, yaw, strict=True)
+    covariance = [drift.covariance(*row) + error_std**2 * np.eye(3) for row in rows]
+    return np.array([position_margin(one, 1.0, math.inf) for one in covariance])
 
 
 def heading_variance(elapsed: float) -> float:
     """Return the variance of a dead-reckoned heading `elapsed` s after its beginning, rad².
 
     >>> round(math.degrees(math.sqrt(heading_variance(60.0))), 1)
-    10.2
+    12.0
     """
     return START_YAW**2 + (YAW_BIAS * elapsed) ** 2
 

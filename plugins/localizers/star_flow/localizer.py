@@ -39,7 +39,7 @@ class Flow:
         )
         self._reckoned = self._position = self._map_from_odom.translation
         self._yaw = self._map_from_odom.yaw
-        self._drift = Drift(self._reckoned)
+        self._drift = Drift(self._reckoned, self._yaw)
         self._targets = TargetSightings(scene, latency=latency)
 
     def locate(self, telemetry: Telemetry) -> Estimate:
@@ -51,7 +51,8 @@ class Flow:
         shown = self._reckoned + self._error.at(telemetry.time)
         self._position = np.where(known[:, None], shown, self._position)
         self._yaw = np.where(known, yaw, self._yaw)
-        covariance = self._drift.covariance(telemetry.time, self._reckoned) + self._variance
+        covariance = self._drift.covariance(telemetry.time, self._reckoned, self._yaw)
+        covariance += self._variance
         return Estimate(
             time=telemetry.time,
             position=self._position,

@@ -276,7 +276,7 @@ def test_a_misspelt_key_and_the_key_that_is_missing_for_it_are_both_named() -> N
 def test_a_key_that_resembles_none_is_answered_by_all_there_are() -> None:
     assert fault("name", "name: swap\nlimits: {z: 1}") == (
         "m.yaml:3:10: limits: unknown key 'z'; expected one of: speed, acceleration, "
-        "height, separation, vertical_separation [unknown-option]"
+        "height, separation, vertical_separation, uncertainty_margin [unknown-option]"
     )
 
 

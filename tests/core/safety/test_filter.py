@@ -25,7 +25,9 @@ def scene(n: int) -> Scene:
         agents=tuple(Agent(f"cf{i}", (0.0, 0.0, 0.0)) for i in range(n)),
         period=TICK,
         world=World("room", FENCE),
-        limits=Limits(SPEED, BRAKES, separation=APART, vertical_separation=ABOVE),
+        limits=Limits(
+            SPEED, BRAKES, separation=APART, vertical_separation=ABOVE, uncertainty_margin=0.0
+        ),
     )
 
 
@@ -283,3 +285,30 @@ def test_a_setpoint_that_is_half_too_fast_is_slowed_and_counted() -> None:
     velocity, corrected = filtered([[0.0, 0.0, 1.0]], [[1.5 * SPEED, 0.0, 0.0]])
     assert velocity[0] == pytest.approx([SPEED, 0.0, 0.0])
     assert corrected.speed.tolist() == [True]
+
+
+def approach(distance: float, std: float, margin: float) -> float:
+    """Return the speed, m/s, at which two agents are let approach each other at a distance, m."""
+    room = scene(2)
+    guard = SafetyFilter(replace(room, limits=replace(room.limits, uncertainty_margin=margin)))
+    now = estimate(np.array([[0.0, 0.0, 1.0], [distance, 0.0, 1.0]]))
+    now = replace(now, covariance=np.tile(np.diag([std**2, std**2, 0.0]), (2, 1, 1)))
+    wanted = setpoint([[SPEED, 0, 0], [-SPEED, 0, 0]])
+    sent, _ = apply(guard, now, wanted, wanted)
+    return float(sent.velocity[0, 0] - sent.velocity[1, 0])
+
+
+def test_agents_brake_earlier_for_uncertain_positions() -> None:
+    assert approach(0.6, std=0.025, margin=2.0) == pytest.approx(approach(0.5, 0.0, 2.0), abs=2e-3)
+
+
+def test_the_distance_for_uncertain_positions_is_at_most_tripled() -> None:
+    assert approach(0.8, std=5.0, margin=2.0) == pytest.approx(approach(0.4, 0.0, 2.0), abs=2e-3)
+
+
+def test_agents_whose_goals_are_near_still_reach_them_however_uncertain() -> None:
+    assert 0.0 < approach(0.3, std=5.0, margin=2.0) < 0.25 * approach(0.3, std=5.0, margin=0.0)
+
+
+def test_without_a_margin_positions_are_exact() -> None:
+    assert approach(0.5, std=5.0, margin=0.0) == approach(0.5, std=0.0, margin=0.0)

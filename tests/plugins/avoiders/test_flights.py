@@ -41,8 +41,10 @@ def made(name: str, around: Scene, **options: Any) -> Avoider:
     return part
 
 
-def fly(avoider: Avoider, around: Scene, start: Array, goal: Array, seconds: float) -> Flown:
-    """Fly straight towards the goals for a while."""
+def fly(
+    avoider: Avoider, around: Scene, start: Array, goal: Array, seconds: float, std: float = 0.0
+) -> Flown:
+    """Fly straight towards the goals for a while, with positions of a standard deviation, m."""
     n = len(start)
     position, velocity = start.copy(), np.zeros_like(start)
     separation = clearance = np.inf
@@ -51,7 +53,9 @@ def fly(avoider: Avoider, around: Scene, start: Array, goal: Array, seconds: flo
         distance = np.linalg.norm(way, axis=1, keepdims=True)
         wish = way * np.minimum(1.5, SPEED / np.maximum(distance, 1e-9))
         wanted = Setpoint(wish, np.zeros(n), np.ones(n, np.bool_))
-        told = avoider.avoid(estimate(position, velocity=velocity), wanted).velocity
+        now = estimate(position, velocity=velocity)
+        now = replace(now, covariance=np.tile(std**2 * np.eye(3), (n, 1, 1)))
+        told = avoider.avoid(now, wanted).velocity
         assert np.linalg.norm(told, axis=1).max() <= SPEED + 1e-9
         for _ in range(5):
             velocity = velocity + (told - velocity) * (around.period / 5 / LAG)
@@ -225,3 +229,22 @@ def test_nothing_is_compiled_in_flight() -> None:
         wanted = Setpoint(wish, np.zeros(3), np.ones(3, np.bool_))
         avoider.avoid(estimate(np.asarray(np.eye(3), order=order)), wanted)
     assert len(kernel.signatures) == known
+
+
+@pytest.mark.parametrize("name", ["orca", "voronoi", "potential"])
+def test_agents_pass_at_a_greater_distance_if_their_positions_are_uncertain(name: str) -> None:
+    around, start = room(2), np.array([[-1.5, 0.0, 0.8], [1.5, 0.02, 0.8]])
+    exact, uncertain = (
+        fly(made(name, around), around, start, start * [-1, 1, 1], 20.0, std=std)
+        for std in (0.0, 0.1)
+    )
+    assert uncertain.separation > exact.separation + 0.1
+    assert max(exact.missing.max(), uncertain.missing.max()) < 0.1 or name == "potential"
+
+
+@pytest.mark.parametrize("name", ["orca", "voronoi"])
+def test_agents_reach_goals_near_to_each_other_however_uncertain(name: str) -> None:
+    around, start = room(2), np.array([[-1.5, 0.0, 0.8], [1.5, 0.0, 0.8]])
+    goal = np.array([[-0.25, 0.0, 0.8], [0.25, 0.0, 0.8]])
+    flown = fly(made(name, around, radius=0.15), around, start, goal, 30.0, std=2.0)
+    assert flown.missing.max() < 0.1

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from star_core import Array
+from star_core import YIELD_TIME, Array
 from star_orca.half_planes import half_planes
+from star_orca.neighbours import CLIMB, COLUMNS, MARGIN
 
 HORIZON, PERIOD, RADIUS, VERTICAL = 2.0, 0.1, 0.2, 0.6
 APART = 2 * RADIUS
@@ -25,14 +26,15 @@ def plane(
     avoids: bool = True,
     above: float = 0.0,
     climb: float = 0.0,
+    margin: float = 0.0,
 ) -> Array:
     """The half-plane of an agent at the origin beside one at `away`, `above` it and climbing."""
-    agents = np.array(
-        [
-            [0, 0, 0, *mine, RADIUS, 1, 0, 0],
-            [*away, above, *theirs, RADIUS, avoids, 1, climb],
-        ]
-    )
+    agents = np.zeros((2, COLUMNS))
+    agents[:, : CLIMB + 1] = [
+        [0, 0, 0, *mine, RADIUS + margin, 1, 0, 0],
+        [*away, above, *theirs, RADIUS + margin, avoids, 1, climb],
+    ]
+    agents[:, MARGIN] = margin
     planes = np.empty((1, 3))
     half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, VERTICAL, planes, 0)
     (only,) = planes
@@ -134,3 +136,20 @@ def test_agents_at_different_heights_keep_the_section_of_an_ellipsoid_apart(
 def test_agents_as_far_above_each_other_as_the_ellipsoid_is_high_need_no_distance() -> None:
     a, b, c = plane((1.0, 0.0), (0.9, 0.0), (0.0, 0.0), above=VERTICAL)
     assert a * 0.9 + b * 0.0 == pytest.approx(c)
+
+
+def test_agents_that_are_far_enough_apart_pass_at_the_radii_with_their_margins() -> None:
+    a, b, c = plane((2.0, 0.0), (0.5, 0.0), (-0.5, 0.0), margin=0.1)
+    closing = np.array([1.0, 0.0]) + 2 * (c - a * 0.5) * np.array([a, b])
+    assert nearest_approach(np.array([2.0, 0.0]), closing, HORIZON) == pytest.approx(APART + 0.2)
+
+
+def test_within_the_margins_agents_may_still_come_nearer_slowly() -> None:
+    a, b, c = plane((0.6, 0.0), (0.0, 0.0), (0.0, 0.0), margin=0.2)  # 0.2 m beyond the radii
+    assert (a, b) == pytest.approx((-1.0, 0.0))
+    assert -c == pytest.approx(0.2 / YIELD_TIME / 2)  # m/s, its half of the approach
+
+
+def test_no_agent_is_pushed_away_for_a_margin() -> None:
+    for distance in (APART + 1e-6, 0.5, 0.6):
+        assert plane((distance, 0.0), (0.0, 0.0), (0.0, 0.0), margin=0.2)[2] <= 0.0

@@ -20,7 +20,14 @@ def found(
     if climb is not None:
         climbs[:, 2] = climb
     agents, cell, start, columns = sort_into_cells(
-        position, np.zeros((n, 3)), climbs, np.zeros(n), np.ones(n), np.ones(n, np.bool_), distance
+        position,
+        np.zeros((n, 3)),
+        climbs,
+        np.zeros(n),
+        np.zeros(n),
+        np.ones(n),
+        np.ones(n, np.bool_),
+        distance,
     )
     neighbours = {}
     for me in range(len(agents)):

@@ -51,7 +51,8 @@ def ask(  # noqa: PLR0913 -- the kernel has more
         clearance=RADIUS,
         virtual=virtual,
     )
-    return cast("Array", kernel(*tables, np.full(n, RADIUS), speed, avoiding, *hard, *limits))
+    size = np.full(n, RADIUS), np.zeros(n)
+    return cast("Array", kernel(*tables, *size, speed, avoiding, *hard, *limits))
 
 
 def crowd(n: int, seed: int = 0) -> tuple[Array, Array, Array]:

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import star_orca
 from star_core import Array, Avoider, AvoiderSpec, Limits, Problem, Scene, Setpoint, fill_defaults
 from star_core.testing import estimate, scene
-from star_orca.avoider import Orca, position_uncertainty
+from star_orca.avoider import Orca
 
 SPEED = 0.5
 HEAD_ON = np.array([[-0.4, 0.0, 0.8], [0.4, 0.0, 0.8]])
@@ -79,43 +78,33 @@ def test_a_wider_radius_keeps_agents_further_apart() -> None:
     assert fly(start, start * [-1, -1, 1], radius=0.35) >= 0.7 - 1e-3
 
 
-def unsure(spread: Array, turn: float = 0.0) -> Array:
-    """(1, 3, 3) covariance with these standard deviations along x, y and z, turned about z."""
-    turned = Rotation.from_euler("z", turn).as_matrix()
-    covariance: Array = (turned @ np.diag(np.square(spread)) @ turned.T)[None]
-    return covariance
-
-
-@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2, 2.0])
-def test_an_agent_is_wider_by_what_its_place_is_unsure_along_its_worst_direction(
-    turn: float,
-) -> None:
-    covariance = unsure(np.array([0.05, 0.02, 0.9]), turn)
-    assert position_uncertainty(covariance, 2.0, np.full(1, 0.2)) == pytest.approx([0.1])
-
-
-@pytest.mark.parametrize("value", [1.0, np.inf, np.nan])
-def test_no_agent_is_more_than_twice_as_wide_for_it(value: float) -> None:
-    assert position_uncertainty(np.full((1, 3, 3), value), 2.0, np.full(1, 0.2)) == pytest.approx(
-        [0.2]
-    )
-
-
-@pytest.mark.parametrize("value", [1.0, np.nan])
-def test_without_a_margin_no_agent_is_wider(value: float) -> None:
-    assert position_uncertainty(np.full((1, 3, 3), value), 0.0, np.full(1, 0.2)).tolist() == [0.0]
-
-
 def test_unsure_agents_are_avoided_as_wider_ones() -> None:
-    spread = unsure(np.array([0.06, 0.06, 0.0]))
-    now = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER)
+    spread = np.diag(np.square([0.06, 0.06, 0.0]))[None]
+    now = estimate(HEAD_ON * [2, 1, 1], velocity=TOWARDS_EACH_OTHER)
     uncertain = replace(now, covariance=np.concatenate([spread, 0 * spread]))
     wish = wanted(TOWARDS_EACH_OTHER)
     enlarged = orca(scene(2), radius=0.2, uncertainty_margin=2.0).avoid(uncertain, wish)
-    wider = orca(scene(2), radius=0.2 + 0.06).avoid(now, wish)  # each by half of what one is off
+    wider = orca(scene(2), radius=0.2 + 0.06, uncertainty_margin=0.0).avoid(
+        now, wish
+    )  # each by half of what one is off
     assert enlarged.velocity == pytest.approx(wider.velocity)
-    exact = orca(scene(2), radius=0.2).avoid(uncertain, wish)
+    exact = orca(scene(2), radius=0.2, uncertainty_margin=0.0).avoid(uncertain, wish)
     assert not np.allclose(exact.velocity, enlarged.velocity)
+
+
+def test_by_default_agents_are_wider_by_the_margin_of_the_mission() -> None:
+    now = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER)
+    now = replace(now, covariance=np.tile(np.diag([0.0036, 0.0036, 0.0]), (2, 1, 1)))
+    wish, exact = wanted(TOWARDS_EACH_OTHER), Limits(uncertainty_margin=0.0)
+    by_default = orca(scene(2)).avoid(now, wish).velocity
+    assert by_default == pytest.approx(
+        orca(scene(2), uncertainty_margin=2.0).avoid(now, wish).velocity
+    )
+    treated = orca(scene(2, limits=exact)).avoid(now, wish).velocity
+    assert treated == pytest.approx(
+        orca(scene(2), uncertainty_margin=0.0).avoid(now, wish).velocity
+    )
+    assert not np.allclose(by_default, treated)
 
 
 def test_an_agent_gets_round_one_that_is_in_the_way_but_does_not_avoid() -> None:
@@ -232,13 +221,14 @@ def checked(**given: float) -> list[Problem]:
 
 
 def test_neighbours_must_be_seen_by_uncertain_agents_too() -> None:
-    assert not checked(radius=0.2, communication_radius=0.7)
-    (problem,) = checked(radius=0.2, communication_radius=0.7, uncertainty_margin=1.0)
-    assert "0.8 m" in problem.message
+    assert not checked(radius=0.2, communication_radius=1.1, uncertainty_margin=0.0)
+    (problem,) = checked(radius=0.2, communication_radius=1.1)
+    assert "1.2 m" in problem.message
+    assert problem.warning
 
 
 def test_a_communication_radius_within_the_radii_is_refused() -> None:
-    (problem,) = checked(radius=0.5, communication_radius=0.9)
+    (problem,) = checked(radius=0.5, communication_radius=0.9, uncertainty_margin=0.0)
     assert problem.path == ("communication_radius",)
     assert problem.message == (
         "0.9 m is not more than 1 m, the distance to keep between two agents: "

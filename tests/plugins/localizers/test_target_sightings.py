@@ -229,7 +229,7 @@ def test_the_covariance_holds_the_agents_own_and_what_its_heading_drifts() -> No
 
 def test_a_heading_is_less_sure_the_longer_ago_it_was_known() -> None:
     assert heading_variance(0.0) == pytest.approx(math.radians(1.0) ** 2)
-    assert math.sqrt(heading_variance(600.0)) == pytest.approx(math.radians(102), rel=0.01)
+    assert math.sqrt(heading_variance(600.0)) == pytest.approx(math.radians(120), rel=0.01)
 
 
 def test_landmarks_and_unknown_numbers_are_no_targets() -> None:

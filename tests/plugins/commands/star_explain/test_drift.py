@@ -1,0 +1,87 @@
+"""Agents that come nearer to each other than the drift of their positions permits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from star_core import Registry
+from star_core.cli.check import check_file
+from star_core.testing import scene
+from star_explain.tracks import Tracks
+
+WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 2.2]}\n"
+MISSION = """\
+star: 1
+name: hover
+world: hall.yaml
+swarm:
+  cf1: {start: [0, 0, 0]}
+  cf2: {start: [1.2, 0, 0]}
+transport: sim
+localizer: {use: flow}
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.8}
+  - hold: {for: 5}
+  - land: {}
+"""
+
+
+def warnings(folder: Path, *changes: str) -> list[str]:
+    """Return the warnings of a hover with some changes."""
+    (folder / "hall.yaml").write_text(WORLD)
+    (folder / "hover.yaml").write_text(MISSION)
+    return [*check_file(folder / "hover.yaml", changes, Registry())[1]]
+
+
+def test_a_short_flight_side_by_side_is_safe(tmp_path: Path) -> None:
+    assert warnings(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "change", ["mission.1.hold.for=60", "swarm.cf2.start=[0.5, 0, 0]", "localizer.error_std=0.5"]
+)
+def test_flights_too_long_too_near_or_too_inexact_are_warned_of(
+    tmp_path: Path, change: str
+) -> None:
+    (found,) = warnings(tmp_path, change)
+    assert found.split(": warning: ")[0].endswith("hover.yaml:8:12")
+    assert "cf1, cf2 are" in found
+    assert found.endswith("[drift-exceeds-separation]")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "swarm.cf2.start=[6, 0, 0]",
+        "limits.uncertainty_margin=0",
+        "limits.separation=0",
+    ],
+)
+def test_agents_far_apart_or_with_exact_positions_are_not_warned_of(
+    tmp_path: Path, change: str
+) -> None:
+    assert warnings(tmp_path, "mission.1.hold.for=60", change) == []
+
+
+def test_repeated_steps_count_as_often_as_they_are_flown(tmp_path: Path) -> None:
+    steps = "mission.1={repeat: {times: %d, steps: [{hold: {for: 5}}]}}"
+    assert warnings(tmp_path, steps % 1) == []
+    assert "after about 6" in warnings(tmp_path, steps % 12)[0]
+
+
+def test_a_track_is_repeated_and_between_its_points_an_agent_is_on_the_line() -> None:
+    tracks = Tracks(scene(1))
+    start = np.array(scene(1).agents[0].start)
+    marks = tracks.marks
+    for time, x in ((1.0, 1.0), (2.0, 0.0)):
+        tracks.add(time, (0,), start + np.array([[x, 0, 0]]), np.zeros(1), np.array([2]))
+    tracks.repeat(marks, 3, 2.0)
+    times, position, _, airborne = tracks.sampled(0.5)
+    assert times[-1] >= 6.0
+    assert position[:7, 0, 0] - start[0] == pytest.approx([0, 0.5, 1, 0.5, 0, 0.5, 1])
+    assert airborne[2:, 0].all()
