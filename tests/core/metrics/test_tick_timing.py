@@ -11,6 +11,7 @@ import pytest
 from star_core import AvoiderSpec, Event, Registry, TransportSpec, fly, hookimpl, load
 from star_core.cli.run import format_summary
 from star_core.metrics.timing import REPORT_INTERVAL, TickTiming
+from star_sim import ideal_world
 from star_sim.airframe import STEP
 from star_sim.transport import Simulator
 
@@ -92,7 +93,12 @@ class Slow:
                 slow.clock = max(slow.clock, until)
                 return super().wait(slow.clock)
 
-        yield TransportSpec(name="wall", summary="Goes by the clock.", make=RealTime, realtime=True)
+        yield TransportSpec(
+            name="wall",
+            summary="Goes by the clock.",
+            make=lambda scene: RealTime(scene, **ideal_world()),
+            realtime=True,
+        )
 
     @hookimpl
     def star_avoiders(self) -> Iterator[AvoiderSpec]:
