@@ -59,7 +59,6 @@ CROSSING: Final[dict[str, Any]] = {
     "star": 1,
     "name": "crossing",
     "world": "room.yaml",
-    "limits": {"uncertainty_margin": 0},  # faults are judged, not margins
     "swarm": {
         "cf1": {"start": [-0.8, 0.4, 0]},
         "cf2": {"start": [0.8, 0.4, 0], "yaw_deg": 180},
@@ -519,25 +518,25 @@ def fly_missing(
     end, saved = time.monotonic() + 60 * options.minutes, time.monotonic()
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         flights = {
-            pool.submit(_flown, index, seed, options.world): f"{CELLS[index].name}/{seed}"
+            pool.submit(_flown, index, seed, options.world, end): f"{CELLS[index].name}/{seed}"
             for index, seed in missing
         }
         for flight in as_completed(flights):
-            if flight.cancelled():
+            key, verdict = flights[flight], flight.result()
+            if verdict is None:
                 continue
-            key = flights[flight]
-            results[key] = flight.result()
-            if results[key]["broken"]:
-                print(key, results[key]["broken"], file=sys.stderr, flush=True)
-            if time.monotonic() >= end:
-                pool.shutdown(wait=False, cancel_futures=True)
-            if time.monotonic() >= min(saved + SAVING_PERIOD, end):
+            results[key] = verdict
+            if verdict["broken"]:
+                print(key, verdict["broken"], file=sys.stderr, flush=True)
+            if time.monotonic() >= saved + SAVING_PERIOD:
                 saved = time.monotonic()
                 _save(options.results, results)
     _save(options.results, results)
 
 
-def _flown(index: int, seed: int, world: str) -> dict[str, Any]:
+def _flown(index: int, seed: int, world: str, end: float) -> dict[str, Any] | None:
+    if time.monotonic() >= end:
+        return None
     return flown(CELLS[index], seed, world)  # the cell itself cannot be sent to a process
 
 
