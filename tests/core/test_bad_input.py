@@ -54,7 +54,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
-    """Run ``star``, see that it refuses and leaves nothing behind, and return what it says."""
+    """Run ``star``, see that it refuses and leaves nothing behind, and return its errors."""
 
     def run(*arguments: str) -> list[str]:
         before = sorted(Path().rglob("*"))

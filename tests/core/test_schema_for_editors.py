@@ -20,14 +20,14 @@ COUNT = re.compile(
     r"|per second of|rows|columns|gray value|port|processes|images)\b",
     re.IGNORECASE,
 )
-"""What a description says of a number that has no unit."""
+"""How descriptions name a number without a unit."""
 
 ABSENT = re.compile(
     r"not given|by default|the default for|give this or|needed (with|for)|derived|needs none"
     r"|without one",
     re.IGNORECASE,
 )
-"""How a description says what it means that an option without a default is not there."""
+"""How descriptions explain the absence of an option without a default."""
 
 
 class Property(NamedTuple):

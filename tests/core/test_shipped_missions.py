@@ -1,4 +1,4 @@
-"""What ships in ``missions/``: enough to copy from, short, and told in its README."""
+"""What ships in ``missions/``: enough to copy from, short, and listed in its README."""
 
 from __future__ import annotations
 

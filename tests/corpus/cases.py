@@ -110,7 +110,7 @@ def _read(topic: str) -> Iterator[Case]:
 
 
 def _files(body: str, base: Mapping[str, str]) -> tuple[dict[str, bytes], list[Expected]]:
-    """Return the files of a case, and what has to be told of them."""
+    """Return the files of a case, and the errors that they must cause."""
     marks = [
         Expected.of(found["file"], found["line"], found["words"])
         for line in body.splitlines()

@@ -1,4 +1,4 @@
-"""Every file of the corpus, each with one fault: told on its line, in words one can act on."""
+"""Every file of the corpus, each with one fault: reported on its line, with what to do."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ TICKS = 2.0  # s: what beginning and ending a step takes
 
 
 class Witness:
-    """Keeps what observers are told, and how long the steps that began may take.
+    """Keeps what observers receive, and how long the steps that began may take.
 
     Attributes:
         phase: Of each agent, last.
@@ -105,7 +105,7 @@ def ends_well(case: Case) -> Mapping[str, Any]:
 
 
 def accounted(summary: Mapping[str, Any], witness: Witness) -> None:
-    """Check that every agent is on the ground, or in an event that says what became of it."""
+    """Check that every agent is on the ground, or in an event that explains its end."""
     told = [e for e in summary["events"] if e["kind"] in {"failure", "safety", "interrupt"}]
     assert all(e["time"] >= 0 and e["text"] for e in told)
     for row, name in enumerate(summary["agents"]):

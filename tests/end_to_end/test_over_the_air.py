@@ -121,7 +121,7 @@ def over_the_air(
 
 
 def decks(scene: Scene, wifi: Wifi) -> str:
-    """The transport's option that says where cameras are."""
+    """The transport's option with the addresses of the cameras."""
     named = (f"{scene.agents[row].name}: '{place}'" for row, place in wifi.cameras.items())
     return f"cameras: {{{', '.join(named)}}}, " if wifi.cameras else ""
 

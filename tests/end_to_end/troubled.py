@@ -1,4 +1,4 @@
-"""The installed plugins, whose parts do what is wrong when a trouble says so."""
+"""The installed plugins, whose outputs a trouble makes wrong."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ ERROR: Final = {
 
 
 def refused(packet: bytes, answers: list[bytes]) -> bool:
-    """Whether a datagram was certainly refused, by what the protocol says of it and its answer."""
+    """Whether a datagram was certainly refused, by the protocol and its answer."""
     parts = split(packet)
     if parts is None or is_null(packet) or parts[0] not in set(Port):
         return True
@@ -172,7 +172,7 @@ def refused(packet: bytes, answers: list[bytes]) -> bool:
 
 
 def known(fleet: Fleet) -> tuple[Any, ...]:
-    """All that the first vehicle and its firmware keep, but for who listens."""
+    """All that the first vehicle and its firmware keep, but for its clients."""
     vehicle = fleet.vehicles[0]
     return (
         fleet.simulator.drones[0].tobytes(),

@@ -91,7 +91,7 @@ def main() -> int:
 def start(
     stack: ExitStack, command: list[str], env: dict[str, str], said: Path
 ) -> subprocess.Popen[bytes]:
-    """Start a program that ends with the stack; what it says goes to a file."""
+    """Start a program that ends with the stack; its output goes to a file."""
     log = stack.enter_context(said.open("wb"))
     process = subprocess.Popen(command, env=env, stdout=log, stderr=subprocess.STDOUT)
     stack.callback(process.wait)

@@ -1,4 +1,4 @@
-"""What is heavy is imported by who needs it, with a third party's plugin installed too."""
+"""What is heavy is imported where it is needed, with a third party's plugin installed too."""
 
 from __future__ import annotations
 

@@ -368,7 +368,7 @@ FENCE = "is outside the fence, from [-2, -2, 0] to [2, 2, 2] [outside-geofence]"
 
 @pytest.fixture
 def refused(said: Said) -> Callable[..., list[str]]:
-    """Run ``star``, see that it refuses and leaves nothing behind, and return what it says."""
+    """Run ``star``, see that it refuses and leaves nothing behind, and return its errors."""
 
     def star(*arguments: str) -> list[str]:
         before = sorted(Path().rglob("*"))

@@ -1,4 +1,4 @@
-"""A half-plane is where the velocity obstacle's nearest way out says it is."""
+"""A half-plane is bounded by the velocity obstacle's nearest way out."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ Run: TypeAlias = tuple[Path, dict[str, Any], list[Tick]]
 
 
 class Watcher:
-    """An observer that keeps the ticks it is told of."""
+    """An observer that keeps the ticks."""
 
     def __init__(self) -> None:
         self.ticks: list[Tick] = []
@@ -361,7 +361,7 @@ def test_ticks_without_a_truth_are_nan_before_and_after_the_first_one_that_has_i
 
 
 class Heard(Simulator):
-    """A simulator that says how strong its radio is at every other tick."""
+    """A simulator that reports its signal strength at every other tick."""
 
     asked = 0
 

@@ -1,4 +1,4 @@
-"""Where ``star run`` records, what it refuses to record into, and what it says of it."""
+"""Where ``star run`` records, and what it refuses to record into."""
 
 from __future__ import annotations
 

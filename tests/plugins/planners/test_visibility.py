@@ -479,7 +479,7 @@ assert known() == before, set(known()) ^ set(before)
 
 
 def parted() -> tuple[Obstacle, ...]:
-    """A wall that nobody passes, and blocks of many heights: it takes long to find no way."""
+    """A closed wall, and blocks of many heights: it takes long to find no way."""
     random = np.random.default_rng(4)
     blocks = [
         Obstacle(

@@ -1,4 +1,4 @@
-"""Shortest paths among obstacles: as long as an independent search says, and never through one."""
+"""Shortest paths among obstacles: as long as an independent search finds, never through one."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ GOTO = "goto: {by: [0, 0.1, 0]}"
 
 
 def faults(*steps: str) -> list[str]:
-    """What is told of a mission with these steps, each on a line of its own from the first."""
+    """The errors of a mission with these steps, each on a line of its own from the first."""
     Path("m.yaml").write_text(
         HEAD.replace("agents: cf3", "agents: [cf3]") + "".join(f"  - {step}\n" for step in steps)
     )

@@ -40,7 +40,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def faults(*steps: str, head: str = MISSION) -> list[str]:
-    """What is told of a mission with these steps, the first on line 1."""
+    """The errors of a mission with these steps, the first on line 1."""
     Path("m.yaml").write_text(head + "".join(f"  - {step}\n" for step in steps))
     try:
         load(Path("m.yaml"), Registry())
@@ -103,7 +103,7 @@ NEAR = "safety.fence_near would land every agent that flies within"
 
 
 def safe(within: float, head: str = MISSION) -> str:
-    """A mission's beginning with a rule for who is near the fence."""
+    """A mission's beginning with a rule for agents near the fence."""
     rule = f"safety: {{fence_near: {{within: {within}}}}}\n"
     return head.replace("transport", f"{rule}transport", 1)
 

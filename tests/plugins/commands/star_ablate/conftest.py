@@ -1,4 +1,4 @@
-"""A short mission to study, and a plugin that ends its process, raises or hangs when told to."""
+"""A short mission to study, and a plugin that ends its process, raises or hangs on request."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ mission:
   - land: {}
 """
 WRECKER = '''
-"""Avoider ``wrecker``: avoids nobody, and does harm when it is made or used."""
+"""Avoider ``wrecker``: avoids no agent, and does harm when it is made or used."""
 
 import os
 import signal
@@ -68,7 +68,7 @@ def star_avoiders():
 
 @pytest.fixture(scope="session")
 def laid_out() -> Callable[[Path], Write]:
-    """Lays two equal missions out, ``hop.yaml`` and ``jump.yaml``, and tells how to study them."""
+    """Lays two equal missions out, ``hop.yaml`` and ``jump.yaml``; returns a writer of studies."""
 
     def lay_out(folder: Path) -> Write:
         (folder / "lab" / "studies").mkdir(parents=True)

@@ -39,7 +39,7 @@ def worker(tmp_path: Path) -> Iterator[Worker]:
 
 
 def alive(process: int) -> bool:
-    """Whether a process runs; one that has ended and that nobody asked after does not."""
+    """Whether a process runs; one that has ended and was not waited for does not."""
     try:
         state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
     except FileNotFoundError:

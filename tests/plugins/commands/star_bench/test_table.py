@@ -1,4 +1,4 @@
-"""What is told of single flights, and how the table sums it up."""
+"""What is reported of single flights, and how the table sums it up."""
 
 from __future__ import annotations
 

@@ -195,7 +195,7 @@ def test_a_program_from_outside_is_not_waited_for_and_its_port_stays_shut(
 
 
 class Alone:
-    """Offers a verb that waits for somebody outside, or is alone and done at once."""
+    """Offers a verb that waits for another process, or is alone and done at once."""
 
     @hookimpl
     def star_tasks(self) -> Iterator[TaskSpec]:

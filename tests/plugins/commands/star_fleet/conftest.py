@@ -80,7 +80,7 @@ class Bench:
         return struct.unpack("<" + form, packet[5:])
 
     def state(self) -> Supervisor:
-        """What the supervisor says on its port."""
+        """The supervisor's answers on its port."""
         (answer,) = self.ask(Port.SUPERVISOR, 0, b"\x0c")
         assert answer[0] == 0x8C
         return Supervisor(int.from_bytes(answer[1:], "little") & 0x3FF)

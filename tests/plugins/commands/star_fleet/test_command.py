@@ -24,7 +24,7 @@ EYES = str(MISSIONS / "three_eyes.yaml")
 
 
 def free(count: int = 1) -> int:
-    """A port that nobody has, to be served at, nor those after it of so many."""
+    """The first of so many free ports in a row."""
     while True:
         with ExitStack() as taken, suppress(OSError, OverflowError):
             first = taken.enter_context(socket.create_server(("127.0.0.1", 0)))
@@ -35,7 +35,7 @@ def free(count: int = 1) -> int:
 
 
 def called(port: int) -> socket.socket:
-    """Call a port until somebody answers."""
+    """Connect to a port until there is an answer."""
     for _ in range(600):
         with suppress(OSError):
             return socket.create_connection(("127.0.0.1", port))

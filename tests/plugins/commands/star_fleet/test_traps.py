@@ -193,7 +193,7 @@ def test_the_watchdog_stops_drones_without_a_setpoint_for_a_second(
 
 
 def full_state(yaw_rate: float) -> bytes:
-    """What cflib packs for a hover and this rate; its words say deg/s, the wire says mrad/s."""
+    """What cflib packs for a hover and this rate: documented as deg/s, sent as mrad/s."""
     commander: Any = pytest.importorskip("cflib.crazyflie.commander")
     sent: list[Any] = []
     client = commander.Commander(SimpleNamespace(send_packet=sent.append))

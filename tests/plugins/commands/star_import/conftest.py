@@ -41,7 +41,7 @@ def place() -> Callable[[str, str], str]:
 
 @pytest.fixture
 def take(capsys: pytest.CaptureFixture[str]) -> Import:
-    """Import files, and return what was told."""
+    """Import files, and return what was reported."""
 
     def took(*arguments: str) -> list[str]:
         assert main(arguments) == 0

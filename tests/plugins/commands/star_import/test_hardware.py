@@ -31,7 +31,7 @@ april_tags:
 
 @pytest.fixture
 def swarm(place: Put, take: Import) -> Swarm:
-    """Import robots with some more keys each, types and what is for all; return what was told."""
+    """Import robots with some more keys each, types and what is for all; return the messages."""
 
     def imported(*robots: str, types: str = "{}", every: str = "{}", files: str = "") -> list[str]:
         lines = (

@@ -1,4 +1,4 @@
-"""A browser's side of viser's protocol: what a page shows, and an operator who uses it."""
+"""A browser's side of viser's protocol: what a page shows, and an operator's input."""
 
 from __future__ import annotations
 

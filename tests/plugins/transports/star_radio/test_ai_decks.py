@@ -54,7 +54,7 @@ SAID = "star_radio.camera.ai_decks"
 
 @pytest.fixture
 def free() -> int:
-    """A port that nobody listens at."""
+    """A port without a listener."""
     with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port: int = taken.getsockname()[1]
     return port

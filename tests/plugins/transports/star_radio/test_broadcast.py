@@ -1,4 +1,4 @@
-"""Broadcasts: their bytes, what the dongle is told, and which orders are broadcast at all."""
+"""Broadcasts: their bytes, what the dongle receives, and which orders are broadcast at all."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.plugins.transports.star_radio.conftest import options, reached
 
 
 class Dongle:
-    """A Crazyradio that writes down what it is told."""
+    """A Crazyradio that keeps what it receives."""
 
     def __init__(self) -> None:
         self.told: list[tuple[int, int, bytes]] = []
@@ -272,7 +272,7 @@ WHAT = {
 
 @pytest.fixture
 def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tuple[str, str]]]]:
-    """Make a connected radio that broadcasts, and what it says, to whom, in order."""
+    """Make a connected radio that broadcasts, and its packets and their receivers, in order."""
 
     def make() -> tuple[Radio, list[tuple[str, str]]]:
         log: list[tuple[str, str]] = []

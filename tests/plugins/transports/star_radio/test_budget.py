@@ -1,4 +1,4 @@
-"""What a Crazyradio can serve, and what the check says when it cannot."""
+"""What a Crazyradio can serve, and what the check reports when it cannot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening the links: what is set up, what is refused, and who is named."""
+"""Opening the links: what is set up, what is refused, and which agents are named."""
 
 from __future__ import annotations
 

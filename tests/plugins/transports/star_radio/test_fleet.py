@@ -107,7 +107,7 @@ class Flight:
         )
 
     def down(self) -> bool:
-        """Land, and say whether everybody is on the ground for good."""
+        """Land, and return whether all drones stay on the ground."""
         self.order(Order.LAND)
         return self.until(lambda now: finished(now) and not flying(now))
 

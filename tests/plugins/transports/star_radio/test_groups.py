@@ -171,7 +171,7 @@ Aloud: TypeAlias = Callable[..., Radio]
 
 @pytest.fixture
 def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
-    """Make a radio over UDP that broadcasts too: everybody with a link hears it."""
+    """Make a radio over UDP that broadcasts too: all drones with a link receive it."""
 
     def make(uris: list[str], groups: Groups, air: Air, **how: str) -> Radio:
         clock = udp_links.UdpLinks()
@@ -238,7 +238,7 @@ TRIO = {"pair": (0, 1)}
 
 
 def told(drone: Peer) -> list[bytes]:
-    """The stops that a drone was told."""
+    """The stops that a drone received."""
     return [payload for payload in drone.sent_to(8, 0) if payload[0] == STOP[1]]
 
 

@@ -1,4 +1,4 @@
-"""What ``docs/hardware.md`` tells to run is understood, and its missions can be flown."""
+"""What ``docs/hardware.md`` lists to run is understood, and its missions can be flown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A link whose driver blocks, fails or lies: nobody waits, and nobody else suffers."""
+"""A link whose driver blocks, fails or lies delays neither the flight nor other links."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from tests.plugins.transports.star_radio.conftest import reached
 
 
 def found(uris: list[str | None], **options: Any) -> list[str]:
-    """Return what the check says of agents with these addresses."""
+    """Return the errors of agents with these addresses."""
     room = scene(len(uris))
     agents = (
         dataclasses.replace(agent, uri=uri) for agent, uri in zip(room.agents, uris, strict=True)

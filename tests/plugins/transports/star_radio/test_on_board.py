@@ -60,7 +60,7 @@ def ticks(radio: Radio, n: int) -> list[Any]:
 
 
 def begins(drone: Any) -> list[bytes]:
-    """What it was told to fly."""
+    """What it was commanded to fly."""
     return [payload for payload in drone.sent_to(8, 0) if payload[0] == 13]
 
 

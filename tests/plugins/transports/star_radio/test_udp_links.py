@@ -17,7 +17,7 @@ from tests.plugins.transports.star_radio.conftest import Open, Peers
 
 
 class Listener:
-    """An ear that keeps what it is told."""
+    """A listener that keeps what it receives."""
 
     def __init__(self) -> None:
         self.heard: list[bytes] = []

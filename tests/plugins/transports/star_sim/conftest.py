@@ -1,4 +1,4 @@
-"""A simulated swarm that is told in one line what to do."""
+"""A simulated swarm that a line of code commands."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def picture() -> Image:
 
 @pytest.fixture
 def until() -> Callable[[Callable[[], object]], bool]:
-    """Waits until something holds, and says whether it came to that."""
+    """Waits until something holds, and returns whether it did."""
 
     def wait(holds: Callable[[], object], within: float = 5.0) -> bool:
         deadline = time.monotonic() + within

@@ -1,4 +1,4 @@
-"""A camera is read whatever its deck does, and nobody waits for it."""
+"""A camera is read whatever its deck does, and delays nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulated deck streams as a deck does, and waits for nobody."""
+"""A simulated deck streams as a deck does, and waits for no client."""
 
 from __future__ import annotations
 
