@@ -45,7 +45,8 @@ def series(run: Run) -> Iterator[tuple[str, str, Figure]]:
         yield (
             "Position error",
             "Distance between estimate and ground truth in the air. Dotted: three standard "
-            "deviations by the estimate's covariance.",
+            "deviations by the estimate's covariance. The figures at the top leave out take-offs "
+            "and landings.",
             over_time(lines, "error (m)"),
         )
     for title, caption, nearest, obstacles, level in (

@@ -14,6 +14,7 @@ from star_report.series import airborne, clearance, positions, separation
 
 OBSTACLE, FENCE, LANDMARK, TARGET = "#9aa0a6", "#3c8d40", "#1f4e9c", "#c77700"
 REPLAY_RATE: Final = 10.0  # Hz
+MARGIN: Final = 0.1  # m, around the geofence
 
 
 def top_view(run: Run) -> Figure:
@@ -89,10 +90,13 @@ def top_view(run: Run) -> Figure:
     return {
         "data": data,
         "layout": {
-            "xaxis": {"title": {"text": "x (m)"}, "zeroline": False, "constrain": "domain"},
+            "xaxis": {
+                "title": {"text": "x (m)"}, "zeroline": False, "constrain": "domain",
+                "range": [low[0] - MARGIN, high[0] + MARGIN],
+            },
             "yaxis": {
                 "title": {"text": "y (m)"}, "zeroline": False, "scaleanchor": "x",
-                "scaleratio": 1,
+                "scaleratio": 1, "range": [low[1] - MARGIN, high[1] + MARGIN],
             },
             "shapes": shapes, "annotations": names, "height": 560,
         },
