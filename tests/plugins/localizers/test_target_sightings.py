@@ -265,7 +265,7 @@ def test_an_agent_heard_for_the_first_time_in_flight_sees_at_once() -> None:
     assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
 
 
-def test_corners_that_are_no_numbers_are_exclude() -> None:
+def test_corners_that_are_no_numbers_are_excluded() -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0)))
     found = detections((100, np.full((4, 2), np.nan)), taken=0.0, arrived=0.1)

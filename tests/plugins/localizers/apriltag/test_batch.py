@@ -56,7 +56,7 @@ def test_an_image_counts_for_when_it_arrived() -> None:
     assert follower.anchor.time in arrivals
 
 
-def test_an_image_of_another_size_is_exclude(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_image_of_another_size_is_excluded(caplog: pytest.LogCaptureFixture) -> None:
     circle = Circle(10)
     made = localizer(room([circle], TAGS), method="batch")
     one = np.zeros(1)

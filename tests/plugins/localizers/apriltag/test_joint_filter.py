@@ -25,6 +25,7 @@ from star_apriltag.dead_reckoning import (
     Z,
     body_velocity,
     carried,
+    predict,
     start,
 )
 from star_apriltag.joint_filter import CAMERA, FOCAL, LANDMARK, Deviations, JointFilter
@@ -171,6 +172,15 @@ def test_it_learns_scale_and_misalignment_and_yaw_bias() -> None:
     velocity = body_velocity(flight.filter.anchor, flight.track.at(40.0))
     assert velocity == pytest.approx(SPEED, abs=0.02 * SPEED)
     assert flight.filter.anchor.yaw_bias == pytest.approx(bias, rel=0.2)
+
+
+def test_the_yaw_rate_is_the_derivative_of_the_yaw() -> None:
+    circle = Circle(20)
+    anchor = start(circle.agent())
+    anchor.mean[YAW_BIAS] = 0.05  # rad/s
+    now, later = (predict(anchor, time, odometry(circle), HEIGHT) for time in (10.0, 10.5))
+    turned = math.remainder(later.yaw - now.yaw, 2 * math.pi)
+    assert now.yaw_rate == pytest.approx(turned / 0.5, abs=1e-3)
 
 
 def test_it_learns_how_the_camera_is_turned() -> None:

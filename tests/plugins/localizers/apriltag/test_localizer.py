@@ -191,7 +191,7 @@ def test_detections_are_published_with_the_time_of_their_image(
     assert not len(made.locate(telemetry([circle], 0.7)).detections.tag)
 
 
-def test_an_image_of_an_agent_without_a_camera_is_exclude() -> None:
+def test_an_image_of_an_agent_without_a_camera_is_excluded() -> None:
     circle = Circle(1)
     made = localizer(room([circle], TAGS, camera=None))
     assert finite(made.locate(framed(telemetry([circle], 0.5), blank())))
@@ -233,7 +233,7 @@ def restamped(by: float, heard: Telemetry) -> Telemetry:
 
 
 @pytest.mark.parametrize("by", [-100.0, 100.0, 1e9])
-def test_images_whose_clock_is_wrong_are_exclude(by: float) -> None:
+def test_images_whose_clock_is_wrong_are_excluded(by: float) -> None:
     circle = Circle(4)
     wrong = flown(
         localizer(room([circle], TAGS)), [circle], 4.0, TAGS, change=partial(restamped, by)
@@ -361,7 +361,7 @@ def test_two_flights_are_the_same_to_the_last_bit() -> None:
 
 
 @pytest.mark.parametrize("taken", [math.nan, -1.0, 0.0])
-def test_a_camera_that_saw_before_the_mission_began_is_exclude(taken: float) -> None:
+def test_a_camera_that_saw_before_the_mission_began_is_excluded(taken: float) -> None:
     circle = Circle(1)
     heard = telemetry([circle], 0.1, TAGS, taken=0.0)
     n = len(heard.detections.tag)

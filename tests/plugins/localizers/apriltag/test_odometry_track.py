@@ -157,7 +157,7 @@ def test_samples_that_go_backwards_or_have_no_time_are_ignored(times: list[float
     assert made.between(0.0, 0.3).shift == pytest.approx(0.3)
 
 
-def test_samples_older_than_those_of_the_last_tick_are_exclude() -> None:
+def test_samples_older_than_those_of_the_last_tick_are_excluded() -> None:
     made = even(1.0)
     made.add(stream([0.4], np.full((1, 3), 9.0), np.zeros(1)), np.arange(1))
     assert made.newest == pytest.approx(1.0)
@@ -165,7 +165,7 @@ def test_samples_older_than_those_of_the_last_tick_are_exclude() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_samples_that_are_not_finite_are_exclude(value: float) -> None:
+def test_samples_that_are_not_finite_are_excluded(value: float) -> None:
     made = even(1.0)
     made.add(stream([1.1, 1.2], np.array([[value, 0, 0], [1.0, 0, 0]]), np.zeros(2)), np.arange(2))
     assert made.between(0.0, 1.2).shift == pytest.approx(1.2)
