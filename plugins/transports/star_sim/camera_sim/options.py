@@ -56,11 +56,11 @@ def camera_options(profile: ErrorProfile = IDEAL, /, **given: Any) -> CameraOpti
 
 
 def _number(default: float, maximum: float, description: str) -> dict[str, Any]:
-    return {"default": default, **of_profile(maximum, description)}
+    return {**of_profile(maximum, description), "default": default, "description": description}
 
 
 def _count(maximum: int, description: str) -> dict[str, Any]:
-    return {"default": 0, **of_profile(maximum, description), "type": "integer"}
+    return {**_number(0, maximum, description), "type": "integer"}
 
 
 def of_profile(maximum: float, description: str) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Obstacle, Order, Transform
 from star_sim.airframe import CYCLE, GRAVITY
+from star_sim.camera_sim.options import OPTIONS
 from star_sim.drone import standing
 from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
 from star_sim.sensors import Wander, draw_errors, draw_texture
@@ -214,3 +215,8 @@ def test_drones_drift_in_both_profiles(
     back = Transform(drones["origin_yaw"], drones["origin"]).inverse()
     drift = (flight.telemetry.position - back.apply(flight.position))[:, :2]
     assert low < np.median(np.linalg.norm(drift, axis=1)) < high
+
+
+def test_an_option_of_the_camera_has_a_default_or_takes_that_of_the_profile() -> None:
+    for name, option in OPTIONS["properties"].items():
+        assert ("default" in option) != ("by default" in option["description"]), name
