@@ -138,6 +138,9 @@ def _hint(breach: Breach, wanted: list[str]) -> str:
         return "; put it in quotes"
     if wanted == ["array"] and isinstance(value, dict):
         return _as_list(breach)
+    if wanted == ["array"] and isinstance(value, str):
+        names = breach.rules.get("items", {}).get("type") == "string"
+        return f"; write it `{text}`" if names and (text := short_flow([value])) else ""
     if wanted == ["object"]:
         return _as_map(breach)
     return _as_number(breach) if {"number", "integer"}.intersection(wanted) else ""
