@@ -158,6 +158,8 @@ def _readable(stream: BinaryIO) -> Iterator[McapRecord | None]:
 
 def _unpacked(chunk: Chunk) -> Iterable[McapRecord | None]:
     """Return the records of a chunk; None if they are damaged."""
+    if chunk.uncompressed_size > MAX_RECORD:
+        return [None]
     try:
         return breakup_chunk(chunk, validate_crc=True)
     except DAMAGE:

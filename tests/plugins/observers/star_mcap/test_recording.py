@@ -252,6 +252,23 @@ def test_a_damaged_chunk_costs_its_own_messages_only(
         assert sum(1 for _ in reader.iter_messages()) == after.messages
 
 
+@pytest.mark.parametrize("size", [1 << 40, (1 << 64) - 1])
+def test_a_chunk_that_claims_to_be_huge_is_not_unpacked(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
+    monkeypatch.setattr(writer, "CHUNK", 64 * 1024)
+    broken = tmp_path / FILE
+    broken.write_bytes((run / FILE).read_bytes())
+    before = recover(broken)
+    content = bytearray(broken.read_bytes())
+    at = content.index(b"zstd") - 16  # of its size, before a checksum and the length of the name
+    content[at : at + 8] = size.to_bytes(8, "little")
+    broken.write_bytes(content)
+    after = recover(broken)
+    assert 0 < after.messages < before.messages
+    assert after.lost > 0
+
+
 def test_a_recording_of_which_nothing_can_be_read_is_kept(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
