@@ -28,6 +28,7 @@ DAMAGE: Final = (
     LookupError,
     MemoryError,
     RuntimeError,
+    OverflowError,
 )
 """What the reader raises for a damaged file."""
 

@@ -269,6 +269,20 @@ def test_a_chunk_that_claims_to_be_huge_is_not_unpacked(
     assert after.lost > 0
 
 
+def test_a_record_that_claims_to_be_huge_keeps_the_messages_before_it(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "CHUNK", 64 * 1024)
+    broken = tmp_path / FILE
+    broken.write_bytes((run / FILE).read_bytes())
+    before = recover(broken)
+    content = bytearray(broken.read_bytes())
+    _first, second, *_ = (found.end() for found in re.finditer(rb"zstd", content))
+    content[second : second + 8] = b"\xff" * 8  # length of the chunk's data
+    broken.write_bytes(content)
+    assert 0 < recover(broken).messages < before.messages
+
+
 def test_a_recording_of_which_nothing_can_be_read_is_kept(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
