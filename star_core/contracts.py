@@ -174,6 +174,9 @@ class Task(Protocol):
     are new. Without the first two the core makes the task again; without the last, new agents wait
     for the next step.
 
+    It may have ``continue_from(goals)``, called before `begin` with the `Goals` so far of the whole
+    swarm: an agent need not be exactly where it was sent.
+
     A task whose agents fly trajectories on board has ``trajectories``: a tuple of those, known when
     it is made. The core sends no setpoints to an agent that flies one, until it is over or the
     agent is no longer in the step.

@@ -145,7 +145,7 @@ class StepRun:
     ) -> Self:
         """Begin a step for a team."""
         task, guard = shared.tasks.take(action, team.rows)
-        limit = _begin_task(action, task, guard, tick)
+        limit = _begin_task(action, task, guard, tick, shared.goals)
         entry = {
             **shared.details(action, team.rows, rounds),
             "begun_s": tick.time,
@@ -235,7 +235,7 @@ class StepRun:
         if (swaps and replaced is None) or (fewer and removed is None):
             goals.free.update(self.team.rows)
             self.task, _ = self.shared.tasks.take(self.action, self.team.rows)
-            limit = _begin_task(self.action, self.task, self.guard, tick)
+            limit = _begin_task(self.action, self.task, self.guard, tick, self.shared.goals)
             if self.action.timeout is None:
                 self.timeout = tick.time - self.begun + limit
             return
@@ -268,9 +268,13 @@ class StepRun:
         return holds(self.action.until, now)
 
 
-def _begin_task(action: Action, task: Task, guard: PluginGuard, tick: TickContext) -> float:
+def _begin_task(
+    action: Action, task: Task, guard: PluginGuard, tick: TickContext, goals: GoalBuffer
+) -> float:
     """Begin a task; return the timeout of its step, s."""
     with guard:
+        if hasattr(task, "continue_from"):
+            task.continue_from(goals.goals())
         limit = checked_timeout(task.begin(tick.estimate, tick.health))
     wait = None if action.until is None else longest_wait(action.until)
     return step_timeout(limit, wait, action.timeout)

@@ -13,6 +13,7 @@ from star_verbs.positions import spread
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
 
 TOLERANCE: Final = 0.1  # m: distance from its position at which an agent has arrived
+MAX_SAG: Final = 0.25  # m: an agent that flies nearer to the height of its goal has that height
 CONDITION_TIMEOUT: Final = 60.0  # s
 
 
@@ -50,6 +51,14 @@ class Approach:
         self._target: Array | None = None
         self._yaw: Array = np.zeros(len(rows))
         self._fault = ""
+        self._before: Goals | None = None
+
+    def continue_from(self, goals: Goals) -> None:
+        """Take the heights that follow from the position from these goals, where they are near.
+
+        Otherwise a swarm that sags, as drones do, would sink from step to step.
+        """
+        self._before = goals
 
     def target(self, here: Array) -> Array:
         """Return (K, 3) positions to fly to, m, for agents at `here` (K, 3), m."""
@@ -81,7 +90,12 @@ class Approach:
         if self._target is not None or not self.agents.located(estimate):
             return
         rows = self.agents.rows
-        self._target = self.target(estimate.position[rows])
+        here = estimate.position[rows]
+        if self._before is not None:
+            height = self._before.position[rows, 2]
+            near = self._before.active[rows] & (abs(here[:, 2] - height) <= MAX_SAG)
+            here[:, 2] = np.where(near, height, here[:, 2])
+        self._target = self.target(here)
         yaw = self._yaw_deg
         self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), math.radians(yaw))
         self.goals = self.agents.goals(self._target, self._yaw, self._speed)

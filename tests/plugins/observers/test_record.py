@@ -32,6 +32,7 @@ from star_core.registry import Registry, Source
 from star_core.runner import fly
 from star_record.recorder import Recorder
 from star_record.text_log import TextLog
+from star_sim import ideal_world
 from star_sim.transport import Simulator
 
 WORLD = """\
@@ -104,8 +105,8 @@ class Blinds:
         return [TransportSpec(name="blind", summary="Knows no truth.", make=_blind)]
 
 
-def _blind(scene: Any, **options: Any) -> Blind:
-    return Blind(scene, **options)
+def _blind(scene: Any) -> Blind:
+    return Blind(scene, **ideal_world())
 
 
 @pytest.fixture(autouse=True)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Fence, Obstacle, Status, World
-from star_core.testing import scene
+from star_core import Fence, Goals, Obstacle, Status, World
+from star_core.testing import estimate, health, scene
 
 AIR = [[-0.5, 0.0, 0.8], [0.5, 0.0, 0.8], [1.5, 0.0, 0.8]]
 PILLAR = Obstacle("pillar", (((1.9, -0.1), (2.1, -0.1), (2.1, 0.1), (1.9, 0.1)),), (0.0, 3.0))
@@ -39,6 +39,25 @@ def test_each_agent_goes_by_the_offset_from_where_it_is(make: Any, fly: Any) -> 
         np.array([[-0.5, 1.0, 1.0], [1.5, 1.0, 1.0]]), abs=0.02
     )
     assert flown.end[1].tolist() == AIR[1]
+
+
+@pytest.mark.parametrize(
+    ("goal", "known", "height"),
+    [(0.8, 1, 0.8), (0.8, 0, 0.65), (1.2, 1, 0.65)],
+    ids=["the agent sags", "without a goal", "the agent was on its way"],
+)
+def test_an_offset_counts_from_the_height_of_the_last_goal(
+    make: Any, goal: float, known: int, height: float
+) -> None:
+    room = scene(1)
+    here = np.array([[0.1, 0.0, 0.65]])
+    last = Goals(
+        np.array([[0.0, 0.0, goal]]), here * 0, here[:, 0], here[:, 0], np.array([known > 0])
+    )
+    task = make("goto", room, (0,), by=[1.0, 0.0, 0.1])
+    task.continue_from(last)
+    task.begin(estimate(here), health(1))
+    assert task.goals.position[0] == pytest.approx([1.1, 0.0, height + 0.1])
 
 
 def test_agents_keep_their_heading_by_default(make: Any, fly: Any) -> None:

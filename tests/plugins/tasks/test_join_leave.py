@@ -9,10 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Order, Registry, Status, Telemetry, TransportSpec, hookimpl, load
+from star_core import (
+    AgentPhase,
+    Order,
+    Registry,
+    Scene,
+    Status,
+    Telemetry,
+    TransportSpec,
+    hookimpl,
+    load,
+)
 from star_core import fly as fly_mission
 from star_core.registry import Source
 from star_core.testing import estimate, health, scene
+from star_sim import ideal_world
 from star_sim.transport import Simulator
 
 GROUND = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
@@ -69,7 +80,10 @@ class Deafness:
 
     @hookimpl
     def star_transports(self) -> list[TransportSpec]:
-        return [TransportSpec(name="deaf", summary="Hears one.", make=Deaf)]
+        def make(scene: Scene) -> Deaf:
+            return Deaf(scene, **ideal_world())
+
+        return [TransportSpec(name="deaf", summary="Hears one.", make=make)]
 
 
 def test_an_agent_that_is_not_heard_does_not_join_and_the_others_land(tmp_path: Path) -> None:
