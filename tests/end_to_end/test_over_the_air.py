@@ -105,6 +105,7 @@ def over_the_air(
             ]
             radio = f"use: radio, udp: cflib, {decks(scene, wifi)}{more}cache: '{folder.parent}'"
             settings += [f"transport={{{radio}}}", *changes]
+            settings.append("limits.uncertainty_margin=0")
             flight = star("run", mission, "--out", folder, *(f"--set={one}" for one in settings))
             times, places, behind, end = [], [], [], time.monotonic() + PATIENCE
             while flight.poll() is None and time.monotonic() < end:

@@ -64,7 +64,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
         (folder / f"{name}.py").write_text(source)
 
     def run() -> tuple[float, int, str]:
-        command = [sys.executable, str(folder / "kernel.py")]
+        command = [
+            sys.executable,
+            "-B",
+            str(folder / "kernel.py"),
+        ]  # edits may be too quick for .pyc
         done = subprocess.run(command, capture_output=True, check=True, text=True)
         value, hits = done.stdout.split()
         return float(value), int(hits), done.stderr

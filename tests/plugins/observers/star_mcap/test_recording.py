@@ -206,7 +206,7 @@ def test_no_index_of_a_chunk_stays_in_memory_until_the_end(tmp_path: Path) -> No
                 recording.add_message(number, chunk, b"x", chunk)
             recording.flush()  # type: ignore[no-untyped-call]
         gc.collect()
-        assert not [one for one in gc.get_objects() if isinstance(one, ChunkIndex)]
+        assert not [one for one in gc.get_objects() if type(one) is ChunkIndex]
         recording.finish()  # type: ignore[no-untyped-call]
     with (tmp_path / FILE).open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
