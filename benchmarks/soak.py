@@ -78,7 +78,8 @@ def write(folder: Path, drones: int, minutes: float) -> Path:
     mission = folder / "soak.yaml"
     mission.write_text(
         f"star: 1\nname: soak\nworld: room.yaml\nrate: {RATE}\n"
-        "transport: {use: sim, profile: ideal, controller: ideal, noise: false}\n"
+        f"transport: {{use: sim, profile: ideal, controller: ideal, noise: false,"
+        f" endurance: {120 * minutes:g}}}\n"
         "localizer: flow\nplanner: straight\navoider: orca\n"
         f"swarm:\n{swarm}"
         "mission:\n  - takeoff: {height: 0.8}\n"
