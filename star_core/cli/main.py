@@ -13,7 +13,7 @@ from star_core.errors import StarError, suggestion
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from typing import Any
+    from typing import Any, TextIO
 
     from star_core.registry import Found, Registry
 
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(line, file=sys.stderr)
         return BAD_INPUT
     except BrokenPipeError:
-        _leave_quietly()
+        _discard(sys.stdout)
         return FAILED
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
@@ -128,14 +128,17 @@ def _without_threads(status: int) -> int:
     import os
     import threading
 
-    if not all(one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
+    try:
         sys.stderr.flush()
+    except OSError:  # otherwise Python would exit with a status of its own
+        _discard(sys.stderr)
+    if not all(one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
         os._exit(status)
     return status
 
 
-def _leave_quietly() -> None:
+def _discard(stream: TextIO) -> None:
     """Discard the rest of the output: its reader has exited."""
     import os
 
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -205,8 +205,12 @@ def _signals(operator: Operator) -> Iterator[None]:
                 what = "stopping the motors; again interrupts a plugin that hangs"
             case _:  # a plugin hangs
                 raise KeyboardInterrupt
+        text = f"star: {signal.Signals(number).name}: {what}\n"
         with suppress(OSError):  # the terminal may be gone
-            print(f"star: {signal.Signals(number).name}: {what}", file=sys.stderr)
+            try:
+                sys.stderr.write(text)
+            except RuntimeError:  # the signal interrupts another write
+                os.write(sys.stderr.fileno(), text.encode())
 
     caught = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}
     before = {number: signal.signal(number, handle) for number in caught}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 import subprocess
@@ -288,6 +289,27 @@ class Signaller:
         self.handlers = {number: signal.getsignal(number) for number in signal.Signals}
         while self._numbers:
             signal.raise_signal(self._numbers.pop())
+
+
+def test_a_signal_that_interrupts_a_line_on_stderr_is_acknowledged(
+    with_plugin: Callable[[object], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    class Busy(io.StringIO):
+        def write(self, text: str) -> int:
+            if "SIGTERM" in text:
+                raise RuntimeError("reentrant call inside <_io.BufferedWriter name='<stderr>'>")
+            return super().write(text)
+
+        def fileno(self) -> int:
+            return 2
+
+    with_plugin(Signaller(signal.SIGTERM))
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stderr", Busy())
+        assert main(["run", "hop.yaml"]) == 1
+    assert "star: SIGTERM: landing; again stops the motors\n" in capfd.readouterr().err
 
 
 def test_being_asked_to_terminate_lands_all_agents(
