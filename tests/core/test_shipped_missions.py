@@ -63,7 +63,7 @@ def test_checking_the_missions_imports_nothing_heavy() -> None:
     """Between them they use every verb and plugin, so this holds for all built-in checks.
 
     Timeouts, as in search_flow, obstacles below agents, as in search, and agents whose positions
-    drift are rehearsed, for which numpy and scipy are imported.
+    drift are rehearsed, for which numpy is imported, and for more than four agents scipy.
     """
     paths = [str(path) for path in FILES if path.stem not in {"search", "search_flow"}]
     ask = (
@@ -73,6 +73,16 @@ def test_checking_the_missions_imports_nothing_heavy() -> None:
         f"assert not {{*{HEAVY!r}}} & {{*sys.modules}}"
     )
     subprocess.run([sys.executable, "-c", ask, *paths], check=True)
+
+
+def test_rehearsing_three_agents_for_a_check_imports_no_scipy() -> None:
+    ask = (
+        "import sys; from star_core.cli.main import main; main(['check', sys.argv[1]])\n"
+        "assert 'star_explain.drift' in sys.modules\n"
+        "assert 'scipy' not in sys.modules"
+    )
+    path = MISSIONS / "first_flight.yaml"
+    subprocess.run([sys.executable, "-c", ask, path], check=True)
 
 
 def test_every_plugin_receives_the_positions_of_targets_as_in_the_schema() -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from itertools import permutations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from star_core import Array, Estimate, Goals, Rows, Scene
 
 MAX_REST_SPEED = 0.15  # m/s: a slower agent has stopped, within the accuracy of its estimate
 TIE_BREAK = 1e-6  # 1/m: cost of squared distances, which decides between equal totals
+MAX_ENUMERATED = 4  # targets; so few need no scipy.optimize, which takes 0.3 s to import
 DURATION_ERROR = 1e-9  # s: rounding error of mission time, which is a sum of ticks
 
 
@@ -109,8 +110,21 @@ def assign(position: Array, target: Array) -> Rows:
     """
     offset = position[:, None] - target[None, :]  # (K, P, 3)
     distance = np.sqrt((offset**2).sum(axis=2))
-    target_of: Rows = linear_sum_assignment(distance + TIE_BREAK * distance**2)[1]
+    cost = distance + TIE_BREAK * distance**2
+    rows = np.arange(len(cost))
+    if len(target) <= MAX_ENUMERATED:
+        orders = [np.array(order, np.intp) for order in permutations(range(len(target)), len(cost))]
+        return min(orders, key=lambda order: float(cost[rows, order].sum()))
+    from scipy.optimize import linear_sum_assignment
+
+    target_of: Rows = linear_sum_assignment(cost)[1]
     return target_of
+
+
+def import_assignment(agents: int) -> None:
+    """Import what `assign` needs for so many agents; call it while they are on the ground."""
+    if agents > MAX_ENUMERATED:
+        import scipy.optimize  # noqa: F401
 
 
 def lag_factor(lag: float, slow: float, stop: float) -> float:

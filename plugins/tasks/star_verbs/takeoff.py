@@ -19,7 +19,7 @@ from star_core import (
     TaskOutput,
     timeout,
 )
-from star_verbs.step_agents import StepAgents
+from star_verbs.step_agents import StepAgents, import_assignment
 
 MIN_DURATION: Final = 1.0  # s
 MAX_HEIGHT_ERROR: Final = 0.15  # m: at which an agent has taken off
@@ -36,6 +36,7 @@ class Takeoff:
     """
 
     def __init__(self, scene: Scene, rows: tuple[int, ...], *, height: float, speed: float) -> None:
+        import_assignment(len(scene.agents))
         self._agents = StepAgents(scene, rows)
         self._height = height
         self._speed = min(speed, scene.limits.speed)

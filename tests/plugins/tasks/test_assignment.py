@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from itertools import combinations, permutations
 
 import numpy as np
@@ -10,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import Array
+from star_verbs import step_agents
 from star_verbs.step_agents import assign
 
 seeds = st.integers(0, 2**32 - 1)
@@ -57,6 +60,25 @@ def test_agents_in_a_row_move_up_and_do_not_overtake() -> None:
 def test_agents_at_the_targets_stay(order: list[int]) -> None:
     target = np.random.default_rng(0).uniform(-5, 5, (8, 3))
     assert assign(target[order], target).tolist() == order
+
+
+@given(seeds, st.integers(1, 4), st.integers(0, 2))
+def test_few_agents_are_assigned_as_scipy_assigns_them(seed: int, agents: int, spare: int) -> None:
+    here, there = swarm(seed, agents, agents + spare)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(step_agents, "MAX_ENUMERATED", 6)
+        enumerated = assign(here, there)
+        patch.setattr(step_agents, "MAX_ENUMERATED", 0)
+        assert assign(here, there).tolist() == enumerated.tolist()
+
+
+def test_a_larger_swarm_imports_scipy_before_it_flies() -> None:
+    ask = (
+        "import sys; from star_verbs.step_agents import import_assignment\n"
+        "import_assignment(4); few = 'scipy.optimize' in sys.modules\n"
+        "import_assignment(5); assert (few, 'scipy.optimize' in sys.modules) == (False, True)"
+    )
+    subprocess.run([sys.executable, "-c", ask], check=True)
 
 
 def _side(a: Array, b: Array, c: Array) -> float:
