@@ -50,7 +50,7 @@ NAN = np.full((2, 3), np.nan)
 ROW = np.array([0])
 FOUR = np.zeros((4, 3))
 FOR_FOUR = Setpoint(FOUR, FOUR[:, 0], FOUR[:, 0] > 0)
-EVERYBODY = np.array([True, True])
+ALL = np.array([True, True])
 ODD: Any = "done"
 
 
@@ -130,7 +130,7 @@ def test_all_agents_land_when_a_part_raises_in_flight_and_it_is_named(
 def going(speed: float) -> Goals:
     """Goals for both agents."""
     zero = np.zeros(2)
-    return Goals(np.zeros((2, 3)), np.zeros((2, 3)), zero, zero + speed, EVERYBODY)
+    return Goals(np.zeros((2, 3)), np.zeros((2, 3)), zero, zero + speed, ALL)
 
 
 def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> TaskOutput:

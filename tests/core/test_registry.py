@@ -173,8 +173,8 @@ def test_modules_that_are_given_are_distinguished() -> None:
 def test_two_plugins_of_one_name_are_refused_when_it_is_used(registry: Registry) -> None:
     registry.add(Planners("stay", "mine"), Source("star-stay:stay", "1.0"))
     registry.add(Planners("stay"), Source("their-stay:stay"))
-    who = "star-stay 1.0:stay and their-stay:stay; uninstall one"
-    with pytest.raises(PluginError, match=rf"^two plugins offer .*planner .*'stay': {who} "):
+    sources = "star-stay 1.0:stay and their-stay:stay; uninstall one"
+    with pytest.raises(PluginError, match=rf"^two plugins offer .*planner .*'stay': {sources} "):
         registry.find("planner", "stay")
     assert registry.find("planner", "mine").offer.name == "mine"
 

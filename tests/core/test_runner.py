@@ -29,7 +29,7 @@ from tests.core.conftest import Lab
 
 FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st
 BOOM = RuntimeError("boom")
-EVERYBODY = np.array([True, True])
+ALL = np.array([True, True])
 FIRST = np.array([True, False])
 IN_THE_AIR = """
   - climb: {}
@@ -61,8 +61,8 @@ def active(right: Callable[..., Any], *args: Any) -> Any:
     """Answer with every row of the setpoint active."""
     answer = right(*args)
     if isinstance(answer, Plan):
-        return replace(answer, setpoint=replace(answer.setpoint, active=EVERYBODY))
-    return replace(answer, active=EVERYBODY)
+        return replace(answer, setpoint=replace(answer.setpoint, active=ALL))
+    return replace(answer, active=ALL)
 
 
 def sent_outside(lab: Lab, *phases: AgentPhase) -> list[tuple[float, int]]:

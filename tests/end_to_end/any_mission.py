@@ -24,10 +24,10 @@ TARGETS: tuple[Data, ...] = ({}, {"lost": {"tags": [7], "at": [0.3, 0.4, 0.0]}})
 PART = "part.yaml"
 PARTS: Data = {  # what missions include
     "star": 1,
-    "parameters": {"who": None, "seconds": 1.0},
+    "parameters": {"team": None, "seconds": 1.0},
     "mission": [
-        {"hold": {"agents": "$who", "for": "$seconds"}},
-        {"goto": {"agents": "$who", "by": [0.2, 0.0, 0.0]}},
+        {"hold": {"agents": "$team", "for": "$seconds"}},
+        {"goto": {"agents": "$team", "by": [0.2, 0.0, 0.0]}},
     ],
 }
 SCOUT = {"mode": "geometric"}  # tags without images
@@ -161,44 +161,44 @@ class Language:
         """Once of so many times."""
         return self._draw(st.integers(1, of)) == of
 
-    def _step(self, who: list[str] | None, depth: int) -> Data:
+    def _step(self, movers: list[str] | None, depth: int) -> Data:
         """A step for some of these agents; with None it names no agents."""
         kinds = ["goto", "hold", "wait", "follow", "formation", "search", "takeoff", "land"]
-        kinds += ["leave", "join", "include", "external"] if who is not None else []
+        kinds += ["leave", "join", "include", "external"] if movers is not None else []
         kinds += ["repeat", "parallel", "each"] * 2 if depth else []
         kind = self._one(*kinds)
         if kind in {"repeat", "parallel", "each"}:
-            return self._nested(kind, who, depth - 1)
-        named, count = self._whom(who)
+            return self._nested(kind, movers, depth - 1)
+        named, count = self._movers(movers)
         if kind == "include":
-            return {"include": {"file": PART, "with": {"who": named, "seconds": self._one(0, 2)}}}
+            return {"include": {"file": PART, "with": {"team": named, "seconds": self._one(0, 2)}}}
         if kind == "join":
-            assert who is not None
-            named, count = self._one(*([one for one in self._idle if one in who] or who)), 1
+            assert movers is not None
+            named, count = self._one(*([one for one in self._idle if one in movers] or movers)), 1
         options = getattr(self, f"_{kind}")(count)
         common = self._common(named)
         return {kind: common | options}
 
-    def _nested(self, kind: str, who: list[str] | None, depth: int) -> Data:
+    def _nested(self, kind: str, movers: list[str] | None, depth: int) -> Data:
         if kind == "repeat":
-            steps = [self._step(who, depth) for _ in range(self._one(1, 2))]
+            steps = [self._step(movers, depth) for _ in range(self._one(1, 2))]
             return {"repeat": {"times": self._one(1, 2, 3), "steps": steps}}
-        if kind == "each" and who is not None:
+        if kind == "each" and movers is not None:
             steps = [self._step(None, 0) for _ in range(self._one(1, 2))]
-            return {"each": {"agents": list(who), "steps": steps}}
-        if who is None or len(who) == 1:
-            return {"parallel": [self._step(who, 0)]}
-        cut = self._draw(st.integers(1, len(who) - 1))
-        return {"parallel": [self._step(part, depth) for part in (who[:cut], who[cut:])]}
+            return {"each": {"agents": list(movers), "steps": steps}}
+        if movers is None or len(movers) == 1:
+            return {"parallel": [self._step(movers, 0)]}
+        cut = self._draw(st.integers(1, len(movers) - 1))
+        return {"parallel": [self._step(part, depth) for part in (movers[:cut], movers[cut:])]}
 
-    def _whom(self, who: list[str] | None) -> tuple[Any, int]:
+    def _movers(self, movers: list[str] | None) -> tuple[Any, int]:
         """Whom a step is for, and how many they are."""
-        if who is None:
+        if movers is None:
             return None, 1
-        if who == self._names and self._chance(2):
+        if movers == self._names and self._chance(2):
             name = self._one("all", *self._groups)
             return name, len(self._groups.get(name, self._names))
-        some = self._draw(st.lists(st.sampled_from(who), min_size=1, unique=True))
+        some = self._draw(st.lists(st.sampled_from(movers), min_size=1, unique=True))
         return some, len(some)
 
     def _common(self, named: Any) -> Data:

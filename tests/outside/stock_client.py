@@ -1,6 +1,6 @@
 """Has the stock desktop client connect to a simulated drone, and takes a picture of its window.
 
-Not in the suite: it needs a screen, a minute, and somebody who looks. On Debian, once::
+Not in the suite: it needs a screen, a minute, and a person at it. On Debian, once::
 
     apt-get install xvfb xdotool imagemagick libegl1 libgl1 libxkbcommon-x11-0 libxcb-cursor0
     python3 -m venv ~/cfclient && ~/cfclient/bin/pip install cfclient

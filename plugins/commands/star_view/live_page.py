@@ -143,7 +143,7 @@ class LivePage:
         self.swarm.add_controls(gui)
 
     def _command(self, event: viser.GuiEvent[Any], **command: Any) -> None:
-        """Send what an operator commands who opened the page at its whole address."""
+        """Send what an operator commands, on a page opened at its whole address."""
         if presents(self.server, event.client_id, self._token):
             self._send(**command)
         elif event.client is not None:

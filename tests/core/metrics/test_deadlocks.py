@@ -1,4 +1,4 @@
-"""Who has a goal and gets no nearer to it."""
+"""Agents that have a goal and get no nearer to it."""
 
 from __future__ import annotations
 

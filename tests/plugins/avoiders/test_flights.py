@@ -83,7 +83,7 @@ def circle(n: int) -> Array:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(n, 0.8)], axis=1)
 
 
-everyone = pytest.mark.parametrize("name", ["orca", "voronoi", "potential"])
+all_avoiders = pytest.mark.parametrize("name", ["orca", "voronoi", "potential"])
 those_that_promise = pytest.mark.parametrize("name", ["orca", "voronoi"])
 
 
@@ -106,7 +106,7 @@ def test_orca_keeps_an_ellipsoid_free_and_flies_closer_past_agents_at_other_heig
     assert flown.missing.max() < 0.1
 
 
-@everyone
+@all_avoiders
 def test_a_wall_ahead_is_not_touched(name: str) -> None:
     around = room(2, box(0.0, -3.0, 0.2, 3.0))
     start = np.array([[-1.5, 0.0, 0.8], [-1.5, 1.0, 0.8]])
@@ -122,7 +122,7 @@ def test_orca_keeps_its_clearance_to_a_wall_whichever_way_it_sees_it(obstacles: 
     assert flown.clearance > 0.27
 
 
-@everyone
+@all_avoiders
 def test_a_wall_below_is_flown_over(name: str) -> None:
     around = room(1, box(0.0, -3.0, 0.2, 3.0), top=0.6)
     start = np.array([[-1.0, 0.0, 0.8]])
@@ -156,7 +156,7 @@ def test_agents_stacked_at_one_place_change_heights(name: str) -> None:
     assert flown.missing.max() < 0.15
 
 
-@everyone
+@all_avoiders
 def test_an_agent_that_takes_off_is_given_way_to(name: str) -> None:
     around = room(2)
     avoider = made(name, around)
@@ -174,7 +174,7 @@ def test_an_agent_that_takes_off_is_given_way_to(name: str) -> None:
     assert nearest > 2 * CONTACT
 
 
-@everyone
+@all_avoiders
 def test_one_that_stands_far_below_is_in_nothings_way(name: str) -> None:
     now = estimate(np.array([[0.0, 0.0, 0.0], [-0.3, 0.0, 1.0]]))
     wish = np.array([[0.0, 0, 0], [0.4, 0.0, 0.0]])
@@ -184,13 +184,13 @@ def test_one_that_stands_far_below_is_in_nothings_way(name: str) -> None:
     assert (answer[0] == wish[0]).all()
 
 
-@everyone
+@all_avoiders
 def test_a_swarm_of_nothing_is_no_trouble(name: str) -> None:
     nothing = Setpoint(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.bool_))
     assert len(made(name, room(0)).avoid(estimate(np.zeros((0, 3))), nothing).velocity) == 0
 
 
-@everyone
+@all_avoiders
 def test_two_at_one_point_part(name: str) -> None:
     here, wanted = np.zeros((2, 3)), Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_))
     answer = made(name, room(2)).avoid(estimate(here), wanted).velocity

@@ -110,7 +110,7 @@ def safe(within: float, head: str = MISSION) -> str:
 
 def test_a_rule_for_agents_near_the_fence_may_leave_room_for_starts_and_climbs() -> None:
     assert faults(LOW, "land: {}", head=safe(0.4)) == []
-    assert faults("land: {}", head=safe(0.9)) == []  # nobody flies
+    assert faults("land: {}", head=safe(0.9)) == []  # no agent flies
 
 
 def test_starts_at_which_the_rule_would_end_the_flight_are_reported() -> None:

@@ -191,7 +191,7 @@ def test_a_step_for_an_unknown_agent_is_reported_wherever_it_stands(steps: str, 
     ]
 
 
-# Who moves in a parallel
+# Agents that move in a parallel
 
 
 @pytest.mark.parametrize(
@@ -207,16 +207,16 @@ def test_agents_of_their_own_may_move_in_every_branch(branches: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("branches", "column", "who"),
+    ("branches", "column", "agent"),
     [
         ("{wait: {agents: pair}}, {wait: {}}", 47, "cf1, cf2"),
         ("{wait: {agents: cf1}}, {repeat: {times: 1, steps: [{wait: {agents: pair}}]}}", 48, "cf1"),
         ("{parallel: [{wait: {agents: cf3}}]}, {wait: {agents: [cf2, cf3]}}", 60, "cf3"),
     ],
 )
-def test_an_agent_cannot_move_in_two_branches(branches: str, column: int, who: str) -> None:
+def test_an_agent_cannot_move_in_two_branches(branches: str, column: int, agent: str) -> None:
     assert problems(with_steps(f"  - parallel: [{branches}]\n")) == [
-        f"m.yaml:15:{column}: {who} already moves in another branch of this 'parallel'; "
+        f"m.yaml:15:{column}: {agent} already moves in another branch of this 'parallel'; "
         "name the agents of each branch [agent-conflict]"
     ]
 

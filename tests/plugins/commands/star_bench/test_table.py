@@ -95,7 +95,7 @@ def test_the_path_ratio_leaves_out_climb_and_descent() -> None:
 
 
 def test_there_is_no_path_ratio_without_all_lengths_or_a_way() -> None:
-    still = level([(0, 0)], [(0, 0)], about="Nobody goes anywhere.")
+    still = level([(0, 0)], [(0, 0)], about="No agent moves.")
     assert path_ratio({"d1": 7.5}, TWO) is None
     assert path_ratio({"d1": 7.5}, still) is None
 

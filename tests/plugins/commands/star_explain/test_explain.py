@@ -186,7 +186,7 @@ def test_a_file_that_is_included_is_named(
 def test_a_program_from_outside_is_not_waited_for_and_its_port_stays_shut(
     write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("socket.create_server", None)  # whoever calls it raises
+    monkeypatch.setattr("socket.create_server", None)  # a call raises
     steps = "  - takeoff: {}\n  - external: {}\n  - external: {timeout: 7}\n"
     _, first, second = told(write(steps)).parts
     assert (first.takes, first.limit, second.limit) == (None, 60.0, 7.0)

@@ -78,11 +78,11 @@ def test_a_packet_is_repeated_on_every_channel(dongles: list[Dongle]) -> None:
     assert settled(dongles[1], 2 * REPEATS)
     radio.close()
     radio.close()
-    everybody = bytes.fromhex("ffe7e7e7e7")
+    all_drones = bytes.fromhex("ffe7e7e7e7")
     assert dongles[1].told == [
         (0x06, 0, b""), (0x10, 0, b""),  # no retries, no acknowledgements
-        (0x03, 2, b""), (0x01, 80, b""), (0x02, 0, everybody),
-        (0x03, 0, b""), (0x01, 90, b""), (0x02, 0, everybody),
+        (0x03, 2, b""), (0x01, 80, b""), (0x02, 0, all_drones),
+        (0x03, 0, b""), (0x01, 90, b""), (0x02, 0, all_drones),
     ]  # fmt: skip
     assert set(dongles[1].sent) == {orders.stop()}
     assert dongles[0].sent == []
@@ -276,14 +276,14 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tupl
 
     def make() -> tuple[Radio, list[tuple[str, str]]]:
         log: list[tuple[str, str]] = []
-        everybody = LinkDriver("all", log)
+        all_drones = LinkDriver("all", log)
 
         def order(_self: Broadcaster, packet: bytes, _rows: object) -> bool:
-            everybody.send(packet)
+            all_drones.send(packet)
             return True
 
         monkeypatch.setattr(Broadcaster, "order", order)
-        monkeypatch.setattr(Broadcaster, "show", lambda *_pose: everybody.send(b"\x61"))
+        monkeypatch.setattr(Broadcaster, "show", lambda *_pose: all_drones.send(b"\x61"))
         radio = star_radio.make(reached([AIR[0], AIR[2]]), **options(broadcast=1))
         assert isinstance(radio, Radio)
         radio.connected[:] = True

@@ -14,7 +14,7 @@ from star_core import PluginError
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 from tests.plugins.transports.star_radio.peer import VALUES
 
-NOBODY = "udp://127.0.0.1:9"  # the port `discard`, which nobody serves
+UNSERVED = "udp://127.0.0.1:9"  # the port `discard`, which has no server
 
 
 def test_a_drone_reports_as_soon_as_it_is_connected(peers: Peers, connect: Open) -> None:
@@ -174,7 +174,7 @@ def test_reports_that_end_again_are_begun_anew(peers: Peers, connect: Open) -> N
 
 def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
     [drone] = peers()
-    radio = make([NOBODY, drone.uri, "udp://127.0.0.1:7"])
+    radio = make([UNSERVED, drone.uri, "udp://127.0.0.1:7"])
     with pytest.raises(PluginError) as caught:
         radio.connect()
     told = str(caught.value)
@@ -191,7 +191,7 @@ def test_the_others_fly_without_an_absent_drone(
     peers: Peers, make: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     [drone] = peers()
-    radio = make([NOBODY, drone.uri], absent="fly-without")
+    radio = make([UNSERVED, drone.uri], absent="fly-without")
     begun = time.monotonic()
     radio.connect()
     assert time.monotonic() - begun < 5
@@ -204,7 +204,7 @@ def test_the_others_fly_without_an_absent_drone(
 @pytest.mark.parametrize("absent", ["refuse", "fly-without"])
 def test_no_agent_flies_when_all_are_absent(make: Open, absent: str) -> None:
     with pytest.raises(PluginError, match="cannot reach 1 of 1 agents: cf1") as caught:
-        make([NOBODY], absent=absent).connect()
+        make([UNSERVED], absent=absent).connect()
     assert "fly-without" not in str(caught.value)
 
 

@@ -26,7 +26,7 @@ from star_radio import orders
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 
-NOBODY = "udp://127.0.0.1:9"
+UNSERVED = "udp://127.0.0.1:9"
 
 
 def ticks(radio: Radio, n: int, first: int = 0) -> float:
@@ -132,7 +132,7 @@ def test_samples_have_the_mission_time_they_were_taken_at(peers: Peers, connect:
 
 @pytest.mark.usefixtures("virtual_clock")
 def test_time_is_that_of_the_clock_and_starts_at_the_first_tick(make: Open) -> None:
-    radio = make([NOBODY])
+    radio = make([UNSERVED])
     time.sleep(0.05)
     assert radio.wait(0.0) < 0.04
     begun = time.monotonic()
@@ -142,7 +142,7 @@ def test_time_is_that_of_the_clock_and_starts_at_the_first_tick(make: Open) -> N
 
 @pytest.mark.usefixtures("virtual_clock")
 def test_a_tick_that_is_late_does_not_wait(make: Open) -> None:
-    radio = make([NOBODY])
+    radio = make([UNSERVED])
     radio.wait(0.0)
     time.sleep(0.1)
     begun = time.monotonic()
@@ -213,7 +213,7 @@ def test_a_setpoint_that_is_not_finite_is_refused(peers: Peers, connect: Open) -
 
 def test_an_absent_agent_is_sent_nothing(peers: Peers, make: Open) -> None:
     [drone] = peers()
-    radio = make([NOBODY, drone.uri], absent="fly-without")
+    radio = make([UNSERVED, drone.uri], absent="fly-without")
     radio.connect()
     assert radio.send(flown(np.zeros((2, 3)))).active.tolist() == [False, True]
     radio.command(told(Order.TAKEOFF, 2))

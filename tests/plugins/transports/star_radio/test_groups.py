@@ -109,7 +109,7 @@ CROSSED = {"left": (0, 1), "even": (0, 2)}
         (HALVES, [STOP, STOP, LAND, STOP], ["8c0302"]),
         (CROSSED, [STOP, STOP, STOP, None], ["8c0306"]),  # the first hears it once
         ({}, [STOP, STOP, None, None], []),
-        ({}, [STOP, STOP, STOP, STOP], ["8c0301"]),  # for nobody else who hears it
+        ({}, [STOP, STOP, STOP, STOP], ["8c0301"]),  # for no other drone that receives it
     ],
 )
 def test_what_a_group_has_in_common_is_broadcast_once(

@@ -330,7 +330,7 @@ def test_drones_fly_it_in_the_map_and_land_in_the_middle(
 
     def end(radio: Radio, setpoint: Setpoint) -> Setpoint:
         if not operator.stops:
-            assert not (track and setpoint.active.any())  # nobody is steered
+            assert not (track and setpoint.active.any())  # no agent is steered
         operator.stops = int(len(track) > 24)  # 1.2 s
         return send(radio, setpoint)
 

@@ -88,11 +88,11 @@ def test_an_agent_without_messages_is_polled(datagrams: UdpLinks, drone: socket.
 def test_an_address_without_an_answer_is_reported_and_not_the_end(
     datagrams: UdpLinks, drone: socket.socket
 ) -> None:
-    nobody, ear = Listener(), Listener()
-    gone = datagrams.open("udp://127.0.0.1:9", nobody)
+    silent, ear = Listener(), Listener()
+    gone = datagrams.open("udp://127.0.0.1:9", silent)
     line = datagrams.open(uri(drone), ear)
     gone.send(b"\x80")
-    assert soon(lambda: any("refused" in said for said in nobody.complaints))
+    assert soon(lambda: any("refused" in said for said in silent.complaints))
     line.send(b"\x80")
     drone.sendto(b"\x80", drone.recvfrom(64)[1])
     assert soon(lambda: ear.heard == [b"\x80"])

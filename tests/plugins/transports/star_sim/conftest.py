@@ -60,14 +60,14 @@ class Flight:
         duration: float = 2.0,
         rows: Sequence[int] | None = None,
     ) -> None:
-        who = np.arange(self.n) if rows is None else np.array(rows)
+        chosen = np.arange(self.n) if rows is None else np.array(rows)
         self.simulator.command(
             Command(
                 order,
-                who,
-                np.tile(at, (len(who), 1)),
-                np.full(len(who), yaw),
-                np.full(len(who), duration),
+                chosen,
+                np.tile(at, (len(chosen), 1)),
+                np.full(len(chosen), yaw),
+                np.full(len(chosen), duration),
             )
         )
 
