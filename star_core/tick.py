@@ -35,7 +35,7 @@ from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
 from star_core.safety.fence_press import FencePress
 from star_core.safety.filter import SafetyFilter
-from star_core.safety.monitor import Rules, SafetyAction
+from star_core.safety.monitor import GroundedAgents, Rules, SafetyAction
 from star_core.vehicle_interface import VehicleInterface
 
 MAX_LOST_TIME: Final = 1.0  # s; without setpoints for 2 s, a Crazyflie stops its motors
@@ -82,6 +82,7 @@ class ControlLoop:
         self._rules = Rules(scene, mission.safety)
         self._safety = SafetyFilter(scene)
         self._fence_press = FencePress(scene)
+        self._grounded = GroundedAgents(n, scene.limits)
         self.vehicles = VehicleInterface(scene, pipeline, observers)
         self.executor = StepExecutor(
             mission, registry, self._assignments, observers, pipeline.compute_time, pipeline.strikes
@@ -122,19 +123,20 @@ class ControlLoop:
         merged = goals.goals()
         plan = self._pipeline.plan(estimate, merged)
         wanted = self.vehicles.setpoint(plan.setpoint, estimate)
-        avoided = self._pipeline.avoid(estimate, wanted)
+        seen = self._grounded.mark(estimate, health.phase, self._gone())
+        avoided = self._pipeline.avoid(seen, wanted)
         if self._pipeline.strikes.pending:
             avoided = replace(avoided, active=np.zeros_like(avoided.active))  # brake
         near = self._near(estimate)
         with self._pipeline.safety_time:
             avoided = self._fence_press.draw_in(estimate, avoided, wanted)
-            safe, corrected = self._safety.filter(estimate, avoided, wanted, near)
+            safe, corrected = self._safety.filter(seen, avoided, wanted, near)
         sent = self.vehicles.send(safe, telemetry, estimate)
         outputs = telemetry, estimate, health, merged, plan, sent, self.vehicles.truth()
         doing = ", ".join(goals.doing)
         timing = self.vehicles.timing.of_tick(self._pipeline.took())
         self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
-        return {
+        return self._fence_press.stuck() | {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
             for row in np.flatnonzero(plan.unreachable & wanted.active).tolist()
         }
@@ -173,6 +175,15 @@ class ControlLoop:
             elif action is SafetyAction.STOP:
                 self.vehicles.stop_motors(np.array([row]))
         return self._rules.excuse(health, estimate.valid)
+
+    def _gone(self) -> Mask:
+        """Return which agents do not take off again once they have landed: (N,).
+
+        A reserve may, whatever it was removed for: its battery may be replaced.
+        """
+        if self._reserves is not None:
+            return np.zeros(len(self._scene.agents), np.bool_)
+        return self._assignments.removed()
 
     def _no_agent_left(self) -> str:
         """Return the reason to end if the safety rules have removed every agent."""

@@ -105,7 +105,7 @@ class VehicleInterface:
                 self._pipeline.correct(estimate.corrections)
             estimate = self._gated(estimate, telemetry)
         self._heard = telemetry.age <= MAX_REPORT_AGE
-        self.estimate = self._unheard.mark(estimate, telemetry.age)
+        self.estimate = self._unheard.mark(estimate, telemetry.age, self.phases.among(*AIRBORNE))
         return self.estimate
 
     def track(self, telemetry: Telemetry, estimate: Estimate) -> Health:
@@ -299,8 +299,9 @@ class VehicleInterface:
     def _gated(self, estimate: Estimate, telemetry: Telemetry) -> Estimate:
         """Return the estimate without implausible positions and motions, and report new ones."""
         airborne = self.phases.among(*AIRBORNE)
-        reported = np.where((telemetry.age <= MAX_REPORT_AGE)[:, None], telemetry.velocity, np.nan)
-        accepted, jumps = self._gate.check(estimate, airborne, reported)
+        heard = telemetry.age <= MAX_REPORT_AGE
+        reported = np.where(heard[:, None], telemetry.velocity, np.nan)
+        accepted, jumps = self._gate.check(estimate, airborne, reported, heard)
         for jump in jumps:
             name = self._scene.agents[jump.row].name
             moved = (

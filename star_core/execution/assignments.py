@@ -76,6 +76,12 @@ class Assignments:
         """Return the empty slots that an agent should be assigned to."""
         return sorted(self._vacant - self.retired)
 
+    def removed(self) -> Mask:
+        """Return which agents have left the mission without reserves and cannot join it: (N,)."""
+        removed = np.zeros(len(self._holder), np.bool_)
+        removed[self.vacancies()] = True
+        return removed
+
     def vacate(self, rows: Iterable[int], *, retire: bool = False) -> None:
         """Take agents out of the mission; with `retire`, their slots stay empty."""
         for row in rows:

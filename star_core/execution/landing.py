@@ -19,6 +19,7 @@ from star_core.toolkit.timeouts import timeout
 from star_core.vehicle_interface import VehicleInterface
 
 AGENT_CLEARANCE: Final = 0.25  # m in the plane between two landing positions; 0.12 m is a collision
+UNLOCATED_CLEARANCE: Final = 0.25  # m, added for an agent that is not located: it may have drifted
 OBSTACLE_CLEARANCE: Final = 0.1  # m in the plane to obstacles below
 EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
 SEARCH_STEP: Final = 0.05  # m between the candidates for a landing position
@@ -132,16 +133,16 @@ class LandingManager:
 
     def _nearest_free(self, row: int, here: Array, estimate: Estimate, height: float) -> Array:
         """Return the nearest free position that an agent can fly to at a height: (2,) m."""
-        taken = self._taken(row, estimate)
+        taken, apart = self._taken(row, estimate)
         top = float(estimate.position[row, 2])
-        if self._free(here[None], taken, top, 0.0)[0]:
+        if self._free(here[None], taken, apart, top, 0.0)[0]:
             return here
         name = self._scene.agents[row].name
         for radius in np.arange(SEARCH_STEP, SEARCH_RADIUS, SEARCH_STEP):
             count = math.ceil(math.tau * radius / SEARCH_STEP)
             angle = np.linspace(0.0, math.tau, count, endpoint=False)
             candidates = here + radius * np.column_stack([np.cos(angle), np.sin(angle)])
-            free = self._free(candidates, taken, top, EXTRA_CLEARANCE)
+            free = self._free(candidates, taken, apart, top, EXTRA_CLEARANCE)
             level = np.full(np.count_nonzero(free), height)
             free[free] = ~self._refuses(np.column_stack([candidates[free], level]))
             if free.any():
@@ -152,10 +153,13 @@ class LandingManager:
         self._observers.event("landing", f"{name} finds no free position to land at", name)
         return here
 
-    def _taken(self, row: int, estimate: Estimate) -> Array:
-        """Return what agents on the ground or below an agent, and their landings, take: (K, 2) m.
+    def _taken(self, row: int, estimate: Estimate) -> tuple[Array, Array]:
+        """Return what agents on the ground or below an agent, and their landings, take.
 
-        Agents that are not heard take all of their possible positions.
+        Agents that are not heard or not located take all of their possible positions.
+
+        Returns:
+            (K, 2) positions, m, and (K,) distances to keep from them, m.
         """
         phases = self._vehicles.phases.of_agents()
         position = estimate.position
@@ -170,12 +174,19 @@ class LandingManager:
         shares = np.linspace(0.0, 1.0, TRAVEL_POINTS) if estimate.possible_travel.any() else [0.0]
         travel = estimate.possible_travel[others, :2]
         landings = np.array(list(chosen.values())).reshape(-1, 2)
-        return np.concatenate([*(position[others, :2] + s * travel for s in shares), landings])
+        known = np.where(estimate.valid[others], 0.0, UNLOCATED_CLEARANCE)
+        apart = AGENT_CLEARANCE + np.tile(known, len(shares))
+        return (
+            np.concatenate([*(position[others, :2] + s * travel for s in shares), landings]),
+            np.concatenate([apart, np.full(len(landings), AGENT_CLEARANCE)]),
+        )
 
-    def _free(self, candidates: Array, taken: Array, top: float, extra: float) -> Mask:
+    def _free(
+        self, candidates: Array, taken: Array, apart: Array, top: float, extra: float
+    ) -> Mask:
         """Return whether (K, 2) positions, m, are clear of what is below `top`, m, by `extra`."""
         away = np.linalg.norm(candidates[:, None] - taken[None], axis=2)
-        free: Mask = (away >= AGENT_CLEARANCE + extra).all(axis=1)
+        free: Mask = (away >= apart + extra).all(axis=1)
         fence = self._scene.world.fence
         low, high = np.array(fence.low[:2]) + extra, np.array(fence.high[:2]) - extra
         if extra:

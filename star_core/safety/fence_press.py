@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from star_core.messages.arrays import Array, Mask
 from star_core.messages.state import Estimate, Setpoint
 from star_core.safety.filter import BRAKING_GAIN, LAG, MIN_CORRECTION, RETURN_SPEED
 from star_core.scene import Scene
@@ -14,7 +15,11 @@ from star_core.scene import Scene
 PRESSED_TIME: Final = 0.5
 """Time after which an agent that the fence holds back is drawn in, s."""
 
-SIGMAS: Final = 2.0
+STUCK_TIME: Final = 2.0
+"""Time after which a setpoint that presses and never changes is reported, s. At a constant speed
+towards the fence the filter brings an agent to within 1 % of its braking distance in that time."""
+
+SIGMAS: Final = 3.0
 """Standard deviations of its position by which it is."""
 
 MAX_MARGIN: Final = 0.5
@@ -29,7 +34,9 @@ class FencePress:
     when a planner or an avoider repeats its last output. A setpoint presses if it leads nearer to
     the fence than an agent can brake before it, in the filter's terms; after `PRESSED_TIME` the
     fence is moved in for the agent, by `SIGMAS` standard deviations of its position, until no
-    setpoint presses.
+    setpoint presses. The drift goes on meanwhile, also along the fence: so a setpoint of planner or
+    avoider that presses and stays the same to the last bit for `STUCK_TIME`, while the estimated
+    position changes in every tick, is reported.
 
     Args:
         scene: Fence and tick.
@@ -38,7 +45,10 @@ class FencePress:
     def __init__(self, scene: Scene) -> None:
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
         self._period = scene.period
-        self._pressed = np.zeros(len(scene.agents))  # s
+        n = len(scene.agents)
+        self._pressed = np.zeros(n)  # s
+        self._same = np.zeros((2, n))  # s, that avoider and planner press with the same velocity
+        self._seen = np.full((3, n, 3), np.nan)  # their velocities and the positions
 
     def draw_in(self, estimate: Estimate, safe: Setpoint, wanted: Setpoint) -> Setpoint:
         """Return the setpoint, with agents that press against the fence led away from it.
@@ -59,11 +69,31 @@ class FencePress:
         up = np.maximum(BRAKING_GAIN * (high - ahead), -RETURN_SPEED)
         down = np.minimum(BRAKING_GAIN * (low - ahead), RETURN_SPEED)
         most, least = up + MIN_CORRECTION, down - MIN_CORRECTION
-        outward = [(one.velocity > most) | (one.velocity < least) for one in (safe, wanted)]
-        presses = (outward[0] | outward[1]).any(axis=1) & wanted.active
+        velocity = np.array([safe.velocity, wanted.velocity])
+        outward = (velocity > most) | (velocity < least)
+        beyond = np.maximum(most, MIN_CORRECTION), np.minimum(least, -MIN_CORRECTION)
+        leads_out = ((velocity > beyond[0]) | (velocity < beyond[1])).any(axis=2)
+        self._compare(estimate, velocity, leads_out & wanted.active)
+        presses = outward.any(axis=(0, 2)) & wanted.active
         self._pressed = np.where(presses, self._pressed + self._period, 0.0)
         drawn &= presses
         if not drawn.any():
             return safe
         kept = np.clip(safe.velocity, down, up)
         return replace(safe, velocity=np.where(drawn[:, None], kept, safe.velocity))
+
+    def stuck(self) -> dict[int, str]:
+        """Return why agents that such setpoints press cannot reach their goals, by row."""
+        return {
+            row: f"the {part} repeats a setpoint that leads out of the fence"
+            for part, same in zip(("avoider", "planner"), self._same, strict=True)
+            for row in np.flatnonzero(same > STUCK_TIME).tolist()
+        }
+
+    def _compare(self, estimate: Estimate, velocity: Array, presses: Mask) -> None:
+        """Measure for how long avoider and planner, (2, N), press with the same velocity."""
+        seen = np.concatenate([velocity, estimate.position[None]])
+        same: Mask = (seen == self._seen).all(axis=2)
+        self._seen = seen
+        stays = presses & same[:2] & ~same[2]
+        self._same = np.where(stays, self._same + self._period, 0.0)

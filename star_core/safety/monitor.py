@@ -115,6 +115,8 @@ class Rules:
         return fallen | sunk, np.where(sunk, SUNK_TIME, 0.0), reasons
 
 
+SPOILED_TIME: Final = 1.0  # s without an implausible report, after which reports are used again
+
 JUMP_MARGIN: Final = 1.5
 """How far positions may move beyond what is explained, m: localizers are sometimes overconfident.
 In 30 flights with `method: batch`, the worst localizer here, it was 1.0 m at most."""
@@ -137,6 +139,7 @@ WATCHDOG_TIME: Final = 2.0
 motors (the commander's watchdog)."""
 
 FALL_TIME: Final = 1.0  # s; from 3 m it is 0.8 s
+BRAKING_TIME: Final = 0.6  # s, by which the velocity of an agent that brakes leads it on
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +174,10 @@ class EstimateGate:
     the same, to the last bit, while the agent reports that it flies `MAX_STILL_PATH`: its localizer
     is stuck. On the ground everything is accepted.
 
+    An agent that reports a velocity that is not finite, or that it cannot fly, is not located, on
+    the ground either, until its reports have been plausible for `SPOILED_TIME`: random ones are
+    plausible once in a while.
+
     Args:
         n: Number of agents.
         speed: The mission's speed limit, m/s.
@@ -187,10 +194,16 @@ class EstimateGate:
         self._flown = np.zeros((n, 3))  # m, since then, by the reported velocities
         self._range = np.zeros(n)  # m, that the agents can have flown since then besides
         self._still_path = np.zeros(n)  # m, that agents report since their estimates last moved
+        self._reports = np.zeros(n, np.bool_)  # agents that have reported velocities
+        self._spoiled_until = np.full(n, -np.inf)  # s
         self._seen = 0.0, self._position, self._position  # time, positions, velocities reported
 
     def check(
-        self, estimate: Estimate, airborne: Mask, reported: Array | None = None
+        self,
+        estimate: Estimate,
+        airborne: Mask,
+        reported: Array | None = None,
+        heard: Mask | None = None,
     ) -> tuple[Estimate, Sequence[Jump]]:
         """Return the estimate without the positions that are rejected, and the new jumps.
 
@@ -198,7 +211,12 @@ class EstimateGate:
             estimate: A localizer's, with map_from_odom finite everywhere.
             airborne: (N,) which agents are in the air.
             reported: (N, 3) velocities that the agents report, m/s; None if unknown.
+            heard: (N,) agents that are heard: their reports must be plausible. None: no agent.
         """
+        spoiled = np.zeros(len(airborne), np.bool_)
+        if reported is not None and heard is not None:
+            spoiled = self._spoiled(estimate.time, reported, heard)
+            reported = np.where(spoiled[:, None], np.nan, reported)
         self._fly(estimate.time - self._seen[0], reported)
         stuck = self._stuck(estimate, airborne, reported)
         seconds = estimate.time - self._time
@@ -210,7 +228,7 @@ class EstimateGate:
         carried = self._unexplained * np.exp(-seconds / FORGETTING_TIME)
         unexplained = carried + np.maximum(moved - explained, 0.0)
         rejected = airborne & estimate.valid & ((unexplained > JUMP_MARGIN) | stuck)  # NaN is not
-        accepted = estimate.valid & ~rejected
+        accepted = estimate.valid & ~rejected & ~spoiled
         plausible = np.where(stuck, np.nan, explained + JUMP_MARGIN - carried)
         moved = np.where(stuck, self._still_path, moved)
         jumps = [
@@ -219,6 +237,7 @@ class EstimateGate:
         ]
         self._rejected = rejected | (self._rejected & ~accepted)
         self._store(estimate, accepted, np.where(airborne, unexplained, 0.0))
+        rejected |= spoiled & np.isfinite(self._position).all(axis=1)
         if not rejected.any():
             return estimate, jumps
         column = rejected[:, None]
@@ -230,6 +249,15 @@ class EstimateGate:
             valid=accepted,
             map_from_odom=self._frames.where(rejected, estimate.map_from_odom),
         ), jumps
+
+    def _spoiled(self, time: float, reported: Array, heard: Mask) -> Mask:
+        """Return whose reports are implausible, or have been within `SPOILED_TIME`: (N,)."""
+        speed = np.linalg.norm(reported, axis=1)
+        self._reports |= np.isfinite(speed)  # NaN before the first one: not reported at all
+        bad = heard & self._reports & ~(speed <= self._speed)
+        self._spoiled_until = np.where(bad, time + SPOILED_TIME, self._spoiled_until)
+        spoiled: Mask = time < self._spoiled_until
+        return spoiled
 
     def _fly(self, seconds: float, reported: Array | None) -> None:
         """Move the last positions by the reported velocities, and extend what is reachable.
@@ -273,8 +301,51 @@ class EstimateGate:
         self._unexplained = np.where(accepted, known, self._unexplained)
 
 
+class GroundedAgents:
+    """Marks the agents that stay on the ground until the end of the flight.
+
+    Agents that fell, and such that landed and do not return to the mission. Their motors are off,
+    and downwash does not disturb them: they are marked so far below the ground that agents above
+    keep `Limits.separation` rather than `Limits.vertical_separation`. Agents that may take off
+    keep their heights.
+
+    Args:
+        n: Number of agents.
+        limits: The separations.
+    """
+
+    def __init__(self, n: int, limits: Limits) -> None:
+        self._depth = _depth(limits)
+        self._fallen_at = np.full(n, np.inf)  # s
+
+    def mark(self, estimate: Estimate, phase: Rows, gone: Mask) -> Estimate:
+        """Return the estimate with these agents below the ground.
+
+        Args:
+            estimate: Of the tick.
+            phase: (N,) `AgentPhase` of each agent.
+            gone: (N,) agents that have left the mission for good.
+        """
+        fallen = phase == AgentPhase.EMERGENCY
+        since = np.fmin(self._fallen_at, estimate.time)
+        self._fallen_at = np.where(fallen, since, np.inf)
+        down = (phase == AgentPhase.LANDED) & gone
+        down |= estimate.time - self._fallen_at >= FALL_TIME
+        if not down.any():
+            return estimate
+        position, travel = estimate.position.copy(), estimate.possible_travel.copy()
+        position[down, 2], travel[down, 2] = -self._depth, 0.0
+        return replace(estimate, position=position, possible_travel=travel)
+
+
+def _depth(limits: Limits) -> float:
+    """Return how far below the ground agents are marked above which others may fly lower, m."""
+    spare = limits.vertical_separation - limits.separation
+    return max(0.0, spare) if limits.separation > 0 else 0.0
+
+
 class UnheardAgents:
-    """Marks the agents that are no longer heard, which may have stopped or may fly on.
+    """Marks the agents that are not heard, which may fly on, and those that are not located.
 
     A drone whose reports are lost may have braked, landed or crashed where it was last heard; one
     that hears no setpoints either keeps its last velocity until its watchdog stops the motors. The
@@ -284,15 +355,18 @@ class UnheardAgents:
     not disturb it: it is marked so far below the ground that agents above keep `Limits.separation`
     rather than `Limits.vertical_separation`.
 
+    An agent that is heard but no longer located in flight brakes, by `BRAKING_TIME` at its last
+    velocity. It stays at all of these positions, also on the ground, until it is located.
+
     Args:
         n: Number of agents.
         limits: The separations.
     """
 
     def __init__(self, n: int, limits: Limits) -> None:
-        spare = limits.vertical_separation - limits.separation
-        self._depth = max(0.0, spare) if limits.separation > 0 else 0.0  # m
-        self._velocity: Array = np.zeros((n, 3))  # m/s, when last heard
+        self._depth = _depth(limits)
+        self._astray = np.zeros(n, np.bool_)  # heard, but not located since they were in the air
+        self._velocity: Array = np.zeros((n, 3))  # m/s, when last heard and located
         self._down_by = np.full(n, np.inf)  # s, mission time
 
     def steered(self, time: float, rows: Mask | Rows) -> None:
@@ -314,25 +388,28 @@ class UnheardAgents:
         """
         self._down_by[rows] = np.where(heard, until, np.maximum(until, self._down_by[rows]))
 
-    def mark(self, estimate: Estimate, age: Array) -> Estimate:
-        """Return the estimate with the agents marked that are not heard.
+    def mark(self, estimate: Estimate, age: Array, airborne: Mask) -> Estimate:
+        """Return the estimate with the agents marked that are not heard or not located.
 
         Args:
             estimate: Of the tick.
             age: (N,) age of each agent's newest report, s.
+            airborne: (N,) agents that are in the air.
         """
-        heard = (age <= MAX_REPORT_AGE)[:, None]
-        known = np.isfinite(estimate.velocity).all(axis=1, keepdims=True)
-        self._velocity = np.where(heard & known, estimate.velocity, self._velocity)
-        if heard.all():
+        heard = age <= MAX_REPORT_AGE
+        known = heard & estimate.valid & np.isfinite(estimate.velocity).all(axis=1)
+        self._velocity = np.where(known[:, None], estimate.velocity, self._velocity)
+        self._astray = heard & ~estimate.valid & (airborne | self._astray)
+        if heard.all() and not self._astray.any():
             return estimate
-        down = ~heard[:, 0] & (estimate.time >= self._down_by)
+        down = ~heard & (estimate.time >= self._down_by)
         position = estimate.position.copy()
-        travel = np.where(heard, 0.0, WATCHDOG_TIME * self._velocity)
+        flies_on = np.where(self._astray, BRAKING_TIME, np.where(heard, 0.0, WATCHDOG_TIME))
+        travel = flies_on[:, None] * self._velocity
         position[down, 2], travel[down, 2] = -self._depth, 0.0
         return replace(
             estimate,
             position=position,
-            velocity=np.where(heard, estimate.velocity, 0.0),
+            velocity=np.where(heard[:, None], estimate.velocity, 0.0),
             possible_travel=travel,
         )

@@ -130,6 +130,7 @@ def stamp(payload: bytes) -> int:
 WRAP: Final = 1 << 24  # ms: timestamps have 24 bits and wrap after 4.7 h
 WINDOW: Final = 2.0  # s: at least 20 reports; a clock that falls behind is followed within two
 MIN_RESTART_STEP: Final = 1000  # ms, backward step that means a restart: no packet is so late
+MAX_AHEAD: Final = 60_000  # ms, forward step beyond the time that passed, likewise
 
 
 class Clock:
@@ -141,6 +142,9 @@ class Clock:
     drone that cannot keep up with real time. The remaining error is the minimum latency of the
     link, some milliseconds, by which times are late.
 
+    A timestamp that does not follow the earlier ones means a restart only if the next one follows
+    it: a single one may have been altered on its way.
+
     Attributes:
         restarted: Whether the drone's clock has restarted since its first report.
     """
@@ -148,6 +152,8 @@ class Clock:
     def __init__(self) -> None:
         self.restarted = False
         self._last: int | None = None  # ms, newest timestamp, unwrapped
+        self._heard = 0.0  # s, arrival of the newest report that follows
+        self._suspect: tuple[int, float] | None = None  # timestamp and arrival of one that does not
         self._began = 0.0  # s, start of the current window
         self._offset = self._before = math.inf  # s, of the current and the previous window
 
@@ -158,16 +164,30 @@ class Clock:
             stamp: Timestamp of the report, ms since the drone started, 24 bits.
             arrived: Arrival of the report, s.
         """
-        last = stamp if self._last is None else self._last
-        step = (stamp - last + WRAP // 2) % WRAP - WRAP // 2
-        if self._last is None or step < -MIN_RESTART_STEP:
-            self.restarted |= self._last is not None
-            last, step = stamp, 0
-            self._last, self._began = stamp, arrived
-            self._offset = self._before = math.inf
-        unwound = last + step
-        self._last = max(last, unwound)
+        if self._last is None:
+            self._last = self._begin(stamp, arrived)
+        ahead = 1000 * (arrived - self._heard) + MAX_AHEAD
+        if not -MIN_RESTART_STEP <= _difference(stamp, self._last) <= ahead:
+            suspect, self._suspect = self._suspect, (stamp, arrived)
+            if suspect is None or abs(_difference(stamp, suspect[0])) > MIN_RESTART_STEP:
+                return arrived
+            self.restarted = True
+            self._last = self._begin(*suspect)
+        self._suspect, self._heard = None, arrived
+        unwound = self._last + _difference(stamp, self._last)
+        self._last = max(self._last, unwound)
         if arrived - self._began > WINDOW:
             self._began, self._before, self._offset = arrived, self._offset, math.inf
         self._offset = min(self._offset, arrived - unwound / 1000)
         return unwound / 1000 + min(self._offset, self._before)
+
+    def _begin(self, stamp: int, arrived: float) -> int:
+        """Estimate the offset anew from a report; return its timestamp."""
+        self._heard = self._began = arrived
+        self._offset, self._before = arrived - stamp / 1000, math.inf
+        return stamp
+
+
+def _difference(stamp: int, earlier: int) -> int:
+    """Return the time from one timestamp to another, ms: less than half of `WRAP`."""
+    return (stamp - earlier + WRAP // 2) % WRAP - WRAP // 2

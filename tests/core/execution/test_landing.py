@@ -171,4 +171,4 @@ def test_an_agent_that_is_ordered_down_blind_keeps_its_place_from_those_above_it
     descent.land([0, 1])
     descent.step(replace(stacked, valid=np.array([True, False])), GoalBuffer(2, 0.5))
     assert landed == [[1]]
-    assert reported == ["cf1 lands 0.35 m aside: its position is not free"]
+    assert reported == ["cf1 lands 0.60 m aside: its position is not free"]

@@ -13,6 +13,7 @@ from star_core.safety.monitor import (
     CORRECTION_SIGMAS,
     JUMP_MARGIN,
     MIN_PLAUSIBLE_SPEED,
+    SPOILED_TIME,
     EstimateGate,
 )
 from star_core.testing import estimate
@@ -78,6 +79,41 @@ def test_an_estimate_that_stays_while_the_agent_flies_is_rejected() -> None:
     assert all(stuck(*[np.nan] * 30))
     assert all(stuck(*flight, drift=1e-9))
     assert all(stuck(*[SPEED] * 30))  # reports that repeat
+
+
+def spoiled(*velocities: float, airborne: bool = True) -> list[tuple[bool, float]]:
+    """In which ticks an agent that reports velocities is located, and its position, m.
+
+    An agent that reports another velocity than 0 reports a random position.
+    """
+    gate, random = EstimateGate(1, SPEED), np.random.default_rng(0)
+    seen = []
+    for k, velocity in enumerate(velocities):
+        here = 0.1 if velocity == 0 else 0.1 + random.normal()
+        now = replace(believed(here, k * PERIOD), valid=np.isfinite([velocity]))
+        reported = np.array([[velocity, 0.0, 0.0]])
+        answer, _ = gate.check(now, airborne & AIRBORNE, reported, np.ones(1, np.bool_))
+        seen.append((bool(answer.valid[0]), float(answer.position[0, 0])))
+    return seen
+
+
+@pytest.mark.parametrize("airborne", [True, False])
+def test_an_agent_that_reports_random_velocities_stays_where_it_was(*, airborne: bool) -> None:
+    bad = np.where(np.random.default_rng(1).random(200) < 0.5, np.nan, 20.0).tolist()
+    ticks = round(SPOILED_TIME / PERIOD)
+    seen = spoiled(*[0.0] * 5, *bad, *[0.0] * (ticks + 5), airborne=airborne)
+    assert all(x == 0.1 for _, x in seen)
+    located = [valid for valid, _ in seen]
+    assert located[:5] == [True] * 5
+    assert not any(located[5 : 5 + 200 + ticks - 2])
+    assert all(located[-5:])
+
+
+def test_an_agent_that_reports_no_velocity_at_all_is_located() -> None:
+    gate, heard = EstimateGate(1, SPEED), np.ones(1, np.bool_)
+    silent = np.full((1, 3), np.nan)
+    for k in range(5):
+        assert gate.check(believed(0.0, k * PERIOD), AIRBORNE, silent, heard)[0].valid.all()
 
 
 def test_a_jump_is_reported_once() -> None:

@@ -7,16 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_core import Array, Estimate, Limits, Registry, Setpoint, fill_defaults
+from star_core import AgentPhase, Array, Estimate, Limits, Registry, Setpoint, fill_defaults
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
 from star_core.safety.filter import SafetyFilter
-from star_core.safety.monitor import FALL_TIME, WATCHDOG_TIME, UnheardAgents
+from star_core.safety.monitor import (
+    BRAKING_TIME,
+    FALL_TIME,
+    WATCHDOG_TIME,
+    GroundedAgents,
+    UnheardAgents,
+)
 from star_core.testing import estimate, scene
 
 LIMITS = Limits(separation=0.2, vertical_separation=0.6)
 DOWN = LIMITS.separation - LIMITS.vertical_separation  # m, as others keep only `separation` above
 HEARD, UNHEARD = 0.0, 0.6  # s, ages of reports
+ONE, BOTH = np.ones(1, np.bool_), np.ones(2, np.bool_)  # in the air
 
 
 def marked(velocity: Array, *ages: float) -> Estimate:
@@ -24,7 +31,7 @@ def marked(velocity: Array, *ages: float) -> Estimate:
     tracker = UnheardAgents(len(velocity), LIMITS)
     now = estimate(np.zeros_like(velocity), velocity=velocity)
     for age in ages:
-        answer = tracker.mark(now, np.array([0.0, age]))
+        answer = tracker.mark(now, np.array([0.0, age]), BOTH)
     return answer
 
 
@@ -53,8 +60,8 @@ def test_the_velocity_is_the_last_one_that_was_reported() -> None:
     tracker = UnheardAgents(1, LIMITS)
     flying = estimate(np.zeros((1, 3)), velocity=np.array([[0.5, 0.0, 0.0]]))
     unknown = replace(flying, velocity=np.full((1, 3), np.nan))
-    tracker.mark(flying, np.array([HEARD]))
-    answer = tracker.mark(unknown, np.array([UNHEARD]))
+    tracker.mark(flying, np.array([HEARD]), ONE)
+    answer = tracker.mark(unknown, np.array([UNHEARD]), ONE)
     assert answer.possible_travel[0] == pytest.approx([WATCHDOG_TIME * 0.5, 0, 0])
 
 
@@ -81,8 +88,8 @@ def test_an_agent_that_is_not_heard_is_on_the_ground_when_it_has_fallen_or_lande
 
     def heights(time: float) -> list[float]:
         now = estimate(np.tile([0.0, 0.0, 0.7], (4, 1)), time=time)
-        assert tracker.mark(now, 0 * ages).position[:, 2].tolist() == [0.7] * 4
-        return [float(z) for z in tracker.mark(now, ages).position[:, 2]]
+        assert tracker.mark(now, 0 * ages, every >= 0).position[:, 2].tolist() == [0.7] * 4
+        return [float(z) for z in tracker.mark(now, ages, every >= 0).position[:, 2]]
 
     assert heights(2.9) == [0.7, 0.7, 0.7, 0.7]
     assert heights(3.0) == [0.7, 0.7, 0.7, DOWN]  # received the command to land
@@ -96,7 +103,42 @@ def test_setpoints_keep_an_agent_in_the_air() -> None:
     for time in (1.0, 2.0):
         tracker.steered(time, np.array([True]))
     now = [estimate(np.ones((1, 3)), time=time + fallen) for time in (1.0, 2.0)]
-    assert [tracker.mark(one, np.array([UNHEARD])).position[0, 2] for one in now] == [1.0, DOWN]
+    assert [tracker.mark(one, np.array([UNHEARD]), ONE).position[0, 2] for one in now] == [
+        1.0,
+        DOWN,
+    ]
+
+
+def test_an_agent_that_is_not_located_brakes_and_stays_in_the_way_on_the_ground() -> None:
+    tracker = UnheardAgents(2, LIMITS)
+    flying = estimate(np.zeros((2, 3)), velocity=VELOCITY)
+    lost = replace(flying, velocity=np.zeros((2, 3)), valid=np.array([True, False]))
+    ages, grounded = np.zeros(2), ~BOTH
+    assert not tracker.mark(lost, ages, grounded).possible_travel.any()  # before the takeoff
+    tracker.mark(flying, ages, BOTH)
+    for airborne in (BOTH, grounded):
+        answer = tracker.mark(lost, ages, airborne)
+        assert answer.possible_travel[1] == pytest.approx(BRAKING_TIME * VELOCITY[1])
+        assert not answer.possible_travel[0].any()
+    assert not tracker.mark(flying, ages, grounded).possible_travel.any()
+    assert not tracker.mark(lost, ages, grounded).possible_travel.any()
+
+
+# Agents that stay on the ground.
+
+GROUNDED, LANDED, FALLEN = AgentPhase.GROUNDED, AgentPhase.LANDED, AgentPhase.EMERGENCY
+
+
+def test_only_agents_that_stay_on_the_ground_leave_the_air_above_them_free() -> None:
+    tracker = GroundedAgents(4, LIMITS)
+    phase, gone = np.array([GROUNDED, LANDED, LANDED, FALLEN]), np.array([True, True, False, False])
+
+    def heights(time: float) -> list[float]:
+        now = estimate(np.zeros((4, 3)), time=time)
+        return [float(z) for z in tracker.mark(now, phase, gone).position[:, 2]]
+
+    assert heights(0.0) == [0, DOWN, 0, 0]  # the last one may still fall
+    assert heights(FALL_TIME) == [0, DOWN, 0, DOWN]
 
 
 # Flights: the second agent is last heard at the origin, flying along +x, and is in fact there or
@@ -115,7 +157,7 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
     tracker, guard = UnheardAgents(2, LIMITS), SafetyFilter(room)
     speed, position = 0.5, np.array([start, np.zeros(3)])
     last = np.array([[0.0, 0.0, 0.0], [speed, 0.0, 0.0]])
-    tracker.mark(estimate(position, velocity=last), np.zeros(2))
+    tracker.mark(estimate(position, velocity=last), np.zeros(2), BOTH)
     other, velocity, nearest = np.zeros(3), np.zeros(3), np.inf
     for k in range(round(12 / PERIOD)):
         time = k * PERIOD
@@ -125,7 +167,7 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
         now = estimate(
             np.array([position[0], np.zeros(3)]), velocity=np.array([velocity, last[1]]), time=time
         )
-        now = replace(tracker.mark(now, np.array([0.0, 0.6 + time])), valid=FIRST)
+        now = replace(tracker.mark(now, np.array([0.0, 0.6 + time]), BOTH), valid=FIRST)
         way = goal - position[0]
         wish = way * speed / max(np.linalg.norm(way), speed)
         wanted = Setpoint(np.array([wish, np.zeros(3)]), np.zeros(2), FIRST)

@@ -110,6 +110,48 @@ def test_faults_provoke_each_safety_rule(
     assert flight.summary["outcome"] == "completed"
 
 
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"component": "battery", "mode": "wrong"},
+        {"component": "motor", "mode": "off"},
+        {"component": "link", "mode": "off", "for": 4.0},
+    ],
+    ids=lambda fault: fault["component"],
+)
+def test_others_fly_low_over_an_agent_that_stays_on_the_ground(
+    tmp_path: Path, fault: Mapping[str, Any]
+) -> None:
+    over = {"agents": "cf1", "to": [-0.5, 0, 0.5]}
+    changes = {
+        "limits": {"vertical_separation": 1.1},
+        "mission": [{"takeoff": {}}, {"hold": {"for": 8}}, {"goto": over}, {"land": {}}],
+    }
+    flight = flown(tmp_path, {**fault, "agents": "cf2", "at": 4.0}, **changes)
+    (safety,) = flight.texts("safety")
+    assert safety.startswith("cf2 ")
+    assert flight.summary["reason"] == ""
+
+
+def test_an_agent_with_random_reports_stays_where_it_was_last_located(tmp_path: Path) -> None:
+    garbage = {"component": "telemetry", "mode": "garbage", "agents": "cf2", "at": 3.5}
+    flight = flown(tmp_path, garbage)
+    places = np.array([tick.estimate.position[1, :2] for tick in flight.ticks])
+    assert np.abs(places - [-0.5, 0.0]).max() < 0.2
+    located = [tick.estimate.valid[1] for tick in flight.ticks if tick.time > 3.6]
+    assert not any(located)
+
+
+def test_a_planner_that_presses_agents_against_the_fence_fails_their_step(tmp_path: Path) -> None:
+    there = {"goto": {"agents": "cf4", "to": [3.5, 0, 0.6], "timeout": 60}}
+    stuck = {"component": "plugin", "plugin": "planner", "mode": "stuck", "at": 4.0}
+    flight = flown(tmp_path, stuck, mission=[{"takeoff": {"height": 0.6}}, there, {"land": {}}])
+    assert flight.summary["reason"].endswith(
+        "cf4 cannot get there: the planner repeats a setpoint that leads out of the fence"
+    )
+    assert flight.summary["flight_time_s"] < 30.0
+
+
 def test_a_flow_sensor_that_sees_no_motion_is_noticed(tmp_path: Path) -> None:
     there = {"takeoff": {"height": 0.6}}, {"goto": {"agents": "cf4", "to": [1.5, 2.5, 0.6]}}
     stuck = {"component": "flow", "mode": "stuck", "agents": "cf4", "at": 3.0}

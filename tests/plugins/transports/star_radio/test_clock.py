@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -58,4 +59,41 @@ def test_a_packet_that_is_late_is_no_restart() -> None:
     for i in range(10):
         clock.time(1000 + 10 * i, 50 + 0.01 * i)
     assert abs(clock.time(1030, 50.3) - 50.03) < 1e-9
+    assert not clock.restarted
+
+
+def altered(*stamps: int) -> tuple[Clock, list[float]]:
+    """A clock, and how late reports every 10 ms are whose first timestamps, ms, are altered."""
+    clock = Clock()
+    clock.time(5000, 50.0)
+    every = [*stamps, *range(5010 + 10 * len(stamps), 5100, 10)]
+    arrivals = [50.01 + 0.01 * i for i in range(len(every))]
+    return clock, [clock.time(*one) - one[1] for one in zip(every, arrivals, strict=True)]
+
+
+@pytest.mark.parametrize("stamp", [20, 200_000, WRAP // 2 + 5000])
+def test_an_altered_timestamp_in_one_report_is_no_restart(stamp: int) -> None:
+    clock, late = altered(stamp)
+    assert not clock.restarted
+    assert max(map(abs, late)) < 1e-9
+
+
+def test_altered_timestamps_that_do_not_follow_each_other_are_no_restart() -> None:
+    clock, late = altered(20, 200_000, 3000)
+    assert not clock.restarted
+    assert max(map(abs, late)) < 1e-9
+
+
+def test_a_drone_that_restarts_after_hours_counts_anew() -> None:
+    clock = Clock()
+    clock.time(12_000_000, 100.0)
+    assert clock.time(1000, 101.0) == 101.0
+    assert abs(clock.time(1010, 101.5) - 101.01) < 1e-9
+    assert clock.restarted
+
+
+def test_a_pause_of_minutes_is_no_restart() -> None:
+    clock = Clock()
+    clock.time(1000, 50.0)
+    assert clock.time(601_000, 650.0) == 650.0
     assert not clock.restarted
