@@ -34,7 +34,7 @@ from scipy.stats import beta
 
 from star_core import Event, InputError, PluginError, Registry, Tick, hookimpl, read_run
 from star_core.cli.run import run_mission
-from star_core.registry import Source
+from star_core.plugin_support.discovery import Source
 
 CONTACT: Final = 0.12  # m between the centers of two drones that touch
 FENCE_MARGIN: Final = 0.2  # m, for the error of the estimates that the fence is kept by

@@ -8,13 +8,15 @@ named in the log and dropped for the rest of the flight.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import pluggy
 
 if TYPE_CHECKING:
     from star_core import Mission, Registry
-    from star_core.contracts import (
+    from star_core.messages.events import Event, Flight, Tick
+    from star_core.operator import Operator
+    from star_core.plugin_support.specs import (
         AvoiderSpec,
         CommandSpec,
         LocalizerSpec,
@@ -24,8 +26,6 @@ if TYPE_CHECKING:
         TaskSpec,
         TransportSpec,
     )
-    from star_core.messages.events import Event, Flight, Tick
-    from star_core.operator import Operator
 
 PROJECT = "star"
 
@@ -121,35 +121,3 @@ def star_mission_ended(summary: Mapping[str, Any]) -> None:
 
     The summary is that of ``summary.json``.
     """
-
-
-class PluginCall(NamedTuple):
-    """One plugin's implementations of one hook, called by pluggy.
-
-    Each plugin is called separately, so that an error can be attributed to it.
-
-    Attributes:
-        plugin: The name that it is registered under.
-        caller: Calls its implementations, and no other plugin's.
-        wraps: Whether one of them is a wrapper: the other plugins are then called within this
-            call, by `pluggy.HookCaller.call_extra`.
-    """
-
-    plugin: str
-    caller: pluggy.HookCaller
-    wraps: bool
-
-
-def plugin_calls(manager: pluggy.PluginManager, hook: str) -> list[PluginCall]:
-    """Return the calls of a hook, one per plugin, in the order in which pluggy makes them."""
-    implementations: dict[str, list[pluggy.HookImpl]] = {}
-    for implementation in reversed(getattr(manager.hook, hook).get_hookimpls()):
-        implementations.setdefault(implementation.plugin_name, []).append(implementation)
-    return [
-        PluginCall(
-            name,
-            manager.subset_hook_caller(hook, manager.get_plugins() - {own[0].plugin}),
-            any(one.wrapper or one.hookwrapper for one in own),
-        )
-        for name, own in implementations.items()
-    ]

@@ -19,8 +19,9 @@ from star_core.mission_file.scene_builder import scene, uncertain_groups
 from star_core.mission_file.sound_parts import Refused, sound_parts
 from star_core.mission_file.step_tree import Node, StepBuilder
 from star_core.mission_file.yaml_reader import read
+from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.option_schema import PARTS
-from star_core.registry import Registry, Source
+from star_core.registry import Registry
 from star_core.scene import Scene, inside
 from star_core.world.world import World
 

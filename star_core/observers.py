@@ -9,9 +9,9 @@ from typing import Any
 
 import pluggy
 
-from star_core.hookspecs import PluginCall, plugin_calls
 from star_core.messages.events import Event
 from star_core.metrics.timing import ComputeTime, Stopwatch
+from star_core.plugin_support.hook_calls import PluginCall, plugin_calls
 from star_core.plugin_support.watchdog import PluginTimeout
 
 log = logging.getLogger(__name__)

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urldefrag
 
 import pytest
 
-from star_core.contracts import MissionSpec
+from star_core.plugin_support.specs import MissionSpec
 from star_core.registry import Registry
 
 pytestmark = pytest.mark.shipped_world

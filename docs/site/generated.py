@@ -128,7 +128,8 @@ def _api_pages() -> Iterator[tuple[str, str]]:
     text = (ROOT / "star_core" / "__init__.pyi").read_text("utf-8")
     names = re.findall(r"^from (star_core\.\S+) import (\w+) as", text, re.MULTILINE)
     pages: dict[str, list[str]] = {page: [] for page in GROUPS}
-    pages["contracts"] += ["star_core.contracts.Spec", "star_core.contracts.MissionSpec"]
+    specs = "star_core.plugin_support.specs"
+    pages["contracts"] += [f"{specs}.Spec", f"{specs}.MissionSpec"]
     for module, name in names:
         top = module.split(".")[1]
         (page,) = (page for page, (_, prefixes) in GROUPS.items() if top in prefixes)

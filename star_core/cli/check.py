@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from star_core.contracts import Problem
 from star_core.errors import InputError
-from star_core.hookspecs import plugin_calls
 from star_core.mission import Mission, checked
 from star_core.mission_file import schema
 from star_core.mission_file.fault_file import check_faults
@@ -18,6 +16,8 @@ from star_core.mission_file.overrides import override
 from star_core.mission_file.world_loader import world
 from star_core.mission_file.yaml_reader import read
 from star_core.plugin_support.guard import PluginGuard
+from star_core.plugin_support.hook_calls import plugin_calls
+from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.world.camera import camera_faults
 

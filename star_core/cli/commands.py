@@ -6,8 +6,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from star_core.contracts import CommandSpec
 from star_core.hookspecs import hookimpl
+from star_core.plugin_support.specs import CommandSpec
 
 if TYPE_CHECKING:
     import argparse

@@ -10,10 +10,11 @@ from typing import Any, TypeAlias
 
 from star_core import hookspecs
 from star_core.cli.columns import columns
-from star_core.contracts import NO_OPTIONS, MissionSpec, Spec
 from star_core.errors import PluginError, suggestion
-from star_core.hookspecs import plugin_calls
-from star_core.registry import KINDS, Found, Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.hook_calls import KINDS, Found, plugin_calls
+from star_core.plugin_support.specs import NO_OPTIONS, MissionSpec, Spec
+from star_core.registry import Registry
 
 Plugins: TypeAlias = list[tuple[str, Found]]
 """Kinds and records."""

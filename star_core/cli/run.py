@@ -23,7 +23,8 @@ from star_core.cli.output import LatestRun, new_folder
 from star_core.errors import InputError
 from star_core.mission import Mission, load
 from star_core.operator import Operator
-from star_core.registry import Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.registry import Registry
 from star_core.runner import fly, outcome_of
 from star_core.toolkit.progress import Progress, log
 

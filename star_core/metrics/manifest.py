@@ -10,7 +10,7 @@ from typing import Any
 
 from star_core.mission import Mission
 from star_core.mission_file.step_tree import actions
-from star_core.registry import ENTRY_POINT_GROUP
+from star_core.plugin_support.discovery import ENTRY_POINT_GROUP
 
 DISTRIBUTION = "star-swarm"
 OURS = "star."  # begins the names of groups of entry points

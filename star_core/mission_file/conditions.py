@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from star_core.contracts import Problem
 from star_core.errors import suggestion
+from star_core.plugin_support.specs import Problem
 
 if TYPE_CHECKING:
     from star_core.messages.events import Event

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from star_core.contracts import Problem
 from star_core.errors import InputError, suggestion
 from star_core.mission_file import schema
 from star_core.mission_file.located import Document
 from star_core.mission_file.step_tree import rows_of
 from star_core.plugin_support.option_schema import fill_defaults
+from star_core.plugin_support.specs import Problem
 from star_core.scene import Scene, inside
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from star_core.contracts import Problem
 from star_core.mission_file.schema import compose, validator
 from star_core.plugin_support.option_schema import fill_defaults
+from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.scene import Scene
 

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote, unquote
 
-from star_core.contracts import MissionSpec
 from star_core.errors import InputError
 from star_core.mission_file.file_kinds import Kind, require_kind
 from star_core.mission_file.located import Document
 from star_core.mission_file.yaml_reader import read
 from star_core.plugin_support.option_schema import PARTS, SHARED, references
+from star_core.plugin_support.specs import MissionSpec
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError

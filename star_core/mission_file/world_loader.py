@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, pairwise
 from typing import Any, Final
 
-from star_core.contracts import Problem
 from star_core.errors import InputError
 from star_core.mission_file.located import Document
+from star_core.plugin_support.specs import Problem
 from star_core.world.outlines import around_circle, box, outline_fault, wall
 from star_core.world.quaternions import Point, moved, turned
 from star_core.world.world import TAG_RIM, TAG_SIZE, Corner, Fence, Obstacle, Tag, World

@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import Any, Final, TypeVar
 from urllib.parse import unquote
 
-from star_core.contracts import MissionSpec, Spec, TaskSpec
 from star_core.errors import ContractError, PluginError
+from star_core.plugin_support.specs import MissionSpec, Spec, TaskSpec
 
 AnySpec = TypeVar("AnySpec", bound=Spec)
 

@@ -29,9 +29,10 @@ from star_core import (
     TransportSpec,
     hookimpl,
 )
-from star_core.contracts import SPECS
 from star_core.mission import Mission, load
-from star_core.registry import Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.specs import SPECS
+from star_core.registry import Registry
 from star_core.runner import fly
 from tests.core.robots import SOON, Robots
 

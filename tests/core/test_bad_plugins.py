@@ -16,8 +16,8 @@ import pytest
 
 import star_core as star
 from star_core.plugin_support import watchdog
+from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.guard import Strikes
-from star_core.registry import Source
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab
 from tests.core.robots import Robots

@@ -8,8 +8,8 @@ import pytest
 
 from star_core.cli.error_codes import catalogue, page
 from star_core.cli.main import main
-from star_core.contracts import Problem
 from star_core.errors import ContractError, InputError, PluginError, StarError, code_of, coded
+from star_core.plugin_support.specs import Problem
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted([*(ROOT / "star_core").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")])

@@ -11,7 +11,8 @@ import pytest
 from star_core import PlannerSpec, Problem, Scene, StepGoal, TaskSpec, hookimpl
 from star_core.errors import InputError
 from star_core.mission import load
-from star_core.registry import Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.registry import Registry
 
 WORLD = """\
 star: 1

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from star_core import Event, Flight, Tick, hookimpl
-from star_core.registry import Source
+from star_core.plugin_support.discovery import Source
 from tests.core.conftest import Lab
 
 WATCHING = (

@@ -29,7 +29,7 @@ from star_core import (
     load,
 )
 from star_core.pipeline import PluginPipeline
-from star_core.registry import Source
+from star_core.plugin_support.discovery import Source
 from tests.core.conftest import Lab
 from tests.core.robots import Robots
 

@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 from star_core import AvoiderSpec, PlannerSpec, PluginError, Tick, hookimpl
-from star_core.registry import KINDS, Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.hook_calls import KINDS
+from star_core.registry import Registry
 
 NEVER_MADE: Any = object
 

@@ -21,7 +21,8 @@ from star_core import (
     fly,
     hookimpl,
 )
-from star_core.registry import Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.registry import Registry
 from star_core.runner import outcome_of
 from star_core.shutdown import MAX_LANDING_DELAY, MAX_SILENCE
 from star_core.vehicle_interface import CONTROLLER_LAG, LAG_ALLOWANCE, LAND_SPEED, MIN_LAND_TIME

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, Literal, TypeAlias
 
-from star_core.contracts import Problem
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
 from star_core.plugin_support.option_schema import JOIN, LEAVE
+from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.scene import Scene
 

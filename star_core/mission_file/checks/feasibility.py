@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Final
 
-from star_core.contracts import Problem
 from star_core.errors import PluginError, suggestion
 from star_core.mission_file.located import Document
 from star_core.mission_file.sound_parts import Incomplete
 from star_core.mission_file.step_tree import Action
 from star_core.plugin_support.option_schema import JOIN, fill_defaults
+from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.world.quaternions import Point

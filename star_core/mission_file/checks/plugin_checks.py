@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 from typing import Any, Final, TypeAlias
 
-from star_core.contracts import Problem, StepGoal
 from star_core.errors import PluginError
 from star_core.mission_file.checks.feasibility import position_code
 from star_core.mission_file.located import Location
 from star_core.mission_file.step_tree import Action
 from star_core.plugin_support.option_schema import fill_defaults, held
+from star_core.plugin_support.specs import Problem, StepGoal
 from star_core.registry import Registry
 from star_core.scene import Scene
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from star_core.contracts import Problem
 from star_core.errors import suggestion
 from star_core.mission_file import conditions
 from star_core.mission_file.checks import airborne_state, feasibility
@@ -20,6 +19,7 @@ from star_core.mission_file.step_tree import (
     nodes,
 )
 from star_core.plugin_support.option_schema import JOIN, PARTS
+from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.world.camera import camera_faults

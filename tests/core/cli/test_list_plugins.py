@@ -20,7 +20,9 @@ from star_core.cli.list_plugins import as_json, as_text, chosen
 from star_core.cli.main import main
 from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps, load
-from star_core.registry import KINDS, Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.hook_calls import KINDS
+from star_core.registry import Registry
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 
@@ -323,7 +325,8 @@ def test_a_plugin_that_is_left_out_is_named_on_standard_error_too(
             return True
 
     own = entry_points(group="star.plugins", name="commands")
-    monkeypatch.setattr("star_core.registry.entry_points", lambda **_: [*own, Broken()])
+    found = "star_core.plugin_support.discovery.entry_points"
+    monkeypatch.setattr(found, lambda **_: [*own, Broken()])
     assert main(["plugins"]) == 0
     out, err = said.readouterr()
     assert err == "star: plugin broken is left out: ImportError: no torch\n"

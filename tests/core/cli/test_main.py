@@ -18,7 +18,8 @@ import pytest
 import star_core
 from star_core import InputError, Mission, RunOptionSpec, Tick, hookimpl
 from star_core.cli.main import main, run
-from star_core.registry import Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.registry import Registry
 
 LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # no agent is up by then
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")

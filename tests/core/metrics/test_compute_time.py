@@ -10,7 +10,8 @@ import pytest
 
 from star_core import Tick, compiled, hookimpl
 from star_core.metrics.timing import ComputeTime
-from star_core.registry import Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.registry import Registry
 from star_core.toolkit.jit import compile_time
 from tests.core.conftest import Lab
 

@@ -11,7 +11,8 @@ import pytest
 
 from star_core import Flight, hookimpl
 from star_core.cli.main import main
-from star_core.registry import Registry, Source
+from star_core.plugin_support.discovery import Source
+from star_core.registry import Registry
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("hop")

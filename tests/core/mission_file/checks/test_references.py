@@ -9,7 +9,13 @@ from typing import Any
 
 import pytest
 
-from star_core.contracts import (
+from star_core.errors import InputError
+from star_core.hookspecs import hookimpl
+from star_core.mission import load
+from star_core.mission_file.step_tree import rows_of
+from star_core.mission_file.yaml_reader import parse
+from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.specs import (
     SPECS,
     AvoiderSpec,
     LocalizerSpec,
@@ -18,12 +24,7 @@ from star_core.contracts import (
     TaskSpec,
     TransportSpec,
 )
-from star_core.errors import InputError
-from star_core.hookspecs import hookimpl
-from star_core.mission import load
-from star_core.mission_file.step_tree import rows_of
-from star_core.mission_file.yaml_reader import parse
-from star_core.registry import Registry, Source
+from star_core.registry import Registry
 
 WORLD = """\
 star: 1

@@ -1,0 +1,243 @@
+"""The records that announce plugins, and what their checks yield.
+
+This module imports no numpy, so that plugins can be listed and missions checked quickly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from star_core.contracts import Avoider, Localizer, Planner, Task, Transport
+    from star_core.messages.arrays import Array
+
+
+class Problem(NamedTuple):
+    """A mistake in a file that its schema cannot detect.
+
+    Attributes:
+        path: Keys and indices from the plugin's options to the value; empty for the whole.
+        message: What is wrong and what was expected.
+        code: Identifies the kind of mistake, see `star_core.cli.error_codes`.
+        warning: Whether the mission can be flown all the same.
+    """
+
+    path: tuple[str | int, ...]
+    message: str
+    code: str = "invalid-option"
+    warning: bool = False
+
+
+class StepGoal(NamedTuple):
+    """A position that a step sends an agent to, as far as it is known before the flight.
+
+    Attributes:
+        path: Keys and indices from the task's options to the value that it follows from.
+        position: In the map, m.
+        label: What it is, for messages, as ``"position 2 of 3"``; empty if there is only one.
+    """
+
+    path: tuple[str | int, ...]
+    position: tuple[float, float, float]
+    label: str = ""
+
+
+def deferred(target: str) -> Callable[..., Any]:
+    """Return a function that imports another when it is called, and calls that.
+
+    As `Spec.make` it announces a plugin without the imports that the plugin itself needs.
+
+    Args:
+        target: ``module:name``, as for entry points.
+
+    Example:
+        >>> deferred("math:hypot")(3, 4)
+        5.0
+    """
+    module, _, name = target.partition(":")
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        return getattr(import_module(module), name)(*arguments, **options)
+
+    return call
+
+
+NO_OPTIONS: Mapping[str, Any] = {"type": "object", "properties": {}}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spec:
+    """A record that announces a plugin.
+
+    Attributes:
+        name: In missions, or on the command line. Lower case, unique within its kind.
+        summary: One line, for ``star plugins``, ``star --help`` and editors.
+        make: Makes the plugin. Import heavy packages in it; `deferred` does.
+    """
+
+    name: str
+    summary: str
+    make: Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionSpec(Spec):
+    """Announces a plugin that a mission names, with options.
+
+    Attributes:
+        make: ``make(scene, **options)`` returns the plugin.
+        options: JSON Schema of those options: an object with ``properties``. Other options are
+            refused. Those that are not given have the ``default`` of the schema.
+        check: ``check(scene, **options)`` yields a `Problem` for each mistake that a schema cannot
+            detect. It runs in ``star check``: import nothing heavy.
+    """
+
+    options: Mapping[str, Any] = field(default_factory=lambda: NO_OPTIONS)
+    check: Callable[..., Iterable[Problem]] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TransportSpec(MissionSpec):
+    """Announces a transport.
+
+    Attributes:
+        realtime: Whether mission time advances by itself, as on hardware. Plugins read it in
+            `Scene.realtime`.
+        heights_above_surface: ``heights_above_surface(**options)`` returns whether the on-board
+            estimators take what is below for the floor, as they do with a Flow deck.
+    """
+
+    make: Callable[..., Transport]
+    realtime: bool = False
+    heights_above_surface: Callable[..., bool] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalizerSpec(MissionSpec):
+    """Announces a localizer.
+
+    Attributes:
+        corrects_heights: Whether its heights are right over obstacles too if those of the on-board
+            estimators are not; if not, ``star check`` warns of agents that fly over obstacles.
+        drift: ``drift(scene, time, position, yaw, **options)`` returns the expected standard
+            deviation, (T, N) m, of the horizontal error of agents that fly along paths: at times
+            (T,), s, with positions (T, N, 3), m, and headings (T, N), rad. It is for localizers
+            whose errors grow in flight, and runs in ``star check``; None for others.
+    """
+
+    make: Callable[..., Localizer]
+    corrects_heights: bool = False
+    drift: Callable[..., Array] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerSpec(MissionSpec):
+    """Announces a planner.
+
+    Attributes:
+        check_goals: ``check_goals(scene, goals, **options)`` yields a `Problem` for every goal that
+            the planner would refuse, out of a list of (x, y, z) in the map, m. The problem's path
+            is the goal's index, ``(i,)``; its message follows "goal [x, y, z]". It runs in
+            ``star check``: import nothing heavy. In flight the planner should decide by the same
+            function.
+        avoids_obstacles: Whether it plans around obstacles; if not, ``star check`` reports those
+            in the straight way of an agent.
+    """
+
+    make: Callable[..., Planner]
+    avoids_obstacles: bool = True
+    check_goals: Callable[..., Iterable[Problem]] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AvoiderSpec(MissionSpec):
+    """Announces an avoider.
+
+    Attributes:
+        avoids_obstacles: Whether it keeps agents from obstacles too.
+    """
+
+    make: Callable[..., Avoider]
+    avoids_obstacles: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exclusive:
+    """A resource outside of STAR that a task holds while it exists, such as a port.
+
+    Parallel steps cannot hold the same. ``star explain`` rehearses no step that holds one.
+
+    Attributes:
+        options: Names of the options that identify the resource.
+        unless: Name of the option with which a step holds no resource, if there is one.
+        timeout: Duration after which a step that waits for the resource fails, s.
+    """
+
+    options: tuple[str, ...]
+    unless: str | None = None
+    timeout: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskSpec(MissionSpec):
+    """Announces a task: a verb of the mission language.
+
+    Attributes:
+        make: ``make(scene, rows, **options)`` with the rows (a tuple) of its agents.
+        check: ``check(scene, rows, **options)``.
+        goals: ``goals(scene, rows, **options)`` yields a `StepGoal` for each goal that agents fly
+            to by the planner; of a line, positions no more than 0.05 m apart. It is called if
+            `check` found no problem. Import nothing heavy.
+        before: Where its agents must be when it begins; None if that does not matter.
+        after: Where they are when it has succeeded; None if that is unknown.
+        exclusive: The resource that it holds, if any.
+    """
+
+    make: Callable[..., Task]
+    goals: Callable[..., Iterable[StepGoal]] | None = None
+    before: Literal["ground", "air"] | None = None
+    after: Literal["ground", "air", "same"] | None = None
+    exclusive: Exclusive | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandSpec(Spec):
+    """Announces a command.
+
+    Attributes:
+        make: ``make(arguments)`` runs it with the rest of the command line and returns its exit
+            status.
+        group: Heading in ``star --help``: Fly, Review, Author, Study, Hardware, Plugins or another.
+    """
+
+    make: Callable[[list[str]], int]
+    group: str = "Other"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptionSpec(Spec):
+    """Announces an option of ``star run``, ``--NAME``, that adds an observer to the flight.
+
+    Attributes:
+        make: ``make(mission, registry)`` returns the observer, an object with hooks, or raises
+            `InputError`. It is called before the plugins of the mission are made. With a `metavar`
+            it is ``make(mission, registry, value)``.
+        metavar: What the option's value is called in ``star run --help``; None if it has no value.
+    """
+
+    make: Callable[..., object]
+    metavar: str | None = None
+
+
+SPECS: Mapping[str, type[Spec]] = {
+    "transport": TransportSpec,
+    "localizer": LocalizerSpec,
+    "planner": PlannerSpec,
+    "avoider": AvoiderSpec,
+    "task": TaskSpec,
+    "command": CommandSpec,
+    "run_option": RunOptionSpec,
+}
