@@ -9,7 +9,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
 
 def coded(message: str, code: str) -> str:
@@ -88,53 +88,13 @@ class ContractError(StarError):
 
     code = "contract-broken"
 
+    def among(self, _agents: int) -> str:
+        """Return the message for a swarm of some agents."""
+        return str(self)
+
 
 class CommandError(ContractError):
     """A command that cannot be sent; its task does not give it again."""
-
-
-class RowCountError(ContractError):
-    """Fields of one table differ in their number of rows.
-
-    Args:
-        table: Name of its class.
-        count: Number of rows of each field.
-        per: What there should be one row per.
-    """
-
-    code = "wrong-shape"
-
-    def __init__(self, table: str, count: Mapping[str, int], per: str) -> None:
-        self._table, self._count, self._per = table, count, per
-        *odd, most = sorted(_by_count(count), key=lambda group: len(group[0]))
-        odd_ones = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in odd)
-        text = f"{odd_ones}, but {_have(most[0])} {most[1]}; expected one row per {per}"
-        super().__init__(f"{table}.{text}")
-
-    def among(self, agents: int) -> str:
-        """Return the message for a swarm of `agents`, naming the wrong fields."""
-        if self._per != "agent":
-            return str(self)
-        wrong = [group for group in _by_count(self._count) if group[1] != agents]
-        fields = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in wrong)
-        return coded(f"{self._table}.{fields}, expected {agents}, one per agent", self.code)
-
-
-def _by_count(count: Mapping[str, int]) -> list[tuple[list[str], int]]:
-    """Return the fields of each number of rows, in the order of the fields."""
-    groups: dict[int, list[str]] = {}
-    for name, n in count.items():
-        groups.setdefault(n, []).append(name)
-    return [(names, n) for n, names in groups.items()]
-
-
-def _have(names: Sequence[str]) -> str:
-    *others, last = names
-    return f"{', '.join(others)} and {last} have" if others else f"{last} has"
-
-
-def _rows(n: int) -> str:
-    return "1 row" if n == 1 else f"{n} rows"
 
 
 def suggestion(word: object, known: Iterable[str], listing: str = "") -> str:

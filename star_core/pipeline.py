@@ -83,6 +83,7 @@ class PluginPipeline:
         self._telemetry: Telemetry  # the last, like the next two
         self._estimate: Estimate
         self._sent: Setpoint | None = None  # without agents that have received a command since
+        self._truth_failed = False
         self.safety_time = Stopwatch(perf_counter)
         self._watches = {
             kind: self.compute_time.of(guard.plugin, waits=kind == "transport")
@@ -245,10 +246,17 @@ class PluginPipeline:
                 self._plugins["transport"].send(replace(self._sent, velocity=still))
 
     def truth(self) -> Truth | None:
-        """Return the ground truth, if the transport has it and does not fail."""
+        """Return the ground truth, if there is one.
+
+        It is None if the transport fails, and for good after a failure that is not tolerated.
+        """
+        if self._truth_failed:
+            return None
+        truth, self._truth_failed = None, True
         with self._tolerating["transport"]:
-            return checked_truth(self._plugins["transport"].truth(), self._n)
-        return None
+            truth = checked_truth(self._plugins["transport"].truth(), self._n)
+        self._truth_failed = False
+        return truth
 
     def close(self) -> list[str]:
         """Close every plugin that has ``close()``; return their errors."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
@@ -20,6 +20,7 @@ from star_core.observers import Observers
 from star_core.operator import Operator
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
+from star_core.plugin_support.guard import leaked_threads
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.shutdown import Shutdown
@@ -70,7 +71,7 @@ def fly(
             if run is not None and run.reason is not None:  # it began to fly
                 for text in failures:
                     run.observers.event("failure", text)
-                if text := _leaked(before):
+                if text := leaked_threads(before):
                     run.observers.event("plugin", text)
                 summary = run.summary()
                 run.observers.notify("star_mission_ended", summary=deepcopy(summary))
@@ -91,16 +92,6 @@ def _short_collections(scene: Scene) -> Iterator[None]:
     finally:
         if frozen:
             gc.unfreeze()
-
-
-def _leaked(before: Collection[threading.Thread]) -> str:
-    """Return which threads were started since, and keep the process from its end."""
-    leaked = [t.name for t in threading.enumerate() if t not in before and not t.daemon]
-    if not leaked:
-        return ""
-    count = f"{len(leaked)} thread{'s' if len(leaked) > 1 else ''}"
-    still = "still run" if len(leaked) > 1 else "still runs"
-    return f"{count} {still} after the flight: {', '.join(sorted(set(leaked)))}"
 
 
 def outcome_of(summary: Mapping[str, Any]) -> int:

@@ -139,7 +139,7 @@ class Shutdown:
         """Command landings now, or once each agent is at rest above a free position."""
         goals.active[:] = False
         if at_once:
-            self._vehicles.land(rows, estimate)
+            self._loop.landing.land_now(rows, estimate)
         else:
             self._loop.landing.land(rows)
             self._loop.landing.step(estimate, goals)

@@ -132,7 +132,7 @@ class ControlLoop:
             avoided = self._fence_press.draw_in(estimate, avoided, wanted)
             safe, corrected = self._safety.filter(seen, avoided, wanted, near)
         sent = self.vehicles.send(safe, telemetry, estimate)
-        outputs = telemetry, estimate, health, merged, plan, sent, self.vehicles.truth()
+        outputs = telemetry, estimate, health, merged, plan, sent, self._pipeline.truth()
         doing = ", ".join(goals.doing)
         timing = self.vehicles.timing.of_tick(self._pipeline.took())
         self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
@@ -144,7 +144,7 @@ class ControlLoop:
     def watch(self, telemetry: Telemetry, estimate: Estimate, health: Health) -> None:
         """Record a tick in which no plugin is called but the transport, and nothing is sent."""
         n = len(self._scene.agents)
-        plan, truth = Plan.none(n), self.vehicles.truth()
+        plan, truth = Plan.none(n), self._pipeline.truth()
         outputs = telemetry, estimate, health, Goals.none(n), plan, plan.setpoint, truth
         unchanged = Corrected(*np.zeros((3, n), np.bool_))
         timing = self.vehicles.timing.of_tick(self._pipeline.took())

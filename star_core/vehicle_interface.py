@@ -8,27 +8,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.arrays import Mask, Rows
 from star_core.messages.commands import Command, Order
-from star_core.messages.rotations import Transform
-from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint, Truth
+from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.metrics.targets import Targets
 from star_core.metrics.timing import TickTiming
 from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed
-from star_core.safety.monitor import FALL_TIME, MAX_REPORT_AGE, EstimateGate, UnheardAgents
-from star_core.safety.motion_check import MotionCheck
+from star_core.safety.estimate_monitor import EstimateMonitor
+from star_core.safety.monitor import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.scene import Scene
 
 log = logging.getLogger(__name__)
 
 FLOWN_ON_BOARD = (Order.GOTO, Order.FOLLOW)  # no setpoints are sent until these are over
-LAND_SPEED = 0.3  # m/s, when the core itself lands
-CONTROLLER_LAG = 0.5  # s, by which the firmware's default controller follows a plan late
-LAG_ALLOWANCE = 2 * CONTROLLER_LAG  # s, added to a landing: its plan ends with the motors off
-MIN_LAND_TIME = 2.5  # s, likewise the shortest landing of all
 
 
 class VehicleInterface:
@@ -64,16 +59,9 @@ class VehicleInterface:
         self._localizer_failed = False
         self._until = np.zeros(n)  # s, earliest end of what a commander flies
         self._setpoints_sent = np.zeros(n, np.bool_)  # in the last tick
-        self._truth_failed = False
-        self._gate = EstimateGate(n, scene.limits.speed)
-        self._motion = MotionCheck(n)
-        self._contradicted = np.zeros(n, np.bool_)
+        self._monitor = EstimateMonitor(scene, pipeline.localizer)
         self._unheard = UnheardAgents(n, scene.limits)
         self._heard = np.ones(n, np.bool_)
-        self._frames = Transform(  # last known
-            np.array([agent.yaw for agent in scene.agents]),
-            np.array([agent.start for agent in scene.agents]),
-        )
 
     def receive(self) -> Telemetry:
         """Wait for the next tick, and return what arrived since the last one."""
@@ -96,16 +84,19 @@ class VehicleInterface:
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate the positions of the agents; send corrections to their own estimators."""
+        airborne = self.phases.among(*AIRBORNE)
         if self._localizer_failed and self.estimate is not None:
             unlocated = np.zeros(len(self.estimate.valid), np.bool_)
             estimate = replace(renewed(self.estimate, telemetry.time), valid=unlocated)
         else:
-            estimate = self._with_known_frames(self._pipeline.locate(telemetry))
-            if len(estimate.corrections.agent):
-                self._pipeline.correct(estimate.corrections)
-            estimate = self._gated(estimate, telemetry)
+            located = self._pipeline.locate(telemetry)
+            if len(located.corrections.agent):
+                self._pipeline.correct(located.corrections)
+            estimate, reports = self._monitor.check(located, telemetry, airborne)
+            for name, text in reports:
+                self._observers.event("estimate", text, name)
         self._heard = telemetry.age <= MAX_REPORT_AGE
-        self.estimate = self._unheard.mark(estimate, telemetry.age, self.phases.among(*AIRBORNE))
+        self.estimate = self._unheard.mark(estimate, telemetry.age, airborne)
         return self.estimate
 
     def track(self, telemetry: Telemetry, estimate: Estimate) -> Health:
@@ -193,35 +184,6 @@ class VehicleInterface:
         """Fly agents by setpoints again, whatever their commanders fly."""
         self._commanded[list(rows)] = False
 
-    def land(self, rows: Rows, estimate: Estimate, durations: Array | None = None) -> None:
-        """Command agents to land from their positions, if they are in the air.
-
-        Args:
-            rows: (K,) the agents.
-            estimate: Of their positions.
-            durations: (K,) of the descents, s; NaN or None is at the core's own pace. No descent
-                takes less than `MIN_LAND_TIME`.
-        """
-        airborne = self.phases.among(AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
-        up = airborne[rows]
-        rows = rows[up]
-        if not len(rows):
-            return
-        position = estimate.position[rows].copy()
-        unknown = ~np.isfinite(position[:, 2])
-        position[unknown, 2] = self._scene.limits.height[1]
-        position[:, 2] = np.minimum(position[:, 2], self._scene.world.fence.high[2])
-        position = np.nan_to_num(position)
-        # a commander's plan begins where the previous one is, which a climbing agent trails
-        rise = CONTROLLER_LAG * np.maximum(0.0, np.nan_to_num(estimate.velocity[rows, 2]))
-        duration = (position[:, 2] + rise) / LAND_SPEED + LAG_ALLOWANCE
-        if durations is not None:
-            duration = np.where(np.isnan(durations[up]), duration, durations[up])
-        duration = np.maximum(duration, MIN_LAND_TIME)
-        position[:, 2] = 0.0
-        yaw = np.nan_to_num(estimate.yaw[rows])
-        self.send_command(Command(Order.LAND, rows, position, yaw, duration), estimate)
-
     def emergency_stop(self, agents: Mask) -> None:
         """Stop the motors of some agents at once, for the operator."""
         rows = np.flatnonzero(agents)
@@ -236,15 +198,6 @@ class VehicleInterface:
         if self.estimate is not None:
             command = Command(Order.STOP, rows, np.zeros((len(rows), 3)), zero, zero)
             self.send_command(command, self.estimate)
-
-    def truth(self) -> Truth | None:
-        """Return the ground truth, if there is one; after a failure it is not requested again."""
-        if self._truth_failed:
-            return None
-        self._truth_failed = True
-        truth = self._pipeline.truth()
-        self._truth_failed = False
-        return truth
 
     def report_phases(self) -> None:
         """Report the phases that have changed to the observers."""
@@ -266,8 +219,7 @@ class VehicleInterface:
         self._setpoints_sent = setpoint.active | brakes
         if not brakes.any():
             return setpoint
-        _, faster = self._motion.errors()
-        rest = 0.0 - estimate.map_from_odom.turn(faster)  # flown so, they are at rest
+        rest = self._monitor.rest_velocity(estimate.map_from_odom)
         speed = np.linalg.norm(rest, axis=1, keepdims=True)
         rest *= self._scene.limits.speed / np.maximum(speed, self._scene.limits.speed)
         return Setpoint(
@@ -286,51 +238,3 @@ class VehicleInterface:
             text = f"{name} rebooted {moment}; it is not flown any more"
             self._observers.event("failure", text, name)
         self.phases.fire("fail", np.flatnonzero(unfit))
-
-    def _with_known_frames(self, estimate: Estimate) -> Estimate:
-        """Return the estimate with the last known frames of agents whose frames are not finite."""
-        known = estimate.map_from_odom.known
-        if known.all():
-            self._frames = estimate.map_from_odom
-            return estimate
-        self._frames = estimate.map_from_odom.where(known, self._frames)
-        return replace(estimate, map_from_odom=self._frames)
-
-    def _gated(self, estimate: Estimate, telemetry: Telemetry) -> Estimate:
-        """Return the estimate without implausible positions and motions, and report new ones."""
-        airborne = self.phases.among(*AIRBORNE)
-        heard = telemetry.age <= MAX_REPORT_AGE
-        reported = np.where(heard[:, None], telemetry.velocity, np.nan)
-        accepted, jumps = self._gate.check(estimate, airborne, reported, heard)
-        for jump in jumps:
-            name = self._scene.agents[jump.row].name
-            moved = (
-                f"moved {jump.distance:.2f} m in {jump.seconds:.2f} s, expected at most "
-                f"{jump.plausible:.2f} m"
-            )
-            if np.isnan(jump.plausible):
-                moved = f"did not change while it reported {jump.distance:.2f} m of flight,"
-            self._observers.event(
-                "estimate",
-                f"{name} brakes: its estimated position {moved} from {self._pipeline.localizer}",
-                name,
-            )
-        contradicted = self._motion.check(telemetry, airborne)
-        for row in np.flatnonzero(contradicted & ~self._contradicted).tolist():
-            name = self._scene.agents[row].name
-            self._observers.event(
-                "estimate",
-                f"{name} brakes: it flies faster than it reports, by its tilt; "
-                "does its flow sensor see the floor?",
-                name,
-            )
-        self._contradicted = contradicted
-        if not contradicted.any():
-            return accepted
-        away, faster = map(accepted.map_from_odom.turn, self._motion.errors())
-        return replace(
-            accepted,
-            position=accepted.position + away,
-            velocity=accepted.velocity + faster,
-            valid=accepted.valid & ~contradicted,
-        )

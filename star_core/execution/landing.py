@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from star_core.execution.assignments import GoalBuffer
-from star_core.messages.arrays import Array, Mask
-from star_core.messages.commands import Command
+from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.commands import Command, Order
 from star_core.messages.state import AgentPhase, Estimate, among
 from star_core.observers import Observers
 from star_core.scene import Scene
@@ -27,6 +27,11 @@ SEARCH_RADIUS: Final = 3.0  # m
 TRAVEL_POINTS: Final = 11  # possible positions of an agent that is not heard, 0.1 m apart or less
 SETTLED: Final = 0.1  # m/s and m: an agent slower than that and this near its goal can land
 SETTLING_TIME: Final = 2.0  # s that an agent may take to come to rest
+
+LAND_SPEED: Final = 0.3  # m/s, when the core itself lands
+CONTROLLER_LAG: Final = 0.5  # s, by which the firmware's default controller follows a plan late
+LAG_ALLOWANCE: Final = 2 * CONTROLLER_LAG  # s, for a landing: its plan ends with the motors off
+MIN_LAND_TIME: Final = 2.5  # s, likewise the shortest landing of all
 
 
 @dataclass(slots=True)
@@ -90,6 +95,35 @@ class LandingManager:
         for row in rows:
             self._add(int(row), math.nan)
 
+    def land_now(self, rows: Rows, estimate: Estimate, durations: Array | None = None) -> None:
+        """Command agents to land from their positions, if they are in the air.
+
+        Args:
+            rows: (K,) the agents.
+            estimate: Of their positions.
+            durations: (K,) of the descents, s; NaN or None is at the core's own pace. No descent
+                takes less than `MIN_LAND_TIME`.
+        """
+        phases = self._vehicles.phases.of_agents()[rows]
+        up = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
+        rows = rows[up]
+        if not len(rows):
+            return
+        position = estimate.position[rows].copy()
+        unknown = ~np.isfinite(position[:, 2])
+        position[unknown, 2] = self._scene.limits.height[1]
+        position[:, 2] = np.minimum(position[:, 2], self._scene.world.fence.high[2])
+        position = np.nan_to_num(position)
+        # a commander's plan begins where the previous one is, which a climbing agent trails
+        rise = CONTROLLER_LAG * np.maximum(0.0, np.nan_to_num(estimate.velocity[rows, 2]))
+        duration = (position[:, 2] + rise) / LAND_SPEED + LAG_ALLOWANCE
+        if durations is not None:
+            duration = np.where(np.isnan(durations[up]), duration, durations[up])
+        duration = np.maximum(duration, MIN_LAND_TIME)
+        position[:, 2] = 0.0
+        yaw = np.nan_to_num(estimate.yaw[rows])
+        self._vehicles.send_command(Command(Order.LAND, rows, position, yaw, duration), estimate)
+
     def step(self, estimate: Estimate, goals: GoalBuffer) -> None:
         """Command the landings that are possible; set the goals of the other agents."""
         if not self._waiting:
@@ -115,7 +149,7 @@ class LandingManager:
                 goal = np.array([*landing.position, landing.height])
                 goals.set_goal(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
         durations = np.array([self._waiting.pop(row).duration for row in ready])
-        self._vehicles.land(np.array(ready, np.int64), estimate, durations)
+        self.land_now(np.array(ready, np.int64), estimate, durations)
 
     def _add(self, row: int, duration: float) -> None:
         self._waiting.setdefault(row, _Landing(duration, self._vehicles.time + SETTLING_TIME))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import inspect
 import logging
+import threading
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from types import MappingProxyType, TracebackType
 from typing import Any
 
-from star_core.errors import CommandError, ContractError, PluginError, RowCountError, StarError
+from star_core.errors import CommandError, ContractError, PluginError, StarError
 from star_core.plugin_support.watchdog import PluginTimeout
 
 log = logging.getLogger(__name__)
@@ -93,7 +94,7 @@ class PluginGuard:
         if not isinstance(error, Exception | SystemExit | PluginTimeout):
             return
         log.debug("%s raised", self.plugin, exc_info=error)
-        if isinstance(error, RowCountError) and self._agents is not None:
+        if isinstance(error, ContractError) and self._agents is not None:
             raise PluginError(f"{self.plugin}: {error.among(self._agents)}") from error
         if isinstance(error, StarError):
             raise PluginError(f"{self.plugin}: {error}") from error
@@ -145,6 +146,16 @@ def close_all(plugins: Iterable[tuple[PluginGuard, object]]) -> list[str]:
         except PluginError as error:  # the others have yet to be closed
             errors.append(str(error))
     return errors
+
+
+def leaked_threads(before: Collection[threading.Thread]) -> str:
+    """Return which threads were started since, and keep the process from its end."""
+    leaked = [t.name for t in threading.enumerate() if t not in before and not t.daemon]
+    if not leaked:
+        return ""
+    count = f"{len(leaked)} thread{'s' if len(leaked) > 1 else ''}"
+    still = "still run" if len(leaked) > 1 else "still runs"
+    return f"{count} {still} after the flight: {', '.join(sorted(set(leaked)))}"
 
 
 def require_methods(plugin: object, contract: type) -> None:

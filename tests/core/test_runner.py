@@ -21,11 +21,11 @@ from star_core import (
     fly,
     hookimpl,
 )
+from star_core.execution.landing import CONTROLLER_LAG, LAG_ALLOWANCE, LAND_SPEED, MIN_LAND_TIME
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import outcome_of
 from star_core.shutdown import MAX_LANDING_DELAY, MAX_SILENCE
-from star_core.vehicle_interface import CONTROLLER_LAG, LAG_ALLOWANCE, LAND_SPEED, MIN_LAND_TIME
 from tests.core.conftest import Lab
 
 FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st

@@ -161,7 +161,7 @@ def test_an_agent_that_is_ordered_down_blind_keeps_its_place_from_those_above_it
         time=0.0,
         phases=SimpleNamespace(of_agents=lambda: np.full(2, int(AgentPhase.FLYING))),
         release=lambda _rows: None,
-        land=lambda rows, _estimate, _takes: landed.append(rows.tolist()),
+        send_command=lambda command, _estimate: landed.append(command.agent.tolist()),
     )
     observers: Any = SimpleNamespace(event=lambda _kind, text, _agent: reported.append(text))
     descent = LandingManager(

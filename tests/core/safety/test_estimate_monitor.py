@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Telemetry, quaternion_from_euler
-from star_core.safety.motion_check import DRAG, GRAVITY, MotionCheck
+from star_core.safety.estimate_monitor import DRAG, GRAVITY, MotionCheck
 
 PERIOD = 0.05  # s
 BEGUN = 2.0  # s, when something goes wrong

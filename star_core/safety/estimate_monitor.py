@@ -1,14 +1,19 @@
-"""Compares the velocities that agents report with the accelerations that their tilt causes."""
+"""Rejects estimates that contradict the velocities and the tilt that agents report."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from star_core.messages.arrays import Array, Mask
+from star_core.messages.rotations import Transform
+from star_core.messages.state import Estimate
 from star_core.messages.telemetry import Telemetry
+from star_core.safety.monitor import MAX_REPORT_AGE, EstimateGate, Jump
+from star_core.scene import Scene
 
 GRAVITY: Final = 9.81  # m/s²
 
@@ -31,6 +36,84 @@ MIN_UPRIGHT: Final = 0.5  # cosine of the greatest tilt of an agent that still f
 TINY: Final = 1e-9
 
 Vectors: TypeAlias = NDArray[np.complex128]
+
+
+class EstimateMonitor:
+    """Rejects estimates that contradict what agents report, so that these agents brake.
+
+    Args:
+        scene: Agents and limits.
+        localizer: Names the localizer in reports.
+    """
+
+    def __init__(self, scene: Scene, localizer: str) -> None:
+        n = len(scene.agents)
+        self._names = scene.names
+        self._localizer = localizer
+        self._gate = EstimateGate(n, scene.limits.speed)
+        self._motion = MotionCheck(n)
+        self._contradicted = np.zeros(n, np.bool_)
+        self._frames = Transform(  # last known
+            np.array([agent.yaw for agent in scene.agents]),
+            np.array([agent.start for agent in scene.agents]),
+        )
+
+    def check(
+        self, estimate: Estimate, telemetry: Telemetry, airborne: Mask
+    ) -> tuple[Estimate, list[tuple[str, str]]]:
+        """Return the estimate without implausible positions and motions, and reports of new ones.
+
+        Agents whose frames are not finite have the last known ones.
+
+        Args:
+            estimate: A localizer's.
+            telemetry: Of the tick.
+            airborne: (N,) which agents are in the air.
+
+        Returns:
+            The estimate, and a name and a text for each agent that brakes from now on.
+        """
+        known = estimate.map_from_odom.known
+        if not known.all():
+            frames = estimate.map_from_odom.where(known, self._frames)
+            estimate = replace(estimate, map_from_odom=frames)
+        self._frames = estimate.map_from_odom
+        heard = telemetry.age <= MAX_REPORT_AGE
+        reported = np.where(heard[:, None], telemetry.velocity, np.nan)
+        accepted, jumps = self._gate.check(estimate, airborne, reported, heard)
+        reports = [(self._names[jump.row], self._of_jump(jump)) for jump in jumps]
+        contradicted = self._motion.check(telemetry, airborne)
+        text = "it flies faster than it reports, by its tilt; does its flow sensor see the floor?"
+        new = np.flatnonzero(contradicted & ~self._contradicted).tolist()
+        reports += [(self._names[row], f"{self._names[row]} brakes: {text}") for row in new]
+        self._contradicted = contradicted
+        if not contradicted.any():
+            return accepted, reports
+        away, faster = map(accepted.map_from_odom.turn, self._motion.errors())
+        return replace(
+            accepted,
+            position=accepted.position + away,
+            velocity=accepted.velocity + faster,
+            valid=accepted.valid & ~contradicted,
+        ), reports
+
+    def rest_velocity(self, map_from_odom: Transform) -> Array:
+        """Return the velocities, (N, 3) m/s in the map, at which agents are at rest.
+
+        They are zero but for agents whose reports deny a part of their motion.
+        """
+        _, faster = self._motion.errors()
+        return 0.0 - map_from_odom.turn(faster)
+
+    def _of_jump(self, jump: Jump) -> str:
+        moved = (
+            f"moved {jump.distance:.2f} m in {jump.seconds:.2f} s, expected at most "
+            f"{jump.plausible:.2f} m"
+        )
+        if np.isnan(jump.plausible):
+            moved = f"did not change while it reported {jump.distance:.2f} m of flight,"
+        name = self._names[jump.row]
+        return f"{name} brakes: its estimated position {moved} from {self._localizer}"
 
 
 class MotionCheck:
