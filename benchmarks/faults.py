@@ -3,8 +3,10 @@
 A cell is a mission with faults at a random time and of a random agent. Every flight is flown as by
 ``star run MISSION --faults FILE``, and then watched for another 5 s without the program. The world
 is the default one of `sim`, or the ideal one with ``--world ideal``. Flights are kept in a file for
-each world and commit: the same command again flies those that are missing, and ``--page`` puts the
-table of all into a page.
+each world and commit, which is written all the time: the same command again flies those that are
+missing, also after an interrupt, and ``--page`` puts the table of all into a page. ``--minutes``
+ends a piece of a campaign. What the flights that are missing will take is printed first, as far
+as flights of the same cells have been measured.
 """
 
 from __future__ import annotations
@@ -42,6 +44,9 @@ GROUND: Final = 0.1  # m
 MAX_DOWN: Final = 15.0  # s on the way to the ground after an agent left, or the mission failed
 MAX_IMPACT: Final = 1.0  # m/s; a drone that lands is slower
 AFTER: Final = 5.0  # s of simulation after the program has ended
+SEEDS: Final = 30  # flights of each cell
+MANY_SEEDS: Final = 300  # of the cells of some rows
+MANY_ROWS: Final = ("1", "4", "11")  # lost links, localizers and avoiders
 SAVING_PERIOD: Final = 10.0  # s between two writes of the results
 
 ROOM: Final[dict[str, Any]] = {
@@ -341,6 +346,7 @@ def in_world(mission: Mapping[str, Any], world: str) -> dict[str, Any]:
 
 def flown(cell: Cell, seed: int, world: str) -> dict[str, Any]:
     """Fly a cell with a seed in a world; return the verdicts of the policies, and figures."""
+    begun = time.process_time()
     random = np.random.default_rng([seed, crc32(cell.name.encode())])
     at, victim = round(float(random.uniform(2.0, 5.0)), 2), f"cf{random.integers(1, 5)}"
     given = list(cell.faults)
@@ -375,7 +381,8 @@ def flown(cell: Cell, seed: int, world: str) -> dict[str, Any]:
             readable = False
     names = [fault.get("agents") for fault in faults]
     concerned = [] if None in names else [str(name) for name in names]  # none: all agents are
-    return judged(cell, witness, status, at, concerned, readable=readable)
+    verdict = judged(cell, witness, status, at, concerned, readable=readable)
+    return verdict | {"cpu_s": round(time.process_time() - begun, 1)}
 
 
 def _last(folder: Path) -> float:
@@ -515,6 +522,7 @@ def fly_missing(
         missing: Indices of cells and seeds.
         options: Of the command line.
     """
+    made_at = _commit()
     end, saved = time.monotonic() + 60 * options.minutes, time.monotonic()
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         flights = {
@@ -530,8 +538,8 @@ def fly_missing(
                 print(key, verdict["broken"], file=sys.stderr, flush=True)
             if time.monotonic() >= saved + SAVING_PERIOD:
                 saved = time.monotonic()
-                _save(options.results, results)
-    _save(options.results, results)
+                _save(options, made_at, results)
+    _save(options, made_at, results)
 
 
 def _flown(index: int, seed: int, world: str, end: float) -> dict[str, Any] | None:
@@ -540,43 +548,81 @@ def _flown(index: int, seed: int, world: str, end: float) -> dict[str, Any] | No
     return flown(CELLS[index], seed, world)  # the cell itself cannot be sent to a process
 
 
-def _save(path: Path, results: Mapping[str, Any]) -> None:
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(results, indent=1), encoding="utf-8")
-    part.replace(path)
+def _save(options: argparse.Namespace, commit: str, results: Mapping[str, Any]) -> None:
+    content = {"commit": commit, "world": options.world, "flights": results}
+    part = options.results.with_suffix(".part")
+    part.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    part.replace(options.results)
+
+
+def _load(options: argparse.Namespace, commit: str) -> dict[str, Any]:
+    """Return the flights in the file of the results, which must be of this commit and world."""
+    if not options.results.exists():
+        return {}
+    content: dict[str, Any] = json.loads(options.results.read_text(encoding="utf-8"))
+    if (content.get("commit"), content.get("world")) != (commit, options.world):
+        sys.exit(f"{options.results} is not of commit {commit} in the {options.world} world")
+    flights: dict[str, Any] = content["flights"]
+    return flights
 
 
 def _commit() -> str:
-    command = "git", "-C", str(Path(__file__).parent), "describe", "--always", "--exclude=*"
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    command = "git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"
+    return subprocess.run(
+        [*command, "--exclude=*"], capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+def costs(results: Mapping[str, Any], missing: Sequence[tuple[int, int]]) -> Iterator[str]:
+    """Yield what the missing flights of each row take, by flights of their cells in the results."""
+    measured: dict[str, list[float]] = {}
+    for key, one in results.items():
+        measured.setdefault(key.rpartition("/")[0], []).append(one.get("cpu_s", 0.0))
+    total = 0.0
+    for row in dict.fromkeys(cell.row for cell in CELLS):
+        names = [CELLS[index].name for index, _ in missing if CELLS[index].row == row]
+        known = [np.mean(measured[name]) for name in names if name in measured]
+        seconds = float(np.mean(known)) * len(names) if known else 0.0
+        total += seconds
+        if names:
+            took = f"{seconds / 60:.0f} min of processor time" if known else "not measured yet"
+            yield f"row {row}: {len(names)} flights, {took}"
+    if total:
+        yield f"all that is measured: {total / 3600:.1f} h of processor time"
 
 
 def main() -> None:
     """Fly what is missing, and print the table."""
     os.environ.setdefault("STAR_BLOCK_PLUGINS", "mcap")  # it starts a process for each flight
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=30)
+    many = f"{MANY_SEEDS} in rows {', '.join(MANY_ROWS)}, {SEEDS} in the others"
+    parser.add_argument("--seeds", type=int, help=f"of each cell; if not given, {many}")
     parser.add_argument("--first", type=int, default=1000, help="first seed")
     parser.add_argument("--cells", default="", help="fly only cells whose names contain this")
     parser.add_argument("--rows", nargs="*", help="fly only these rows")
     parser.add_argument("--world", choices=("default", "ideal"), default="default")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no flight later")
+    parser.add_argument("--estimate", action="store_true", help="only print what it would take")
     parser.add_argument("--results", type=Path, help="runs/faults-WORLD-COMMIT.json if not given")
     parser.add_argument("--page", type=Path, help="put the table into this page")
     options = parser.parse_args()
-    options.results = options.results or Path(f"runs/faults-{options.world}-{_commit()}.json")
+    commit = _commit()
+    options.results = options.results or Path(f"runs/faults-{options.world}-{commit}.json")
     options.results.parent.mkdir(parents=True, exist_ok=True)
-    results = json.loads(options.results.read_text()) if options.results.exists() else {}
+    results = _load(options, commit)
     missing = [
         (index, options.first + k)
-        for k in range(options.seeds)
+        for k in range(options.seeds or MANY_SEEDS)
         for index, cell in enumerate(CELLS)
-        if k < cell.most
+        if k < min(cell.most, options.seeds or (MANY_SEEDS if cell.row in MANY_ROWS else SEEDS))
         and options.cells in cell.name
         and (not options.rows or cell.row in options.rows)
         and f"{cell.name}/{options.first + k}" not in results
     ]
+    print(*costs(results, missing), sep="\n", file=sys.stderr, flush=True)
+    if options.estimate:
+        return
     fly_missing(results, missing, options)
     made = "\n".join(table(results))
     print(made)
