@@ -121,6 +121,14 @@ JUMP_MARGIN: Final = 1.5
 """How far positions may move beyond what is explained, m: localizers are sometimes overconfident.
 In 30 flights with `method: batch`, the worst localizer here, it was 1.0 m at most."""
 
+UNCORRECTED_MARGIN: Final = 0.5
+"""Likewise for an agent whose position has not been corrected in this flight, m: estimates by dead
+reckoning do not jump."""
+
+CORRECTED_SHARE: Final = 0.95
+"""Ratio of the variances after and before a tick below which the position was corrected. While an
+agent flies back to its start, that of dead reckoning shrinks by some per mille."""
+
 MAX_STILL_PATH: Final = 0.3
 """Greatest path that an agent may report while its estimated position does not change at all, m."""
 
@@ -167,7 +175,8 @@ class EstimateGate:
     corrected it by as much as the covariance shrank: the covariance of a correction is that of the
     estimate before less that of the estimate after it (Kalman). Movement beyond that adds up over
     ticks, and is forgotten in `FORGETTING_TIME`; many small jumps are a large one. A position with
-    which it exceeds `JUMP_MARGIN` is rejected: the row keeps its last position, at rest and not
+    which it exceeds `JUMP_MARGIN`, or `UNCORRECTED_MARGIN` for an agent whose covariance no
+    correction has shrunk so far, is rejected: the row keeps its last position, at rest and not
     valid, so that the agent brakes. It is compared again in the next tick, with the last position
     that was accepted moved on by the velocities that the agent has reported since then: a jump that
     lasts does not become plausible with time. So is a position that is
@@ -191,6 +200,7 @@ class EstimateGate:
         self._frames = Transform(np.zeros(n), np.zeros((n, 3)))
         self._unexplained = np.zeros(n)  # m, recently
         self._rejected = np.zeros(n, np.bool_)
+        self._corrected = np.zeros(n, np.bool_)  # agents whose positions have been corrected
         self._flown = np.zeros((n, 3))  # m, since then, by the reported velocities
         self._range = np.zeros(n)  # m, that the agents can have flown since then besides
         self._still_path = np.zeros(n)  # m, that agents report since their estimates last moved
@@ -227,14 +237,17 @@ class EstimateGate:
         explained = self._range + CORRECTION_SIGMAS * np.sqrt(np.fmax(before - now, 0.0))
         carried = self._unexplained * np.exp(-seconds / FORGETTING_TIME)
         unexplained = carried + np.maximum(moved - explained, 0.0)
-        rejected = airborne & estimate.valid & ((unexplained > JUMP_MARGIN) | stuck)  # NaN is not
+        corrected = self._corrected | (now < CORRECTED_SHARE * before)
+        margin = np.where(corrected, JUMP_MARGIN, UNCORRECTED_MARGIN)
+        rejected = airborne & estimate.valid & ((unexplained > margin) | stuck)  # NaN is not
         accepted = estimate.valid & ~rejected & ~spoiled
-        plausible = np.where(stuck, np.nan, explained + JUMP_MARGIN - carried)
+        plausible = np.where(stuck, np.nan, explained + margin - carried)
         moved = np.where(stuck, self._still_path, moved)
         jumps = [
             Jump(row, float(moved[row]), float(seconds[row]), float(plausible[row]))
             for row in np.flatnonzero(rejected & ~self._rejected).tolist()
         ]
+        self._corrected |= corrected & accepted
         self._rejected = rejected | (self._rejected & ~accepted)
         self._store(estimate, accepted, np.where(airborne, unexplained, 0.0))
         rejected |= spoiled & np.isfinite(self._position).all(axis=1)

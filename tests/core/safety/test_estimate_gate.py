@@ -14,6 +14,7 @@ from star_core.safety.monitor import (
     JUMP_MARGIN,
     MIN_PLAUSIBLE_SPEED,
     SPOILED_TIME,
+    UNCORRECTED_MARGIN,
     EstimateGate,
 )
 from star_core.testing import estimate
@@ -55,7 +56,21 @@ def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
     assert answer.velocity.tolist() == [[0.0, 0.0, 0.0]]
     assert not answer.valid.any()
     assert (jump.row, jump.distance, jump.seconds) == pytest.approx((0, 49.7, PERIOD))
-    assert jump.plausible == pytest.approx(MIN_PLAUSIBLE_SPEED * PERIOD + JUMP_MARGIN)
+    assert jump.plausible == pytest.approx(MIN_PLAUSIBLE_SPEED * PERIOD + UNCORRECTED_MARGIN)
+
+
+def test_an_agent_whose_position_has_been_corrected_may_jump_farther() -> None:
+    def accepted(*stds: float) -> bool:
+        gate = EstimateGate(1, SPEED)
+        for k, std in enumerate(stds):
+            gate.check(believed(0.0, k * PERIOD, std=std), AIRBORNE)
+        jump = MIN_PLAUSIBLE_SPEED * PERIOD + 0.9 * JUMP_MARGIN
+        later = believed(jump, len(stds) * PERIOD, std=stds[-1])
+        return bool(gate.check(later, AIRBORNE)[0].valid[0])
+
+    assert not accepted(0.1, 0.11, 0.12)  # dead reckoning
+    assert not accepted(0.12, 0.1199, 0.1198)  # back to its start
+    assert accepted(0.1, 0.12, 0.05, 0.05)
 
 
 def stuck(*velocities: float, drift: float = 0.0) -> list[bool]:
@@ -135,7 +150,7 @@ def test_a_jump_that_lasts_does_not_become_plausible() -> None:
 
 
 def test_many_small_jumps_are_a_large_one() -> None:
-    step = MIN_PLAUSIBLE_SPEED * PERIOD + 0.9 * JUMP_MARGIN
+    step = MIN_PLAUSIBLE_SPEED * PERIOD + 0.9 * UNCORRECTED_MARGIN
     assert gated(0.0, step, 2 * step) == [True, True, False]
 
 
