@@ -128,7 +128,7 @@ class MotionCheck:
     that the agent reports, it must exceed `MAX_DISCREPANCY`, and `MAX_DRAG` times the path, and
     the tilt must cause it: errors of the tilt, which are learnt in `BIAS_TIME`, and wind are not in
     proportion to the path, and an agent that reports no tilt is not judged. One that was found
-    stays so until it is on the ground.
+    stays so until it takes off again: it lies where it came down, not where it reports to be.
 
     Args:
         n: Number of agents.
@@ -144,6 +144,7 @@ class MotionCheck:
         # m of the reported path, and m by which the true one differs.
         self._sums = np.zeros((4, n), np.complex128)
         self._contradicted = np.zeros(n, np.bool_)
+        self._airborne = np.zeros(n, np.bool_)  # in the last check
 
     def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
         """Return the agents that fly otherwise than they report: (N,).
@@ -166,8 +167,11 @@ class MotionCheck:
         self._time = np.where(newer, time, self._time)
         self._velocity = np.where(newer, velocity, self._velocity)
         self._pull = np.where(newer, pull, self._pull)
-        for one in (self._bias, self._learnt, *self._sums, self._contradicted):
+        for one in (self._bias, self._learnt, *self._sums[:3]):
             one[~airborne] = 0
+        self._contradicted &= ~airborne | self._airborne
+        self._sums[3, ~self._contradicted & ~(airborne & self._airborne)] = 0
+        self._airborne = airborne
         path = np.abs(self._sums[2])
         lost, pulled = (self._sums[:2] * self._sums[2].conj()).real / np.maximum(path, TINY)
         caused = np.minimum(-lost, pulled)

@@ -181,7 +181,8 @@ class EstimateGate:
     that was accepted moved on by the velocities that the agent has reported since then: a jump that
     lasts does not become plausible with time. So is a position that is
     the same, to the last bit, while the agent reports that it flies `MAX_STILL_PATH`: its localizer
-    is stuck. On the ground everything is accepted.
+    is stuck. On the ground everything is accepted, except of an agent that has been rejected in
+    flight: it came down near its last position, not at the wrong one.
 
     An agent that reports a velocity that is not finite, or that it cannot fly, is not located, on
     the ground either, until its reports have been plausible for `SPOILED_TIME`: random ones are
@@ -239,7 +240,8 @@ class EstimateGate:
         unexplained = carried + np.maximum(moved - explained, 0.0)
         corrected = self._corrected | (now < CORRECTED_SHARE * before)
         margin = np.where(corrected, JUMP_MARGIN, UNCORRECTED_MARGIN)
-        rejected = airborne & estimate.valid & ((unexplained > margin) | stuck)  # NaN is not
+        judged = (airborne | self._rejected) & estimate.valid
+        rejected = judged & ((unexplained > margin) | stuck)  # NaN is not
         accepted = estimate.valid & ~rejected & ~spoiled
         plausible = np.where(stuck, np.nan, explained + margin - carried)
         moved = np.where(stuck, self._still_path, moved)
@@ -249,7 +251,7 @@ class EstimateGate:
         ]
         self._corrected |= corrected & accepted
         self._rejected = rejected | (self._rejected & ~accepted)
-        self._store(estimate, accepted, np.where(airborne, unexplained, 0.0))
+        self._store(estimate, accepted, np.where(judged, unexplained, 0.0))
         rejected |= spoiled & np.isfinite(self._position).all(axis=1)
         if not rejected.any():
             return estimate, jumps

@@ -179,6 +179,17 @@ def test_everything_is_accepted_on_the_ground() -> None:
     assert gate.check(believed(50.0, 2 * PERIOD), AIRBORNE)[0].valid.all()
 
 
+def test_an_agent_that_was_rejected_in_flight_is_not_accepted_elsewhere_on_the_ground() -> None:
+    gate, grounded = EstimateGate(1, SPEED), np.zeros(1, np.bool_)
+    at_rest = np.zeros((1, 3))
+    gate.check(believed(0.0, 0.0), AIRBORNE, at_rest)
+    for k in range(1, 100):
+        answer, _ = gate.check(believed(1.0, k * PERIOD), grounded if k > 20 else AIRBORNE, at_rest)
+        assert answer.position[0, 0] == 0.0
+        assert not answer.valid.any()
+    assert gate.check(believed(0.2, 5.0), grounded, at_rest)[0].valid.all()
+
+
 def test_an_agent_that_was_not_located_may_be_anywhere_it_can_have_flown() -> None:
     gate = EstimateGate(1, SPEED)
     gate.check(believed(0.0, 0.0), AIRBORNE)

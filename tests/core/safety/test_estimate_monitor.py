@@ -75,7 +75,7 @@ def test_other_flights_are_let_alone(flight: dict[str, float]) -> None:
     assert found(TRIP, **flight) == np.inf  # type: ignore[arg-type]
 
 
-def test_one_that_was_found_stays_so_until_it_is_on_the_ground() -> None:
+def test_one_that_was_found_stays_so_until_it_takes_off_again() -> None:
     check = MotionCheck(1)
     for k in range(100):  # it tilts all the time, and reports a constant speed
         answer = check.check(report(k * PERIOD, 0.5 * (k > 30), 1.5 * (k > 30) + 1e-6, 0), AIRBORNE)
@@ -85,5 +85,9 @@ def test_one_that_was_found_stays_so_until_it_is_on_the_ground() -> None:
     assert faster[0, 1] > 0.5
     assert away[0, 1] > 0.2
     assert check.check(report(5.0, 0.0, 1e-6, 0), AIRBORNE).all()
-    assert not check.check(report(5.05, 0.0, 1e-6, 0), ~AIRBORNE).any()
+    away, _ = check.errors()
+    assert check.check(report(5.05, 0.0, 1e-6, 0), ~AIRBORNE).all()
+    assert check.errors()[0].tolist() == away.tolist()  # it lies there
+    assert not check.errors()[1].any()
+    assert not check.check(report(5.1, 0.0, 1e-6, 0), AIRBORNE).any()
     assert not np.any(check.errors())
