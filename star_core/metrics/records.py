@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, Final
 
 import numpy as np
@@ -26,6 +27,7 @@ from star_core.world.world import World
 DAMAGE: Final = (
     *(OSError, ValueError, TypeError, LookupError, AttributeError, ContractError),
     *(zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, MemoryError),
+    *(SyntaxError, TokenError),  # of the header of an array
 )
 """What the readers of JSON, ZIP and NumPy files, and what takes their content apart, raise for a
 damaged file."""

@@ -11,6 +11,7 @@ from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeAlias
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -204,6 +205,17 @@ def test_a_damaged_record_is_refused_with_its_folder(
         read_run(copy)
     assert str(error.value).startswith(f"{copy}: the record cannot be read: ")
     assert error.value.code == "no-record"
+
+
+def test_an_array_whose_header_is_damaged_is_refused(run: Run, tmp_path: Path) -> None:
+    copy = shutil.copytree(run[0], tmp_path / "copy")
+    with ZipFile(run[0] / "timing.npz") as good, ZipFile(copy / "timing.npz", "w") as damaged:
+        for name in good.namelist():
+            content = good.read(name)
+            assert b"'shape': (" in content
+            damaged.writestr(name, content.replace(b"'shape': (", b"'shape':((", 1))
+    with pytest.raises(InputError, match="the record cannot be read: "):
+        read_run(copy)
 
 
 def test_the_summary_is_what_the_flight_returned(run: Run) -> None:
