@@ -38,7 +38,7 @@ START_YAW_STD: Final = math.radians(3.0)  # rad
 
 # Standard deviations and correlations of the odometry's errors.
 HEIGHT_STD: Final = 0.02  # m: VL53L1X
-HEIGHT_PER_TIME: Final = 0.003  # m/√s
+HEIGHT_PER_TIME: Final = 0.001  # m/√s: a ranger's bias hardly changes in flight, 1 cm in 100 s
 TILT_STD, TILT_TIME = math.radians(0.5), 1.5  # rad and s
 SCALE_STD: Final = 0.08
 TURN_STD: Final = 0.05  # rad

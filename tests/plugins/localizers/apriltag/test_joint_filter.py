@@ -201,6 +201,14 @@ def test_tags_correct_the_height_of_a_ranger_with_a_bias() -> None:
     assert abs(flight.off[2]) < 0.01
 
 
+def test_the_bias_of_a_ranger_hardly_changes_in_flight() -> None:
+    flight = Flight(Circle(100))
+    begin = flight.filter.anchor.covariance[Z, Z]
+    flight.fly(100.0, blind=True)
+    grown = flight.filter.anchor.covariance[Z, Z] - begin
+    assert 0.005 < math.sqrt(grown) < 0.015
+
+
 def shifted(by: float) -> list[Tag]:
     """The tags, with those of one sheet aside."""
     return [
