@@ -63,9 +63,9 @@ class Estimate:
         map_from_odom: Pose of each agent's odometry frame in the map.
         sightings: Tags seen since the last tick that are not landmarks.
         corrections: For the on-board estimators.
-        possible_travel: (N, 3) m. An agent that is no longer heard may have stopped at `position`
-            or flown on, up to `position + possible_travel`. Set by the core, not by localizers;
-            zero for agents that are heard, which is the default.
+        possible_travel: (N, 3) m. An agent that is no longer heard, or no longer located in flight,
+            may have stopped at `position` or flown on, up to `position + possible_travel`. Set by
+            the core, not by localizers; zero for other agents, which is the default.
         detections: All tags that the localizer detected in images since the last tick, also those
             that it did not use; for records and displays only. Results of an image may be late.
     """
