@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -93,3 +94,20 @@ def test_every_policy_can_be_broken(
     assert matrix.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == ["status"]
     breaks(seen)
     assert matrix.judged(*judge, readable=True)["broken"] == [policy]
+
+
+def test_a_file_of_results_is_continued_at_its_commit_only(matrix: Any, tmp_path: Path) -> None:
+    options = SimpleNamespace(results=tmp_path / "results.json", world="default")
+    flights = {"no fault/0": {"status": 0, "broken": [], "cpu_s": 120.0}}
+    assert matrix._load(options, "one") == {}
+    matrix._save(options, "one", flights)
+    assert matrix._load(options, "one") == flights
+    with pytest.raises(SystemExit, match="is not of commit two"):
+        matrix._load(options, "two")
+
+
+def test_the_processor_time_of_missing_flights_is_estimated_by_those_flown(matrix: Any) -> None:
+    flights = {"no fault/0": {"cpu_s": 100.0}, "no fault/1": {"cpu_s": 140.0}}
+    assert next(matrix.costs(flights, [(0, 2), (0, 3)])) == (
+        "row 0: 2 flights, 4 min of processor time"
+    )
