@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -63,25 +64,27 @@ def codes(tree: ast.AST) -> Iterator[str]:
                     yield inner.value
 
 
-TREES = {
-    path.relative_to(ROOT): ast.parse(path.read_text(encoding="utf-8"))
-    for path in SOURCES
-    if path.name != "error_codes.py"
-}
+@cache
+def texts() -> tuple[dict[str, Path], set[str]]:
+    """The codes in the sources, with a file of each, and all texts in them."""
+    used: dict[str, Path] = {}
+    written: set[str] = set()
+    for path in SOURCES:
+        if path.name != "error_codes.py":
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            used |= dict.fromkeys(codes(tree), path.relative_to(ROOT))
+            constants = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
+            written |= {value for value in constants if isinstance(value, str)}
+    return used, written
 
 
 def test_every_code_in_the_sources_is_in_the_catalogue() -> None:
-    used = {code: path for path, tree in TREES.items() for code in codes(tree)}
+    used, _written = texts()
     assert {code: path for code, path in used.items() if code not in catalogue()} == {}
 
 
 def test_every_code_of_the_catalogue_is_used() -> None:
-    written = {
-        node.value
-        for tree in TREES.values()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
-    }
+    _used, written = texts()
     assert sorted(catalogue().keys() - written) == ["unknown-code"]
 
 

@@ -11,11 +11,13 @@ import star_core
 
 HEAVY = ("numpy", "scipy", "numba", "transitions", "jsonschema", "rich", "ruamel")
 DECKS = ("gtsam", "cv2", "cflib")  # vision and radio
+SLOW = ("scipy.signal", "scipy.stats")  # half a second each
 
 
 def imported_after(statement: str) -> set[str]:
     """Return which heavy packages a fresh interpreter has imported after a statement."""
-    ask = f"import sys\n{statement}\nprint(*sorted({{*{HEAVY + DECKS!r}}} & {{*sys.modules}}))"
+    known = {*HEAVY, *DECKS, *SLOW}
+    ask = f"import sys\n{statement}\nprint(*sorted({known!r} & {{*sys.modules}}))"
     answer = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
     return set(answer.stdout.splitlines()[-1].split())
 
@@ -56,8 +58,8 @@ def test_a_table_brings_numpy() -> None:
 
 
 @pytest.mark.usefixtures("hop")
-def test_a_simulated_flight_imports_no_vision_and_no_radio() -> None:
+def test_a_simulated_flight_imports_no_vision_no_radio_and_no_signal_processing() -> None:
     flight = "from star_core.cli.main import run\nrun(['hop.yaml', '--no-record'])"
     names = imported_after(flight)
     assert "numpy" in names
-    assert not names & {*DECKS}
+    assert not names & {*DECKS, *SLOW}

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 from star_core import Array
 from star_sim.airframe import CYCLE, DRAG_XY, DRAG_Z, HEIGHT, INERTIA_XY, MASS
@@ -17,6 +16,7 @@ from star_sim.compiled import Record, compiled
 from star_sim.contact import SWEEP
 from star_sim.drone import OFF
 from star_sim.powertrain import DRAG, MOMENT
+from star_sim.sensors import gauss_markov
 
 # Downwash. The air below a quadrotor is a turbulent jet (Bauersfeld, Muller, Ziegler, Coletti and
 # Scaramuzza, "Robotics meets Fluid Dynamics: A Characterization of the Induced Airflow below a
@@ -68,18 +68,15 @@ class Wind:
         self._velocity, self._std = np.array(velocity, float), gusts
         self._keep = math.exp(-CYCLE / gust_time)
         self._streams = [np.random.default_rng([seed, _STREAM, row]) for row in range(agents)]
-        self._last = [gusts * stream.standard_normal(3) for stream in self._streams]
+        self._last = gusts * np.stack([stream.standard_normal(3) for stream in self._streams])
 
     def block(self, cycles: int) -> Array:
         """Return the velocities of the air in the next cycles, (cycles, N, 3) in the map, m/s."""
-        air = np.empty((cycles, len(self._streams), 3))
-        drive = self._std * math.sqrt(1 - self._keep**2)
-        for row, stream in enumerate(self._streams):
-            white = drive * stream.standard_normal((cycles, 3))
-            start = self._keep * self._last[row][None]
-            air[:, row], _ = lfilter([1.0], [1.0, -self._keep], white, axis=0, zi=start)
-            self._last[row] = air[-1, row].copy()
-        air += self._velocity
+        draws = [stream.standard_normal((cycles, 3)) for stream in self._streams]
+        drive = self._std * math.sqrt(1 - self._keep**2) * np.stack(draws, axis=1)
+        gusts = gauss_markov(drive, self._keep, self._last)
+        self._last = gusts[-1].copy()
+        air: Array = gusts + self._velocity
         return air
 
 

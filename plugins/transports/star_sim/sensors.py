@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 from star_core import Array
 from star_sim.airframe import CYCLE
@@ -96,6 +95,26 @@ def noise_streams(seed: int, agents: int) -> list[np.random.Generator]:
     return [np.random.default_rng([seed, _NOISE_STREAM, row]) for row in range(agents)]
 
 
+def gauss_markov(drive: Array, keep: float | Array, last: Array) -> Array:
+    """Return the (cycles, ...) states ``keep * last + drive`` of processes, each from the last one.
+
+    It is the filter of ``scipy.signal.lfilter``, which takes half a second to import.
+
+    Args:
+        drive: (cycles, ...) white noise.
+        keep: Share of a state that is left after a cycle.
+        last: (...) states before.
+
+    Example:
+        >>> gauss_markov(np.array([1.0, 0.0]), 0.5, np.array(4.0))
+        array([3. , 1.5])
+    """
+    states = np.empty_like(drive)
+    for cycle, noise in enumerate(drive):
+        last = states[cycle] = keep * last + noise
+    return states
+
+
 class Wander:
     """Sensor errors of all drones that change in flight, for the estimators with an IMU.
 
@@ -118,7 +137,8 @@ class Wander:
         times = [profile.flow_scale_time]
         times += [profile.gyro_time] * 3 + [profile.accelerometer_time] * 3
         self._keep = np.exp(-CYCLE / np.array(times))
-        self._state = [self._std * stream.standard_normal(WANDERING) for stream in self._streams]
+        draws = [stream.standard_normal(WANDERING) for stream in self._streams]
+        self._state = self._std * np.stack(draws)  # (N, WANDERING)
 
     def block(self, cycles: int) -> Array:
         """Return the errors of the next cycles, (cycles, N, WANDERING).
@@ -126,15 +146,12 @@ class Wander:
         Columns: scale of the flow sensor, as a fraction; rates about x, y, z, rad/s; accelerations
         along x, y, z of the body, m/s².
         """
-        errors = np.empty((cycles, len(self._streams), WANDERING))
-        for row, stream in enumerate(self._streams):
-            drive, white = stream.standard_normal((2, cycles, WANDERING))
-            drive *= self._std * np.sqrt(1 - self._keep**2)
-            for k in range(WANDERING):
-                keep, last = self._keep[k], self._state[row][k]
-                errors[:, row, k], _ = lfilter([1.0], [1.0, -keep], drive[:, k], zi=[keep * last])
-            self._state[row] = errors[-1, row].copy()
-            errors[:, row] += self._white * white
+        draws = [stream.standard_normal((2, cycles, WANDERING)) for stream in self._streams]
+        drive, white = np.stack(draws, axis=2)
+        drive *= self._std * np.sqrt(1 - self._keep**2)
+        wandered = gauss_markov(drive, self._keep, self._state)
+        self._state = wandered[-1].copy()
+        errors: Array = wandered + self._white * white
         return errors
 
 

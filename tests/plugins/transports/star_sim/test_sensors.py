@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from star_core import Array
 from star_sim import sensors
@@ -69,3 +70,13 @@ def test_the_ranger_shows_millimetres_and_grows_noisy_with_height() -> None:
     assert sensors.ranged(0.80049, 0.0) == pytest.approx(0.8)
     assert sensors.ranged(1.0, 1.0) == pytest.approx(1.003, abs=6e-4)
     assert sensors.ranged(4.0, 1.0) == pytest.approx(4.2, abs=5e-3)
+
+
+@pytest.mark.parametrize("keep", [0.9, np.array([0.5, 0.99, 1.0])], ids=["one", "each its own"])
+def test_slowly_changing_errors_are_those_of_a_linear_filter(keep: float | Array) -> None:
+    random = np.random.default_rng(1)
+    drive, last = random.standard_normal((100, 3)), random.standard_normal(3)
+    states = sensors.gauss_markov(drive, keep, last)
+    for k, share in enumerate(np.broadcast_to(keep, 3)):
+        expected, _ = lfilter([1.0], [1.0, -share], drive[:, k], zi=[share * last[k]])
+        assert np.array_equal(states[:, k], expected)
