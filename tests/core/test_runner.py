@@ -154,7 +154,7 @@ def seen(height: float, climb: float) -> Callable[..., Estimate]:
     return wrong
 
 
-@pytest.mark.parametrize("height", [0.05, 0.3])
+@pytest.mark.parametrize("height", [0.25, 0.4])
 def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
     lab.spoil("localizer", "locate", seen(height, 0.0), FLYING)
     lab.fly(IN_THE_AIR)
