@@ -1,7 +1,7 @@
 """What every test may use."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,19 +31,14 @@ settings.register_profile("star", max_examples=25, deadline=None, derandomize=Tr
 settings.register_profile("campaign", max_examples=400, deadline=None)
 settings.load_profile("star")
 
-# Tests that share expensive fixtures or cached flights, or that fly in real time and would disturb
-# each other: those of a line run in one process, one after the other.
+# Folders whose tests share expensive fixtures run in one process, as the tests of any file do; long
+# tests that share nothing are distributed among all processes, at the end.
 TOGETHER: Final = (
     "tests/outside/",
-    "tests/end_to_end/test_over_the_air.py",
-    "tests/core/toolkit/test_jit.py",
     "tests/plugins/commands/star_ablate/",
     "tests/plugins/commands/star_calibrate/",
-    "tests/plugins/localizers/apriltag/test_simulated.py",
-    "tests/plugins/localizers/test_feedback.py",
-    "tests/plugins/observers/test_record.py",
-    "tests/plugins/commands/star_fleet/test_cflib.py",
 )
+APART: Final = ("tests/core/test_missions.py",)
 
 ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
 HOP = """\
@@ -91,14 +86,28 @@ def hop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.hookimpl(optionalhook=True, wrapper=True)
+def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
+    """Run half as many processes again as there are processors: many tests wait for real time."""
+    count = yield
+    return count + count // 2
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Distribute tests among processes, except those that run `TOGETHER`.
+    """Distribute the files of tests among processes.
 
     The marks of pytest-xdist 3.8 for that have no effect with pytest 9.2.
     """
     from xdist.scheduler import LoadScopeScheduling
 
     scheduling: Any = LoadScopeScheduling(config, log)
-    scheduling._split_scope = lambda test: next(filter(test.startswith, TOGETHER), test)
+    scheduling._split_scope = _work_unit
     return scheduling
+
+
+def _work_unit(test: str) -> str:
+    """Return the name that all tests of one process have in common."""
+    if test.startswith(APART):
+        return test
+    return next(filter(test.startswith, TOGETHER), test.partition("::")[0])

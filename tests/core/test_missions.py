@@ -31,7 +31,7 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "transport.swap_time=15",
     ),
     "search": ("mission.1.search.speed=0.45", IN_PROCESS),
-    "three_eyes": ("mission.1.follow.size=1.2", "mission.1.follow.speed=0.4", IN_PROCESS),
+    "three_eyes": ("mission.1.follow.until={elapsed: 4}", IN_PROCESS),
 }
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 
