@@ -66,7 +66,6 @@ from star_core.messages.vision import Sightings as Sightings
 from star_core.metrics.records import Run as Run
 from star_core.metrics.records import read_run as read_run
 from star_core.mission import Mission as Mission
-from star_core.mission import load as load
 from star_core.mission_file.conditions import holds_from as holds_from
 from star_core.mission_file.conditions import in_words as in_words
 from star_core.mission_file.conditions import longest_wait as longest_wait
@@ -76,6 +75,7 @@ from star_core.mission_file.fault_file import read_faults as read_faults
 from star_core.mission_file.inner_plugin import check_inner as check_inner
 from star_core.mission_file.inner_plugin import make_inner as make_inner
 from star_core.mission_file.located import Value as Value
+from star_core.mission_file.mission_loader import load as load
 from star_core.mission_file.schema import read_as as read_as
 from star_core.mission_file.step_tree import actions as actions
 from star_core.mission_file.yaml_reader import read_yaml as read_yaml

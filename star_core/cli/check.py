@@ -6,15 +6,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from star_core.errors import InputError
-from star_core.mission import Mission, checked
+from star_core.mission import Mission
 from star_core.mission_file import schema
 from star_core.mission_file.fault_file import check_faults
-from star_core.mission_file.file_kinds import kind_of, lacking
 from star_core.mission_file.includes import check_alone
+from star_core.mission_file.input_file import kind_of, lacking, override, read
 from star_core.mission_file.located import Document
-from star_core.mission_file.overrides import override
+from star_core.mission_file.mission_loader import checked
 from star_core.mission_file.world_loader import world
-from star_core.mission_file.yaml_reader import read
 from star_core.plugin_support.guard import PluginGuard
 from star_core.plugin_support.hook_calls import plugin_calls
 from star_core.plugin_support.specs import Problem

@@ -21,7 +21,8 @@ from star_core.cli.live_view import FlightProgress
 from star_core.cli.main import make
 from star_core.cli.output import LatestRun, new_folder
 from star_core.errors import InputError
-from star_core.mission import Mission, load
+from star_core.mission import Mission
+from star_core.mission_file.mission_loader import load
 from star_core.operator import Operator
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry

@@ -19,7 +19,7 @@ from star_core.messages.vision import Detections
 from star_core.metrics.planned_paths import PlannedPaths
 from star_core.mission_file import world_loader
 from star_core.mission_file.located import Document
-from star_core.mission_file.scene_builder import agents
+from star_core.mission_file.mission_loader import agents
 from star_core.mission_file.yaml_reader import parse
 from star_core.scene import Agent
 from star_core.world.world import World

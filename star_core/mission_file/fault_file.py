@@ -85,7 +85,7 @@ def check_faults(document: Document, registry: Registry) -> str:
     Raises:
         InputError: It breaks its schema, or does not fit the mission that it names.
     """
-    from star_core.mission import load
+    from star_core.mission_file.mission_loader import load
 
     if found := schema.problems(document, schema.load("faults")):
         raise InputError(found)

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from star_core.errors import InputError, coded, suggestion
 from star_core.mission_file import schema
-from star_core.mission_file.file_kinds import Kind
+from star_core.mission_file.input_file import Kind
 from star_core.mission_file.located import Document, Mark, Value
 from star_core.mission_file.schema import SIGN, is_parameter
 from star_core.scene import inside

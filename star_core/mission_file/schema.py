@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote, unquote
 
 from star_core.errors import InputError
-from star_core.mission_file.file_kinds import Kind, require_kind
-from star_core.mission_file.located import Document
-from star_core.mission_file.yaml_reader import read
+from star_core.mission_file.input_file import Kind, read, require_kind
+from star_core.mission_file.located import Document, Location
 from star_core.plugin_support.option_schema import PARTS, SHARED, references
 from star_core.plugin_support.specs import MissionSpec
 
@@ -130,6 +129,58 @@ def located(document: Document, faults: Iterable[Fault]) -> list[str]:
     return document.in_order(
         document.problem(one.path, one.message, one.code, key=one.key) for one in faults
     )
+
+
+UNKNOWN: Final = ""
+"""The verb of a step, or the name of a plugin, that cannot be interpreted."""
+
+_REFUSED: Final = object()
+
+
+class Incomplete(dict[str, Any]):
+    """A map without the values that its schema refuses; checks that depend on those skip it."""
+
+
+class Refused:
+    """The paths of a document that its schema refuses.
+
+    Args:
+        faults: What the schema finds.
+    """
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self._paths, self._lacking = set[Location](), set[Location]()
+        for fault in faults:
+            (self._lacking if fault.lacks else self._paths).add(fault.path)
+        # an agent whose name is refused is known all the same
+        self._paths = {path for path in self._paths if path[:1] + path[2:] != ("swarm",)}
+
+    def __contains__(self, path: Location) -> bool:
+        return path in self._paths
+
+    def without(self, value: Any, path: Location) -> Any:
+        """Return the value at a path without what is refused in it.
+
+        A map from which something was removed is `Incomplete`, and so are those around it. A value
+        that is refused itself, and a list with a refused item, are returned as None.
+        """
+        sound = self._without(value, path)
+        return None if sound is _REFUSED else sound
+
+    def _without(self, value: Any, path: Location) -> Any:
+        if path in self._paths:
+            return _REFUSED
+        if isinstance(value, dict):
+            inner = {key: self._without(one, (*path, key)) for key, one in value.items()}
+            sound = {key: one for key, one in inner.items() if one is not _REFUSED}
+            broken = len(sound) < len(inner) or path in self._lacking
+            broken = broken or any(isinstance(one, Incomplete) for one in sound.values())
+            return Incomplete(sound) if broken else sound
+        if isinstance(value, list):
+            items = [self._without(item, (*path, i)) for i, item in enumerate(value)]
+            broken = any(item is _REFUSED or isinstance(item, Incomplete) for item in items)
+            return _REFUSED if broken else items
+        return value
 
 
 def is_parameter(value: Any) -> bool:

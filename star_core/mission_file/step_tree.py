@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 from star_core.errors import PluginError, suggestion
 from star_core.mission_file.conditions import Condition
 from star_core.mission_file.located import Document, Location
-from star_core.mission_file.sound_parts import UNKNOWN, Incomplete, Refused
+from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.option_schema import JOIN, SHARED
 from star_core.plugin_support.specs import Problem

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core.errors import InputError
-from star_core.mission_file.located import Data, Document, Mark, Value, shown
-from star_core.mission_file.shipped import named
+from star_core.mission_file.located import Data, Mark, Value
 
 if TYPE_CHECKING:
     from ruamel.yaml.nodes import Node
@@ -23,25 +22,6 @@ MAX_SIZE: Final = 1_000_000  # bytes: 10 s of reading; a mission of 1000 steps h
 DEEPEST: Final = 32  # levels of maps and lists: a step in four `parallel` is at level 11
 _INTEGER: Final = re.compile(r"[-+]?(0|[1-9][0-9]{0,19})")
 _FLOAT: Final = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
-
-
-def read(path: Path) -> Document:
-    """Read a YAML file whose top level is a map.
-
-    Args:
-        path: The file, or the name of one that comes with STAR, such as ``first_flight``.
-
-    Raises:
-        InputError: It cannot be read, is not YAML, or contains what is not accepted; lists every
-            reason with its location.
-    """
-    path = named(path)
-    root = read_yaml(path)
-    if not isinstance(root.data, dict):
-        raise root.wrong(
-            f"the file holds {shown(root.data)}, expected a map such as `star: 1`", "wrong-type"
-        )
-    return Document(root, path)
 
 
 def read_yaml(path: Path, *, text_keys: bool = False) -> Value:

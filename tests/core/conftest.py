@@ -29,7 +29,8 @@ from star_core import (
     TransportSpec,
     hookimpl,
 )
-from star_core.mission import Mission, load
+from star_core.mission import Mission
+from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.specs import SPECS
 from star_core.registry import Registry

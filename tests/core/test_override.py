@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from star_core.errors import InputError
+from star_core.mission_file.input_file import override
 from star_core.mission_file.located import Document
-from star_core.mission_file.overrides import override
 from star_core.mission_file.yaml_reader import parse
 
 MISSION = """\

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from star_core.errors import ContractError, InputError
 from star_core.messages.vision import Detections, Frames, Sightings
-from star_core.mission import Mission, load
+from star_core.mission import Mission
+from star_core.mission_file.mission_loader import load
 from star_core.registry import Registry
 from star_core.world.camera import Camera
 from star_core.world.quaternions import moved, product, turned

@@ -17,9 +17,9 @@ from unittest.mock import patch
 
 from star_ablate.reading import read as read_study
 from star_core.errors import InputError, code_of
-from star_core.mission import load
 from star_core.mission_file import schema
 from star_core.mission_file.fault_file import read_faults
+from star_core.mission_file.mission_loader import load
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_import.command import main as import_files

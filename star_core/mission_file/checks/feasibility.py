@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from star_core.errors import PluginError, suggestion
 from star_core.mission_file.located import Document
-from star_core.mission_file.sound_parts import Incomplete
+from star_core.mission_file.schema import Incomplete
 from star_core.mission_file.step_tree import Action
 from star_core.plugin_support.option_schema import JOIN, fill_defaults
 from star_core.plugin_support.specs import Problem

@@ -32,7 +32,7 @@ from star_core import (
 from star_core.cli.live_view import FlightProgress
 from star_core.cli.main import main
 from star_core.cli.run import format_summary
-from star_core.mission import load
+from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import fly

@@ -8,7 +8,7 @@ import pytest
 
 from star_core.errors import InputError
 from star_core.mission_file import schema
-from star_core.mission_file.file_kinds import kind_of
+from star_core.mission_file.input_file import kind_of
 from tests.core.conftest import Lab
 
 PATROL = """\

@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
+from star_core.mission_file.input_file import read
 from star_core.mission_file.located import Document
-from star_core.mission_file.yaml_reader import read
 
 MISSION = """\
 # a comment

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from star_core.mission_file.input_file import override
 from star_core.mission_file.located import Document
-from star_core.mission_file.overrides import override
 from star_core.mission_file.schema import compose, problems
 from star_core.mission_file.yaml_reader import parse
 from star_core.plugin_support.specs import TaskSpec

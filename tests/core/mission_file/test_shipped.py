@@ -10,8 +10,7 @@ import pytest
 
 from star_core import Registry, load
 from star_core.cli.main import main
-from star_core.mission_file.shipped import shipped
-from star_core.mission_file.yaml_reader import read
+from star_core.mission_file.input_file import read, shipped
 
 
 @pytest.fixture(autouse=True)

@@ -28,7 +28,7 @@ from star_core import (
     hookimpl,
     read_run,
 )
-from star_core.mission import load
+from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import fly

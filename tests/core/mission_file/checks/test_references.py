@@ -11,7 +11,7 @@ import pytest
 
 from star_core.errors import InputError
 from star_core.hookspecs import hookimpl
-from star_core.mission import load
+from star_core.mission_file.mission_loader import load
 from star_core.mission_file.step_tree import rows_of
 from star_core.mission_file.yaml_reader import parse
 from star_core.plugin_support.discovery import Source

@@ -1,0 +1,226 @@
+"""The files that commands are given: found, read, of the kind that is needed, with values set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import takewhile
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias
+
+from star_core.errors import InputError, suggestion
+from star_core.mission_file.located import Document, Mark, Value, shown
+from star_core.mission_file.yaml_reader import parse, read_yaml
+from star_core.plugin_support.option_schema import PARTS
+
+Kind: TypeAlias = Literal[
+    "mission", "steps", "world", "camera", "study", "faults", "crazyswarm2", "original STAR"
+]
+
+NAMES: Final[Mapping[Kind, str]] = {
+    "mission": "a mission",
+    "steps": "a file of steps",
+    "world": "a world",
+    "camera": "a camera",
+    "study": "a study",
+    "faults": "a file of faults",
+    "crazyswarm2": "a file of Crazyswarm2",
+    "original STAR": "a file of the original STAR",
+}
+_OWN: Final[Mapping[Kind, set[str]]] = {  # keys that only these files have
+    "mission": {"world", "swarm", "agents", "drones", *PARTS},  # `agents` is meant for `swarm`
+    "study": {"missions", "factors", "measures"},
+    "faults": {"faults"},
+    "world": {"fence", "obstacles", "landmarks", "targets"},
+    "camera": {"width", "height", "matrix", "distortion", "position", "exposure", "readout"}
+    | {"roll_deg", "pitch_deg", "yaw_deg"},
+    "crazyswarm2": {"robots", "robot_types", "fileversion"},
+    "original STAR": {"command_sequence", "environment", "april_tags"},
+}
+_NEEDED: Final = ("world", "swarm", *PARTS)  # what steps lack to be a mission
+_IMPORTED: Final = "`star import` turns it into a mission and a world"
+_HINTS: Final[Mapping[tuple[Kind, Kind], str]] = {  # by what a file is, and what is expected
+    ("steps", "mission"): "name a mission that includes it",
+    ("world", "mission"): "name a mission that is flown in it",
+    ("camera", "mission"): "name a mission that has it",
+    ("study", "mission"): "`star ablate` checks and flies it",
+    ("faults", "mission"): "`star run MISSION --faults FILE` injects them",
+    ("mission", "study"): "`star run` flies it",
+}
+
+
+def read(path: Path) -> Document:
+    """Read a YAML file whose top level is a map.
+
+    Args:
+        path: The file, or the name of one that comes with STAR, such as ``first_flight``.
+
+    Raises:
+        InputError: It cannot be read, is not YAML, or contains what is not accepted; lists every
+            reason with its location.
+    """
+    path = named(path)
+    root = read_yaml(path)
+    if not isinstance(root.data, dict):
+        raise root.wrong(
+            f"the file holds {shown(root.data)}, expected a map such as `star: 1`", "wrong-type"
+        )
+    return Document(root, path)
+
+
+@cache
+def shipped() -> dict[str, Path]:
+    """Return the files by name: ``first_flight``, ``studies/avoiders``, ``worlds/lab_4x4``."""
+    packaged = Path(__file__).parents[1] / "missions"
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "missions"
+    files = [*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))]
+    return {file.relative_to(folder).with_suffix("").as_posix(): file for file in files}
+
+
+def named(path: Path) -> Path:
+    """Return the path of a file that a user names: `path`, or else the shipped file of that name.
+
+    Raises:
+        InputError: There is neither.
+    """
+    if path.exists() or path.is_absolute():
+        return path
+    files = shipped()
+    if path.as_posix() in files:
+        return files[path.as_posix()]
+    if path.suffix and path.stem not in files:  # reading it states the reason
+        return path
+    if path.suffix:
+        text = f"{path}: no such file; {path.stem!r}, without a suffix, comes with STAR"
+        raise InputError(text, "file-not-found")
+    hint = suggestion(path, files) or "; `star missions` lists those that come with STAR"
+    raise InputError(f"{path}: no file and no mission of that name{hint}", "unknown-mission")
+
+
+def description(file: Path) -> str:
+    """Return the first sentence of the comment at the top of a file."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    comments = [line[1:].strip() for line in takewhile(lambda line: line.startswith("#"), lines)]
+    text = " ".join(line for line in comments if not line.startswith("yaml-language-server"))
+    return text.partition(". ")[0].removesuffix(".")
+
+
+def kind_of(data: Mapping[str, Any]) -> Kind:
+    """Return what a file is meant to be, by its keys; a mission if it could be anything.
+
+    Steps for missions to include have ``parameters``, however misspelt, or no key of a mission but
+    ``mission`` itself.
+    """
+    keys = set(data)
+    if keys & _OWN["faults"]:
+        return "faults"
+    more = keys - {"star", "name", "mission"}
+    if keys & _OWN["mission"]:
+        return "mission"
+    if any(suggestion(key, ["parameters"]) for key in more) or ("mission" in keys and not more):
+        return "steps"
+    if "mission" in keys:
+        return "mission"
+    for kind, own in _OWN.items():
+        if keys & own:
+            return kind
+    kinds: tuple[Kind, ...] = ("world", "camera")
+    return next((k for k in kinds if any(suggestion(key, _OWN[k]) for key in more)), "mission")
+
+
+def require_kind(document: Document, expected: Kind) -> None:
+    """Require that a file is not clearly of another kind.
+
+    Raises:
+        InputError: It is; states which.
+    """
+    data, kind = document.data, kind_of(document.data)
+    clear = kind == "steps" or not _OWN[kind].isdisjoint(data)
+    if kind == expected or (expected != "mission" and not clear):
+        return
+    hint = _HINTS.get(
+        (kind, expected), _IMPORTED if kind in {"crazyswarm2", "original STAR"} else ""
+    )
+    if (kind, expected) == ("mission", "world") and data.get("world") != document.path.name:
+        hint = f"its world is {data.get('world')!r}"
+    hint = f"; {hint}" if hint else ""
+    hint += lacking(document) if (kind, expected) == ("steps", "mission") else ""
+    text = f"this is {NAMES[kind]}, expected {NAMES[expected]}{hint}"
+    raise document.root.wrong(text, "wrong-file")
+
+
+def lacking(document: Document) -> str:
+    """Return what a file of steps without parameters lacks if it is meant to be a mission."""
+    missing = [key for key in _NEEDED if key not in document.data]
+    lacks = f"; as a mission it lacks {', '.join(missing)}"
+    return "" if "parameters" in document.data else lacks
+
+
+def override(document: Document, assignments: Sequence[str]) -> Document:
+    """Return a document with values set, each given as ``path=value``.
+
+    A path is keys and list indices from 0, joined by dots; a value is YAML: ``avoider.radius=0.3``,
+    ``mission.0.takeoff.height=1``, ``swarm.cf1.start=[0, 0, 0]``. Missing maps are made. Where a
+    plugin is given as a bare name, setting an option of it first makes that ``{use: name}``.
+
+    Raises:
+        InputError: An assignment has no ``=``, no value or a value that is not YAML, or its path
+            does not exist; lists every one.
+    """
+    problems: list[str] = []
+    root = document.root
+    for assignment in assignments:
+        printable = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in assignment)
+        try:
+            root = _assigned(root, assignment, Mark(f"--set {printable}"))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return replace(document, root=root)
+
+
+def _assigned(root: Value, assignment: str, mark: Mark) -> Value:
+    written, equals, text = assignment.partition("=")
+    if not equals:
+        raise _error(mark, "has no '=', expected path=value such as avoider.radius=0.3")
+    names = written.strip().split(".")
+    if not all(names):
+        raise _error(mark, "expected keys joined by dots before the '='")
+    if not text.strip() or text.strip().startswith("#"):
+        raise _error(mark, "has no value after the '='")
+    try:
+        value = parse(text, "").moved(mark)
+    except InputError as error:
+        whys = [problem.split(": ", 1)[1] for problem in error.problems]
+        raise InputError([f"{mark}: {why}" for why in whys]) from None
+    return _put(root, names, [], value)
+
+
+def _put(into: Value, names: Sequence[str], at: Sequence[str], value: Value) -> Value:
+    """Return `into`, which is at path `at`, with `value` at the path `names` below it."""
+    if not names:
+        return value
+    name, *rest = names
+    if isinstance(into.data, str) and len(at) == 1 and at[0] in PARTS:
+        into = replace(into, data={"use": into})
+    if isinstance(into.data, dict):
+        inner = into.data.get(name, Value({}, value.mark, value.mark))
+        return replace(into, data={**into.data, name: _put(inner, rest, [*at, name], value)})
+    here = ".".join(at)
+    if not isinstance(into.data, list):
+        raise _error(value.mark, f"'{here}' is {shown(into.data)} and has no {name!r}")
+    if not (name.isascii() and name.isdecimal()):
+        raise _error(value.mark, f"'{here}' is a list: expected an index in place of {name!r}")
+    items = dict(enumerate(into.data))
+    index = int(name) if len(name) <= len(str(len(items))) else len(items)
+    if index not in items:
+        last = f"the last is {len(items) - 1}" if items else "it is empty"
+        raise _error(value.mark, f"'{here}' has no item {name}; {last}")
+    items[index] = _put(items[index], rest, [*at, name], value)
+    return replace(into, data=list(items.values()))
+
+
+def _error(mark: Mark, message: str) -> InputError:
+    return InputError(f"{mark}: {message}", "invalid-assignment")

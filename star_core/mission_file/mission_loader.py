@@ -1,0 +1,248 @@
+"""A mission: read, checked against its schema and its world, and frozen.
+
+Whatever is wrong with it, its scene is made of what is sound, so that all other checks still run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from star_core.errors import InputError, PluginError
+from star_core.mission import Mission, Part
+from star_core.mission_file import schema, world_loader
+from star_core.mission_file.checks.references import of_mission
+from star_core.mission_file.includes import with_files
+from star_core.mission_file.input_file import override, read, require_kind
+from star_core.mission_file.located import Document
+from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
+from star_core.mission_file.step_tree import StepBuilder
+from star_core.plugin_support.option_schema import PARTS, fill_defaults
+from star_core.registry import Registry
+from star_core.scene import Agent, Limits, Scene, inside
+from star_core.world.camera import Camera
+from star_core.world.world import Fence, World
+
+# What stands for the parts of a mission that are not known while the others are checked.
+NO_WORLD: Final = World("", Fence((-math.inf,) * 3, (math.inf,) * 3))
+UNKNOWN_START: Final = (math.nan,) * 3
+UNLIMITED: Final[Mapping[str, Any]] = {
+    "speed": math.inf,
+    "acceleration": math.inf,
+    "height": (-math.inf, math.inf),
+    "separation": 0.0,
+    "vertical_separation": 1.0,
+    "uncertainty_margin": 0.0,
+}
+
+
+def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
+    """Read the mission at `path`, set what `assignments` (``path=value``) say, and check it.
+
+    Raises:
+        InputError: The mission or its world cannot be flown; every reason found is listed.
+    """
+    return checked(read(Path(path)), registry, assignments)
+
+
+def checked(written: Document, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
+    """Return the mission that a document, changed by `assignments`, describes.
+
+    Raises:
+        InputError: The mission or its world cannot be flown; every reason found is listed.
+    """
+    require_kind(written, "mission")
+    composed = schema.compose(registry.offers())
+    document, problems = with_files(override(written, assignments))
+    faults = schema.faults(document, composed)
+    problems += schema.located(document, faults)
+    world, room = _world(document, problems)
+    refused = Refused(faults)
+    data = sound_parts(document.data, refused, composed)
+    if data is None:
+        raise InputError(document.in_order(problems))
+    realtime = _realtime(data, registry)
+    flight = scene(document.path.parent, data, room, realtime=realtime)
+    uncertain = uncertain_groups(document.data, data)
+    builder = StepBuilder(document, refused, flight, uncertain, registry)
+    steps = builder.build()
+    found = [*of_mission(document, data, steps, flight, registry, world_known=room is not None)]
+    problems += document.located(
+        [*builder.problems, *(problem for problem in found if not problem.warning)]
+    )
+    if problems or world is None:
+        raise InputError(document.in_order(problems))
+    return Mission(
+        name=data["name"],
+        scene=flight,
+        parts={kind: _part(kind, data[kind], registry) for kind in PARTS},
+        steps=steps,
+        safety=data["safety"],
+        reserve=data["reserve"],
+        plugin_strikes=data["plugin_strikes"],
+        collisions=data["collisions"],
+        document=document,
+        world=world,
+        warnings=tuple(document.located(problem for problem in found if problem.warning)),
+    )
+
+
+def _world(document: Document, problems: list[str]) -> tuple[Document | None, World | None]:
+    """Return the world that a mission names, read and made; its mistakes join `problems`."""
+    name = document.data.get("world")
+    if not isinstance(name, str) or not name:
+        return None, None
+    try:
+        path = inside(document.path.parent, name)
+    except InputError as error:
+        problems.append(document.problem(("world",), str(error)))
+        return None, None
+    try:
+        world = schema.read_as(path, "world")
+        return world, world_loader.world(world)
+    except InputError as error:
+        problems += error.problems
+        return None, None
+
+
+def _realtime(data: Mapping[str, Any], registry: Registry) -> bool:
+    """Whether mission time goes on by itself with the transport that is named."""
+    use = data["transport"]["use"]
+    try:
+        return bool(registry.find("transport", use).offer.realtime)
+    except PluginError:  # reported as a reference
+        return False
+
+
+def _part(kind: str, given: Mapping[str, Any], registry: Registry) -> Part:
+    options = {key: value for key, value in given.items() if key != "use"}
+    return Part(kind, given["use"], options, registry.find(kind, given["use"]).source)
+
+
+def sound_parts(
+    data: Mapping[str, Any], refused: Refused, schema: Mapping[str, Any]
+) -> dict[str, Any] | None:
+    """Return a mission besides its steps without what its schema refuses, with its defaults.
+
+    Names stay known, so that references to an agent, a group or a camera with a mistake in it are
+    no mistakes themselves. The choice of a plugin is a map with the key ``use``.
+
+    Args:
+        data: The mission as read.
+        refused: What its schema refuses.
+        schema: Of missions, for the defaults.
+
+    Returns:
+        None if it is not even known which agents there are.
+    """
+
+    def named(key: str, unknown: Any) -> dict[str, Any]:
+        """Return the values of a map by name; `unknown` for those that are refused."""
+        held = data.get(key, {})
+        if not isinstance(held, dict):
+            return Incomplete()
+        sound = {name: refused.without(value, (key, name)) for name, value in held.items()}
+        kind = list if isinstance(unknown, list) else dict
+        return {name: one if isinstance(one, kind) else unknown for name, one in sound.items()}
+
+    swarm, cameras = named("swarm", Incomplete()), named("cameras", Incomplete())
+    if not swarm:
+        return None
+    for name, camera in cameras.items():
+        if "file" in camera:  # which could not be read, or it would have been replaced
+            cameras[name] = Incomplete(camera)
+    defaulted = ("rate", "seed", "plugin_strikes", "collisions")
+    keys = (*PARTS, *defaulted, "limits", "safety", "reserve", "name", "world")
+    sound = {key: refused.without(data[key], (key,)) for key in keys if key in data}
+    sound = {key: held for key, held in sound.items() if held is not None}
+    sound |= {"swarm": swarm, "cameras": cameras, "groups": named("groups", [])}
+    for kind in PARTS:
+        sound[kind] = _choice(sound.get(kind))
+    properties = schema["properties"]
+    for key in ("limits", "safety", "reserve"):
+        given = sound.get(key, Incomplete() if key in data else {})
+        filled = isinstance(given, Incomplete) or (key == "reserve" and not given)
+        sound[key] = given if filled else fill_defaults(given, properties[key], schema["$defs"])
+    defaults = {key: properties[key]["default"] for key in defaulted}
+    return defaults | sound
+
+
+def _choice(given: Any) -> dict[str, Any]:
+    """Return the choice of a plugin, ``name`` or ``{use: name}``, as a map."""
+    if isinstance(given, str):
+        return {"use": given}
+    return given if isinstance(given, dict) and "use" in given else Incomplete(use=UNKNOWN)
+
+
+def scene(folder: Path, data: Mapping[str, Any], world: World | None, *, realtime: bool) -> Scene:
+    """Return the scene of a mission.
+
+    Args:
+        folder: Of the mission.
+        data: The mission, without what is wrong with it.
+        world: None if it is not known.
+        realtime: Whether mission time advances by itself.
+    """
+    unknown = UNLIMITED if isinstance(data["limits"], Incomplete) else {}
+    limits = {**unknown, **data["limits"]}
+    limits["height"] = tuple(limits["height"])
+    return Scene(
+        agents=agents(data),
+        period=1 / data["rate"],
+        world=world or NO_WORLD,
+        limits=Limits(**limits),
+        seed=data["seed"],
+        realtime=realtime,
+        folder=folder,
+        groups=_groups(data),
+    )
+
+
+def agents(data: Mapping[str, Any]) -> tuple[Agent, ...]:
+    """Return the agents of a mission, in the order of its ``swarm``."""
+    cameras = {
+        name: Camera() if isinstance(given, Incomplete) else _camera(given)
+        for name, given in data.get("cameras", {}).items()
+    }
+    return tuple(
+        Agent(
+            name=name,
+            start=world_loader.point(given.get("start", UNKNOWN_START)),
+            yaw=math.radians(given.get("yaw_deg", 0.0)),
+            uri=given.get("uri"),
+            camera=cameras.get(
+                given.get("camera"),
+                Camera() if "camera" in given or isinstance(given, Incomplete) else None,
+            ),
+        )
+        for name, given in data["swarm"].items()
+    )
+
+
+def _groups(data: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Rows of each group's agents; unknown names are reported by `checks`."""
+    row = {name: i for i, name in enumerate(data["swarm"])}
+    return {
+        name: tuple(row[member] for member in members if member in row)
+        for name, members in data.get("groups", {}).items()
+    }
+
+
+def uncertain_groups(written: Mapping[str, Any], data: Mapping[str, Any]) -> set[str] | None:
+    """Return the names of groups whose agents are not all known; None if no name is."""
+    if not isinstance(written.get("groups", {}), dict):
+        return None
+    agents = {*data["swarm"]}
+    return {name for name, held in data["groups"].items() if not held or {*held} - agents}
+
+
+def _camera(given: Mapping[str, Any]) -> Camera:
+    values: dict[str, Any] = {
+        name.removesuffix("_deg"): math.radians(value) if name.endswith("_deg") else value
+        for name, value in given.items()
+    }
+    for name in values.keys() & {"matrix", "distortion", "position"}:
+        values[name] = tuple(map(float, values[name]))
+    return Camera(**values)
