@@ -1,6 +1,7 @@
 """The source files that one tick of a mission visits, with the functions called in each.
 
-Run as ``python benchmarks/tick_files.py [MISSION] [--json]``. Generated code, such as the
+Run as ``python benchmarks/tick_files.py [MISSION] [--check] [--json]``; with ``--check`` they are
+those of `star check`, without what only plugins call and import. Generated code, such as the
 constructors of tables, has no file and is not counted; kernels count by the file of their source.
 """
 
@@ -11,11 +12,14 @@ import json
 import sys
 import tempfile
 from collections import Counter, defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
 from star_core import Registry, fly, load
+from star_core.cli.check import check_file
 from star_core.tick import ControlLoop, MissionStatus
 
 ROOT: Final = Path(__file__).parents[1]
@@ -29,19 +33,11 @@ def calls_of_one_tick(mission: str) -> Calls:
     calls: Calls = defaultdict(Counter)
     tick, ticks = ControlLoop.tick, iter(range(sys.maxsize))
 
-    def note(frame: FrameType, event: str, _argument: Any) -> None:
-        path = Path(frame.f_code.co_filename)
-        if event == "call" and path.is_relative_to(ROOT) and ".venv" not in path.parts:
-            calls[str(path.relative_to(ROOT))][frame.f_code.co_name] += 1
-
     def traced(loop: ControlLoop) -> MissionStatus:
         if next(ticks) != TICK:
             return tick(loop)
-        sys.setprofile(note)
-        try:
+        with noted(calls):
             return tick(loop)
-        finally:
-            sys.setprofile(None)
 
     registry = Registry()
     ControlLoop.tick = traced  # type: ignore[method-assign, assignment]
@@ -50,17 +46,59 @@ def calls_of_one_tick(mission: str) -> Calls:
             fly(load(mission, registry), registry, folder=folder)
     finally:
         ControlLoop.tick = tick  # type: ignore[method-assign]
-    calls.pop(str(Path(__file__).relative_to(ROOT)), None)
     return calls
+
+
+def calls_of_check(mission: str) -> Calls:
+    """Check a mission; return how often the core called each function, by source file."""
+    calls: Calls = defaultdict(Counter)
+    registry = Registry()
+    with noted(calls, inside_plugins=False):
+        check_file(Path(mission), (), registry)
+    return calls
+
+
+@contextmanager
+def noted(calls: Calls, *, inside_plugins: bool = True) -> Iterator[None]:
+    """Count the calls of functions; those that plugins make only if `inside_plugins`."""
+
+    def note(frame: FrameType, event: str, _argument: Any) -> None:
+        name = _source(frame)
+        if event == "call" and name and (inside_plugins or not _called_by_plugin(frame)):
+            calls[name][frame.f_code.co_name] += 1
+
+    sys.setprofile(note)
+    try:
+        yield
+    finally:
+        sys.setprofile(None)
+
+
+def _source(frame: FrameType) -> str:
+    """Return the file of a frame, if it is one of STAR's."""
+    path = Path(frame.f_code.co_filename)
+    ours = path.is_relative_to(ROOT) and ".venv" not in path.parts and path != Path(__file__)
+    return str(path.relative_to(ROOT)) if ours else ""
+
+
+def _called_by_plugin(frame: FrameType) -> bool:
+    """Whether a function is called by a plugin, or while a module is imported."""
+    above = frame.f_back
+    while above is not None:
+        if _source(above).startswith("plugins/") or "importlib" in above.f_code.co_filename:
+            return True
+        above = above.f_back
+    return False
 
 
 def main() -> None:
     """Print the files of one tick."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("mission", nargs="?", default=str(ROOT / "missions/first_flight.yaml"))
+    arguments.add_argument("--check", action="store_true")
     arguments.add_argument("--json", action="store_true")
     given = arguments.parse_args()
-    calls = calls_of_one_tick(given.mission)
+    calls = (calls_of_check if given.check else calls_of_one_tick)(given.mission)
     figures = {
         "files": len(calls),
         "core_files": sum(file.startswith("star_core/") for file in calls),

@@ -20,8 +20,7 @@ from typing import (
 if TYPE_CHECKING:
     from star_core.messages.commands import Command
     from star_core.messages.state import Estimate, Goals, Health, Plan, Setpoint, Truth
-    from star_core.messages.telemetry import Telemetry
-    from star_core.messages.vision import Corrections
+    from star_core.messages.telemetry import Corrections, Telemetry
 
 
 @runtime_checkable

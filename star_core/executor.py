@@ -18,13 +18,13 @@ from star_core.execution.step_run import (
 )
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import UNFIT, Estimate
-from star_core.metrics.timing import ComputeTime
 from star_core.mission import Mission
 from star_core.mission_file.conditions import in_words
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
 from star_core.observers import Observers
 from star_core.plugin_support.guard import Strikes
 from star_core.plugin_support.option_schema import JOIN, LEAVE
+from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
 
 

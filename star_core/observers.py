@@ -10,9 +10,9 @@ from typing import Any
 import pluggy
 
 from star_core.messages.events import Event
-from star_core.metrics.timing import ComputeTime, Stopwatch
+from star_core.plugin_support.guard import PluginTimeout
 from star_core.plugin_support.hook_calls import PluginCall, plugin_calls
-from star_core.plugin_support.watchdog import PluginTimeout
+from star_core.plugin_support.timing import ComputeTime, Stopwatch
 
 log = logging.getLogger(__name__)
 

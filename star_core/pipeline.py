@@ -17,9 +17,14 @@ from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Trajectory
 from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate, Goals, Plan, Setpoint, Truth
-from star_core.messages.telemetry import Odometry, Telemetry
-from star_core.messages.vision import Corrections, Detections, Frames, Sightings
-from star_core.metrics.timing import ComputeTime, Stopwatch
+from star_core.messages.telemetry import (
+    Corrections,
+    Detections,
+    Frames,
+    Odometry,
+    Sightings,
+    Telemetry,
+)
 from star_core.mission import Mission
 from star_core.plugin_support.guard import (
     PluginGuard,
@@ -38,6 +43,7 @@ from star_core.plugin_support.outputs import (
     checked_time,
     checked_truth,
 )
+from star_core.plugin_support.timing import ComputeTime, Stopwatch
 from star_core.registry import Registry
 from star_core.toolkit.progress import Progress
 

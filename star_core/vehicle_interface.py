@@ -13,10 +13,10 @@ from star_core.messages.commands import Command, Order
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.metrics.targets import Targets
-from star_core.metrics.timing import TickTiming
 from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed
+from star_core.plugin_support.timing import TickTiming
 from star_core.safety.estimate_monitor import EstimateMonitor
 from star_core.safety.monitor import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.scene import Scene

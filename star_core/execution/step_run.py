@@ -15,7 +15,6 @@ from star_core.execution.assignments import Assignments, GoalBuffer, Team
 from star_core.messages.arrays import Mask
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Health
-from star_core.metrics.timing import ComputeTime
 from star_core.mission import Mission
 from star_core.mission_file.conditions import ConditionContext, holds, longest_wait
 from star_core.mission_file.step_tree import Action, actions
@@ -29,6 +28,7 @@ from star_core.plugin_support.guard import (
     require_signature,
 )
 from star_core.plugin_support.option_schema import fill_defaults
+from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import step_timeout

@@ -12,8 +12,7 @@ from star_core.scene import Scene
 if TYPE_CHECKING:
     from star_core.messages.arrays import Mask
     from star_core.messages.state import Estimate, Goals, Health, Plan, Setpoint, Truth
-    from star_core.messages.telemetry import Telemetry
-    from star_core.messages.vision import Detections
+    from star_core.messages.telemetry import Detections, Telemetry
 
 
 @dataclass(frozen=True, slots=True)

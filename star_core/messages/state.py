@@ -17,7 +17,7 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
 from star_core.messages.rotations import Transform
-from star_core.messages.vision import Corrections, Detections, Sightings
+from star_core.messages.telemetry import Corrections, Detections, Sightings
 
 
 class AgentPhase(IntEnum):

@@ -1,18 +1,22 @@
-"""Telemetry of the agents: a transport's output of one tick."""
+"""Telemetry of the agents, a transport's output of one tick, and tables of images and tags."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields
 from enum import IntFlag
 from functools import cache
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from star_core.errors import ContractError
 from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
 from star_core.messages.rotations import yaw_from_quaternion
-from star_core.messages.vision import Detections, Frames
+
+Image: TypeAlias = NDArray[np.uint8]
+"""(height, width) grey values."""
 
 
 class Supervisor(IntFlag):
@@ -75,6 +79,167 @@ class Odometry:
         return cls(
             np.zeros(0, np.int64), nothing, np.zeros((0, 3)), nothing, nothing, nothing, nothing
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Images that arrived since the last tick, in the order of their arrival.
+
+    Attributes:
+        agent: (K,) row of the agent whose camera took it.
+        taken: (K,) mission time at the middle of the exposure of its middle row, s; NaN if unknown.
+        arrived: (K,) mission time of its arrival, s.
+        image: K images; each has the size of its camera.
+    """
+
+    agent: Rows
+    taken: Array
+    arrived: Array
+    image: tuple[Image, ...]
+
+    def __post_init__(self) -> None:
+        images = {"image": len(self.image)}
+        numbers: dict[str, tuple[int, ...]] = {"taken": (), "arrived": ()}
+        freeze_arrays(self, numbers, integers=("agent",), others=images, per="image")
+
+    @property
+    def time(self) -> Array:
+        """(K,) `taken`, or `arrived` where that is unknown, s."""
+        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
+
+    @classmethod
+    @cache  # tables are read-only
+    def none(cls) -> Self:
+        """Return a table without an image."""
+        return cls(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), ())
+
+
+@dataclass(frozen=True, slots=True)
+class Detections:
+    """Tags detected in images, by a camera's own processor or by the localizer.
+
+    Attributes:
+        agent: (K,) row of the agent whose camera saw the tag.
+        tag: (K,) the tag's number.
+        corners: (K, 4, 2) its corners in the distorted image, px: bottom left, bottom right, top
+            right and top left of the upright tag.
+        taken: (K,) of the image, as in `Frames`.
+        arrived: (K,) of the image, as in `Frames`.
+        rejected: K reasons for which the localizer did not use a tag; empty texts for those that it
+            used, which is the default.
+    """
+
+    agent: Rows
+    tag: Rows
+    corners: Array
+    taken: Array
+    arrived: Array
+    rejected: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        reasons = tuple(map(str, self.rejected))
+        others = {"rejected": len(reasons)} if reasons else {}
+        numbers = {"corners": (4, 2), "taken": (), "arrived": ()}
+        freeze_arrays(self, numbers, integers=("agent", "tag"), others=others, per="tag")
+        object.__setattr__(self, "rejected", reasons or ("",) * len(self.tag))
+
+    @property
+    def time(self) -> Array:
+        """(K,) `taken`, or `arrived` where that is unknown, s: equal to that of the image."""
+        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
+
+    @classmethod
+    def merged(cls, tables: Iterable[Self]) -> Self:
+        """Return the rows of several tables, in order."""
+        some = [table for table in tables if len(table.tag)]
+        if len(some) <= 1:
+            return some[0] if some else cls.none()
+        names = [field.name for field in fields(cls)]
+        columns: Any = (np.concatenate([getattr(one, name) for one in some]) for name in names)
+        return cls(*columns)
+
+    def of(self, rows: Rows | Mask) -> Self:
+        """Return some rows, (K,)."""
+        columns: Any = (np.array(getattr(self, field.name))[rows] for field in fields(self))
+        return type(self)(*columns)
+
+    @classmethod
+    @cache  # tables are read-only
+    def none(cls) -> Self:
+        """Return a table without a tag."""
+        none = np.zeros(0, np.int64)
+        return cls(none, none, np.zeros((0, 4, 2)), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True)
+class Sightings:
+    """Tags seen by agents that are not landmarks: targets.
+
+    Attributes:
+        agent: (K,) row of the agent that saw the tag.
+        tag: (K,) the tag's number.
+        time: (K,) mission time of the sighting, s.
+        position: (K, 3) center of the tag in the map, m.
+        yaw: (K,) direction of the tag's x axis in the map's x-y plane, rad.
+        covariance: (K, 3, 3) of the position, including that of the agent's position, m².
+    """
+
+    agent: Rows
+    tag: Rows
+    time: Array
+    position: Array
+    yaw: Array
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        numbers = {"time": (), "position": (3,), "yaw": (), "covariance": (3, 3)}
+        freeze_arrays(self, numbers, integers=("agent", "tag"), per="tag")
+
+    @classmethod
+    @cache  # tables are read-only
+    def none(cls) -> Self:
+        """Return a table without a tag."""
+        none, empty = np.zeros(0, np.int64), np.zeros(0)
+        return cls(none, none, empty, np.zeros((0, 3)), empty, np.zeros((0, 3, 3)))
+
+
+@dataclass(frozen=True, slots=True)
+class Corrections:
+    """Poses of agents in their odometry frames, for their on-board estimators.
+
+    Attributes:
+        agent: (K,) row of the agent.
+        position: (K, 3) m.
+        attitude: (K, 4) unit quaternion x, y, z, w from the body to the odometry frame.
+        position_deviation: (K,) along each axis, m.
+        attitude_deviation: (K,) about each axis, rad; infinite if only the position is corrected.
+    """
+
+    agent: Rows
+    position: Array
+    attitude: Array
+    position_deviation: Array
+    attitude_deviation: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(
+            self,
+            {
+                "position": (3,),
+                "attitude": (4,),
+                "position_deviation": (),
+                "attitude_deviation": (),
+            },
+            integers=("agent",),
+            per="correction",
+        )
+
+    @classmethod
+    @cache  # tables are read-only
+    def none(cls) -> Self:
+        """Return a table without a correction."""
+        nothing = np.zeros(0)
+        return cls(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), nothing, nothing)
 
 
 class Refusal(NamedTuple):

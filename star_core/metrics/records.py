@@ -15,7 +15,7 @@ import numpy as np
 
 from star_core.errors import ContractError, InputError
 from star_core.messages.arrays import Array
-from star_core.messages.vision import Detections
+from star_core.messages.telemetry import Detections
 from star_core.metrics.planned_paths import PlannedPaths
 from star_core.mission_file import world_loader
 from star_core.mission_file.located import Document

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from star_core.messages.arrays import Array, Rows
-from star_core.messages.vision import Sightings
+from star_core.messages.telemetry import Sightings
 from star_core.scene import Scene
 
 MIN_SIGHTINGS: Final = 3  # images by one agent, after which a target is found: one may be misread

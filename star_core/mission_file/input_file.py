@@ -118,7 +118,8 @@ def kind_of(data: Mapping[str, Any]) -> Kind:
     more = keys - {"star", "name", "mission"}
     if keys & _OWN["mission"]:
         return "mission"
-    if any(suggestion(key, ["parameters"]) for key in more) or ("mission" in keys and not more):
+    unknown = more.difference(*_OWN.values())
+    if any(suggestion(key, ["parameters"]) for key in unknown) or ("mission" in keys and not more):
         return "steps"
     if "mission" in keys:
         return "mission"

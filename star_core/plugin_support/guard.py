@@ -13,9 +13,15 @@ from types import MappingProxyType, TracebackType
 from typing import Any
 
 from star_core.errors import CommandError, ContractError, PluginError, StarError
-from star_core.plugin_support.watchdog import PluginTimeout
 
 log = logging.getLogger(__name__)
+
+
+class PluginTimeout(BaseException):
+    """Raised inside a plugin's call that does not return; ``except Exception`` does not catch it.
+
+    The call's `PluginGuard` turns it into a `PluginError`.
+    """
 
 
 class Strikes:

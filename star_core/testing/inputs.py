@@ -11,8 +11,7 @@ import numpy as np
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.rotations import Transform
 from star_core.messages.state import AgentPhase, Estimate, Health
-from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.messages.vision import Frames
+from star_core.messages.telemetry import Frames, Supervisor, Telemetry
 from star_core.scene import Agent, Limits, Scene
 from star_core.world.world import Fence, World
 

@@ -12,8 +12,7 @@ from star_core.errors import ContractError
 from star_core.messages.arrays import Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import Setpoint
-from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.messages.vision import Corrections
+from star_core.messages.telemetry import Corrections, Supervisor, Telemetry
 from star_core.plugin_support.guard import require_methods
 from star_core.plugin_support.outputs import (
     TIME_TOLERANCE,

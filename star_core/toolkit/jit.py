@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit, types
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
-from numba.core.event import Listener, TimingListener, register
+from numba.core.event import Listener, register
 from numba.extending import typeof_impl
 
 from star_core.toolkit.progress import Progress
@@ -83,11 +83,6 @@ for _given in types.Array, types.Record:
 @typeof_impl.register(_Subroutine)
 def _type_of_subroutine(value: _Subroutine, _context: Any) -> Any:
     return types.Dispatcher(value.dispatcher)
-
-
-def compile_time() -> float:
-    """Return how long numba has compiled in this process so far, s."""
-    return _timer.duration if _timer.done else 0.0
 
 
 def _with_large_stack(function: Function) -> Function:
@@ -232,6 +227,4 @@ class _CompilationReporter(Listener):
                 gc.enable()
 
 
-_timer = TimingListener()  # type: ignore[no-untyped-call]
-register("numba:compiler_lock", _timer)  # type: ignore[no-untyped-call]
 register("numba:compile", _CompilationReporter())  # type: ignore[no-untyped-call]

@@ -7,7 +7,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from star_core.messages.vision import Image
+from star_core.messages.telemetry import Image
 
 WINDOW: Final = 15  # pixels of one color along each side, over which colors are balanced
 MIN_LEVEL: Final = np.float32(1.0)  # gray value, of a mean that is divided by

@@ -19,7 +19,7 @@ REFRESH_PERIOD: Final = 0.2  # s
 MAX_PAUSE: Final = 3.0  # s, between works that are short, but together long
 MIN_ELAPSED: Final = 2.0  # s, before the remaining time is estimated
 BAR_WIDTH: Final = 30  # columns
-MINUTE, HOUR = 60, 3600  # s
+MINUTE: Final = 60  # s
 
 
 class Progress:

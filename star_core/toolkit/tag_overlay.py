@@ -7,7 +7,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from star_core.messages.vision import Detections, Image
+from star_core.messages.telemetry import Detections, Image
 
 USED: Final = (0, 220, 90)  # red, green and blue
 REJECTED: Final = (255, 140, 0)

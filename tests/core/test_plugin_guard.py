@@ -8,8 +8,7 @@ import sys
 import pytest
 
 from star_core import ContractError, InputError, PluginError
-from star_core.plugin_support.guard import PluginGuard, Strikes
-from star_core.plugin_support.watchdog import PluginTimeout
+from star_core.plugin_support.guard import PluginGuard, PluginTimeout, Strikes
 
 PLUGIN = "planner 'mine' (my-dist 1.0:mine)"
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from star_core.errors import ContractError, InputError
-from star_core.messages.vision import Detections, Frames, Sightings
+from star_core.messages.telemetry import Detections, Frames, Sightings
 from star_core.mission import Mission
 from star_core.mission_file.mission_loader import load
 from star_core.registry import Registry

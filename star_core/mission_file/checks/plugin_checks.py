@@ -10,6 +10,7 @@ from star_core.errors import PluginError
 from star_core.mission_file.checks.feasibility import position_code
 from star_core.mission_file.located import Location
 from star_core.mission_file.step_tree import Action
+from star_core.plugin_support.hook_calls import Found
 from star_core.plugin_support.option_schema import fill_defaults, held
 from star_core.plugin_support.specs import Problem, StepGoal
 from star_core.registry import Registry
@@ -142,17 +143,22 @@ class PluginChecks:
         call = getattr(found.offer, function)
         if call is None:
             return [], []
-        what = f"the {function} of {kind} {name!r} ({found.source})"
         try:
-            filled = fill_defaults(options, found.offer.options)
-            answer = list(call(*arguments, **filled))
+            answer = list(call(*arguments, **fill_defaults(options, found.offer.options)))
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever it may raise
-            return [], [Problem((), f"{what} raised {error!r}", "plugin-failed")]
+            return [], [_broken(found, kind, function, f"raised {error!r}", "plugin-failed")]
         return [one for one in answer if sound(one)], [
-            Problem((), f"{what} yields {one!r}, expected {expected}", "contract-broken")
+            _broken(found, kind, function, f"yields {one!r}, expected {expected}")
             for one in answer
             if not sound(one)
         ]
+
+
+def _broken(
+    found: Found, kind: str, function: str, what: str, code: str = "contract-broken"
+) -> Problem:
+    text = f"the {function} of {kind} {found.offer.name!r} ({found.source}) {what}"
+    return Problem((), text, code)
 
 
 def _is_problem(value: Any) -> bool:

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from star_core import Tick, compiled, hookimpl
-from star_core.metrics.timing import ComputeTime
 from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.timing import ComputeTime, compile_time
 from star_core.registry import Registry
-from star_core.toolkit.jit import compile_time
 from tests.core.conftest import Lab
 
 NAMED = {
@@ -47,7 +46,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr("star_core.metrics.timing.perf_counter", clock)
+    monkeypatch.setattr("star_core.plugin_support.timing.perf_counter", clock)
     return clock
 
 
@@ -93,7 +92,7 @@ def test_a_plugin_that_takes_no_longer_than_the_limit_is_not_reported(
 def test_the_first_call_of_a_plugin_may_take_long(
     lab: Lab, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level(logging.DEBUG, "star_core.metrics.timing")
+    caplog.set_level(logging.DEBUG, "star_core.plugin_support.timing")
     for role, method in METHODS.items():
         lab.spoil(role, method, clock.wasting(9.0), range(1))
     summary = lab.fly()
@@ -104,7 +103,7 @@ def test_the_first_call_of_a_plugin_may_take_long(
 def test_compilation_does_not_count(
     lab: Lab, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("star_core.metrics.timing.compile_time", lambda: 0.99 * clock.time)
+    monkeypatch.setattr("star_core.plugin_support.timing.compile_time", lambda: 0.99 * clock.time)
     lab.spoil("planner", "plan", clock.wasting(100.0), range(5, 6))
     summary = lab.fly()
     assert (lab.said("slow"), summary["slow_ticks"]) == ([], {})

@@ -10,7 +10,7 @@ import pytest
 
 from star_core import AvoiderSpec, Event, Registry, TransportSpec, fly, hookimpl, load
 from star_core.cli.run import format_summary
-from star_core.metrics.timing import REPORT_INTERVAL, TickTiming
+from star_core.plugin_support.timing import REPORT_INTERVAL, TickTiming
 from star_sim import ideal_world
 from star_sim.airframe import STEP
 from star_sim.transport import Simulator
@@ -114,7 +114,7 @@ def test_a_plugin_that_is_too_slow_is_reported_in_the_record(
     hop: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow = Slow()
-    monkeypatch.setattr("star_core.metrics.timing.perf_counter", lambda: slow.clock)
+    monkeypatch.setattr("star_core.plugin_support.timing.perf_counter", lambda: slow.clock)
     registry = Registry(slow)
     summary = fly(load(hop / "hop.yaml", registry, ["transport=wall", "avoider=slow"]), registry)
     assert summary["late_ticks"] == 1
