@@ -30,7 +30,15 @@ KINDS: Final = {
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
     "flights": (
         "Flights and records",
-        ("cli", "runner", "operator", "registry", "mission", "metrics"),
+        (
+            "cli",
+            "runner",
+            "operator",
+            "registry",
+            "mission",
+            "mission_file.mission_loader",
+            "metrics",
+        ),
     ),
     "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_support")),
     "messages": ("Tables", ("messages",)),
@@ -130,9 +138,10 @@ def _api_pages() -> Iterator[tuple[str, str]]:
     pages: dict[str, list[str]] = {page: [] for page in GROUPS}
     specs = "star_core.plugin_support.specs"
     pages["contracts"] += [f"{specs}.Spec", f"{specs}.MissionSpec"]
+    of = {prefix: page for page, (_, prefixes) in GROUPS.items() for prefix in prefixes}
     for module, name in names:
-        top = module.split(".")[1]
-        (page,) = (page for page, (_, prefixes) in GROUPS.items() if top in prefixes)
+        inner = module.removeprefix("star_core.")
+        page = of.get(inner) or of[inner.partition(".")[0]]
         pages[page].append(f"{module}.{name}")
     for page, (title, _) in GROUPS.items():
         blocks = "".join(f"\n::: {name}\n" for name in pages[page] if not name.endswith("hookimpl"))

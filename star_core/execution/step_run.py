@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
@@ -28,6 +27,7 @@ from star_core.plugin_support.guard import (
     require_signature,
 )
 from star_core.plugin_support.option_schema import fill_defaults
+from star_core.plugin_support.outputs import checked_timeout
 from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
 from star_core.scene import Scene
@@ -278,13 +278,6 @@ def _begin_task(
         limit = checked_timeout(task.begin(tick.estimate, tick.health))
     wait = None if action.until is None else longest_wait(action.until)
     return step_timeout(limit, wait, action.timeout)
-
-
-def checked_timeout(answer: object) -> float:
-    """Return the timeout that a task's ``begin`` returned, s; raise `ContractError`."""
-    if not isinstance(answer, Real) or not 0 < answer < np.inf:  # type: ignore[operator]
-        raise ContractError(f"begin() returned {answer!r}, expected the timeout of the step, s")
-    return float(answer)
 
 
 class TaskPool:

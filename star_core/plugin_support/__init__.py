@@ -1,1 +1,1 @@
-"""Other people's code in a flight: schemas of options, guards, the watchdog, checks of outputs."""
+"""Plugins: specs, entry points, hooks, options, guards, times, checks of what they return."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any, Final
 
 import numpy as np
@@ -25,6 +26,13 @@ def checked_time(answer: Any, until: float) -> float:
     if not until - TIME_TOLERANCE <= now < math.inf:
         raise ContractError(f"wait({until!r}) returned {now!r}, expected that time or later")
     return now
+
+
+def checked_timeout(answer: object) -> float:
+    """Return the timeout that a task's ``begin`` returned, s; raise `ContractError`."""
+    if not isinstance(answer, Real) or not 0 < answer < math.inf:  # type: ignore[operator]
+        raise ContractError(f"begin() returned {answer!r}, expected the timeout of the step, s")
+    return float(answer)
 
 
 def checked_telemetry(answer: object, n: int) -> Telemetry:

@@ -11,11 +11,11 @@ import numpy as np
 from star_core.contracts import Status, Task, TaskOutput
 from star_core.errors import ContractError
 from star_core.execution.assignments import GoalBuffer
-from star_core.execution.step_run import checked_timeout
 from star_core.messages.arrays import Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health
 from star_core.plugin_support.guard import require_methods
+from star_core.plugin_support.outputs import checked_timeout
 from star_core.scene import Scene
 from star_core.testing.calls import (
     SIZES,
