@@ -35,22 +35,26 @@ def published() -> dict[tuple[str, str], tuple[float, float]]:
     return found
 
 
-def flown(folder: Path) -> dict[tuple[str, str], float]:
-    """Return the mean over the seeds of a study, m², by path and level."""
-    errors: dict[tuple[str, str], list[float]] = {}
+def flown(folder: Path, measure: str) -> dict[tuple[str, str], float]:
+    """Return the mean of a measure over the seeds of a study, by path and level."""
+    values: dict[tuple[str, str], list[float]] = {}
     with (folder / "results.csv").open() as file:
         for row in csv.DictReader(file):
             key = row["mission"], row["localisation"]
-            errors.setdefault(key, []).append(float(row["position_mse_m2.mean"]))
-    return {key: float(np.mean(each)) for key, each in errors.items()}
+            values.setdefault(key, []).append(float(row[measure]))
+    return {key: float(np.mean(each)) for key, each in values.items()}
 
 
 @pytest.mark.campaign
 @pytest.mark.shipped_world
-def test_each_published_error_lies_in_its_interval(tmp_path: Path) -> None:
+def test_published_errors_lie_in_their_intervals_and_covariances_are_right(tmp_path: Path) -> None:
     assert main(["ablate", str(STUDY), "--out", str(tmp_path / "out")]) == 0
-    means = flown(tmp_path / "out")
+    means = flown(tmp_path / "out", "position_mse_m2.mean")
     intervals = published()
     assert means.keys() == intervals.keys()
     outside = {k: means[k] for k, (low, high) in intervals.items() if not low <= means[k] <= high}
     assert not outside
+    nees = flown(tmp_path / "out", "position_nees")
+    covariances = {key: nees[key] for key in nees if key[1] in {"1 tag", "2 tags"}}
+    assert len(covariances) == 2 * len(PATHS)
+    assert all(0.7 <= value <= 1.5 for value in covariances.values())
