@@ -22,7 +22,6 @@ from star_radio.connection import packets
 from star_radio.connection.tables import Table
 
 BLOCK: Final = 1  # number of the block
-MAX_SIZE: Final = 26  # bytes of variables in a report
 _U8, _U16, _I16, _F16 = 1, 2, 5, 8  # types of the log protocol
 _FORMATS: Final = {_U8: "u1", _U16: "<u2", _I16: "<i2", _F16: "<f2"}
 

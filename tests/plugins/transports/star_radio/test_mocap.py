@@ -155,11 +155,12 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("package")
 @pytest.mark.parametrize(
-    ("kind", "problem"), [("broken", "no route to host"), ("deaf", "no answer in 1 s")]
+    ("kind", "timeout", "problem"),
+    [("broken", 10.0, "no route to host"), ("deaf", 1.0, "no answer in 1 s")],
 )
-def test_a_system_that_cannot_be_reached_is_named(kind: str, problem: str) -> None:
+def test_a_system_that_cannot_be_reached_is_named(kind: str, timeout: float, problem: str) -> None:
     with pytest.raises(PluginError, match=f"mocap: no '{kind}' at 'host': {problem}"):
-        MotionCapture(reached(URIS), type=kind, hostname="host", timeout=1.0)
+        MotionCapture(reached(URIS), type=kind, hostname="host", timeout=timeout)
 
 
 @pytest.mark.campaign
