@@ -12,6 +12,7 @@ import numpy as np
 from star_core.execution.assignments import GoalBuffer
 from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.commands import Command, Order
+from star_core.messages.position_margin import MAX_MARGIN, position_margin
 from star_core.messages.state import AgentPhase, Estimate, among
 from star_core.observers import Observers
 from star_core.scene import Scene
@@ -19,7 +20,7 @@ from star_core.toolkit.timeouts import timeout
 from star_core.vehicle_interface import VehicleInterface
 
 AGENT_CLEARANCE: Final = 0.25  # m in the plane between two landing positions; 0.12 m is a collision
-UNLOCATED_CLEARANCE: Final = 0.25  # m, added for an agent that is not located: it may have drifted
+MAX_DRIFT: Final = 0.25  # m, the most that is added for an uncertain position, or an unknown one
 OBSTACLE_CLEARANCE: Final = 0.1  # m in the plane to obstacles below
 EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
 SEARCH_STEP: Final = 0.05  # m between the candidates for a landing position
@@ -190,7 +191,8 @@ class LandingManager:
     def _taken(self, row: int, estimate: Estimate) -> tuple[Array, Array]:
         """Return what agents on the ground or below an agent, and their landings, take.
 
-        Agents that are not heard or not located take all of their possible positions.
+        Agents that are not heard or not located take all of their possible positions. The distance
+        grows by `Limits.uncertainty_margin` standard deviations of both positions.
 
         Returns:
             (K, 2) positions, m, and (K,) distances to keep from them, m.
@@ -208,11 +210,13 @@ class LandingManager:
         shares = np.linspace(0.0, 1.0, TRAVEL_POINTS) if estimate.possible_travel.any() else [0.0]
         travel = estimate.possible_travel[others, :2]
         landings = np.array(list(chosen.values())).reshape(-1, 2)
-        known = np.where(estimate.valid[others], 0.0, UNLOCATED_CLEARANCE)
-        apart = AGENT_CLEARANCE + np.tile(known, len(shares))
+        deviations = self._scene.limits.uncertainty_margin
+        drift = position_margin(estimate.covariance, deviations, MAX_DRIFT / MAX_MARGIN)
+        drift = np.where(estimate.valid, drift, MAX_DRIFT)
+        apart = AGENT_CLEARANCE + np.minimum(np.hypot(drift, drift[row]), MAX_DRIFT)
         return (
             np.concatenate([*(position[others, :2] + s * travel for s in shares), landings]),
-            np.concatenate([apart, np.full(len(landings), AGENT_CLEARANCE)]),
+            np.concatenate([np.tile(apart[others], len(shares)), apart[list(chosen)]]),
         )
 
     def _free(

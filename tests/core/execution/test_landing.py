@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase
+from star_core import AgentPhase, Limits
 from star_core.cli.main import run
 from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
@@ -98,7 +98,7 @@ mission:
 """
     summary = flown(tmp_path, mission)
     assert summary["collisions"]["agent_agent"] == 0
-    assert landed(summary) == ["a lands 0.35 m aside: its position is not free"]
+    assert landed(summary) == ["a lands 0.60 m aside: its position is not free"]
 
 
 def test_of_two_above_each_other_the_lower_lands_where_it_is(tmp_path: Path) -> None:
@@ -153,22 +153,57 @@ mission:
     assert landed(flown(tmp_path, mission)) == []
 
 
-def test_an_agent_that_is_ordered_down_blind_keeps_its_place_from_those_above_it() -> None:
+class Landings:
+    """Landings of flying agents that are commanded, and their events.
+
+    Args:
+        phases: Of the agents.
+        limits: Of the mission.
+    """
+
+    def __init__(self, phases: list[AgentPhase], limits: Limits | None = None) -> None:
+        self.landed: list[list[int]] = []
+        self.reported: list[str] = []
+        n = len(phases)
+        vehicles: Any = SimpleNamespace(
+            time=0.0,
+            phases=SimpleNamespace(of_agents=lambda: np.array(phases, np.int64)),
+            release=lambda _rows: None,
+            send_command=lambda command, _estimate: self.landed.append(command.agent.tolist()),
+        )
+        observers: Any = SimpleNamespace(
+            event=lambda _kind, text, _agent: self.reported.append(text)
+        )
+        refuses = lambda places: np.zeros(len(places), np.bool_)  # noqa: E731
+        self.manager = LandingManager(scene(n, limits=limits), vehicles, observers, refuses)
+
+
+def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() -> None:
     """The lower one is not located: it lands at once, where it is, and the other makes way."""
-    reported: list[str] = []
-    landed: list[list[int]] = []
-    helm: Any = SimpleNamespace(
-        time=0.0,
-        phases=SimpleNamespace(of_agents=lambda: np.full(2, int(AgentPhase.FLYING))),
-        release=lambda _rows: None,
-        send_command=lambda command, _estimate: landed.append(command.agent.tolist()),
-    )
-    observers: Any = SimpleNamespace(event=lambda _kind, text, _agent: reported.append(text))
-    descent = LandingManager(
-        scene(2), helm, observers, lambda places: np.zeros(len(places), np.bool_)
-    )
+    landings = Landings([AgentPhase.FLYING] * 2)
     stacked = estimate(np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.5]]))
-    descent.land([0, 1])
-    descent.step(replace(stacked, valid=np.array([True, False])), GoalBuffer(2, 0.5))
-    assert landed == [[1]]
-    assert reported == ["cf1 lands 0.60 m aside: its position is not free"]
+    landings.manager.land([0, 1])
+    landings.manager.step(replace(stacked, valid=np.array([True, False])), GoalBuffer(2, 0.5))
+    assert landings.landed == [[1]]
+    assert landings.reported == ["cf1 lands 0.60 m aside: its position is not free"]
+
+
+@pytest.mark.parametrize(
+    ("stds", "margin", "aside"),
+    [
+        ((0.01, 0.01), 2.0, []),
+        ((0.01, 0.06), 2.0, ["cf1 lands 0.20 m aside: its position is not free"]),
+        ((0.06, 0.01), 2.0, ["cf1 lands 0.20 m aside: its position is not free"]),
+        ((5.0, 5.0), 2.0, ["cf1 lands 0.30 m aside: its position is not free"]),
+        ((5.0, 5.0), 0.0, []),
+    ],
+)
+def test_an_agent_lands_farther_from_one_on_the_ground_if_positions_are_uncertain(
+    stds: tuple[float, float], margin: float, aside: list[str]
+) -> None:
+    landings = Landings([AgentPhase.FLYING, AgentPhase.LANDED], Limits(uncertainty_margin=margin))
+    seen = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 0.0]]))
+    covariance = np.array([np.eye(3) * std**2 for std in stds])
+    landings.manager.land([0])
+    landings.manager.step(replace(seen, covariance=covariance), GoalBuffer(2, 0.5))
+    assert landings.reported == aside
