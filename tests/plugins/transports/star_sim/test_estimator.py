@@ -13,6 +13,8 @@ import pytest
 
 from star_core import Obstacle, Transform
 from star_sim import sensors
+from star_sim.drone import VELOCITY, standing
+from star_sim.estimator import lean
 
 Flying = Callable[..., Any]
 
@@ -146,3 +148,17 @@ def test_three_laps_of_a_box_drift_as_a_real_crazyflie_does() -> None:
     path = Path(__file__).parents[4] / "benchmarks" / "sim.py"
     error = runpy.run_path(str(path))["drift"](40)
     assert 0.1 < error.mean() < 0.6  # m²; the firmware's own estimator: 0.305 ± 0.138
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi, 2.0])
+def test_the_thrust_leans_by_the_error_of_the_tilt(yaw: float) -> None:
+    """Ahead and to the left of the body, in the map; the estimated yaw is the true one."""
+    drones = standing(np.zeros((1, 3)), np.array([yaw]), 1.0)
+    drone = drones.view(np.recarray)[0]
+    drone["mode"], drone["push"], drone["tilt_error"] = VELOCITY, (0.0, 0.0, 0.3), (0.02, -0.05)
+    drone["believed_yaw"], drone["slip"] = yaw, (1.0, 0.0)
+    lean(drone)
+    ahead, left = 0.3 * 0.05, 0.3 * 0.02
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    east, north = cos * ahead - sin * left, sin * ahead + cos * left
+    assert drone["push"] == pytest.approx([east, north, 0.3], abs=1e-12)

@@ -103,3 +103,19 @@ def test_a_camera_is_turned_by_as_much_as_was_drawn_however_it_looks(
     assert change.magnitude() == pytest.approx(0.02 * np.linalg.norm(drawn[1]), rel=1e-3)
     assert np.subtract(real.position, camera.position) == pytest.approx(0.01 * drawn[0])
     assert real.matrix == camera.matrix
+
+
+def test_a_mounting_errs_about_the_cameras_own_axes() -> None:
+    """The same numbers are the same rotation, as seen from the camera, however it is mounted."""
+
+    def error(camera: Camera) -> list[float]:
+        real = real_camera(camera, np.random.default_rng(1), CameraError(0.0, 0.1))
+        nominal, mounted = (
+            Rotation.from_euler("xyz", [one.roll, one.pitch, one.yaw]) for one in (camera, real)
+        )
+        return list((nominal.inv() * mounted).as_rotvec())
+
+    ahead = Camera(roll=0.0, pitch=0.0, yaw=0.0)
+    down = Camera(roll=0.3, pitch=1.2, yaw=0.0)
+    assert error(down) == pytest.approx(error(ahead), abs=1e-12)
+    assert np.linalg.norm(error(down)) > 0.05
