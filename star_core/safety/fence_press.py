@@ -20,10 +20,11 @@ STUCK_TIME: Final = 2.0
 towards the fence the filter brings an agent to within 1 % of its braking distance in that time."""
 
 SIGMAS: Final = 3.0
-"""Standard deviations of its position by which it is."""
+"""Standard deviations of its position by which an agent is drawn in."""
 
 MAX_MARGIN: Final = 0.5
-"""Greatest distance by which it is, m; also a quarter of the width of the fence."""
+"""Greatest distance by which an agent is drawn in, m; it is also at most a quarter of the width of
+the fence."""
 
 
 class FencePress:
@@ -85,8 +86,8 @@ class FencePress:
     def stuck(self) -> dict[int, str]:
         """Return why agents that such setpoints press cannot reach their goals, by row."""
         return {
-            row: f"the {part} repeats a setpoint that leads out of the fence"
-            for part, same in zip(("avoider", "planner"), self._same, strict=True)
+            row: f"the {kind} repeats a setpoint that leads out of the fence"
+            for kind, same in zip(("avoider", "planner"), self._same, strict=True)
             for row in np.flatnonzero(same > STUCK_TIME).tolist()
         }
 

@@ -179,10 +179,10 @@ class EstimateGate:
     correction has shrunk so far, is rejected: the row keeps its last position, at rest and not
     valid, so that the agent brakes. It is compared again in the next tick, with the last position
     that was accepted moved on by the velocities that the agent has reported since then: a jump that
-    lasts does not become plausible with time. So is a position that is
-    the same, to the last bit, while the agent reports that it flies `MAX_STILL_PATH`: its localizer
-    is stuck. On the ground everything is accepted, except of an agent that has been rejected in
-    flight: it came down near its last position, not at the wrong one.
+    lasts does not become plausible with time. A position that is the same, to the last bit, while
+    the agent reports that it flies `MAX_STILL_PATH` is rejected too: its localizer is stuck. On the
+    ground every position is accepted, except that of an agent that was rejected in flight: it came
+    down near its last position, not at the wrong one.
 
     An agent that reports a velocity that is not finite, or that it cannot fly, is not located, on
     the ground either, until its reports have been plausible for `SPOILED_TIME`: random ones are
@@ -266,7 +266,7 @@ class EstimateGate:
         ), jumps
 
     def _spoiled(self, time: float, reported: Array, heard: Mask) -> Mask:
-        """Return whose reports are implausible, or have been within `SPOILED_TIME`: (N,)."""
+        """Return which agents report what is implausible, or did within `SPOILED_TIME`: (N,)."""
         speed = np.linalg.norm(reported, axis=1)
         self._reports |= np.isfinite(speed)  # NaN before the first one: not reported at all
         bad = heard & self._reports & ~(speed <= self._speed)
@@ -319,8 +319,8 @@ class EstimateGate:
 class GroundedAgents:
     """Marks the agents that stay on the ground until the end of the flight.
 
-    Agents that fell, and such that landed and do not return to the mission. Their motors are off,
-    and downwash does not disturb them: they are marked so far below the ground that agents above
+    They fell, or landed and do not return to the mission. Their motors are off, and downwash does
+    not disturb them: they are marked so far below the ground that agents above
     keep `Limits.separation` rather than `Limits.vertical_separation`. Agents that may take off
     keep their heights.
 

@@ -174,8 +174,9 @@ class Landings:
         observers: Any = SimpleNamespace(
             event=lambda _kind, text, _agent: self.reported.append(text)
         )
-        refuses = lambda places: np.zeros(len(places), np.bool_)  # noqa: E731
-        self.manager = LandingManager(scene(n, limits=limits), vehicles, observers, refuses)
+        self.manager = LandingManager(
+            scene(n, limits=limits), vehicles, observers, lambda places: np.zeros(len(places), bool)
+        )
 
 
 def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() -> None:
