@@ -16,6 +16,7 @@ from star_sim.airframe import CYCLE, GRAVITY
 from star_sim.camera_sim.options import OPTIONS
 from star_sim.drone import standing
 from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
+from star_sim.estimator import IMU_CLIMB_GAIN, IMU_HEIGHT_GAIN
 from star_sim.sensors import Wander, draw_errors, draw_texture
 
 Flying = Callable[..., Any]
@@ -123,6 +124,16 @@ def test_the_body_hangs_by_its_wrong_tilt_and_flies_the_velocity_all_the_same(
     true = Rotation.from_quat(flight.simulator.truth().attitude).as_euler("ZYX")[0, 1]
     assert true == pytest.approx(0.0, abs=0.03)  # only drag is balanced
     assert flight.telemetry.velocity[0, 0] == pytest.approx(0.3, abs=0.1)
+
+
+def test_a_biased_accelerometer_makes_the_vertical_velocity_slightly_wrong(start: Flying) -> None:
+    flight = start(noise=True, profile=EXACT)
+    flight.simulator.drones["accelerometer_bias"][0, 2] = 0.3
+    flight.rise()
+    before = flight.position[0, 2]
+    flight.fly(5.0, (0.0, 0.0, 0.0))
+    wrong = 0.3 * IMU_HEIGHT_GAIN / IMU_CLIMB_GAIN  # where the ranger's corrections balance it
+    assert flight.position[0, 2] - before == pytest.approx(-5.0 * wrong, rel=0.2)
 
 
 def test_a_biased_ranger_shifts_the_height(start: Flying) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -13,24 +15,38 @@ from star_sim.fusion import Fusion
 FLOW_STD = 0.33  # m/s, 2 counts at 0.8 m
 VELOCITY_NOISE = (0.5 * CYCLE) ** 2  # m²/s², per cycle
 TILT_NOISE = (0.1 * CYCLE) ** 2  # rad², per cycle
+RANGER_STD = 0.0025  # m
+CLIMB_NOISE = (1.0 * CYCLE) ** 2  # m²/s², per cycle
 
 
-def settled(carry: Array, noise: Array) -> Array:
-    """Return the gain at which a Kalman filter settles whose state 0 is measured as the flow is."""
-    covariance, gain = np.zeros_like(noise), np.zeros(len(noise))
-    for _ in range(2000):
+def settled(
+    carry: Array,
+    noise: Array,
+    deviation: float,
+    measured: Callable[[int], bool] = lambda _cycle: True,
+) -> Array:
+    """Return the mean gain at which a Kalman filter settles that measures state 0 at times."""
+    covariance, gains = np.zeros_like(noise), []
+    for cycle in range(2000):
         covariance = carry @ covariance @ carry.T + noise
-        gain = covariance[:, 0] / (covariance[0, 0] + FLOW_STD**2)
-        covariance -= np.outer(gain, covariance[0])
-    return gain
+        if measured(cycle):
+            gains.append(covariance[:, 0] / (covariance[0, 0] + deviation**2))
+            covariance -= np.outer(gains[-1], covariance[0])
+    return np.mean(gains[-100:], axis=0)
 
 
 def test_constant_gains_are_those_at_which_a_kalman_filter_settles() -> None:
-    [velocity] = settled(np.eye(1), np.diag([VELOCITY_NOISE]))
+    [velocity] = settled(np.eye(1), np.diag([VELOCITY_NOISE]), FLOW_STD)
     assert pytest.approx(velocity, rel=0.02) == estimator.FLOW_GAIN
     carry = np.array([[1.0, CYCLE * GRAVITY], [0.0, 1.0]])
-    gains = settled(carry, np.diag([VELOCITY_NOISE, TILT_NOISE]))
+    gains = settled(carry, np.diag([VELOCITY_NOISE, TILT_NOISE]), FLOW_STD)
     assert gains == pytest.approx([estimator.IMU_FLOW_GAIN, estimator.TILT_GAIN], rel=0.02)
+
+
+def test_constant_gains_of_the_height_are_those_at_which_a_kalman_filter_settles() -> None:
+    carry = np.array([[1.0, CYCLE], [0.0, 1.0]])
+    gains = settled(carry, np.diag([0.0, CLIMB_NOISE]), RANGER_STD, lambda n: 2 * n % 5 < 2)
+    assert gains == pytest.approx([estimator.IMU_HEIGHT_GAIN, estimator.IMU_CLIMB_GAIN], rel=0.02)
 
 
 def test_the_covariance_grows_as_that_of_a_position_that_integrates_the_filtered_velocity() -> None:
