@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -219,6 +219,12 @@ class PluginPipeline:
         with self._tolerating["avoider"]:
             return checked_setpoint(self._plugins["avoider"].avoid(estimate, wanted), self._n)
         return wanted
+
+    def fail(self, reasons: Mapping[str, str]) -> None:
+        """Count failures that only several outputs show, by kind, as those that plugins raise."""
+        for kind, reason in reasons.items():
+            with self._tolerating[kind]:
+                raise PluginError(reason)
 
     def command(self, command: Command) -> None:
         """Send a command whose positions are in odometry frames."""

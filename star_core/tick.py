@@ -36,6 +36,7 @@ from star_core.registry import Registry
 from star_core.safety.fence_press import FencePress
 from star_core.safety.filter import SafetyFilter
 from star_core.safety.monitor import GroundedAgents, Rules, SafetyAction
+from star_core.safety.repeated_setpoints import RepeatedSetpoints
 from star_core.vehicle_interface import VehicleInterface
 
 MAX_LOST_TIME: Final = 1.0  # s; without setpoints for 2 s, a Crazyflie stops its motors
@@ -82,6 +83,7 @@ class ControlLoop:
         self._rules = Rules(scene, mission.safety)
         self._safety = SafetyFilter(scene)
         self._fence_press = FencePress(scene)
+        self._repeated = RepeatedSetpoints(scene)
         self._grounded = GroundedAgents(n, scene.limits)
         self.vehicles = VehicleInterface(scene, pipeline, observers)
         self.executor = StepExecutor(
@@ -125,18 +127,20 @@ class ControlLoop:
         wanted = self.vehicles.setpoint(plan.setpoint, estimate)
         seen = self._grounded.mark(estimate, health.phase, self._gone())
         avoided = self._pipeline.avoid(seen, wanted)
-        if self._pipeline.strikes.pending:
-            avoided = replace(avoided, active=np.zeros_like(avoided.active))  # brake
         near = self._near(estimate)
         with self._pipeline.safety_time:
-            avoided = self._fence_press.draw_in(estimate, avoided, wanted)
-            safe, corrected = self._safety.filter(seen, avoided, wanted, near)
+            drawn_in, outward = self._fence_press.draw_in(estimate, avoided, wanted)
+            stuck = self._repeated.find(estimate, merged, avoided, wanted, outward)
+            self._pipeline.fail(stuck)
+            if self._pipeline.strikes.pending:
+                drawn_in = replace(drawn_in, active=np.zeros_like(drawn_in.active))  # brake
+            safe, corrected = self._safety.filter(seen, drawn_in, wanted, near)
         sent = self.vehicles.send(safe, telemetry, estimate)
         outputs = telemetry, estimate, health, merged, plan, sent, self._pipeline.truth()
         doing = ", ".join(goals.doing)
         timing = self.vehicles.timing.of_tick(self._pipeline.took())
         self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
-        return self._fence_press.stuck() | {
+        return {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
             for row in np.flatnonzero(plan.unreachable & wanted.active).tolist()
         }

@@ -84,8 +84,10 @@ def parse(text: str, source: str, *, text_keys: bool = False) -> Value:
     if text.startswith("%"):  # another version would give words another meaning
         message = "a line that begins with '%' is refused; remove it"
         raise InputError(f"{Mark(source, 1, 1)}: {message}", "invalid-yaml")
+    yaml = YAML(typ="safe", pure=True)
+    yaml.composer.warn_double_anchors = False  # every anchor is refused below
     try:
-        node = YAML(typ="safe", pure=True).compose(text)
+        node = yaml.compose(text)
         value = None if node is None else reader.value(node)
     except MarkedYAMLError as error:
         from star_core.mission_file.yaml_errors import explain

@@ -7,17 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Mask
 from star_core.messages.state import Estimate, Setpoint
 from star_core.safety.filter import BRAKING_GAIN, LAG, MIN_CORRECTION, RETURN_SPEED
 from star_core.scene import Scene
 
 PRESSED_TIME: Final = 0.5
 """Time after which an agent that the fence holds back is drawn in, s."""
-
-STUCK_TIME: Final = 2.0
-"""Time after which a setpoint that presses and never changes is reported, s. At a constant speed
-towards the fence the filter brings an agent to within 1 % of its braking distance in that time."""
 
 SIGMAS: Final = 3.0
 """Standard deviations of its position by which an agent is drawn in."""
@@ -35,9 +31,7 @@ class FencePress:
     when a planner or an avoider repeats its last output. A setpoint presses if it leads nearer to
     the fence than an agent can brake before it, in the filter's terms; after `PRESSED_TIME` the
     fence is moved in for the agent, by `SIGMAS` standard deviations of its position, until no
-    setpoint presses. The drift goes on meanwhile, also along the fence: so a setpoint of planner or
-    avoider that presses and stays the same to the last bit for `STUCK_TIME`, while the estimated
-    position changes in every tick, is reported.
+    setpoint presses.
 
     Args:
         scene: Fence and tick.
@@ -48,16 +42,20 @@ class FencePress:
         self._period = scene.period
         n = len(scene.agents)
         self._pressed = np.zeros(n)  # s
-        self._same = np.zeros((2, n))  # s, that avoider and planner press with the same velocity
-        self._seen = np.full((3, n, 3), np.nan)  # their velocities and the positions
 
-    def draw_in(self, estimate: Estimate, safe: Setpoint, wanted: Setpoint) -> Setpoint:
+    def draw_in(
+        self, estimate: Estimate, avoided: Setpoint, wanted: Setpoint
+    ) -> tuple[Setpoint, Mask]:
         """Return the setpoint, with agents that press against the fence led away from it.
 
         Args:
             estimate: Of the agents' positions.
-            safe: The avoider's setpoint.
+            avoided: The avoider's setpoint.
             wanted: The planner's.
+
+        Returns:
+            The setpoint, and whether the velocities of avoider and planner lead out of the fence:
+            (2, N).
         """
         drawn = self._pressed > PRESSED_TIME
         low, high = self._fence
@@ -70,31 +68,15 @@ class FencePress:
         up = np.maximum(BRAKING_GAIN * (high - ahead), -RETURN_SPEED)
         down = np.minimum(BRAKING_GAIN * (low - ahead), RETURN_SPEED)
         most, least = up + MIN_CORRECTION, down - MIN_CORRECTION
-        velocity = np.array([safe.velocity, wanted.velocity])
+        velocity = np.array([avoided.velocity, wanted.velocity])
         outward = (velocity > most) | (velocity < least)
         beyond = np.maximum(most, MIN_CORRECTION), np.minimum(least, -MIN_CORRECTION)
-        leads_out = ((velocity > beyond[0]) | (velocity < beyond[1])).any(axis=2)
-        self._compare(estimate, velocity, leads_out & wanted.active)
+        leads_out: Mask = ((velocity > beyond[0]) | (velocity < beyond[1])).any(axis=2)
         presses = outward.any(axis=(0, 2)) & wanted.active
         self._pressed = np.where(presses, self._pressed + self._period, 0.0)
         drawn &= presses
         if not drawn.any():
-            return safe
-        kept = np.clip(safe.velocity, down, up)
-        return replace(safe, velocity=np.where(drawn[:, None], kept, safe.velocity))
-
-    def stuck(self) -> dict[int, str]:
-        """Return why agents that such setpoints press cannot reach their goals, by row."""
-        return {
-            row: f"the {kind} repeats a setpoint that leads out of the fence"
-            for kind, same in zip(("avoider", "planner"), self._same, strict=True)
-            for row in np.flatnonzero(same > STUCK_TIME).tolist()
-        }
-
-    def _compare(self, estimate: Estimate, velocity: Array, presses: Mask) -> None:
-        """Measure for how long avoider and planner, (2, N), press with the same velocity."""
-        seen = np.concatenate([velocity, estimate.position[None]])
-        same: Mask = (seen == self._seen).all(axis=2)
-        self._seen = seen
-        stays = presses & same[:2] & ~same[2]
-        self._same = np.where(stays, self._same + self._period, 0.0)
+            return avoided, leads_out
+        kept = np.clip(avoided.velocity, down, up)
+        velocity = np.where(drawn[:, None], kept, avoided.velocity)
+        return replace(avoided, velocity=velocity), leads_out

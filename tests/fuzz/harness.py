@@ -69,7 +69,7 @@ def run(target: Target, folder: Path, count: int, seed: int, *, first: int = 0) 
     """Try `count` inputs of a target, from number `first` on."""
     report, began = Report(), time.monotonic()
     with target.opened(folder) as attempt, warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)  # it would be on the user's terminal
+        warnings.simplefilter("error")  # it would be on the user's terminal
         before = _peak()
         for number in range(first, first + count):
             draw = random.Random(f"{target.name}-{seed}-{number}")  # noqa: S311 -- no secret

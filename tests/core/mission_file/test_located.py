@@ -132,6 +132,16 @@ def test_a_scalar_is_read_as_in_yaml_1_2_and_json(tmp_path: Path, text: str, val
     assert type(found) is type(value)
 
 
+def test_every_anchor_is_refused_without_a_warning(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        write(tmp_path, "a: &x 1\nb: &x 2")
+    places = [problem.partition(" is refused")[0] for problem in caught.value.problems]
+    assert [place.rpartition("/")[2] for place in places] == [
+        "m.yaml:1:4: anchor '&x'",
+        "m.yaml:2:4: anchor '&x'",
+    ]
+
+
 @pytest.mark.parametrize(
     ("content", "beginning"),
     [

@@ -142,13 +142,14 @@ def test_an_agent_with_random_reports_stays_where_it_was_last_located(tmp_path: 
     assert not any(located)
 
 
-def test_a_planner_that_presses_agents_against_the_fence_fails_their_step(tmp_path: Path) -> None:
+def test_a_planner_that_is_stuck_fails_as_one_that_raises(tmp_path: Path) -> None:
     there = {"goto": {"agents": "cf4", "to": [3.5, 0, 0.6], "timeout": 60}}
     stuck = {"component": "plugin", "plugin": "planner", "mode": "stuck", "at": 4.0}
     flight = flown(tmp_path, stuck, mission=[{"takeoff": {"height": 0.6}}, there, {"land": {}}])
     assert flight.summary["reason"].endswith(
-        "cf4 cannot get there: the planner repeats a setpoint that leads out of the fence"
+        "repeats a setpoint that leads cf4 past the goal [plugin-failed]"
     )
+    assert any("brake: planner 'straight'" in text for text in flight.texts("plugin"))
     assert flight.summary["flight_time_s"] < 30.0
 
 

@@ -32,7 +32,8 @@ def settled(
         if measured(cycle):
             gains.append(covariance[:, 0] / (covariance[0, 0] + deviation**2))
             covariance -= np.outer(gains[-1], covariance[0])
-    return np.mean(gains[-100:], axis=0)
+    mean: Array = np.mean(gains[-100:], axis=0)
+    return mean
 
 
 def test_constant_gains_are_those_at_which_a_kalman_filter_settles() -> None:

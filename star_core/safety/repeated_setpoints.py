@@ -1,0 +1,100 @@
+"""Planners and avoiders that repeat a setpoint when they should not."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from star_core.messages.arrays import Array, Mask
+from star_core.messages.state import Estimate, Goals, Setpoint
+from star_core.scene import Scene
+
+REPEATED_TIME: Final = 0.5
+"""Time after which a repeated setpoint that should have changed is reported, s. Plugins may compute
+their output less often than in every tick."""
+
+OUTWARD_TIME: Final = 2.0
+"""Time after which one that leads out of the fence is, s. At a constant speed towards the fence the
+safety filter brings an agent to within 1 % of its braking distance in that time."""
+
+MIN_CHANGE: Final = 0.2
+"""Change of the planner's velocity that an avoider cannot ignore for every agent, m/s."""
+
+ARRIVAL: Final = 0.3
+"""Distance from a goal within which a straight flight has passed it, m; between an agent and a goal
+beyond a wall is more."""
+
+RULES: Final = (
+    ("avoider", REPEATED_TIME, "repeats its setpoints, whatever the planner's are"),
+    ("planner", REPEATED_TIME, "repeats a setpoint that leads {} past the goal"),
+    ("avoider", OUTWARD_TIME, "repeats a setpoint that leads {} out of the fence"),
+    ("planner", OUTWARD_TIME, "repeats a setpoint that leads {} out of the fence"),
+)
+"""Kind of plugin, time after which it is reported in s, and what is reported of which agents."""
+
+
+class RepeatedSetpoints:
+    """Finds planners and avoiders that are stuck: their velocities stay the same to the last bit.
+
+    That alone is right in many flights. It is reported of
+
+    - an avoider that repeats the velocities of all agents though the planner's, of an agent that
+      does not stand still, is `MIN_CHANGE` from what it was when the repetition began;
+    - a planner that repeats the velocity of an agent which has been within `ARRIVAL` of its goal,
+      and no longer is; the goal stays where it is;
+    - either, if what it repeats leads out of the fence while the estimated position changes, for
+      the avoider the planner's velocity too.
+
+    Args:
+        scene: Agents and tick.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, n = scene, len(scene.agents)
+        self._lasted = np.zeros((len(RULES), n))  # s
+        self._limit = np.array([[limit] for _, limit, _ in RULES])
+        # velocities of avoider and planner, position and goal, in the tick before
+        self._before = np.full((4, n, 3), np.nan)
+        self._begun = np.zeros((n, 3))  # the planner's velocities when the avoider's were new
+        self._near = np.zeros(n, np.bool_)  # since the planner's were
+
+    def find(
+        self, estimate: Estimate, goals: Goals, avoided: Setpoint, wanted: Setpoint, outward: Mask
+    ) -> dict[str, str]:
+        """Return what is wrong with avoider or planner, by its kind.
+
+        Args:
+            estimate: Of the agents' positions.
+            goals: The tasks'.
+            avoided: The avoider's setpoint.
+            wanted: The planner's.
+            outward: (2, N) whether the velocities of avoider and planner lead out of the fence.
+        """
+        now = np.array([avoided.velocity, wanted.velocity, estimate.position, goals.position])
+        avoids, plans, stands, waits = (now == self._before).all(axis=2)
+        self._before = now
+        self._begun = np.where(avoids[:, None], self._begun, wanted.velocity)
+        ignored = _length(wanted.velocity - self._begun) > MIN_CHANGE
+        distance = _length(goals.position - estimate.position)
+        plans_on = plans & waits & goals.active & ~goals.velocity.any(axis=1)
+        self._near = plans_on & (self._near | (distance < ARRIVAL))
+        repeats: Mask = np.array(
+            [
+                ignored & now[0].any(axis=1) & bool(avoids[wanted.active].all()),
+                self._near & (distance > ARRIVAL),
+                avoids & outward[0] & ~stands & ~plans,
+                plans & outward[1] & ~stands,
+            ]
+        )
+        self._lasted = np.where(repeats & wanted.active, self._lasted + self._scene.period, 0.0)
+        return {
+            kind: text.format(self._scene.named(np.flatnonzero(late)))
+            for (kind, _, text), late in zip(RULES, self._lasted > self._limit, strict=True)
+            if late.any()
+        }
+
+
+def _length(vectors: Array) -> Array:
+    length: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return length
