@@ -33,10 +33,10 @@ from star_core.mission import Mission
 from star_core.observers import Observers
 from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
-from star_core.safety.fence_press import FencePress
+from star_core.safety.agents_in_the_way import GroundedAgents
 from star_core.safety.filter import SafetyFilter
-from star_core.safety.monitor import GroundedAgents, Rules, SafetyAction
-from star_core.safety.repeated_setpoints import RepeatedSetpoints
+from star_core.safety.rules import Rules, SafetyAction
+from star_core.safety.setpoint_monitor import FencePress, RepeatedSetpoints
 from star_core.vehicle_interface import VehicleInterface
 
 MAX_LOST_TIME: Final = 1.0  # s; without setpoints for 2 s, a Crazyflie stops its motors

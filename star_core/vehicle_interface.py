@@ -17,8 +17,8 @@ from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed
 from star_core.plugin_support.timing import TickTiming
+from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.safety.estimate_monitor import EstimateMonitor
-from star_core.safety.monitor import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.scene import Scene
 
 log = logging.getLogger(__name__)

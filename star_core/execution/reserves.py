@@ -12,7 +12,7 @@ from star_core.execution.step_run import TickContext
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import UNFIT, AgentPhase, Estimate, Health, among
-from star_core.safety.monitor import BATTERY_SAG_TIME, Rules
+from star_core.safety.rules import BATTERY_SAG_TIME, Rules
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import timeout
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Estimate, Setpoint
-from star_core.safety.fence_press import MAX_MARGIN, SIGMAS, FencePress
+from star_core.safety.setpoint_monitor import MAX_MARGIN, SIGMAS, FencePress
 from star_core.testing import estimate, scene
 
 SPEED, TICK, HIGH = 0.5, 0.05, float(scene(1).world.fence.high[0])  # m/s, s, m

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Goals, Setpoint
-from star_core.safety.repeated_setpoints import (
+from star_core.safety.setpoint_monitor import (
     ARRIVAL,
     MIN_CHANGE,
     OUTWARD_TIME,

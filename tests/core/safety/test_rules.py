@@ -11,7 +11,7 @@ import numpy as np
 from star_core import AgentPhase, Array, Estimate, Order, Supervisor, Telemetry
 from star_core.mission_file.schema import load
 from star_core.plugin_support.option_schema import fill_defaults
-from star_core.safety.monitor import BATTERY_SAG_TIME, SUNK_TIME, Rules, SafetyAction
+from star_core.safety.rules import BATTERY_SAG_TIME, SUNK_TIME, Rules, SafetyAction
 from star_core.testing import estimate, health, scene
 from tests.core.conftest import Lab
 from tests.core.test_executor import silent

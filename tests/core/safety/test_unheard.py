@@ -10,14 +10,14 @@ import pytest
 from star_core import AgentPhase, Array, Estimate, Limits, Registry, Setpoint, fill_defaults
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
-from star_core.safety.filter import SafetyFilter
-from star_core.safety.monitor import (
+from star_core.safety.agents_in_the_way import (
     BRAKING_TIME,
     FALL_TIME,
     WATCHDOG_TIME,
     GroundedAgents,
     UnheardAgents,
 )
+from star_core.safety.filter import SafetyFilter
 from star_core.testing import estimate, scene
 
 LIMITS = Limits(separation=0.2, vertical_separation=0.6)

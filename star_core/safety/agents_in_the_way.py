@@ -1,0 +1,137 @@
+"""Agents that are in the way elsewhere than estimated: not heard, not located, or on the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.state import AgentPhase, Estimate
+from star_core.scene import Limits
+
+MAX_REPORT_AGE: Final = 0.5
+"""An agent whose newest report is older than this is not heard, s: the firmware's own limit for
+setpoints, after which it levels out."""
+
+WATCHDOG_TIME: Final = 2.0
+"""How long an agent that hears nothing keeps its velocity, s, before its firmware stops the
+motors (the commander's watchdog)."""
+
+FALL_TIME: Final = 1.0  # s; from 3 m it is 0.8 s
+BRAKING_TIME: Final = 0.6  # s, by which the velocity of an agent that brakes leads it on
+
+
+class GroundedAgents:
+    """Marks the agents that stay on the ground until the end of the flight.
+
+    They fell, or landed and do not return to the mission. Their motors are off, and downwash does
+    not disturb them: they are marked so far below the ground that agents above
+    keep `Limits.separation` rather than `Limits.vertical_separation`. Agents that may take off
+    keep their heights.
+
+    Args:
+        n: Number of agents.
+        limits: The separations.
+    """
+
+    def __init__(self, n: int, limits: Limits) -> None:
+        self._depth = _depth(limits)
+        self._fallen_at = np.full(n, np.inf)  # s
+
+    def mark(self, estimate: Estimate, phase: Rows, gone: Mask) -> Estimate:
+        """Return the estimate with these agents below the ground.
+
+        Args:
+            estimate: Of the tick.
+            phase: (N,) `AgentPhase` of each agent.
+            gone: (N,) agents that have left the mission for good.
+        """
+        fallen = phase == AgentPhase.EMERGENCY
+        since = np.fmin(self._fallen_at, estimate.time)
+        self._fallen_at = np.where(fallen, since, np.inf)
+        down = (phase == AgentPhase.LANDED) & gone
+        down |= estimate.time - self._fallen_at >= FALL_TIME
+        if not down.any():
+            return estimate
+        position, travel = estimate.position.copy(), estimate.possible_travel.copy()
+        position[down, 2], travel[down, 2] = -self._depth, 0.0
+        return replace(estimate, position=position, possible_travel=travel)
+
+
+def _depth(limits: Limits) -> float:
+    """Return how far below the ground agents are marked above which others may fly lower, m."""
+    spare = limits.vertical_separation - limits.separation
+    return max(0.0, spare) if limits.separation > 0 else 0.0
+
+
+class UnheardAgents:
+    """Marks the agents that are not heard, which may fly on, and those that are not located.
+
+    A drone whose reports are lost may have braked, landed or crashed where it was last heard; one
+    that hears no setpoints either keeps its last velocity until its watchdog stops the motors. The
+    estimate has such an agent at rest where it was last heard, with a
+    `star_core.Estimate.possible_travel` of `WATCHDOG_TIME` at its last velocity. Once it has fallen
+    or landed in any case, all of this is on the ground. Its motors are off then, and downwash does
+    not disturb it: it is marked so far below the ground that agents above keep `Limits.separation`
+    rather than `Limits.vertical_separation`.
+
+    An agent that is heard but no longer located in flight brakes, by `BRAKING_TIME` at its last
+    velocity. It stays at all of these positions, also on the ground, until it is located.
+
+    Args:
+        n: Number of agents.
+        limits: The separations.
+    """
+
+    def __init__(self, n: int, limits: Limits) -> None:
+        self._depth = _depth(limits)
+        self._astray = np.zeros(n, np.bool_)  # heard, but not located since they were in the air
+        self._velocity: Array = np.zeros((n, 3))  # m/s, when last heard and located
+        self._down_by = np.full(n, np.inf)  # s, mission time
+
+    def steered(self, time: float, rows: Mask | Rows) -> None:
+        """Note that setpoints were sent to agents: without another one their motors stop."""
+        self._down_by[rows] = time + WATCHDOG_TIME + FALL_TIME
+
+    def flies_on_board(self, rows: Rows) -> None:
+        """Note that agents fly a command, after which they hover until they hear another one."""
+        self._down_by[rows] = np.inf
+
+    def lands(self, rows: Rows, until: Array, heard: Mask) -> None:
+        """Note that agents were commanded to land or to stop.
+
+        Args:
+            rows: (K,) the agents.
+            until: (K,) mission times at which they are down, s, if they receive the command.
+            heard: (K,) which of them certainly do. The others stop for want of setpoints, if
+                these flew them.
+        """
+        self._down_by[rows] = np.where(heard, until, np.maximum(until, self._down_by[rows]))
+
+    def mark(self, estimate: Estimate, age: Array, airborne: Mask) -> Estimate:
+        """Return the estimate with the agents marked that are not heard or not located.
+
+        Args:
+            estimate: Of the tick.
+            age: (N,) age of each agent's newest report, s.
+            airborne: (N,) agents that are in the air.
+        """
+        heard = age <= MAX_REPORT_AGE
+        known = heard & estimate.valid & np.isfinite(estimate.velocity).all(axis=1)
+        self._velocity = np.where(known[:, None], estimate.velocity, self._velocity)
+        self._astray = heard & ~estimate.valid & (airborne | self._astray)
+        if heard.all() and not self._astray.any():
+            return estimate
+        down = ~heard & (estimate.time >= self._down_by)
+        position = estimate.position.copy()
+        flies_on = np.where(self._astray, BRAKING_TIME, np.where(heard, 0.0, WATCHDOG_TIME))
+        travel = flies_on[:, None] * self._velocity
+        position[down, 2], travel[down, 2] = -self._depth, 0.0
+        return replace(
+            estimate,
+            position=position,
+            velocity=np.where(heard[:, None], estimate.velocity, 0.0),
+            possible_travel=travel,
+        )

@@ -1,0 +1,114 @@
+"""The safety rules of a mission, which remove agents from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from star_core.messages.arrays import Array, Mask
+from star_core.messages.state import AgentPhase, Estimate, Health
+from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
+from star_core.scene import Scene
+
+BATTERY_SAG_TIME: Final = 1.0  # s that a battery must stay below its limit: it sags under load
+SUNK_TIME: Final = 2.0  # s that a flying agent must stay at the floor: some rebound
+FLOOR_SHARE: Final = 0.5  # of the lowest height to fly at: below it is the floor
+
+
+class SafetyAction(IntEnum):
+    """What a rule does with an agent, from the mildest to the most severe."""
+
+    NOTHING = 0
+    HOLD = 1
+    LAND = 2
+    STOP = 3
+
+
+class Verdict(NamedTuple):
+    """The action for an agent from now on, and the reason."""
+
+    row: int
+    action: SafetyAction
+    reason: str
+
+
+class Rules:
+    """Applies the rules to every agent. An action is never undone; a more severe one replaces it.
+
+    Args:
+        scene: Agents and fence.
+        rules: The mission's ``safety`` with defaults: by rule its numbers and its action.
+
+    Attributes:
+        action: (N,) `SafetyAction` for each agent so far.
+    """
+
+    def __init__(self, scene: Scene, rules: Mapping[str, Mapping[str, Any]]) -> None:
+        n = len(scene.agents)
+        self._low = np.array(scene.world.fence.low)
+        self._high = np.array(scene.world.fence.high)
+        self._floor = FLOOR_SHARE * scene.limits.height[0]
+        self._rules = rules
+        self._since = {name: np.full(n, np.nan) for name in self._rules}  # s, of each violation
+        self.action = np.zeros(n, np.int64)
+
+    def judge(self, time: float, estimate: Estimate, health: Health) -> list[Verdict]:
+        """Return the new verdicts at a mission time, s."""
+        new = []
+        for name, rule in self._rules.items():
+            violated, duration, reasons = self._violations(name, rule, estimate, health)
+            since = np.where(violated, np.fmin(self._since[name], time), np.nan)
+            self._since[name] = since
+            fires = violated & (time - since >= duration)
+            action = SafetyAction[rule["then"].upper()]
+            for row in np.flatnonzero(fires & (self.action < action)).tolist():
+                self.action[row] = action
+                new.append(Verdict(row, action, f"{name}: {reasons[row]}"))
+        return new
+
+    def reset(self, row: int) -> None:
+        """Cancel the action for an agent that is fit again."""
+        self.action[row] = SafetyAction.NOTHING
+
+    def excuse(self, health: Health, located: Mask) -> Mask:
+        """(N,) agents that are lost, but that a rule will act on: their steps do not fail yet."""
+        heard = health.age <= MAX_REPORT_AGE
+        excused = np.zeros(len(heard), np.bool_)
+        lost = health.phase == AgentPhase.LOST
+        if "link_lost" in self._rules:
+            excused |= lost & ~heard
+        if "position_lost" in self._rules:
+            excused |= lost & heard & ~located
+        return excused
+
+    def _violations(
+        self, name: str, rule: Mapping[str, Any], estimate: Estimate, health: Health
+    ) -> tuple[Mask, float | Array, list[str]]:
+        """Return which agents violate a rule, how long they must to trigger it, s, and why."""
+        phase = health.phase
+        flies = (phase == AgentPhase.FLYING) | (phase == AgentPhase.LOST)
+        match name:
+            case "battery_low":
+                reasons = [f"battery at {voltage:.2f} V" for voltage in health.battery]
+                return health.battery < rule["below"], BATTERY_SAG_TIME, reasons
+            case "link_lost":
+                reasons = [f"not heard for {age:.1f} s" for age in health.age]
+                return health.age >= rule["after"], 0.0, reasons
+            case "position_lost":
+                reasons = [f"not located for {rule['after']:g} s"] * len(phase)
+                heard = health.age <= MAX_REPORT_AGE
+                return flies & heard & ~estimate.valid, rule["after"], reasons
+            case "fence_near":
+                position = estimate.position
+                room = np.minimum(self._high - position, position - self._low).min(axis=1)
+                reasons = [f"{max(0.0, distance):.2f} m from the fence" for distance in room]
+                return flies & estimate.valid & (room <= rule["within"]), 0.0, reasons
+        fallen = phase == AgentPhase.EMERGENCY
+        low = (phase == AgentPhase.FLYING) & (estimate.position[:, 2] < self._floor)
+        sunk = ~fallen & low & estimate.valid & (health.age <= MAX_REPORT_AGE)
+        tumbled, lies = "tumbled, crashed, locked or rebooted", "sank to the floor"
+        reasons = [lies if one else tumbled for one in sunk]
+        return fallen | sunk, np.where(sunk, SUNK_TIME, 0.0), reasons
