@@ -62,6 +62,12 @@ class Value:
             return self.data
         return dict(enumerate(self.data)) if isinstance(self.data, list) else {}
 
+    def child(self, name: str | int) -> Value | None:
+        """Return the value of a key or at an index; None if there is none."""
+        if isinstance(self.data, list):
+            return self.data[name] if isinstance(name, int) and name < len(self.data) else None
+        return self.children().get(name)
+
     def plain(self) -> Any:
         """Return the value without locations."""
         if isinstance(self.data, dict):
@@ -149,7 +155,7 @@ class Document:
         """Return the value at a path; None if there is none."""
         value: Value | None = self.root
         for name in path:
-            value = value.children().get(name) if value is not None else None
+            value = value.child(name) if value is not None else None
         return value
 
     def mark(self, path: Location, *, key: bool = False) -> Mark:

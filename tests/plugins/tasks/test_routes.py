@@ -51,6 +51,14 @@ def test_a_path_is_as_long_as_its_line(line: list[tuple[float, float, float]]) -
     assert Polyline(line).length == pytest.approx(length(line))
 
 
+def test_segments_may_be_so_short_that_squares_underflow() -> None:
+    point, tangent = Polyline([(0.0, 0.0, 0.0), (1e-308, 0.0, 0.0), (1.0, 0.0, 0.0)]).at(
+        np.array([0.0, 0.5])
+    )
+    assert point == pytest.approx(np.array([(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)]))
+    assert tangent == pytest.approx(np.array([(1.0, 0.0, 0.0)] * 2))
+
+
 def test_an_open_path_ends_at_its_ends() -> None:
     point, _ = Polyline([(0, 0, 1), (2, 0, 1)]).at(np.array([-1.0, 5.0]))
     assert point.tolist() == [[0, 0, 1], [2, 0, 1]]

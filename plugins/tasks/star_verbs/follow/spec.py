@@ -67,10 +67,12 @@ OPTIONS: Final = {
         "size": positive(
             "Side of the box, diameter of the circle, length of the figure 8 along x, m. "
             "Needed with 'path'.",
+            minimum=0.01,
             examples=[2.4],
         ),
         "width": positive(
             "Size of the path along y, m; by default the size, half of it for the figure 8.",
+            minimum=0.01,
             examples=[1.2],
         ),
         "centre": point(
