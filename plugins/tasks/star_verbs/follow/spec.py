@@ -43,6 +43,7 @@ OPTIONS: Final = {
         },
         "timescale": positive(
             "Factor by which the duration of a poly7 file is stretched: 2 is half as fast.",
+            minimum=0.01,
             default=1.0,
         ),
         "relative": {
