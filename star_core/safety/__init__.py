@@ -1,1 +1,1 @@
-"""What holds whatever plugins command: the safety filter, safety rules, the estimate gate."""
+"""What holds whatever plugins command: the safety filter, safety rules, monitors."""

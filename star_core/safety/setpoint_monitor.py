@@ -37,7 +37,7 @@ ARRIVAL: Final = 0.3
 """Distance from a goal within which a straight flight has passed it, m; between an agent and a goal
 beyond a wall is more."""
 
-RULES: Final = (
+CHECKS: Final = (
     ("avoider", REPEATED_TIME, "repeats its setpoints, whatever the planner's are"),
     ("planner", REPEATED_TIME, "repeats a setpoint that leads {} past the goal"),
     ("avoider", OUTWARD_TIME, "repeats a setpoint that leads {} out of the fence"),
@@ -123,8 +123,8 @@ class RepeatedSetpoints:
 
     def __init__(self, scene: Scene) -> None:
         self._scene, n = scene, len(scene.agents)
-        self._lasted = np.zeros((len(RULES), n))  # s
-        self._limit = np.array([[limit] for _, limit, _ in RULES])
+        self._lasted = np.zeros((len(CHECKS), n))  # s
+        self._limit = np.array([[limit] for _, limit, _ in CHECKS])
         # velocities of avoider and planner, position and goal, in the tick before
         self._before = np.full((4, n, 3), np.nan)
         self._begun = np.zeros((n, 3))  # the planner's velocities when the avoider's were new
@@ -143,25 +143,25 @@ class RepeatedSetpoints:
             outward: (2, N) whether the velocities of avoider and planner lead out of the fence.
         """
         now = np.array([avoided.velocity, wanted.velocity, estimate.position, goals.position])
-        avoids, plans, stands, waits = (now == self._before).all(axis=2)
+        same_avoided, same_wanted, same_position, same_goal = (now == self._before).all(axis=2)
         self._before = now
-        self._begun = np.where(avoids[:, None], self._begun, wanted.velocity)
+        self._begun = np.where(same_avoided[:, None], self._begun, wanted.velocity)
         ignored = _length(wanted.velocity - self._begun) > MIN_CHANGE
         distance = _length(goals.position - estimate.position)
-        plans_on = plans & waits & goals.active & ~goals.velocity.any(axis=1)
-        self._near = plans_on & (self._near | (distance < ARRIVAL))
+        at_rest = same_goal & goals.active & ~goals.velocity.any(axis=1)
+        self._near = same_wanted & at_rest & (self._near | (distance < ARRIVAL))
         repeats: Mask = np.array(
             [
-                ignored & now[0].any(axis=1) & bool(avoids[wanted.active].all()),
+                ignored & now[0].any(axis=1) & bool(same_avoided[wanted.active].all()),
                 self._near & (distance > ARRIVAL),
-                avoids & outward[0] & ~stands & ~plans,
-                plans & outward[1] & ~stands,
+                same_avoided & ~same_wanted & outward[0] & ~same_position,
+                same_wanted & outward[1] & ~same_position,
             ]
         )
         self._lasted = np.where(repeats & wanted.active, self._lasted + self._scene.period, 0.0)
         return {
             kind: text.format(self._scene.named(np.flatnonzero(late)))
-            for (kind, _, text), late in zip(RULES, self._lasted > self._limit, strict=True)
+            for (kind, _, text), late in zip(CHECKS, self._lasted > self._limit, strict=True)
             if late.any()
         }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +14,7 @@ from star_core.safety.setpoint_monitor import (
     MIN_CHANGE,
     OUTWARD_TIME,
     REPEATED_TIME,
+    FencePress,
     RepeatedSetpoints,
 )
 from star_core.testing import estimate, scene
@@ -134,3 +136,23 @@ def test_a_repeated_setpoint_that_leads_out_of_the_fence_is_found(kind: str) -> 
     assert time == pytest.approx(OUTWARD_TIME, abs=2 * TICK)
     assert not flown(avoider, planner, same(0.0), outward=outward)  # it stands still
     assert not flown(noisy(0.5), noisy(0.5), outward=outward)
+
+
+def test_a_planner_that_does_not_brake_before_a_goal_at_the_fence_is_not_found() -> None:
+    """The safety filter slows its agent down, so that it takes long to arrive."""
+    one = scene(1)
+    press, repeated = FencePress(one), RepeatedSetpoints(one)
+    high, goal = float(one.world.fence.high[0]), along((float(one.world.fence.high[0]),))
+    goals = Goals(goal, np.zeros((1, 3)), np.zeros(1), np.ones(1), np.ones(1, np.bool_))
+    here, velocity, ticks = high - 2.0, 0.0, 0
+    while here < high - 0.1:
+        now = estimate(along((here,)), velocity=np.array([(velocity, 0.0, 0.0)]))
+        drawn_in, outward = press.draw_in(now, setpoint((0.5,)), setpoint((0.5,)))
+        assert not repeated.find(now, goals, setpoint((0.5,)), setpoint((0.5,)), outward)
+        answer = float(drawn_in.velocity[0, 0])
+        if answer < 0.0:
+            break
+        room = max(0.0, 2.5 * (high - here - 0.4 * velocity))  # by the safety filter
+        velocity += (1 - math.exp(-TICK / 0.35)) * (min(answer, room) - velocity)
+        here, ticks = here + TICK * velocity, ticks + 1
+    assert ticks > 40

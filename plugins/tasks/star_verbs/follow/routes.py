@@ -45,7 +45,7 @@ class Polyline:
         corner = corner[fresh]
         offset = np.diff(corner, axis=0)
         segment = np.sqrt((offset**2).sum(axis=1))
-        segment = np.where(segment > 0, segment, np.abs(offset).max(axis=1))  # not underflowed
+        segment = np.where(segment > 0, segment, np.abs(offset).max(axis=1))  # tiny squares are 0
         self._corner = corner
         self._passed = np.concatenate([[0.0], np.cumsum(segment)])
         self._tangent = offset / segment[:, None]
