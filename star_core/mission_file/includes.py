@@ -172,7 +172,7 @@ class _Files:
 
 def _is_include(value: Value) -> bool:
     """Whether this is a step that includes a file."""
-    if [*value.children()] != ["include"]:
+    if not isinstance(value.data, dict) or [*value.data] != ["include"]:
         return False
     given = value.need("include").plain()
     return (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -66,7 +66,9 @@ class Value:
         """Return the value of a key or at an index; None if there is none."""
         if isinstance(self.data, list):
             return self.data[name] if isinstance(name, int) and name < len(self.data) else None
-        return self.children().get(name)
+        if isinstance(self.data, dict) and isinstance(name, str):
+            return self.data.get(name)
+        return None
 
     def plain(self) -> Any:
         """Return the value without locations."""
@@ -160,10 +162,18 @@ class Document:
 
     def mark(self, path: Location, *, key: bool = False) -> Mark:
         """Return the location of a value or, with `key`, of its key; or of the nearest parent."""
-        for length in range(len(path), 0, -1):
-            if (value := self.get(path[:length])) is not None:
-                return value.key if key and length == len(path) else value.location
-        return self.root.location
+        *parents, value = self.along(path)
+        return value.key if key and path and len(parents) == len(path) else value.location
+
+    def along(self, path: Location) -> Iterator[Value]:
+        """Yield the root and the values on a path from it, as far as there are any."""
+        value = self.root
+        yield value
+        for name in path:
+            if (child := value.child(name)) is None:
+                return
+            value = child
+            yield value
 
     def place(self, path: Location, *, key: bool = False) -> str:
         """Return the location of a value: ``file:line:col``, or the assignment that set it."""

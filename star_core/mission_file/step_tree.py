@@ -230,7 +230,7 @@ class StepBuilder:
 
     def _included_from(self, path: Location) -> tuple[str, ...]:
         """Return the locations of the ``include`` steps that a step comes from."""
-        marks = [self._document.mark(path[:length]) for length in range(1, len(path) + 1)]
+        marks = [value.location for value in self._document.along(path)][1:]
         return tuple(str(a) for a, b in pairwise(marks) if a.line and a.source != b.source)
 
     def _rows(

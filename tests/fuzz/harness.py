@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn, TypeAlias
 
-MAX_CPU: Final = 4.0  # s of processor time for one input; a mission of 1000 steps takes half of it
+MAX_CPU: Final = 4.0  # s of processor time for one input; 2 on an idle computer
 MAX_WALL: Final = 60.0  # s of the clock, for one that waits
 MAX_DEFECTS: Final = 20  # of a target, after which it ends
 

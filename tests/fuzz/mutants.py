@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 
 SCALAR = re.compile(r"(?<=[\[ ])[^\s\[\]{}#:,]+(?=[\],} \n])")
-KEY = re.compile(r"[A-Za-z_]\w*(?=:)")
+KEY = re.compile(r"\b[A-Za-z_]\w*(?=:)")
 VALUES = (
     *(".nan", ".inf", "-1", "0", "0.0001", "1e308", "-1e308", "1e-308", "9" * 40, "2026-01-01"),
     *('""', "null", "true", "[]", "{}", "[1, 2]", "[[[]]]", "{a: 1}", "all", "cf1", "cf9", "../x"),
