@@ -47,7 +47,8 @@ OPTIONS: dict[str, Any] = {
         ),
         "latency_std": _number(
             0.025,
-            "Standard deviation of that time, s.",
+            "Standard deviation of that time, s; half of the variance is that of its mean, which "
+            "is estimated in flight.",
             minimum=0,
             maximum=2,
         ),

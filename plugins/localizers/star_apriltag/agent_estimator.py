@@ -22,7 +22,6 @@ log = logging.getLogger(__name__)
 
 ADVANCE_PERIOD: Final = 0.5  # s, after which the state is carried on without images
 ADVANCE_DELAY: Final = 0.35  # s beyond the latency, up to which an image may be late
-TIMESTAMP_STD: Final = 0.002  # s, of an image's timestamp
 
 
 class Settings(NamedTuple):
@@ -103,6 +102,7 @@ class FilterEstimator:
             settings.mounting_std,
             settings.survey_std,
             settings.survey_turn_std,
+            settings.latency_std / math.sqrt(2),
         )
         self._filter = JointFilter(start(agent), mounting, landmarks, self._ground, deviations)
         self._sheets = {tag.id: tag.of for tag in landmarks}
@@ -123,7 +123,7 @@ class FilterEstimator:
             self.anchor = self._filter.anchor
 
     def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
-        time = report.taken
+        time = report.taken if report.stamped else report.taken - self._filter.latency
         if self._analyzer is None or not time > self.anchor.time:
             return None
         state = self.at(time)
@@ -157,8 +157,7 @@ class FilterEstimator:
             return
         self._filter.advance(time, self.track)
         if views:
-            time_std = TIMESTAMP_STD if stamped else self._settings.latency_std
-            self._filter.update(views, self.track, time_std=time_std)
+            self._filter.update(views, self.track, stamped=stamped)
         self.anchor = self._filter.anchor
 
     def restart(self, time: float, pose: Pose, covariance: Array) -> None:

@@ -38,11 +38,14 @@ from star_core import Array, Pose, Tag, rotation_from_vector, skew
 # about its center, rad, and shift, m, in the map.
 CAMERA: Final = slice(STATES, STATES + 3)  # rotation of the camera in its own frame, rad
 FOCAL: Final = STATES + 3  # relative error of the focal length
+LATENCY: Final = STATES + 4  # s, by which images without a timestamp are older than assumed
 LANDMARK: Final = 6
 
 LEVEL_STD: Final = math.radians(1.0)  # of the on-board tilt, constant in the body, rad
 LEVEL_PER_TIME: Final = math.radians(0.1)  # rad/√s, by which that changes
 FOCAL_STD: Final = 0.005
+TIMESTAMP_STD: Final = 0.002  # s, of an image's timestamp
+LATENCY_PER_TIME: Final = 0.0005  # s/√s, by which the mean latency of images changes
 TILT_PER_SLIP: Final = 0.1  # rad/(m/s): on board, the same flow innovation corrects both
 MAX_PASSES: Final = 3
 CONVERGED: Final = 2e-3  # change of every state, after which derivatives are good enough
@@ -60,6 +63,7 @@ class Deviations(NamedTuple):
     mounting: float  # rad, of the camera about each axis
     survey: float  # m, of landmarks along each axis
     survey_turn: float  # rad, about each axis
+    latency: float  # s, of the mean latency; and of that of each image about the mean
 
 
 class JointFilter:
@@ -75,6 +79,7 @@ class JointFilter:
     Attributes:
         camera_turn: (3, 3) estimated rotation of the camera against its mounting, in its own frame.
             It contains the constant error of the on-board tilt.
+        latency: Estimated difference of the mean latency from the assumed one, s.
     """
 
     def __init__(
@@ -99,12 +104,14 @@ class JointFilter:
         survey, turn = deviations.survey, deviations.survey_turn
         self._landmark = np.array([turn, turn, turn, survey, survey, survey]) ** 2
         camera = math.hypot(deviations.mounting, LEVEL_STD)
-        constant = np.array([camera, camera, camera, FOCAL_STD])
+        self._jitter = deviations.latency
+        constant = np.array([camera, camera, camera, FOCAL_STD, deviations.latency])
         self._time = start.time
         self._mean = np.concatenate([start.mean, np.zeros(len(constant))])
         self._covariance = np.diag(np.concatenate([np.zeros(STATES), constant**2]))
         self._covariance[:STATES, :STATES] = start.covariance
         self.camera_turn: Array = np.eye(3)
+        self.latency = 0.0
 
     @property
     def anchor(self) -> Anchor:
@@ -116,6 +123,7 @@ class JointFilter:
         """Continue to a later time by odometry."""
         anchor, moved = carried(self.anchor, time, track)
         self._covariance[CAMERA, CAMERA] += (time - self._time) * LEVEL_PER_TIME**2 * np.eye(3)
+        self._covariance[LATENCY, LATENCY] += (time - self._time) * LATENCY_PER_TIME**2
         self._time = time
         self._mean[:STATES] = anchor.mean
         self._covariance[:STATES, STATES:] = moved @ self._covariance[:STATES, STATES:]
@@ -142,7 +150,7 @@ class JointFilter:
         views: Sequence[tuple[int, View]],
         track: OdometryTrack,
         *,
-        time_std: float,
+        stamped: bool,
     ) -> None:
         """Correct the state by an image.
 
@@ -151,14 +159,19 @@ class JointFilter:
         Args:
             views: Tags of the map with their numbers.
             track: Odometry up to the image, at least.
-            time_std: Standard deviation of the time of this image, s.
+            stamped: Whether the image has a timestamp; else its time is that of its arrival less
+                the assumed latency and `latency`.
         """
+        time_std = TIMESTAMP_STD if stamped else self._jitter
         landmarks = [self._landmark_row(tag) for tag, _ in views]
         before, turn = self._mean, self.camera_turn
         noise = np.concatenate([np.full(view.rays.size, view.deviation**2) for _, view in views])
         weighted = False
         for _ in range(MAX_PASSES):
             residual, by_state, by_time = self._residuals(views, landmarks, track)
+            if not stamped:
+                by_state[:, LATENCY] = -by_time
+                residual -= by_time * self._mean[LATENCY]
             late = time_std * by_time
             spread = by_state @ self._covariance @ by_state.T + np.outer(late, late)
             off = by_state @ (self._mean - before) - residual
@@ -176,7 +189,8 @@ class JointFilter:
             self._mean, self.camera_turn = before, turn
             return
         self._covariance = (covariance + covariance.T) / 2
-        self._mean[CAMERA] = 0.0
+        self.latency += float(self._mean[LATENCY])
+        self._mean[CAMERA] = self._mean[LATENCY] = 0.0
 
     def _landmark_row(self, tag: int) -> int:
         """Return the first state of a tag's landmark, which is added when it is first seen."""
@@ -202,6 +216,7 @@ class JointFilter:
         ahead = body_velocity(self.anchor, sample)
         velocity = np.array([ahead.real, ahead.imag, sample.velocity[2]]) @ level
         rates = np.array([0.0, 0.0, sample.yaw_rate - self.anchor.yaw_bias]) @ level
+        rates[:2] += sample.tilt_rate
         motion = Motion(velocity, rates)
         moving = np.concatenate([rates, velocity])
         body = Pose(rotation_about_z(mean[YAW]) @ level, position)

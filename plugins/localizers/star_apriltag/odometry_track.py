@@ -12,6 +12,8 @@ from star_core import Array, Odometry, Rows, Telemetry, Transform, wrap_angle
 CAPACITY: Final = 1 << 13  # samples: 82 s at 100 Hz, well beyond the longest gap between fixes
 COLUMNS: Final = 10  # time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest
 
+TILT_SAMPLES: Final = 2  # before and after one, by which roll and pitch are differentiated
+
 MAX_REST_SPEED: Final = 0.05  # m/s, of an agent at rest with its motors off
 MAX_REST_RATE: Final = math.radians(3.0)  # rad/s, likewise
 
@@ -37,6 +39,7 @@ class OdometrySample(NamedTuple):
     height: float  # z in the odometry frame, m
     velocity: Array  # (3,) in the level body frame, m/s
     yaw_rate: float  # rad/s
+    tilt_rate: tuple[float, float] = (0.0, 0.0)  # of roll and pitch, rad/s
 
 
 class OdometryTrack:
@@ -169,9 +172,13 @@ class OdometryTrack:
         times = self._rows[: self._end, 0]
         if not len(times):
             return OdometrySample(0.0, 0.0, 0.0, np.zeros(3), 0.0)
-        row = self._rows[min(int(np.searchsorted(times, time)), len(times) - 1)]
+        k = min(int(np.searchsorted(times, time)), len(times) - 1)
+        row = self._rows[k]
         roll, pitch, height = row[5:8].tolist()
-        return OdometrySample(roll, pitch, height, row[1:4], float(row[4]))
+        around = self._rows[max(k - TILT_SAMPLES, 0) : min(k + TILT_SAMPLES + 1, self._end)]
+        took = max(float(around[-1, 0] - around[0, 0]), MIN_INTERVAL)
+        turned = ((around[-1, 5:7] - around[0, 5:7]) / took).tolist()
+        return OdometrySample(roll, pitch, height, row[1:4], float(row[4]), (turned[0], turned[1]))
 
 
 MAX_SILENCE: Final = 0.5  # s without a sample, after which reports replace the stream

@@ -28,7 +28,13 @@ from star_apriltag.dead_reckoning import (
     predict,
     start,
 )
-from star_apriltag.joint_filter import CAMERA, FOCAL, LANDMARK, Deviations, JointFilter
+from star_apriltag.joint_filter import (
+    CAMERA,
+    FOCAL,
+    LANDMARK,
+    Deviations,
+    JointFilter,
+)
 from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.vision.body_pose import View
 from star_core import Array, Pose, Tag, rotation_from_vector
@@ -36,7 +42,7 @@ from tests.plugins.localizers.apriltag.conftest import HEIGHT, LENS, SPEED, Circ
 
 EVERY = 0.1  # s
 TAGS = sheets(8)
-CAREFUL = Deviations(mounting=math.radians(1.0), survey=0.005, survey_turn=0.01)
+CAREFUL = Deviations(mounting=math.radians(1.0), survey=0.005, survey_turn=0.01, latency=0.02)
 STEP = 1e-6
 
 
@@ -81,7 +87,7 @@ class Flight:
             self.time += EVERY
             self.filter.advance(self.time, self.track)
             if not blind and (found := self.seen(self.time)):
-                self.filter.update(found, self.track, time_std=0.0)
+                self.filter.update(found, self.track, stamped=True)
 
     @property
     def off(self) -> Array:
@@ -239,7 +245,7 @@ def test_a_sheet_that_is_aside_is_found_there_and_moves_the_agent_less_than_nois
 def test_an_error_that_lasts_makes_many_images_hardly_surer_than_a_few() -> None:
     spreads = []
     for survey in (0.02, 1e-4):
-        deviations = Deviations(math.radians(1.0), survey, survey)
+        deviations = CAREFUL._replace(survey=survey, survey_turn=survey)
         flight = Flight(Circle(30), deviations=deviations)
         flight.fly(20.0)
         spreads.append(flight.spread)
@@ -259,7 +265,7 @@ def test_a_view_that_is_wrong_does_little_harm_among_right_ones() -> None:
         flight.filter.advance(flight.time, flight.track)
         found = flight.seen(flight.time)
         wrong = [(tag, corner(view, off=0.05)) for tag, view in found[:1]]
-        flight.filter.update([*found, *wrong], flight.track, time_std=0.0)
+        flight.filter.update([*found, *wrong], flight.track, stamped=True)
     assert np.abs(flight.off).max() < 0.02
 
 
@@ -269,7 +275,7 @@ def test_an_image_that_is_not_finite_is_ignored(caplog: pytest.LogCaptureFixture
     before = flight.filter.anchor
     tag, view = flight.seen(2.0)[0]
     flight.filter.update(
-        [(tag, view._replace(rays=view.rays * math.nan))], flight.track, time_std=0.0
+        [(tag, view._replace(rays=view.rays * math.nan))], flight.track, stamped=True
     )
     assert np.array_equal(flight.filter.anchor.mean, before.mean)
     assert "an image is ignored" in caplog.text
@@ -311,12 +317,26 @@ def test_noise_turns_with_the_heading() -> None:
     assert there[[X, X + 1]][:, [SLIP_X, SLIP_Y]] == pytest.approx(quarter @ here, abs=1e-12)
 
 
+def rolling(track: OdometryTrack, time: float, rate: float) -> OdometryTrack:
+    """The same odometry, of a body that is level at `time` and rolls, rad/s."""
+    rows = track._rows[: track._end]  # as `OdometryTrack` keeps them
+    rows[:, 5] = rate * (rows[:, 0] - time)
+    return track
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.7])
+def test_the_rates_of_roll_and_pitch_are_those_of_the_samples(rate: float) -> None:
+    track = rolling(odometry(Circle(5.0)), 1.0, rate)
+    assert track.at(1.0).tilt_rate == pytest.approx((rate, 0.0))
+    assert track.at(99.0).tilt_rate == pytest.approx((rate, 0.0))
+
+
 def test_an_image_of_uncertain_time_determines_less_of_the_position_on_the_way() -> None:
     variances = []
-    for time_std in (0.0, 0.5):
+    for stamped in (True, False):
         flight = Flight(Circle(5.0))
         flight.fly(3.0, blind=True)
-        flight.filter.update(flight.seen(flight.time), flight.track, time_std=time_std)
+        flight.filter.update(flight.seen(flight.time), flight.track, stamped=stamped)
         yaw = flight.circle.body(flight.time).yaw
         ahead = np.array([math.cos(yaw), math.sin(yaw)])
         covariance = flight.filter.anchor.covariance[:2, :2]
@@ -325,3 +345,45 @@ def test_an_image_of_uncertain_time_determines_less_of_the_position_on_the_way()
     exact, late = variances
     assert late[0] > 1.5 * exact[0]
     assert late[1] < 1.5 * exact[1]
+
+
+def test_an_image_of_a_rolling_body_that_is_older_than_it_seems_does_little_harm() -> None:
+    rate, late, errors = 1.0, 0.03, []
+    for rolls in (True, False):
+        flight = Flight(Circle(5.0))
+        flight.fly(1.0)
+        here = flight.circle.body(flight.time).position
+        lean = Pose(rotation_from_vector(np.array([-rate * late, 0, 0])), np.zeros(3))
+        body = flight.circle.body(flight.time - late) @ lean
+        flight.circle.body = lambda _, then=body: then  # type: ignore[method-assign,misc]
+        tag, view = flight.seen(flight.time)[0]
+        if rolls:
+            rolling(flight.track, flight.time, rate)
+        flight.filter.update([(tag, corner(view, off=0.0))], flight.track, stamped=False)
+        errors.append(math.dist(flight.filter.anchor.mean[:2], here[:2]))
+    assert errors[0] < 0.3 * errors[1]
+
+
+class Pulsing(Circle):
+    """A circle at a speed that rises and falls: at a constant one a latency cannot be observed."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(seconds)
+        pace = 1 + 0.8 * np.sin(self.time)
+        self.velocity *= pace
+        self.yaw_rate *= pace
+
+    def body(self, time: float) -> Pose:
+        return super().body(time + 0.8 * (1 - math.cos(time)))
+
+
+@pytest.mark.parametrize("late", [-0.02, 0.02])
+def test_the_latency_of_images_without_timestamps_is_estimated(late: float) -> None:
+    flight = Flight(Pulsing(20.0))
+    for k in range(1, 200):
+        arrived = EVERY * k + late  # less the assumed latency
+        flight.time = arrived - flight.filter.latency
+        flight.filter.advance(flight.time, flight.track)
+        flight.filter.update(flight.seen(arrived - late), flight.track, stamped=False)
+    assert flight.filter.latency == pytest.approx(late, abs=0.006)
+    assert np.abs(flight.off).max() < 0.005

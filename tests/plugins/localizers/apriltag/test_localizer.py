@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from star_apriltag.agent_estimator import TIMESTAMP_STD
 from star_apriltag.agent_group import TickInput, TickOutput
 from star_core import Detections, Estimate, Frames, Image, Odometry, Supervisor, Telemetry
 from tests.plugins.localizers.apriltag.conftest import (
@@ -205,9 +204,9 @@ def unstamped(heard: Telemetry) -> Telemetry:
 def test_tags_without_a_time_stamp_were_taken_the_latency_before_they_came() -> None:
     circle = Circle(8, scale=SCALE)
     stamped = flown(localizer(room([circle], TAGS)), [circle], 8.0, TAGS)
-    made = localizer(room([circle], TAGS), latency=0.15, latency_std=TIMESTAMP_STD)
+    made = localizer(room([circle], TAGS), latency=0.15, latency_std=0.0)
     without = flown(made, [circle], 8.0, TAGS, change=unstamped)
-    assert np.abs(off(stamped, circle) - off(without, circle)).max() < 1e-6
+    assert np.abs(off(stamped, circle) - off(without, circle)).max() < 1e-3
 
 
 def test_a_latency_that_is_not_so_shifts_the_agent_along_its_way() -> None:

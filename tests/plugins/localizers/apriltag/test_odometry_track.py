@@ -224,8 +224,9 @@ def test_a_stance_is_the_sample_that_holds_then() -> None:
         height=np.array([0.7, 0.8]),
     )
     made.add(table, np.arange(2))
-    roll, pitch, height, velocity, yaw_rate = made.at(0.15)
+    roll, pitch, height, velocity, yaw_rate, tilt_rate = made.at(0.15)
     assert (roll, pitch, height, yaw_rate) == (0.4, 0.6, 0.8, 0.2)
+    assert tilt_rate == pytest.approx((1.0, 1.0))
     assert velocity.tolist() == [4, 5, 6]
     assert made.at(9.0).height == 0.8
 
