@@ -15,9 +15,20 @@ from star_core import Event
 
 
 @pytest.fixture
-def matrix(monkeypatch: pytest.MonkeyPatch) -> Any:
+def benchmarks(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any]:
+    """Import a file of benchmarks/ by its name."""
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-    return importlib.import_module("faults")
+    return importlib.import_module
+
+
+@pytest.fixture
+def matrix(benchmarks: Callable[[str], Any]) -> Any:
+    return benchmarks("faults")
+
+
+@pytest.fixture
+def flight(benchmarks: Callable[[str], Any]) -> Any:
+    return benchmarks("fault_flight")
 
 
 def cell(matrix: Any, name: str) -> Any:
@@ -32,9 +43,9 @@ def test_no_fault_breaks_no_policy_and_a_broken_motor_is_attributed(matrix: Any)
     assert fallen["fallen"] == 1
 
 
-def witness(matrix: Any) -> Any:
+def witness(matrix: Any, flight: Any) -> Any:
     """Two drones that hover at 1 m for a second, 1 m apart, and are on the ground at 10 s."""
-    seen = matrix.Witness(cell(matrix, "a motor stops"), 3.0)
+    seen = flight.Witness(cell(matrix, "a motor stops"), 3.0)
     seen.names, seen.speed_limit, seen.speed = ("cf1", "cf2"), 0.5, 0.5
     seen.time = [2.0, 3.0, 10.0]
     seen.truth = [np.array([[x, 0, z, 0, 0, 0] for x in (0.0, 1.0)]) for z in (1.0, 1.0, 0.0)]
@@ -85,15 +96,15 @@ def say_nothing(seen: Any) -> None:
     ],
 )
 def test_every_policy_can_be_broken(
-    matrix: Any, breaks: Callable[[Any], None], policy: str
+    matrix: Any, flight: Any, breaks: Callable[[Any], None], policy: str
 ) -> None:
-    seen = witness(matrix)
+    seen = witness(matrix, flight)
     judge = (seen._cell, seen, 0, 3.0, ["cf1"])
-    assert matrix.judged(*judge, readable=True)["broken"] == []
-    assert matrix.judged(*judge, readable=False)["broken"] == ["record"]
-    assert matrix.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == ["status"]
+    assert flight.judged(*judge, readable=True)["broken"] == []
+    assert flight.judged(*judge, readable=False)["broken"] == ["record"]
+    assert flight.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == ["status"]
     breaks(seen)
-    assert matrix.judged(*judge, readable=True)["broken"] == [policy]
+    assert flight.judged(*judge, readable=True)["broken"] == [policy]
 
 
 def test_a_file_of_results_is_continued_at_its_commit_only(matrix: Any, tmp_path: Path) -> None:
