@@ -124,16 +124,15 @@ class Phases:
         if self._mission.state is not before:
             self._changes.append((None, str(self._mission.state)))
 
-    def observe(self, state: Rows, heard: Mask, located: Mask, settled: Mask) -> None:
+    def observe(self, state: Rows, heard: Mask, located: Mask) -> None:
         """Update the phases by telemetry.
 
         Args:
             state: (N,) bits of `Supervisor`; used where `heard`.
             heard: (N,) whether the agent has been heard recently.
             located: (N,) whether its estimate is valid.
-            settled: (N,) whether a climb has come to rest once the commander has finished it.
         """
-        seen = tuple(one.tobytes() for one in (state, heard, located, settled, self._now))
+        seen = (state.tobytes(), heard.tobytes(), located.tobytes(), self._now.tobytes())
         if seen == self._seen:
             return  # no transition is possible
         self._seen = seen
@@ -141,8 +140,7 @@ class Phases:
         flying = state & int(Supervisor.FLYING) != 0
         fallen = heard & (state & FALLEN != 0) & ~self.among(_P.EMERGENCY)
         self.fire("fail", np.flatnonzero(fallen))
-        climbed = finished & flying & settled
-        self.fire("climbed", np.flatnonzero(climbed & self.among(_P.TAKING_OFF)))
+        self.fire("climbed", np.flatnonzero(finished & flying & self.among(_P.TAKING_OFF)))
         self.fire("down", np.flatnonzero(finished & ~flying & self.among(_P.LANDING)))
         fit = heard & located
         self.fire("lose", np.flatnonzero(~fit & self.among(_P.TAKING_OFF, _P.FLYING)))

@@ -49,7 +49,7 @@ YAW_BIAS_STD: Final = math.radians(0.25)  # rad/s
 YAW_BIAS_PER_TIME: Final = math.radians(0.025)  # rad/s/√s
 YAW_PER_TIME: Final = math.radians(0.05)  # rad/√s
 POSITION_PER_TIME: Final = 0.005  # m/√s
-SEEN_PER_TIME: Final = 0.015  # m/√s, in addition while the camera measures motion by the floor
+SEEN_PER_TIME: Final = 0.010  # m/√s, in addition while the camera measures motion by the floor
 SLIP_STD, SLIP_TIME = 0.045, 0.35  # m/s and s
 """A Kalman filter that smooths flow samples over `SLIP_TIME` has such an error with the firmware's
 2 counts of noise (``flowStdFixed``) at a height of 0.8 m, 0.33 m/s in each sample of 10 ms."""

@@ -37,9 +37,9 @@ MIN_CONTRAST: Final = 8.0  # gray values, standard deviation over the tag; camer
 MAX_CORRELATION: Final = 1.001  # a larger one is a rounding error, without contrast
 
 # Standard deviation of a center, px: MIN_STD, and more for each meter to a tag of USUAL_SIZE. In
-# simulation a center is found to 0.15 px; the rest are errors of the map, which last.
-MIN_STD: Final = 0.25
-STD_PER_METER: Final = 0.08
+# simulation a center is found to 0.15 px. Errors of the map are states of `JointFilter`.
+MIN_STD: Final = 0.18
+STD_PER_METER: Final = 0.05
 
 
 class TagMatch(NamedTuple):
