@@ -148,6 +148,12 @@ CELLS: Final = (
     Cell("1", "link of one drone off, permanently", [one("link", "off")], status=EITHER),
     Cell("1", "link of one drone off, 0.3 s", [one("link", "off", **{"for": 0.3})]),
     Cell("1", "link of one drone off, 2 s", [one("link", "off", **{"for": 2.0})], status=EITHER),
+    Cell("1", "link of one drone off in the take-off, 2 s", [
+        one("link", "off", **{"at": 1.0, "for": 2.0})
+    ], status=EITHER),
+    Cell("1", "link of one drone off in the take-off, permanently", [
+        one("link", "off", at=1.0)
+    ], status=EITHER),
     Cell("1", "reports of one drone off, permanently", [one("telemetry", "off")], status=EITHER),
     Cell("2", "5 % loss", [every("link", "intermittent", at=0, loss=0.05)]),
     Cell("2", "20 % loss", [every("link", "intermittent", at=0, loss=0.2)]),

@@ -80,6 +80,7 @@ class Shutdown:
             health = vehicles.track(telemetry, estimate)
             lost = np.flatnonzero(vehicles.phases.among(AgentPhase.LOST))
             self._command_landings(lost, estimate, goals, at_once=at_once)
+            self._loop.landing.repeat_missed(telemetry, estimate)
             if goals.active.any():
                 self._loop.steer(telemetry, estimate, health, goals)
             else:

@@ -114,6 +114,7 @@ class ControlLoop:
             self._reserves.step(context, goals)
         self._send_commands(goals, estimate)
         self.landing.step(estimate, goals)
+        self.landing.repeat_missed(telemetry, estimate)
         goals.hold(self.vehicles.phases.among(AgentPhase.FLYING), estimate)
         self._unreachable = self.steer(telemetry, estimate, health, goals)
         return MissionStatus(status, self.executor.reason)

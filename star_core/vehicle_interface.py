@@ -169,7 +169,8 @@ class VehicleInterface:
                 self.phases.fire("take_off", command.agent)
             case Order.LAND:
                 self._unheard.lands(command.agent, self.time + command.duration, heard)
-                self.phases.fire("land", command.agent)
+                lands = self.phases.of_agents()[command.agent] == AgentPhase.LANDING
+                self.phases.fire("land", command.agent[~lands])
                 self.down_by = max(self.down_by, self.time + float(command.duration.max(initial=0)))
             case Order.STOP:
                 fallen = np.full(len(heard), self.time + FALL_TIME)

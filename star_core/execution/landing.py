@@ -14,7 +14,9 @@ from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.commands import Command, Order
 from star_core.messages.position_margin import MAX_MARGIN, position_margin
 from star_core.messages.state import AgentPhase, Estimate, among
+from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.observers import Observers
+from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import timeout
 from star_core.vehicle_interface import VehicleInterface
@@ -33,6 +35,13 @@ LAND_SPEED: Final = 0.3  # m/s, when the core itself lands
 CONTROLLER_LAG: Final = 0.5  # s, by which the firmware's default controller follows a plan late
 LAG_ALLOWANCE: Final = 2 * CONTROLLER_LAG  # s, for a landing: its plan ends with the motors off
 MIN_LAND_TIME: Final = 2.5  # s, likewise the shortest landing of all
+
+REPLY_TIME: Final = 0.7  # s; a report made so long after a command shows whether it was received
+MAX_REPEATS: Final = 3  # of a landing; an agent that then hovers still, or reports so, has failed
+LANDED_HEIGHT: Final = 0.1  # m; an agent estimated below has landed, whatever it reports
+MAX_FLYING_TIME: Final = 3.0  # s that a drone reports to fly after a landing: 2 s by its firmware
+
+HOVERS: Final = int(Supervisor.FLYING | Supervisor.COMMANDER_FINISHED)
 
 
 @dataclass(slots=True)
@@ -80,6 +89,11 @@ class LandingManager:
         self._vehicles = vehicles
         self._observers = observers
         self._waiting: dict[int, _Landing] = {}
+        n = len(scene.agents)
+        self._commanded_at = np.zeros(n)  # s, of each agent's last landing
+        self._ends_at = np.zeros(n)  # s, planned
+        self._repeats = np.zeros(n, np.int64)
+        self._hovers_since = np.full(n, np.inf)  # s, by the reports made after that end
 
     @property
     def until(self) -> float:
@@ -107,7 +121,39 @@ class LandingManager:
         """
         phases = self._vehicles.phases.of_agents()[rows]
         up = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
-        rows = rows[up]
+        if durations is not None:
+            durations = durations[up]
+        self._repeats[rows[up]] = 0
+        self._command(rows[up], estimate, durations)
+
+    def repeat_missed(self, telemetry: Telemetry, estimate: Estimate) -> None:
+        """Command landings again of agents that report to hover instead: they did not receive it.
+
+        A drone that lands reports so until it is down, and to fly for a while after that.
+
+        Args:
+            telemetry: Of the tick.
+            estimate: Of the agents' positions.
+        """
+        landing = self._vehicles.phases.among(AgentPhase.LANDING) & (self._repeats < MAX_REPEATS)
+        if not landing.any():
+            return
+        reported = telemetry.time - telemetry.age
+        hovers = landing & (telemetry.age <= MAX_REPORT_AGE) & (telemetry.state & HOVERS == HOVERS)
+        not_begun = hovers & (reported >= self._commanded_at + REPLY_TIME)
+        not_begun &= reported <= self._ends_at - REPLY_TIME
+        hovers &= (reported > self._ends_at) & ~(estimate.position[:, 2] < LANDED_HEIGHT)
+        self._hovers_since = np.where(hovers, np.fmin(self._hovers_since, reported), np.inf)
+        missed = not_begun | (reported - self._hovers_since > MAX_FLYING_TIME)
+        self._repeats[missed] += 1
+        for row in np.flatnonzero(missed).tolist():
+            name = self._scene.agents[row].name
+            text = f"{name} hovers instead of landing; it is commanded to land again"
+            self._observers.event("landing", text, name)
+        self._command(np.flatnonzero(missed), estimate)
+
+    def _command(self, rows: Rows, estimate: Estimate, durations: Array | None = None) -> None:
+        """Command (K,) agents to land, in (K,) s; NaN or None is at the core's own pace."""
         if not len(rows):
             return
         position = estimate.position[rows].copy()
@@ -119,11 +165,14 @@ class LandingManager:
         rise = CONTROLLER_LAG * np.maximum(0.0, np.nan_to_num(estimate.velocity[rows, 2]))
         duration = (position[:, 2] + rise) / LAND_SPEED + LAG_ALLOWANCE
         if durations is not None:
-            duration = np.where(np.isnan(durations[up]), duration, durations[up])
+            duration = np.where(np.isnan(durations), duration, durations)
         duration = np.maximum(duration, MIN_LAND_TIME)
         position[:, 2] = 0.0
         yaw = np.nan_to_num(estimate.yaw[rows])
         self._vehicles.send_command(Command(Order.LAND, rows, position, yaw, duration), estimate)
+        self._commanded_at[rows] = self._vehicles.time
+        self._ends_at[rows] = self._vehicles.time + duration
+        self._hovers_since[rows] = np.inf
 
     def step(self, estimate: Estimate, goals: GoalBuffer) -> None:
         """Command the landings that are possible; set the goals of the other agents."""

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Limits
+from star_core import AgentPhase, Limits, Supervisor
 from star_core.cli.main import run
 from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
+from star_core.messages.state import among
 from star_core.testing import estimate, scene
+from star_core.testing.inputs import flight_telemetry
 
 HEAD = """
 star: 1
@@ -165,17 +167,24 @@ class Landings:
         self.landed: list[list[int]] = []
         self.reported: list[str] = []
         n = len(phases)
-        vehicles: Any = SimpleNamespace(
+        self.vehicles = SimpleNamespace(
             time=0.0,
-            phases=SimpleNamespace(of_agents=lambda: np.array(phases, np.int64)),
+            phases=SimpleNamespace(
+                of_agents=lambda: np.array(phases, np.int64),
+                among=lambda *some: among(np.array(phases, np.int64), *some),
+            ),
             release=lambda _rows: None,
             send_command=lambda command, _estimate: self.landed.append(command.agent.tolist()),
         )
         observers: Any = SimpleNamespace(
             event=lambda _kind, text, _agent: self.reported.append(text)
         )
+        vehicles: Any = self.vehicles
         self.manager = LandingManager(
-            scene(n, limits=limits), vehicles, observers, lambda places: np.zeros(len(places), bool)
+            scene(n, limits=limits),
+            vehicles,
+            observers,
+            lambda places: np.zeros(len(places), bool),
         )
 
 
@@ -208,3 +217,67 @@ def test_an_agent_lands_farther_from_one_on_the_ground_if_positions_are_uncertai
     landings.manager.land([0])
     landings.manager.step(replace(seen, covariance=covariance), GoalBuffer(2, 0.5))
     assert landings.reported == aside
+
+
+HOVERS = Supervisor.FLYING | Supervisor.COMMANDER_FINISHED
+
+
+class Reports:
+    """An agent 1 m high that is commanded to land at 1 s, and what its reports cause."""
+
+    def __init__(self) -> None:
+        self._phases = [AgentPhase.FLYING]
+        self._landings = Landings(self._phases)
+        self.at(1.0, HOVERS)
+        self._landings.manager.land_now(np.array([0]), self._estimate)
+        self._phases[0] = AgentPhase.LANDING
+
+    def at(self, time: float, state: Supervisor, age: float = 0.0) -> int:
+        """Receive a report of some age, s, at a time, s; return how many landings it causes."""
+        self._landings.vehicles.time = time
+        self._estimate = estimate(np.array([[0.0, 0.0, 1.0]]), time=time)
+        room, none = scene(1), np.zeros(1, np.bool_)
+        report = replace(
+            flight_telemetry(room, time, none, none),
+            state=np.array([int(state)]),
+            age=np.array([age]),
+        )
+        before = len(self._landings.landed)
+        self._landings.manager.repeat_missed(report, self._estimate)
+        return len(self._landings.landed) - before
+
+
+def test_an_agent_that_hovers_after_the_command_to_land_is_commanded_again() -> None:
+    reports = Reports()
+    assert [reports.at(t, HOVERS) for t in (1.05, 1.5, 1.8)] == [0, 0, 1]
+    assert [reports.at(t, HOVERS) for t in (1.85, 2.4, 2.6)] == [0, 0, 1]
+
+
+def test_a_report_from_before_the_command_or_of_an_agent_not_heard_repeats_nothing() -> None:
+    reports = Reports()
+    assert [reports.at(t, HOVERS, age=t - 0.9) for t in (1.2, 2.0, 4.0)] == [0, 0, 0]
+    assert reports.at(2.0, HOVERS, age=0.45) == 0
+    assert reports.at(2.2, HOVERS, age=0.45) == 1
+
+
+def test_an_agent_that_lands_is_not_commanded_again() -> None:
+    """It reports to fly for 2 s after its motors stopped; the motors must not start again."""
+    reports = Reports()
+    down = 1.0 + 1.0 / 0.3 + 1.0  # s, the end of its landing
+    descent = [reports.at(t, Supervisor.FLYING) for t in np.arange(1.05, down, 0.05)]
+    after = [reports.at(t, HOVERS) for t in np.arange(down, down + 2.2, 0.05)]
+    over = [reports.at(t, Supervisor.COMMANDER_FINISHED) for t in np.arange(down + 2.2, 20, 0.05)]
+    assert not any(descent + after + over)
+
+
+def test_an_agent_heard_again_after_its_landing_should_have_ended_is_commanded_again() -> None:
+    reports = Reports()
+    lands = [t for t in np.arange(9.0, 16.0, 0.05) if reports.at(t, HOVERS)]
+    assert lands[0] == pytest.approx(12.0, abs=0.06)
+    assert lands[1] == pytest.approx(lands[0] + 0.7, abs=0.06)
+
+
+def test_an_agent_that_always_reports_to_hover_is_commanded_again_three_times() -> None:
+    """Reports may be stuck; a flight must end."""
+    reports = Reports()
+    assert sum(reports.at(t, HOVERS) for t in np.arange(1.05, 60.0, 0.05)) == 3

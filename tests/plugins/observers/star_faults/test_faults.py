@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Event, Registry, Tick, faults_of, fly, hookimpl, load
+from star_core import AgentPhase, Event, Registry, Tick, faults_of, fly, hookimpl, load
 from star_core.cli.main import main
 from star_faults.injector import FaultInjector
 
@@ -108,6 +108,20 @@ def test_faults_provoke_each_safety_rule(
     assert begun.agent == "cf2"
     assert begun.time == pytest.approx(3.5, abs=0.06)
     assert flight.summary["outcome"] == "completed"
+
+
+@pytest.mark.parametrize("at", [1.0, 2.8], ids=["in the take-off", "in the hold"])
+def test_an_agent_that_misses_the_command_to_land_lands_when_its_link_is_back(
+    at: float, tmp_path: Path
+) -> None:
+    """In flight its firmware stops the motors 2 s after the last setpoint."""
+    off = {"component": "link", "mode": "off", "agents": "cf2", "at": at, "for": 1.0}
+    flight = flown(tmp_path, off)
+    again = "cf2 hovers instead of landing; it is commanded to land again"
+    assert flight.texts("landing") == [again]
+    assert flight.ticks[-1].health.phase[1] == AgentPhase.LANDED
+    impact = min(tick.truth.velocity[1, 2] for tick in flight.ticks if tick.truth is not None)
+    assert impact > -1.0
 
 
 @pytest.mark.parametrize(
