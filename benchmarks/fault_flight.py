@@ -21,6 +21,7 @@ from star_core import Event, InputError, PluginError, Registry, Tick, hookimpl, 
 from star_core.cli.run import run_mission
 from star_core.plugin_support.discovery import Source
 
+CROSSING_TIME: Final = (3.3, 6.3)  # s, in which the drones cross: none takes off or lands
 CONTACT: Final = 0.12  # m between the centers of two drones that touch
 FENCE_MARGIN: Final = 0.2  # m, for the error of the estimates that the fence is kept by
 GROUND: Final = 0.1  # m
@@ -113,7 +114,7 @@ def flown(cell: Cell, seed: int, world: str) -> dict[str, Any]:
     """Fly a cell with a seed in a world; return the verdicts of the policies, and figures."""
     begun = time.process_time()
     random = np.random.default_rng([seed, crc32(cell.name.encode())])
-    at, victim = round(float(random.uniform(2.0, 5.0)), 2), f"cf{random.integers(1, 5)}"
+    at, victim = round(float(random.uniform(*CROSSING_TIME)), 2), f"cf{random.integers(1, 5)}"
     given = list(cell.faults)
     if cell.row == "18":
         pairs = list(combinations(RULED, 2))

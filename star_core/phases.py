@@ -124,15 +124,16 @@ class Phases:
         if self._mission.state is not before:
             self._changes.append((None, str(self._mission.state)))
 
-    def observe(self, state: Rows, heard: Mask, located: Mask) -> None:
+    def observe(self, state: Rows, heard: Mask, located: Mask, settled: Mask) -> None:
         """Update the phases by telemetry.
 
         Args:
             state: (N,) bits of `Supervisor`; used where `heard`.
             heard: (N,) whether the agent has been heard recently.
             located: (N,) whether its estimate is valid.
+            settled: (N,) whether a climb has come to rest once the commander has finished it.
         """
-        seen = (state.tobytes(), heard.tobytes(), located.tobytes(), self._now.tobytes())
+        seen = tuple(one.tobytes() for one in (state, heard, located, settled, self._now))
         if seen == self._seen:
             return  # no transition is possible
         self._seen = seen
@@ -140,7 +141,8 @@ class Phases:
         flying = state & int(Supervisor.FLYING) != 0
         fallen = heard & (state & FALLEN != 0) & ~self.among(_P.EMERGENCY)
         self.fire("fail", np.flatnonzero(fallen))
-        self.fire("climbed", np.flatnonzero(finished & flying & self.among(_P.TAKING_OFF)))
+        climbed = finished & flying & settled
+        self.fire("climbed", np.flatnonzero(climbed & self.among(_P.TAKING_OFF)))
         self.fire("down", np.flatnonzero(finished & ~flying & self.among(_P.LANDING)))
         fit = heard & located
         self.fire("lose", np.flatnonzero(~fit & self.among(_P.TAKING_OFF, _P.FLYING)))

@@ -24,6 +24,8 @@ from star_core.scene import Scene
 log = logging.getLogger(__name__)
 
 FLOWN_ON_BOARD = (Order.GOTO, Order.FOLLOW)  # no setpoints are sent until these are over
+SETTLED_SPEED = 0.1  # m/s, vertical, below which a climb has come to rest
+MAX_SETTLING_TIME = 2.0  # s that it has for that
 
 
 class VehicleInterface:
@@ -58,6 +60,7 @@ class VehicleInterface:
         self.timing = TickTiming(scene.period)
         self._localizer_failed = False
         self._until = np.zeros(n)  # s, earliest end of what a commander flies
+        self._climbs = np.zeros(n)  # s, latest end of a climb
         self._setpoints_sent = np.zeros(n, np.bool_)  # in the last tick
         self._monitor = EstimateMonitor(scene, pipeline.localizer)
         self._unheard = UnheardAgents(n, scene.limits)
@@ -102,10 +105,11 @@ class VehicleInterface:
     def track(self, telemetry: Telemetry, estimate: Estimate) -> Health:
         """Update the phases of the agents and the targets they found; return their health."""
         heard = telemetry.age <= MAX_REPORT_AGE
-        self.phases.observe(telemetry.state, heard, estimate.valid)
+        finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
+        settled = self._settled(finished, estimate)
+        self.phases.observe(telemetry.state, heard, estimate.valid, settled)
         if telemetry.rebooted is not None and telemetry.rebooted.any():
             self._ground(telemetry.rebooted)
-        finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
         finished &= self.time >= self._until  # earlier it refers to the previous command
         self._commanded &= ~finished
         if len(estimate.sightings.tag):
@@ -206,6 +210,16 @@ class VehicleInterface:
             self._observers.notify("star_phase_changed", time=self.time, agent=agent, phase=phase)
             if phase in {"lost", "emergency"}:
                 self._observers.event("failure", f"{agent} is {phase}", agent)
+
+    def _settled(self, finished: Mask, estimate: Estimate) -> Mask:
+        """Return which agents have come to rest vertically since their commanders finished: (N,).
+
+        A drone trails the climb of its commander. Position control must end it: its integral is
+        the thrust for hovering, without which setpoints of velocity would let the drone sink.
+        """
+        self._climbs = np.where(finished, self._climbs, self.time + MAX_SETTLING_TIME)
+        slow = ~(np.abs(estimate.velocity[:, 2]) > SETTLED_SPEED)
+        return slow | (self.time >= self._climbs)
 
     def _with_brakes(
         self, setpoint: Setpoint, telemetry: Telemetry, estimate: Estimate

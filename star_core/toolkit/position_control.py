@@ -25,6 +25,11 @@ class PositionController:
     the goal's speed and the scene's. Goals outside the scene's heights are moved to the nearest
     height within, and no vertical speed leads out of them faster than ``gain`` times the distance.
 
+    On the way to a point at rest the height is that of the line to it from where the agent began:
+    an agent that sinks on its way, since its on-board controller has not yet learned the thrust
+    that it needs, climbs back to the line at once. Sideways it need not return to the line, so that
+    agents that avoid each other are not pulled back.
+
     The heading turns towards the goal's heading the shorter way, no faster than a limit.
 
     Args:
@@ -40,6 +45,9 @@ class PositionController:
         self._most_turn = math.radians(yaw_rate_deg) * scene.period
         self._yaw: Array = np.zeros(n)  # last asked for, where `_flown`
         self._flown = np.zeros(n, np.bool_)
+        self._begin: Array = np.zeros((n, 3))  # m, where the agents began to fly to the points
+        self._point: Array = np.zeros((n, 3))  # m, of the last tick
+        self._under_way: Mask = np.zeros(n, np.bool_)  # likewise
         nowhere = Goals.none(n)
         self._lead(nowhere.position, nowhere, np.zeros(n))  # compiled, or fetched, before takeoff
 
@@ -53,6 +61,9 @@ class PositionController:
         """
         if beyond is None:
             beyond = np.zeros(len(goals.speed))
+        fresh = (goals.position != self._point).any(axis=1) | ~self._under_way
+        self._begin = np.where(fresh[:, None], estimate.position, self._begin)
+        self._point, self._under_way = goals.position, goals.active & estimate.valid
         return self._lead(estimate.position, goals, beyond)
 
     def _lead(self, position: Array, goals: Goals, beyond: Array) -> Array:
@@ -60,6 +71,7 @@ class PositionController:
         lead(
             velocity,
             position,
+            self._begin,
             goals.position,
             goals.velocity,
             goals.speed,
@@ -89,6 +101,7 @@ class PositionController:
 def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     velocity: Array,
     position: Array,
+    begin: Array,
     point: Array,
     moves: Array,
     fast: Array,
@@ -104,6 +117,7 @@ def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     Args:
         velocity: (N, 3) the result, m/s.
         position: (N, 3) of the agents, m.
+        begin: (N, 3) where they began to fly to the points, m.
         point: (N, 3) of the goals, m.
         moves: (N, 3) velocities of the goals, m/s.
         fast: (N,) speeds of the goals, m/s.
@@ -116,13 +130,16 @@ def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     """
     for row in range(len(position)):
         x, y = point[row, 0] - position[row, 0], point[row, 1] - position[row, 1]
-        z = min(max(point[row, 2], low), high) - position[row, 2]
+        height = min(max(point[row, 2], low), high)
+        off = _height_error(position[row], begin[row], point[row], height)
+        z = height - position[row, 2] - off
         distance = math.sqrt(x * x + y * y + z * z)
         rest = distance + beyond[row]
         closing = min(fast[row], gain * rest, math.sqrt(2 * brakes * rest))
         share = closing / max(distance, NOWHERE)
         x, y = x * share + moves[row, 0], y * share + moves[row, 1]
-        z = z * share + moves[row, 2]
+        climb = min(gain * abs(off), math.sqrt(2 * brakes * abs(off)))
+        z = z * share + moves[row, 2] + math.copysign(climb, off)
         speed = math.sqrt(x * x + y * y + z * z)
         most = min(fast[row], limit)
         if speed > most:
@@ -130,3 +147,22 @@ def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
         down, up = gain * (low - position[row, 2]), gain * (high - position[row, 2])
         velocity[row, 0], velocity[row, 1] = x, y
         velocity[row, 2] = min(max(z, min(down, 0.0)), max(up, 0.0))
+
+
+@compiled
+def _height_error(position: Array, begin: Array, point: Array, height: float) -> float:
+    """Return by how much an agent is too low, m: below its nearest position on the line to a point.
+
+    Args:
+        position: (3,) of the agent, m.
+        begin: (3,) of the line, m.
+        point: (3,) at its end, m.
+        height: That of this end, m.
+    """
+    east, north, up = point[0] - begin[0], point[1] - begin[1], height - begin[2]
+    length = east * east + north * north + up * up
+    if length < NOWHERE:
+        return 0.0
+    x, y, z = position[0] - begin[0], position[1] - begin[1], position[2] - begin[2]
+    share = min(max((x * east + y * north + z * up) / length, 0.0), 1.0)
+    return float(share * up - z)

@@ -42,6 +42,32 @@ def failure(lab: Lab) -> str:
     return text.partition(" ")[2]
 
 
+def rising(speed: float) -> Callable[..., Estimate]:
+    """Every agent is estimated to climb, m/s."""
+
+    def wrong(right: Callable[[Telemetry], Estimate], telemetry: Telemetry) -> Estimate:
+        estimate = right(telemetry)
+        return replace(estimate, velocity=np.tile([0.0, 0, speed], (len(estimate.yaw), 1)))
+
+    return wrong
+
+
+# Agents that take off
+
+
+@pytest.mark.parametrize(("speed", "flying"), [(0.05, 1.0), (0.2, 3.0), (-0.2, 3.0)])
+def test_a_takeoff_ends_at_rest_or_two_seconds_after_its_commander(
+    lab: Lab, speed: float, flying: float
+) -> None:
+    lab.spoil("localizer", "locate", rising(speed))
+    lab.fly()
+    begun, ended = (
+        next(time for time, name, phase in lab.phases if (name, phase) == ("cf1", wanted))
+        for wanted in ("taking_off", "flying")
+    )
+    assert ended - begun == pytest.approx(flying, abs=0.11)
+
+
 # Agents that are lost
 
 

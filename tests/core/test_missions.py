@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import star_sim
-from star_core import Registry, fill_defaults, fly, load
+from star_core import AgentPhase, Registry, fill_defaults, fly, load
 from star_core.cli.main import main, run
 
 pytestmark = pytest.mark.shipped_world
@@ -99,6 +99,15 @@ def test_the_same_seed_gives_the_same_flight(
         assert all(
             np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a
         )
+
+
+def test_agents_keep_their_height_after_the_takeoff(first: tuple[Path, dict[str, Any]]) -> None:
+    with np.load(first[0] / "trajectory.npz") as flight:
+        height, goal = flight["truth_position"][:, :, 2], flight["goal_position"][:, :, 2]
+        steered = (flight["phase"] == AgentPhase.FLYING) & (flight["time"] < 10)[:, None]
+    assert steered.any(axis=0).all()
+    np.testing.assert_array_equal(goal[steered], 0.8)  # of the takeoff, and then of the crossing
+    assert abs(height - goal)[steered].max() < 0.15
 
 
 def test_from_python_paths_may_be_text(missions: Path, tmp_path: Path) -> None:

@@ -95,10 +95,15 @@ def test_a_trigger_leads_the_mission_as_in_the_table_or_nowhere(
 
 
 def observed(
-    phase: AgentPhase, state: Supervisor, *, heard: bool = True, located: bool = True
+    phase: AgentPhase,
+    state: Supervisor,
+    *,
+    heard: bool = True,
+    located: bool = True,
+    settled: bool = True,
 ) -> AgentPhase:
     phases = agent_in(phase)
-    phases.observe(np.array([int(state)]), np.array([heard]), np.array([located]))
+    phases.observe(np.array([int(state)]), *map(np.array, ([heard], [located], [settled])))
     return AgentPhase(phases.of_agents()[0])
 
 
@@ -129,6 +134,15 @@ def test_what_an_agent_reports_moves_it_on(
     before: AgentPhase, state: Supervisor, after: AgentPhase
 ) -> None:
     assert observed(before, state) is after
+
+
+def test_an_agent_that_still_climbs_has_not_taken_off() -> None:
+    assert observed(TAKING_OFF, UP | DONE, settled=False) is TAKING_OFF
+    phases = agent_in(TAKING_OFF)
+    yes, state = np.array([True]), np.array([int(UP | DONE)])
+    phases.observe(state, yes, yes, ~yes)
+    phases.observe(state, yes, yes, yes)
+    assert phases.of_agents().tolist() == [FLYING]
 
 
 @pytest.mark.parametrize("bit", [Supervisor.TUMBLED, Supervisor.LOCKED, Supervisor.CRASHED])
@@ -174,8 +188,8 @@ def test_an_agent_that_is_lost_while_it_reports_the_same_is_lost_all_the_same(
 ) -> None:
     phases = agent_in(FLYING)
     state, yes = np.array([int(UP)]), np.array([True])
-    phases.observe(state, yes, yes)
-    phases.observe(state, np.array([heard]), np.array([located]))
+    phases.observe(state, yes, yes, yes)
+    phases.observe(state, np.array([heard]), np.array([located]), yes)
     assert phases.of_agents().tolist() == [LOST]
 
 
@@ -188,7 +202,8 @@ def test_each_agent_goes_its_own_way() -> None:
     phases = Phases(("cf1", "cf2", "cf3"))
     phases.fire("take_off", [0, 2])
     state = np.array([int(UP | DONE)] * 3)
-    phases.observe(state, np.array([True, True, False]), np.array([True] * 3))
+    every = np.array([True] * 3)
+    phases.observe(state, np.array([True, True, False]), every, every)
     assert phases.of_agents().tolist() == [FLYING, GROUNDED, LOST]
     assert list(phases.changes()) == [
         ("cf1", "taking_off"),
@@ -245,10 +260,13 @@ class Flight(RuleBasedStateMachine):
         bits=st.lists(st.lists(st.sampled_from(BITS), max_size=3), min_size=2, max_size=2),
         heard=st.lists(st.booleans(), min_size=2, max_size=2),
         located=st.lists(st.booleans(), min_size=2, max_size=2),
+        settled=st.lists(st.booleans(), min_size=2, max_size=2),
     )
-    def observe(self, bits: list[list[int]], heard: list[bool], located: list[bool]) -> None:
+    def observe(
+        self, bits: list[list[int]], heard: list[bool], located: list[bool], settled: list[bool]
+    ) -> None:
         state = np.array([int(np.bitwise_or.reduce([0, *some])) for some in bits])
-        self.phases.observe(state, np.array(heard), np.array(located))
+        self.phases.observe(state, *map(np.array, (heard, located, settled)))
 
     @invariant()
     def every_change_is_in_a_table(self) -> None:
