@@ -101,6 +101,32 @@ def test_a_drone_whose_link_was_cut_in_flight_lands(tmp_path: Path, length: floa
     assert flight.fallen == []
 
 
+class _CutInTakeOff:
+    """The link of the second drone is cut while it climbs.
+
+    Args:
+        length: Of the cut, s.
+    """
+
+    def __init__(self, length: float) -> None:
+        self._length: float | None = length
+
+    def __call__(self, air: Air, operator: Operator) -> None:
+        if self._length is not None and air.height[1] > 0.2:
+            now = air.fleet.time
+            air.links.faults[1] = LinkFaults(cuts=((now, now + self._length),))
+            self._length = None
+
+
+@pytest.mark.parametrize("length", [0.6, 1.5, 3.0, 5.0])
+def test_a_drone_whose_link_was_cut_in_its_take_off_lands(tmp_path: Path, length: float) -> None:
+    """It hovers meanwhile: its firmware stops no motors that its own commander flies."""
+    flight = flown(tmp_path, watch=_CutInTakeOff(length))
+    assert flight.fallen == []
+    texts = [event["text"] for event in flight.summary["events"]]
+    assert ("cf2 is lost" in texts) == (length > 0.5)
+
+
 class _Interrupted(Script):
     """The operator presses Ctrl-C twice."""
 
