@@ -1,7 +1,10 @@
 """What every test may use."""
 
 import os
+import sys
 from collections.abc import Generator, Iterator
+from functools import cache
+from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 import star_sim
+from star_core.plugin_support import discovery
 from star_core.toolkit import progress
 
 ROOT = Path(__file__).parents[1]
@@ -18,6 +22,16 @@ os.environ["STAR_BLOCK_PLUGINS"] = "mcap"
 
 # Tests of one process are no work that lasts: the progress of each counts from its own beginning.
 progress.MAX_PAUSE = -1.0  # type: ignore[misc]
+
+# Reading what is installed takes as long as loading it: once for each search path.
+
+
+@cache
+def _installed_on(_path: tuple[str, ...], group: str) -> EntryPoints:
+    return entry_points(group=group)
+
+
+vars(discovery)["entry_points"] = lambda group: _installed_on(tuple(sys.path), group)
 
 # Defaults of `sim`, and those of the tests that are not about its errors: `shipped_world`.
 SHIPPED: Final = {name: star_sim.OPTIONS["properties"][name] for name in ("profile", "controller")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from star_ablate.reading import MEASURES, SEEDS, read
 from star_ablate.study import COLUMNS
 from star_core import InputError, Registry
 from star_core.mission_file import schema as schemas
+from star_core.plugin_support import discovery
 
 HOP = "missions: [../hop.yaml]\n"
 
@@ -170,8 +172,9 @@ def test_a_level_may_be_another_camera_s_file_and_a_change_of_it_changes_the_key
 
 
 def test_another_version_of_a_plugin_changes_the_key(
-    study: Callable[[str], Path], wrecker: Path
+    study: Callable[[str], Path], wrecker: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(discovery, "entry_points", entry_points)  # read again
     path = study(f"{HOP}seeds: 1\nfactors: {{avoider: {{wrecker: {{avoider: wrecker}}}}}}\n")
     (before,) = read(path, Registry()).runs()
     about = wrecker / "star_wrecker-1.0.dist-info" / "METADATA"
