@@ -64,7 +64,7 @@ def test_by_default_the_world_is_that_of_a_careful_lab() -> None:
 @pytest.mark.campaign
 @pytest.mark.parametrize("mission", sorted(MISSIONS.glob("paper_*.yaml")), ids=lambda p: p.stem)
 def test_the_flights_of_the_paper_complete_all_their_laps(mission: Path, tmp_path: Path) -> None:
-    assert flown(mission, tmp_path, settings=[GEOMETRIC])["position_rmse_m"] < 0.1
+    assert flown(mission, tmp_path)["position_rmse_m"] < 0.05
 
 
 @pytest.mark.campaign

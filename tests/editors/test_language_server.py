@@ -157,7 +157,7 @@ def test_the_options_of_the_plugin_that_is_used_are_offered(offered: Offered) ->
     found = offered(f"{HEAD}star: 1\navoider:\n  use: orca\n  |\n")
     options = Registry().find("avoider", "orca").offer.options["properties"]
     assert {item["label"] for item in found} == set(options)
-    assert next(i["documentation"] for i in found if i["label"] == "radius").endswith(", m")
+    assert next(i["documentation"] for i in found if i["label"] == "radius").endswith(", m.")
 
 
 @pytest.mark.parametrize("head", [HEAD + TOP, STEPS], ids=["mission", "steps"])
@@ -222,7 +222,7 @@ def test_what_stands_under_the_pointer_is_shown_with_its_title_and_unit(
         ("- hold:", "for", "For", ", s."),
         ("- hold:", "until", "Until", "A condition"),
         ("- hold:", "elapsed", "Elapsed", ", s."),
-        ("- repeat:", "times", "Times", "How often."),
+        ("- repeat:", "times", "Times", "How many times."),
     ],
 )
 def test_what_is_a_parameter_is_explained_like_any_value(

@@ -60,5 +60,5 @@ def test_new_plugins_of_every_kind_are_installed_and_pass_their_tests(
         check=False,
     )
     assert tests.returncode == 0, tests.stdout + tests.stderr
-    assert "13 passed" in tests.stdout
+    assert "15 passed" in tests.stdout
     assert all((folder / "README.md").is_file() for folder in folders)
