@@ -122,10 +122,15 @@ class CameraModel:
             ones = np.ones_like(radius)
             distorted *= np.divide(self._distorted_reach, radius, out=ones, where=beyond)
             flat = distorted * (fx, fy) + (cx, cy)
-        found = cv2.undistortPoints(
-            flat, self.matrix, np.array(self.camera.distortion), criteria=_CRITERIA
-        )
-        return np.where(beyond & ~np.bool_(clip), np.nan, found).reshape(pixels.shape)
+        distortion = np.array(self.camera.distortion)
+        found = _float(cv2.undistortPoints(flat, self.matrix, distortion, criteria=_CRITERIA))
+        length = np.hypot(found[..., :1], found[..., 1:])  # tangential distortion moves the edge
+        beyond |= length > self.reach
+        if clip:
+            found /= np.maximum(length / self.reach, 1.0)
+        else:
+            found[beyond[..., 0]] = np.nan
+        return found.reshape(pixels.shape)
 
     def magnification(self, rays: Array) -> Array:
         """Return the number of pixels per unit of a ray at (..., 2) rays: (...,).

@@ -51,6 +51,14 @@ def by_opencv(camera: Camera, directions: Array) -> Array:
         distortion=(-0.125, 0.0, 0.0, 0.001953125, 0.0),
     )
 )
+@example(  # likewise: pixels within the reach have rays beyond it
+    Camera(
+        width=64,
+        height=48,
+        matrix=(30.0, 30.0, 33.0, 15.0),
+        distortion=(0.0, 0.0, 0.0, 0.001953125, -0.0078125),
+    )
+)
 @given(LENSES)
 def test_opencv_sees_the_ray_of_each_pixel_at_that_pixel(camera: Camera) -> None:
     directions = rays(camera)
