@@ -210,7 +210,7 @@ def test_goals_that_creep_into_the_clearance_are_refused() -> None:
 anywhere = st.tuples(st.floats(-2, 2), st.floats(-3.2, 2), st.floats(0.2, 1.8))
 
 
-@given(anywhere, st.floats(0, 0.5), st.floats(0, 0.5))
+@given(anywhere, st.floats(0.001, 0.5), st.floats(0.001, 0.5))
 def test_the_check_refuses_exactly_the_goals_nearer_than_both_clearances(
     goal: tuple[float, float, float], clearance: float, vertical: float
 ) -> None:

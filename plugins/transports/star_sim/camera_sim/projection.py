@@ -103,12 +103,11 @@ def touch(corners: Record, exposure: Exposure, region: Record) -> None:  # noqa:
             kept, cut = cut, kept
         for k in range(count):
             after = (k + 1) % count
-            for piece in range(PIECES):
+            x, y = kept[k, 0] / kept[k, 2], kept[k, 1] / kept[k, 2]
+            across, down = kept[after, 0] / kept[after, 2] - x, kept[after, 1] / kept[after, 2] - y
+            for piece in range(PIECES):  # of equal lengths in the image, but for the distortion
                 share = piece / PIECES
-                x = kept[k, 0] + share * (kept[after, 0] - kept[k, 0])
-                y = kept[k, 1] + share * (kept[after, 1] - kept[k, 1])
-                z = kept[k, 2] + share * (kept[after, 2] - kept[k, 2])
-                u, v = pixel(lens, x / z, y / z)
+                u, v = pixel(lens, x + share * across, y + share * down)
                 region[0] = min(region[0], max(0, math.floor(u) - MARGIN))
                 region[1] = min(region[1], max(0, math.floor(v) - MARGIN))
                 region[2] = max(region[2], min(int(lens.width), math.ceil(u) + MARGIN + 1))

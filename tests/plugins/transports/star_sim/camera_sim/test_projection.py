@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -54,6 +54,7 @@ def test_what_is_behind_or_far_outside_is_not_seen(take: Take) -> None:
     assert np.isnan(pixels([[-1.0, 0, 0], [0.2, 5.0, 0], [0.0, 0.0, 2.5]], take())).all()
 
 
+@example(seed=4927)  # an edge of which one end is much nearer
 @given(st.integers(0, 10_000))
 def test_the_region_that_is_drawn_holds_every_point_of_a_sheet(take: Take, seed: int) -> None:
     rng = np.random.default_rng(seed)
