@@ -24,7 +24,7 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
     "paper_box": PAPER,
     "paper_circle": PAPER,
     "paper_figure8": PAPER,
-    "paths": ("mission.2.parallel.0.follow.laps=1", "mission.2.parallel.1.repeat.times=1"),
+    "paths": ("mission.2.parallel.1.repeat.times=1",),
     "relief": (
         "mission.1.repeat.times=1",
         "transport.endurance=100",
