@@ -48,9 +48,10 @@ def flown(
 
 @pytest.mark.parametrize("mission", sorted(MISSIONS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_mission_checks_and_completes_without_collision(
-    mission: Path, tmp_path: Path
+    mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["check", str(mission)]) == 0
+    assert not capsys.readouterr().err  # no warning
     summary = flown(mission, tmp_path, settings=SETTINGS.get(mission.stem, ()))
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
     assert summary["targets"]["found"] == summary["targets"]["total"]
