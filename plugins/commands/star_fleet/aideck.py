@@ -175,7 +175,7 @@ class Wifi:
             stack.callback(board.close)
             for row, agent in enumerate(scene.agents):
                 if links is not None:
-                    handle, port = partial(fleet.handle, row), links and links + row
+                    handle, port = partial(fleet.handle, row, tcp=True), links and links + row
                     opened[row] = CrtpOverTcp(host, port, handle, switchboard=board)
                     stack.callback(opened[row].close)
                     self.links[row] = "tcp://{}:{}".format(*opened[row].address)

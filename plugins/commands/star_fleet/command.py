@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -49,6 +50,7 @@ def run(arguments: Sequence[str]) -> int:
                 port=options.port,
                 speed=options.speed,
                 arms_itself=not options.brushless,
+                link_timeout=options.link_timeout or math.inf,
                 **_of_simulator(mission, seen=cameras is not None),
             )
         opened.callback(fleet.close)
@@ -117,6 +119,14 @@ def parser() -> argparse.ArgumentParser:
     star.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
     star.add_argument(
         "--faults", metavar="FILE", help="inject the faults of FILE: of drones, links and firmware"
+    )
+    star.add_argument(
+        "--link-timeout",
+        type=_not_negative,
+        default=1.0,
+        metavar="S",
+        help="seconds without a packet after which a drone deletes its log blocks, as the firmware "
+        "does by radio; 0 for none, as in CrazySim: %(default)g",
     )
     star.add_argument("--seed", help="random seed (default: the mission's)")
     star.add_argument(
@@ -228,5 +238,10 @@ def _positive(text: str) -> float:
     return number
 
 
+def _not_negative(text: str) -> float:
+    return 0.0 if float(text) == 0 else _positive(text)
+
+
 _port.__name__ = "port"  # as argparse calls them
 _positive.__name__ = "positive number"
+_not_negative.__name__ = "non-negative number"

@@ -55,6 +55,10 @@ class Log:
         """Carry out a command, at `now`, s, and return the answer: its first bytes and an errno."""
         return payload[:2].ljust(2, b"\0") + bytes([self._result(payload, round(now * 1000))])
 
+    def reset(self) -> None:
+        """Delete all blocks."""
+        self._blocks.clear()
+
     def due(self, readings: Readings, now: float) -> Iterator[bytes]:
         """Yield the packets to send at `now`, s."""
         time = round(now * 1000)
@@ -85,7 +89,7 @@ class Log:
     def _result(self, payload: bytes, time: int) -> int:  # noqa: PLR0911 -- an errno each
         command = payload[0] if payload else -1
         if command == RESET:
-            self._blocks.clear()
+            self.reset()
             return 0
         if command not in {DELETE, START, STOP, CREATE, APPEND, START_MS} or len(payload) < 2:  # noqa: PLR2004
             return errno.ENOEXEC

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import socket
-import time
 from collections.abc import Iterator, Sequence
 from typing import Final, TypeAlias
 
@@ -12,7 +11,6 @@ from star_core import PluginError, Scene
 from star_fleet.packet import is_null
 
 DATAGRAM: Final = 64  # bytes: more than a packet has, so that one that is too long shows
-SILENT: Final = 5.0  # s of the clock on the wall, after which a client counts as gone
 
 Client: TypeAlias = tuple[str, int]
 """A host and a port."""
@@ -32,7 +30,7 @@ class Ports:
 
     def __init__(self, scene: Scene, host: str, numbers: Sequence[int]) -> None:
         self.sockets: list[socket.socket] = []
-        self._clients: list[tuple[Client, float] | None] = [None] * len(scene.agents)
+        self._clients: list[Client | None] = [None] * len(scene.agents)
         try:
             for agent, number in zip(scene.agents, numbers, strict=True):
                 self.sockets.append(_opened(agent.name, host, number))
@@ -52,13 +50,12 @@ class Ports:
         except OSError:  # none after all, or a client has closed its port
             return
         if not is_null(packet):  # null packets only search for vehicles
-            self._clients[row] = client, time.monotonic()
+            self._clients[row] = client
         yield packet, client
 
     def client(self, row: int) -> Client | None:
-        """Return the client that last sent a packet to the agent, for 5 s after that packet."""
-        known = self._clients[row]
-        return known[0] if known and time.monotonic() - known[1] < SILENT else None
+        """Return the client that last sent a packet to the agent."""
+        return self._clients[row]
 
     def send(self, row: int, packet: bytes, client: Client) -> None:
         """Send a packet of an agent's to a client."""

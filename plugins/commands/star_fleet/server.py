@@ -18,7 +18,7 @@ from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
 from star_fleet.ports import Client, Ports
 from star_fleet.supervisor import PERIOD
 from star_fleet.variables import Readings
-from star_fleet.vehicle import Vehicle
+from star_fleet.vehicle import LINK_TIMEOUT, Vehicle
 from star_sim.airframe import CYCLE
 from star_sim.transport import Simulator
 
@@ -45,7 +45,7 @@ class Fleet:
     """Serves the drones of a scene as CRTP over UDP, in real time.
 
     Each agent has the port `port` plus its row, or a free one if `port` is 0. Its stream is sent to
-    the client of the last received packet, for 5 s after that packet.
+    the client of the last received packet; it ends `link_timeout` after the last packet of any.
 
     ``with Fleet(scene) as fleet:`` serves in a thread of its own.
 
@@ -61,6 +61,9 @@ class Fleet:
         faults: Of every UDP link, in both directions; see `links` to change them in flight. A
             delay is rounded up to whole cycles of 10 ms.
         seed: Of the random numbers of the faults; the scene's if not given.
+        link_timeout: Time without a packet after which a vehicle deletes its log blocks, as the
+            firmware does by its radio, s of the client's clock: simulated time divided by `speed`.
+            Infinite for none; a link over TCP has none.
         simulator: Further arguments of `Simulator`. A controller ``pid`` or ``mellinger`` flies
             until a client sets the parameter ``stabilizer.controller``. Delay and loss of the
             profile's radio link have no effect: see `faults`.
@@ -86,6 +89,7 @@ class Fleet:
         feed_forward: bool = True,
         faults: LinkFaults = NO_FAULTS,
         seed: int | None = None,
+        link_timeout: float = LINK_TIMEOUT,
         **simulator: Any,
     ) -> None:
         self.simulator = Simulator(scene, **simulator, wanted=self.watched)
@@ -94,6 +98,8 @@ class Fleet:
         if not feed_forward:
             self.simulator.drones["feed_forward"] = 0.0
         self._agents, self._arms_itself = scene.agents, arms_itself
+        self._link_timeout = link_timeout * speed  # s, simulated
+        self._speed = speed
         self.vehicles = [self._started(row) for row in range(len(scene.agents))]
         self._boots_until = np.zeros(len(scene.agents))  # s
         self.links = FaultyLinks(len(scene.agents), faults, scene.seed if seed is None else seed)
@@ -101,7 +107,6 @@ class Fleet:
         """Seconds that the simulation has fallen behind real time, on a slow machine."""
         self.busy = 0.0
         """Seconds spent other than waiting for packets or time."""
-        self._speed = speed
         self._faults: list[Fault] = []
         self._watchers: dict[int, list[Watcher]] = {}
         self._saw = False
@@ -131,12 +136,18 @@ class Fleet:
         """Simulated time, s."""
         return self.simulator.time
 
-    def handle(self, row: int, packet: bytes) -> list[bytes]:
-        """Give a packet to the vehicle in a row, from any thread, and return its answers."""
+    def handle(self, row: int, packet: bytes, *, tcp: bool = False) -> list[bytes]:
+        """Give a packet to the vehicle in a row, from any thread, and return its answers.
+
+        Args:
+            row: Of the vehicle.
+            packet: CRTP packet; a null packet, too, keeps the link alive.
+            tcp: Whether it came over TCP, where a link has no timeout.
+        """
         with self._lock:
             if self.simulator.time < self._boots_until[row]:
                 return []
-            return self.vehicles[row].handle(packet, self.simulator.time)
+            return self.vehicles[row].handle(packet, self.simulator.time, tcp=tcp)
 
     def inject(self, faults: Sequence[Fault]) -> None:
         """Inject faults of drones, links and firmware; their times are simulated ones.
@@ -277,6 +288,7 @@ class Fleet:
             arms_itself=self._arms_itself,
             camera=agent.camera is not None,
             booted=self.simulator.time,
+            link_timeout=self._link_timeout,
         )
 
     def _supervise(self, now: float) -> None:

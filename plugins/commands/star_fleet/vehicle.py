@@ -2,7 +2,8 @@
 
 This module and those it calls process packets like the firmware, except that malformed packets and
 values that cannot be flown (not finite, or beyond 10 000), which the firmware would accept, are
-dropped.
+dropped. After 1 s without any packet, null packets included, the firmware deletes all log blocks
+and the packets that wait to be sent (``log.c``, ``radiolink.c``); it flies on.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ INFO, COMMAND = 0, 1  # channels of the supervisor and of the platform
 ANSWER: Final = 0x80
 ARM, RECOVER, EMERGENCY_STOP, KEEP_ALIVE = 1, 2, 3, 4  # commands to the supervisor
 BITS: Final = 0x0C
+LINK_TIMEOUT: Final = 1.0  # s, the firmware's default of RADIO_ACTIVITY_TIMEOUT_MS
 VERSION, FIRMWARE_NAME, DEVICE_NAME = 0, 1, 2
 LOC_EMERGENCY_STOP, LOC_KEEP_ALIVE = 3, 4
 
@@ -53,6 +55,7 @@ class Vehicle:
         arms_itself: Whether its motors are brushed.
         camera: Whether it carries an AI-deck.
         booted: Time of its start, s since the start of the fleet.
+        link_timeout: Time without a packet after which its log blocks are deleted, s.
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class Vehicle:
         arms_itself: bool = True,
         camera: bool = False,
         booted: float = 0.0,
+        link_timeout: float = LINK_TIMEOUT,
     ) -> None:
         self.supervisor = Supervisor(arms_itself=arms_itself)
         self.info = 0
@@ -79,7 +83,9 @@ class Vehicle:
         self._log = log.Log(row)
         self._sticks = Sticks()
         self._console = [b"SYS: Crazyflie 2.1 is up and running!\n"]
+        self._link_timeout = link_timeout
         self._heard = False  # console output waits for the first packet of a client
+        self._connected_until = -math.inf  # s
         self._ports: Final[dict[int, Callable[[int, bytes, float], bytes | None]]] = {
             Port.PARAMETERS: self._on_parameters,
             Port.ATTITUDE: self._on_attitude,
@@ -93,8 +99,12 @@ class Vehicle:
             Port.LINK: self._on_link,
         }
 
-    def handle(self, packet: bytes, now: float) -> list[bytes]:
-        """Process a packet at `now`, s since the start, and return the answers."""
+    def handle(self, packet: bytes, now: float, *, tcp: bool = False) -> list[bytes]:
+        """Process a packet at `now`, s since the start, and return the answers.
+
+        Only the firmware's radio link has a timeout, its link over TCP (`tcp`) has none.
+        """
+        self._connected_until = math.inf if tcp else now + self._link_timeout
         if is_null(packet):
             return [NULL]
         parts = split(packet)
@@ -110,6 +120,10 @@ class Vehicle:
         """Advance to `now`, s, and return the unsolicited packets."""
         self._guidance.advance(now)
         packets = list(self._log.due(readings, now - self._booted))
+        if packets and now >= self._connected_until:  # the firmware checks it when a block is due
+            self._log.reset()
+            self._console.clear()
+            return []
         if self._console and self._heard:
             text = b"".join(self._console)
             self._console.clear()

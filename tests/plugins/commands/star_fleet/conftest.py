@@ -10,7 +10,7 @@ import pytest
 
 from star_core import Array, Supervisor
 from star_core.testing import scene
-from star_fleet.packet import Port, join
+from star_fleet.packet import NULL, Port, join
 from star_fleet.parameters import CONTENTS as PARAMETERS
 from star_fleet.variables import FORMAT, VARIABLES
 from tests.simulators import ideal_fleet
@@ -54,9 +54,14 @@ class Bench:
     def let_go(self) -> None:
         assert self.ask(Port.SETPOINT, 1, struct.pack("<BI", 0, 0)) == []
 
-    def fly(self, seconds: float, form: str = "", *values: Any) -> None:
-        """Let time pass, sending a setpoint 20 times a second if there is one."""
+    def fly(self, seconds: float, form: str = "", *values: Any, polled: bool = True) -> None:
+        """Let time pass, sending a setpoint 20 times a second if there is one.
+
+        Null packets are sent 100 times a second, as a Crazyradio polls, unless it is not `polled`.
+        """
         for cycle in range(round(seconds * 100)):
+            for row in range(len(self.streamed) if polled else 0):
+                self.fleet.handle(row, NULL)
             if form and cycle % 5 == 0:
                 self.setpoint(form, *values)
             self.fleet.advance()

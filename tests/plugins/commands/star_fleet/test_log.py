@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_fleet.packet import Port, expand
+from star_fleet.packet import NULL, Port, expand
 from star_fleet.variables import FLOAT, FORMAT, HALF, I8, I16, U16, VARIABLES, held, held_one
 
 Start = Callable[..., Any]
@@ -71,6 +71,43 @@ def test_a_block_that_is_stopped_deleted_or_reset_is_not_sent(start: Start, end:
     bench.streamed[0].clear()
     bench.fly(0.1)
     assert data(bench) == []
+
+
+@pytest.mark.parametrize(
+    ("timeout", "silence", "deleted"),
+    [(1.0, 0.9, False), (1.0, 1.1, True), (0.3, 0.5, True), (math.inf, 5.0, False)],
+)
+def test_blocks_are_deleted_when_no_packet_arrives(
+    start: Start, timeout: float, silence: float, *, deleted: bool
+) -> None:
+    bench = start(link_timeout=timeout)
+    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
+    control(bench, 3, 1, 1)
+    bench.fly(silence, polled=False)
+    assert control(bench, 3, 1, 1) == (errno.ENOENT if deleted else 0)
+    count = len(data(bench))
+    bench.fly(0.1)
+    assert (len(data(bench)) == count) is deleted
+
+
+def test_a_vehicle_flies_on_when_its_blocks_are_deleted(start: Start) -> None:
+    bench = start()
+    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
+    control(bench, 3, 1, 1)
+    bench.fly(0.5)
+    bench.takeoff()
+    bench.fly(5.0, polled=False)
+    assert bench.position[2] == pytest.approx(0.8, abs=0.05)
+    assert control(bench, 3, 1, 1) == errno.ENOENT
+
+
+def test_a_link_over_tcp_has_no_timeout(start: Start) -> None:
+    bench = start()
+    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
+    control(bench, 3, 1, 1)
+    bench.fleet.handle(0, NULL, tcp=True)
+    bench.fly(2.0, polled=False)
+    assert control(bench, 3, 1, 1) == 0
 
 
 def test_a_block_can_be_appended_to(start: Start) -> None:

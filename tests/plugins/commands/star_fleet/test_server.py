@@ -78,6 +78,17 @@ def test_images_are_streamed_to_the_client_that_asked_last(client: socket.socket
         assert sum(packet[:2] == b"\x52\x01" for packet in seen) >= 4
 
 
+def test_the_link_timeout_is_one_of_the_clients_clock() -> None:
+    fleet = ideal_fleet(scene(1), speed=FAST)
+    fleet.handle(0, join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)))
+    fleet.handle(0, join(Port.LOG, 1, b"\x03\x01\x0a"))
+    for seconds, error in ((0.9, b"\0"), (1.1, b"\2")):
+        for _ in range(round(seconds * FAST * 100)):
+            fleet.advance()
+        assert fleet.handle(0, join(Port.LOG, 1, b"\x03\x01\x0a"))[0][-1:] == error
+    fleet.close()
+
+
 def test_simulated_time_goes_at_its_speed() -> None:
     with ideal_fleet(scene(1), speed=4.0) as fleet:
         first, began = fleet.time, time.monotonic()
