@@ -12,7 +12,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import Any, Final
 
 import atheris
@@ -29,12 +28,12 @@ with atheris.instrument_imports(include=READ_BY):
     from star_fleet.cpx import MTU, Decoder, SyncError
     from star_radio.camera.stream import Counts, Stream
     from star_radio.connection.link import Link
-    from star_radio.report import BLOCK
+    from star_radio.report import BLOCK, SOURCES, Layout
     from star_radio.vehicle import Vehicle
 
 SHAPE: Final = (8, 16)
 ROOM: Final = scene(2)
-REPORT: Final = 30  # bytes
+LAYOUT: Final = Layout(tuple(sources[0] for sources in SOURCES))  # of reports
 MAX_TIMEOUT: Final = 60.0  # s
 
 
@@ -71,7 +70,8 @@ def crtp(data: bytes) -> None:
     """Packets of a drone, each after its length."""
     link = Link("udp://127.0.0.1:1", "cf1")
     vehicle = Vehicle("cf1", link)
-    link.report = partial(vehicle._take, REPORT)
+    vehicle.stream.layout = LAYOUT
+    link.report = vehicle.stream._take
     vehicle.arm()
     now = 1.0
     while data:

@@ -125,6 +125,15 @@ def test_a_drone_whose_link_was_cut_in_its_take_off_lands(tmp_path: Path, length
     assert flight.fallen == []
     texts = [event["text"] for event in flight.summary["events"]]
     assert ("cf2 is lost" in texts) == (length > 0.5)
+    assert not any("rebooted" in text for text in texts)
+
+
+@pytest.mark.parametrize("length", [1.5, 1.7])
+def test_no_drone_falls_when_all_links_are_cut_in_flight(tmp_path: Path, length: float) -> None:
+    faults = [LinkFaults(cuts=((1.0, 1.0 + length),))] * N
+    flight = flown(tmp_path, steps=HOVER, faults=faults)
+    assert flight.fallen == []
+    assert not any("rebooted" in event["text"] for event in flight.summary["events"])
 
 
 class _Interrupted(Script):

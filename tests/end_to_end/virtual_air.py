@@ -17,11 +17,13 @@ import numpy as np
 
 from star_core import Array, Mask, Operator, Registry, Scene, fly, load
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
+from star_fleet.packet import NULL, Port
 from tests.plugins.transports.star_radio.virtual import EPOCH, VirtualTime, virtual
 from tests.simulators import ideal_fleet
 
 TAKEN_OFF = 0.4  # m
 ON_FLOOR = 0.05  # m
+STILL_TIME = 0.5  # s, for which drones on the floor are watched
 MAX_IMPACT = 1.0  # m/s, at which a landing counts as a fall
 
 
@@ -33,6 +35,7 @@ class Air(VirtualTime):
     Args:
         scene: The drones.
         seed: Of the faults of the links.
+        polls: Whether the links are those of a Crazyradio, which sends null packets.
         options: Of the fleet.
 
     Attributes:
@@ -40,15 +43,20 @@ class Air(VirtualTime):
         links: To each of them.
         watch: Called after each cycle of 10 ms.
         impact: (N,) greatest speed at which each drone hit the floor, m/s.
+        ordered: When the client first sent each command to a high-level commander, s of the
+            fleet's time, by the number of the command.
     """
 
-    def __init__(self, scene: Scene, *, seed: int = 0, **options: Any) -> None:
-        super().__init__()
+    def __init__(self, scene: Scene, *, seed: int = 0, polls: bool = True, **options: Any) -> None:
+        super().__init__(polls=polls)
         self.fleet = ideal_fleet(scene, **options)
         self.uris = [f"udp://air:{row + 1}" for row in range(len(scene.agents))]
         self.links = FaultyLinks(len(scene.agents), seed=seed)
+        self._null_packets = FaultyLinks(len(scene.agents), seed=seed)
+        self._null_packets.faults = self.links.faults
         self.watch: Callable[[], object] = lambda: None
         self.impact = np.zeros(len(scene.agents))
+        self.ordered: dict[int, float] = {}
         for row in range(len(scene.agents)):
             self.fleet.listen(row, partial(self._to_client, row))
 
@@ -74,13 +82,22 @@ class Air(VirtualTime):
         landed = (before[1] > 0) & (self.height <= 0)
         self.impact = np.where(landed, np.maximum(self.impact, -before[0]), self.impact)
         self.links.deliver(self.fleet.time)
+        self._null_packets.deliver(self.fleet.time)
         return EPOCH + self.fleet.time
 
     def carry(self, uri: str, packet: bytes) -> None:
         if uri in self.uris:
+            if packet[0] >> 4 == Port.HIGH_LEVEL:
+                self.ordered.setdefault(packet[1], self.fleet.time)
             row = self.uris.index(uri)
             deliver = partial(self._to_vehicle, row, packet)
             self.links.send(row, Direction.TO_VEHICLE, self.fleet.time, deliver)
+
+    def poll(self, uri: str) -> None:
+        if uri in self.uris:
+            row = self.uris.index(uri)
+            deliver = partial(self.fleet.handle, row, NULL)
+            self._null_packets.send(row, Direction.TO_VEHICLE, self.fleet.time, deliver)
 
     def _to_vehicle(self, row: int, packet: bytes) -> None:
         for answer in self.fleet.handle(row, packet):
@@ -136,6 +153,11 @@ class Flown:
         self.locked = self.air.drones["locked"] != 0
 
     @property
+    def aloft(self) -> list[int]:
+        """Drones that are not on the floor."""
+        return [int(row) for row in np.flatnonzero(self.air.height > ON_FLOOR)]
+
+    @property
     def fallen(self) -> list[int]:
         """Drones that were locked, hit the floor at more than 1 m/s, or are not on it."""
         wrong = self.locked | (self.air.impact > MAX_IMPACT) | (self.air.height > ON_FLOOR)
@@ -164,8 +186,8 @@ def flown(
         steps: Of the mission.
         rules: Of the mission.
         watch: Called after each cycle of 10 ms.
-        after: How long the drones are watched after the flight, s.
-        options: Of the fleet.
+        after: How long the drones are watched after the flight, s; no longer if all are down.
+        options: Of `Air`.
     """
     (folder / "room.yaml").write_text(WORLD)
     swarm = "\n".join(
@@ -192,7 +214,8 @@ def flown(
     try:
         with virtual(air):
             summary = fly(mission, registry, operator=operator)
-            air.sleep(after)
+            air.until(lambda: not (air.height > 0).any(), after)
+            air.sleep(min(after, STILL_TIME))
         return Flown(summary, air)
     finally:
         air.fleet.close()

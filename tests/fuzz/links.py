@@ -8,7 +8,6 @@ import struct
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -27,8 +26,9 @@ from star_radio.connection.link import Link
 from star_radio.connection.questions import Question
 from star_radio.connection.tables import Entry, Table, Tables, setting
 from star_radio.report import BLOCK, Layout
+from star_radio.report_stream import MAX_BUFFERED_REPORTS
 from star_radio.telemetry import TelemetryBuffer
-from star_radio.vehicle import MAX_BUFFERED_REPORTS, Vehicle
+from star_radio.vehicle import Vehicle
 from tests.fuzz.harness import Draw, Target, Try
 from tests.fuzz.mutants import damaged, spoiled
 from tests.fuzz.vehicles import GOOD
@@ -63,9 +63,9 @@ def answers(_folder: Path) -> Iterator[Try]:
     link = Link("udp://127.0.0.1:1", "cf1")
     link._driver = Sink()
     vehicle = Vehicle("cf1", link)
-    vehicle.version, vehicle.layout = 12, Layout.of(table)
-    size = vehicle.layout.size
-    link.report = partial(vehicle._take, size)
+    vehicle.version, vehicle.stream.layout = 12, Layout.of(table)
+    size = vehicle.stream.layout.size
+    link.report = vehicle.stream._take
     telemetry, began, number = TelemetryBuffer([vehicle]), time.monotonic(), 0
 
     def packet_of(draw: Draw, now: float) -> bytes:
@@ -85,13 +85,13 @@ def answers(_folder: Path) -> Iterator[Try]:
         vehicle.retry(now + 10.0 * (number % 50 == 0))
         timeout = link._answers.timeout
         assert 0 <= timeout <= MAX_TIMEOUT, timeout
-        assert len(vehicle._samples) <= MAX_BUFFERED_REPORTS
+        assert len(vehicle.stream._samples) <= MAX_BUFFERED_REPORTS
         assert len(link._answers._open) < 10
         if number % 20 == 0:
             told = telemetry.gather(began, Frames.none())
             assert told.position.shape == (1, 3)
             assert math.isfinite(told.time)
-        return "report" if vehicle.heard == now else "other"
+        return "report" if vehicle.stream.heard == now else "other"
 
     yield attempt
 

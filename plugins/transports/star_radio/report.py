@@ -156,6 +156,11 @@ class Clock:
         self._began = 0.0  # s, start of the current window
         self._offset = self._before = math.inf  # s, of the current and the previous window
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the last timestamp does not follow the earlier ones: it may be altered."""
+        return self._suspect is not None
+
     def time(self, stamp: int, arrived: float) -> float:
         """Return the time of a report, s of the computer's clock, never after its arrival.
 

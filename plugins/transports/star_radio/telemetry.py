@@ -67,7 +67,7 @@ class TelemetryBuffer:
             ),
             battery=self.last[:, report.BATTERY],
             state=np.where(np.isnan(state), 0, state).astype(np.int64),
-            age=np.array([now - vehicle.heard for vehicle in self._vehicles]),
+            age=np.array([now - vehicle.stream.sampled for vehicle in self._vehicles]),
             odometry=odometry(samples, began),
             frames=frames,
             detections=Detections.none(),
@@ -82,10 +82,10 @@ class TelemetryBuffer:
         times: list[float] = []
         by_layout: dict[Layout, tuple[list[int], list[bytes]]] = {}
         for row, vehicle in enumerate(self._vehicles):
-            found = vehicle.reports()
-            if not found or vehicle.layout is None:
+            found = vehicle.stream.take_all()
+            if not found or vehicle.stream.layout is None:
                 continue
-            places, payloads = by_layout.setdefault(vehicle.layout, ([], []))
+            places, payloads = by_layout.setdefault(vehicle.stream.layout, ([], []))
             for made, payload in found:
                 places.append(len(agents))
                 payloads.append(payload)

@@ -157,16 +157,18 @@ class Radio:
         now = time.monotonic()
         if self.began is None:
             self.began = now
-        for row in np.flatnonzero(self.connected).tolist():
+        for row, vehicle in enumerate(self.vehicles):
+            if not (self.connected[row] or vehicle.rebooted):
+                continue
             if row in self._awaiting_start and self._follows(row):
                 self._awaiting_start.discard(row)
-                self.vehicles[row].confirm()  # a repeated command would restart it from here
-            for failure in self.vehicles[row].retry(now):
-                log.warning("radio: %s %s", self.vehicles[row].name, failure.text)
+                vehicle.confirm()  # a repeated command would restart it from here
+            for failure in vehicle.retry(now):
+                log.warning("radio: %s %s", vehicle.name, failure.text)
                 if failure.refused:
                     self._refusals.append(Refusal(row, failure.text))
-            if self.vehicles[row].rebooted:
-                log.warning("radio: %s rebooted", self.vehicles[row].name)
+            if vehicle.rebooted and self.connected[row]:
+                log.warning("radio: %s rebooted", vehicle.name)
                 self.connected[row] = False
         if self._options.watchdog and now - self._kept_alive >= KEEP_ALIVE_PERIOD:
             self._kept_alive = now

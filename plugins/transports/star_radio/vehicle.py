@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from collections.abc import Sequence
-from functools import partial
 from typing import Final, NamedTuple
 
 from star_core import PluginError, Supervisor, Trajectory
@@ -16,16 +14,16 @@ from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, res
 from star_radio.connection.link import Link
 from star_radio.connection.questions import Question
 from star_radio.connection.tables import Table, Tables, set_now
-from star_radio.handover import Handover, Repeat, Report
+from star_radio.handover import Handover, Repeat
 from star_radio.options import RadioOptions
-from star_radio.report import BLOCK, STATE, Clock, Layout, Z, stamp
+from star_radio.report import Layout
+from star_radio.report_stream import ReportStream
 from star_radio.trajectories import upload
 
 MIN_PROTOCOL_VERSION: Final = 4  # supports tables of more than 255 entries
-REBOOT_TIMEOUT: Final = 0.5  # s without a report, after which a drone may have rebooted
-POLL_PERIOD: Final = 0.005  # s, between checks for the first report
 REPORT_TIMEOUT: Final = 0.5  # s without a report while connecting, then the log block is recreated
 END_OF_REPORTS_TIMEOUT: Final = 0.3  # s, for the confirmation that reports ended
+MAX_REPORT_AGE: Final = 0.5  # s; the state of a drone that is not heard for longer is not known
 LINK_LOST_TIMEOUT: Final = 1.0  # s without a report, after which a drone may be unreachable
 LAST_ORDER_TIMEOUT: Final = 2.0  # s, for which closing waits for a landing or stop to be confirmed
 LOST_ORDER_TIMEOUT: Final = 0.5  # s, the same for a drone that may be unreachable
@@ -33,7 +31,6 @@ LANDED_HEIGHT: Final = 0.1  # m: a drone below it that has finished its plan is 
 MAX_SETPOINT_DELAY: Final = 0.15  # s; a setpoint that arrives after a command would cancel it
 MIN_DESCENT_TIME: Final = 3.0  # s, of the landing on closing
 DESCENT_SPEED: Final = 0.3  # m/s, mean of a longer landing
-MAX_BUFFERED_REPORTS: Final = 1000  # 10 s of reports, for a reader that is late
 _ALREADY: Final = 1  # error if the drone already executes the command: another plan is active
 _BUSY: Final = 16  # errno of a command that the supervisor blocks for now
 _ERRORS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: "it is invalid"}
@@ -55,43 +52,34 @@ class Vehicle:
 
     Attributes:
         version: Protocol version of its firmware.
-        layout: Layout of its reports; None before it is connected.
+        stream: Its reports.
         parameters: Its table of parameters.
-        clock: Clock of its reports.
-        heard: Arrival of its last report, s of the computer's clock; before the first report, the
-            creation time of this object.
         settling: Whether `connect` waits for its estimator to settle.
         steered: Whether it is flown by setpoints.
-        rebooted: Whether it rebooted since it was connected. It is not flown any more: it is on
-            the floor, and its estimator has been reset.
+        rebooted: Whether it rebooted since it was connected, by the clock of its reports. It is
+            not flown any more: it is on the floor, and its estimator has been reset. If it reports
+            to fly nevertheless, it is landed.
     """
 
     def __init__(self, name: str, link: Link) -> None:
         self.name = name
         self.link = link
         self.version = 0
-        self.layout: Layout | None = None
         self.parameters: Table = {}
-        self.clock = Clock()
-        self.heard = time.monotonic()
         self.settling = False
         self.steered = False
         self.rebooted = False
-        self._period = 0.0  # s, of reports
         self._groups = orders.ALL_GROUPS  # groups it was assigned to, a bit each
         self._handover: Handover | None = None  # of the last command
         self._order: Question | None = None  # the last command, until it is confirmed
         self._stopped = False  # whether the last command was to stop the motors
         self._steered_at = -math.inf  # s, when the last setpoint was sent
-        self._probe_due = 0.0  # s, earliest time of the next request to restart the reports
         self._end_of_reports: Question | None = None
         self._close_by = 0.0  # s, deadline of closing
         self._noise = EstimatorNoise()
         self._convergence = ConvergenceWait()
         self._deadline = self._response_timeout = 0.0
-        self._samples: deque[tuple[float, bytes]] = deque(maxlen=MAX_BUFFERED_REPORTS)
-        self._newest = b""  # report
-        self._wrong_size = False  # whether a report of the wrong size has arrived
+        self.stream = ReportStream(link, self._convergence.hear)
 
     def connect(
         self, options: RadioOptions, tables: Tables, period: float, groups: int = orders.MISSION
@@ -103,7 +91,6 @@ class Vehicle:
         """
         self._deadline = time.monotonic() + options.connect_timeout
         self._response_timeout = options.response_timeout
-        self._period = period
         self.link.open(options.response_timeout)
         question = packets.packet(packets.PLATFORM, packets.VERSION, packets.PROTOCOL)
         (answer,) = self._ask([Question.of(question, packets.PROTOCOL, "its protocol version")])
@@ -122,19 +109,20 @@ class Vehicle:
         if options.reset:
             reset_estimator(self.parameters, self._ask)
         self.link.post(orders.no_more_setpoints())  # an earlier client may have sent some
-        self.layout = layout
-        self.link.report = partial(self._take, layout.size)
+        reports = layout, variables, period, self._ask, self._response_timeout
         packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
         self._ask([Question.of(packet, packets.RESET, "the end of earlier reports")])
-        self._begin_reports(layout.variables(variables))
+        self.stream.begin(*reports)
         if options.reset:
             self.settling = True
             try:
                 self._convergence.wait(variables, self._ask)
             finally:
                 self.settling = False
-        if time.monotonic() - self.heard > REPORT_TIMEOUT:  # a late copy of a packet ended them
-            self._begin_reports(layout.variables(variables))
+        if (
+            time.monotonic() - self.stream.heard > REPORT_TIMEOUT
+        ):  # a late copy of a packet ended them
+            self.stream.begin(*reports)
         packet = orders.set_groups(groups)  # last: a drone in a group has been connected
         (answer,) = self._ask([Question.of(packet, packet[1:], "its groups")])
         if error := _error(answer):
@@ -142,11 +130,6 @@ class Vehicle:
             text = f"{self.link.uri} refuses to be put into groups: {why}"
             raise PluginError(text, "refused-request")
         self._groups = groups
-
-    def reports(self) -> list[tuple[float, bytes]]:
-        """Return the reports since the last call: time, s of the computer's clock, and payload."""
-        samples = self._samples
-        return [samples.popleft() for _ in range(len(samples))]
 
     def steer(self, setpoint: bytes) -> None:
         """Send a setpoint made by `orders.velocity` or `orders.full_state`."""
@@ -226,9 +209,8 @@ class Vehicle:
         """Repeat unconfirmed packets; return those that were refused or never confirmed."""
         failures = []
         for question in self.link.retry(now):
-            if question.topic == log_blocks.REBOOT:
-                self.rebooted |= log_blocks.shows_reboot(question.answer)
-                continue
+            if question.topic == log_blocks.TOPIC:
+                continue  # `ReportStream` asks again
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
             if question is self._order and self._ends_order(now, answer, error):
@@ -240,7 +222,8 @@ class Vehicle:
                 failures.append(CommandFailure(f"refuses {question.about}: {why}", refused=True))
             elif question.answer is None:
                 failures.append(CommandFailure(f"does not confirm {question.about}", refused=False))
-        self._check_for_reboot(now)
+        self.stream.restore(now)
+        self._check_for_reboot()
         self._hand_over(now)
         return failures
 
@@ -249,9 +232,9 @@ class Vehicle:
         """Whether it flies, by its newest report, or is flown by setpoints.
 
         A drone whose motors were stopped is not: although it reports to be flying for another 2 s,
-        a landing would restart them. Nor is one that rebooted, which is on the floor.
+        a landing would restart them.
         """
-        return not (self._stopped or self.rebooted) and (self.steered or self._flies())
+        return not self._stopped and (self.steered or self._flies())
 
     @property
     def lands(self) -> bool:
@@ -260,7 +243,7 @@ class Vehicle:
 
     def land(self) -> None:
         """Command it to land from its position."""
-        self.order(landing(self._report().height), "land")
+        self.order(landing(self.stream.newest.height), "land")
 
     def begin_closing(self) -> None:
         """Land the drone if it flies.
@@ -268,21 +251,24 @@ class Vehicle:
         If it is flown by setpoints, the firmware's timeout would otherwise stop its motors in the
         air and lock it; if by its high-level commander, it would stay airborne.
         """
-        if self.layout is None:
+        if self.stream.layout is None:
             return
         now = time.monotonic()
-        lost = now - self.heard > LINK_LOST_TIMEOUT
+        lost = now - self.stream.heard > LINK_LOST_TIMEOUT
         self._close_by = now + (LOST_ORDER_TIMEOUT if lost else LAST_ORDER_TIMEOUT)
         if self.airborne and not self.lands:
             self.land()
 
     def end_reports(self) -> None:
         """Stop the reports and leave the high-level commander usable for the next client."""
-        if self.layout is None:
+        if self.stream.layout is None:
             return
-        self._close_by = time.monotonic() + END_OF_REPORTS_TIMEOUT
-        if self._handover is None or self._handover.confirmed is not None:
-            self.link.post(orders.no_more_setpoints())  # which without a plan stops the motors
+        now = time.monotonic()
+        self._close_by = now + END_OF_REPORTS_TIMEOUT
+        planned = self._handover is not None and self._handover.confirmed is not None
+        # Without a plan the notification stops the motors of a drone that flies.
+        if now - self.stream.heard <= MAX_REPORT_AGE and (planned or not self.airborne):
+            self.link.post(orders.no_more_setpoints())
         self._handover = None
         packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
         about = "the end of reports"
@@ -334,18 +320,15 @@ class Vehicle:
         handover.confirmed = now
         return True
 
-    def _check_for_reboot(self, now: float) -> None:
-        """Detect a reboot by the clock or a lost log block; pending commands are then dropped."""
-        if self.layout is None:
-            return
-        if now - self.heard >= REBOOT_TIMEOUT and now >= self._probe_due:
-            self._probe_due = now + REBOOT_TIMEOUT
-            self.link.assure(log_blocks.restart(BLOCK, self._period))
-        self.rebooted |= self.clock.restarted
-        if self.rebooted:
+    def _check_for_reboot(self) -> None:
+        """Detect a reboot by the clock; pending commands are then dropped."""
+        if self.stream.clock.restarted and not self.rebooted:
+            self.rebooted, self.steered = True, False
+            self._groups = orders.ALL_GROUPS  # it has left the others
             self.link.forget("order")
             self._handover = self._order = None
-            self.steered = False
+        if self.rebooted and (self._handover is None or self._handover.over) and self.airborne:
+            self.land()
 
     def _hand_over(self, now: float) -> None:
         """Send the packets that the handover to the last command needs now."""
@@ -354,47 +337,17 @@ class Vehicle:
             return
         if self._order is not None and handover.confirmed is None:
             return  # the link repeats it
-        match handover.repeat(now, self._report()):
+        match handover.repeat(now, self.stream.newest):
             case Repeat.ORDER:
                 self._ask_order(handover)
             case Repeat.NOTIFICATION:
                 self.link.post(orders.no_more_setpoints())
 
-    def _report(self) -> Report:
-        """Return the newest report."""
-        if self.layout is None or not self._newest:
-            return Report(self.heard, math.nan, 0)
-        (values,) = self.layout.read([self._newest])
-        state = 0 if math.isnan(values[STATE]) else int(values[STATE])
-        return Report(self.heard, float(values[Z]), state)
-
     def _flies(self) -> bool:
         """Whether the drone flies by its newest report; a drone that has just landed does not."""
-        _heard, height, state = self._report()
+        _heard, height, state = self.stream.newest
         under_way = not state & Supervisor.COMMANDER_FINISHED
         return bool(state & Supervisor.FLYING) and (under_way or height > LANDED_HEIGHT)
-
-    def _take(self, size: int, payload: bytes, arrived: float) -> None:
-        """Store a report with its time; runs in the receiving thread, so outside the tick."""
-        if len(payload) == size and payload[0] == BLOCK:
-            self._samples.append((self.clock.time(stamp(payload), arrived), payload))
-            self._newest, self.heard = payload, arrived
-        else:
-            self._wrong_size |= payload[:1] == bytes([BLOCK])
-            self._convergence.hear(payload)
-
-    def _begin_reports(self, variables: bytes) -> None:
-        """Start the state reports."""
-
-        def reported() -> bool | None:
-            began, self._wrong_size = time.monotonic(), False
-            while self.heard < began:
-                if self._wrong_size or time.monotonic() > began + self._response_timeout:
-                    return False if self._wrong_size else None
-                time.sleep(POLL_PERIOD)
-            return True
-
-        log_blocks.begin(BLOCK, variables, self._period, self._ask, "its state", reported)
 
     def _ask(self, questions: Sequence[Question]) -> list[bytes]:
         """Ask questions, blocking; for connecting and uploading."""

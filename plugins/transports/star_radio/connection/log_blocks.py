@@ -4,6 +4,9 @@ The firmware's answers do not state the contents of a block. A request repeated 
 was lost is executed twice: a second CREATE is refused (EEXIST); a second APPEND, also one that the
 link duplicates, appends again as much as fits (E2BIG). So a block is verified by its reports and
 recreated if they have the wrong size.
+
+The firmware deletes all blocks after a second without a packet. `Restorer` creates one again in
+flight, without blocking.
 """
 
 from __future__ import annotations
@@ -14,10 +17,11 @@ from typing import Final
 
 from star_core import PluginError
 from star_radio.connection import packets
+from star_radio.connection.link import Link
 from star_radio.connection.questions import Ask, Question
 
 MAX_TRIES: Final = 2  # for a block that is refused or not reported
-REBOOT: Final = "reboot"  # topic of `restart`
+TOPIC: Final = "reports"  # of the questions of a `Restorer`
 _VARIABLES: Final = (packets.MAX_PAYLOAD - 2) // 3 * 3  # bytes of variables per packet, 3 for each
 _TOO_LARGE, _EXISTS = errno.E2BIG, errno.EEXIST
 _ERRORS: Final = {
@@ -59,15 +63,56 @@ def begin(
             raise PluginError(f"it does not report {what}", "no-answer")
 
 
-def restart(number: int, period: float) -> Question:
-    """Return the request to start an existing block; a drone that rebooted refuses it."""
-    packet = packets.start_block(number, period)
-    return Question.of(packet, packet[1:3], "its reports", topic=REBOOT)
+class Restorer:
+    """Restarts a log block, or creates it again if the drone has lost it; never blocks.
 
+    Each request follows the answer to the one before it, in the receiving thread. The link repeats
+    those without an answer.
 
-def shows_reboot(answer: bytes | None) -> bool:
-    """Whether the answer to `restart` shows that the drone has lost the block."""
-    return answer is not None and answer[2:3] == bytes([errno.ENOENT])
+    Args:
+        link: To the drone.
+        number: Number of the block.
+        variables: Type and number of each variable, in the order of the reports.
+        period: Time between two reports, s.
+    """
+
+    def __init__(self, link: Link, number: int, variables: bytes, period: float) -> None:
+        self._link = link
+        self._block = number, variables, period
+        self._question: Question | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a request is still repeated."""
+        question = self._question
+        return question is not None and question.answer is None and question.retries >= 0
+
+    def restore(self, *, anew: bool) -> None:
+        """Restart the block; create it `anew` whether or not it exists."""
+        number, _variables, period = self._block
+        if anew:
+            self._request(_requests(*self._block))
+        else:
+            self._request(iter([packets.start_block(number, period)]))
+
+    def _request(self, requests: Iterator[bytes]) -> None:
+        """Send the first of some requests, and the others once it is answered."""
+        packet = next(requests, None)
+        if packet is None:
+            return
+
+        def go_on(answer: bytes) -> None:
+            error = answer[2] if len(answer) > 2 else 0  # noqa: PLR2004 -- command, block, error
+            command = packet[1:2]
+            if command == packets.START and error == errno.ENOENT:
+                self.restore(anew=True)
+            elif command == packets.DELETE or error in {0, _EXISTS, _TOO_LARGE}:
+                self._request(requests)
+
+        question = Question.of(packet, packet[1:3], "its reports", topic=TOPIC)
+        question.on_answer = go_on
+        self._question = question
+        self._link.assure(question)
 
 
 def _build(number: int, variables: bytes, period: float, ask: Ask, what: str) -> int:

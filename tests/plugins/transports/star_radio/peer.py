@@ -33,6 +33,9 @@ PARAMETERS: dict[str, tuple[int, bytes]] = {
 }
 
 
+LINK_TIMEOUT = 1.0  # s without a packet, after which log blocks are deleted
+
+
 class Peer:
     """One Crazyflie, as far as a client can tell.
 
@@ -67,6 +70,7 @@ class Peer:
         self.refuses_block = 0
         self.memory = bytearray(4096)
         self.boot = 3.0
+        self._packet_at = 0.0  # s, when the last packet came
         self._blocks: dict[int, list[tuple[int, int]]] = {}
         self._periods: dict[int, float] = {}
         self._due: dict[int, float] = {}
@@ -89,11 +93,18 @@ class Peer:
             self.send(self._under_way.pop(0)[1])
         for block, period in list(self._periods.items()):
             if now >= self._due.setdefault(block, 0.0):
+                if now - self._packet_at >= LINK_TIMEOUT:
+                    self._blocks.clear()
+                    self._periods.clear()
+                    return
                 self._due[block] = max(self._due[block] + period, now)
                 self.report(now, block)
 
     def take(self, data: bytes) -> None:
+        self._packet_at = time.monotonic()
         packet = bytes([data[0] & 0xF3]) + data[1:]
+        if packet[0] == 0xF3:
+            return
         if packet[0] == 0xF0:
             self.echoes += 1
         else:
@@ -231,6 +242,9 @@ class PeerClock(VirtualTime):
     def carry(self, uri: str, packet: bytes) -> None:
         if uri in self.peers:
             self.peers[uri].take(packet)
+
+    def poll(self, uri: str) -> None:
+        self.carry(uri, b"\xff")
 
 
 class UdpPeer(Peer):

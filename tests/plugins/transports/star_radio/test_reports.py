@@ -26,8 +26,8 @@ def test_values_that_are_no_numbers_are_unknown(bits: int) -> None:
         report.view(np.uint8)[LAYOUT.dtype.fields[name][1] :][:2] = [bits & 0xFF, bits >> 8]  # type: ignore[index]
     report["block"] = BLOCK
     vehicle = Vehicle("cf1", Link("udp://127.0.0.1:1", "cf1"))
-    vehicle.layout = LAYOUT
-    vehicle._take(LAYOUT.size, report.tobytes(), 1.0)
+    vehicle.stream.layout = LAYOUT
+    vehicle.stream._take(report.tobytes(), 1.0)
     telemetry = TelemetryBuffer([vehicle]).gather(0.0, Frames.none())
     assert np.isnan(telemetry.attitude).all()
     assert np.isfinite(telemetry.position).all()

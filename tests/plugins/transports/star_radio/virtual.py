@@ -24,17 +24,23 @@ R = TypeVar("R")
 EPOCH = 1000.0  # s, of the virtual clock at the start
 STEP = 0.002  # s, of the virtual clock
 IDLE_PERIOD = 0.1  # s, between two calls of `LinkListener.idle`
+POLL_PERIOD = 0.01  # s, between two null packets of a Crazyradio
 
 
 class VirtualTime:
     """The clock of a client, and the links to its drones.
 
+    Args:
+        polls: Whether open links send null packets, as a Crazyradio does 100 times a second; a link
+            over UDP does not.
+
     Attributes:
         now: The virtual clock, s.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, polls: bool = True) -> None:
         self.now = EPOCH
+        self._polls, self._polled = polls, 0.0
         self._steps = 0
         self.lock = threading.RLock()
         self._listeners: dict[str, LinkListener] = {}
@@ -49,6 +55,9 @@ class VirtualTime:
 
     def carry(self, uri: str, packet: bytes) -> None:
         """Carry a packet to a drone, if there is one at that address."""
+
+    def poll(self, uri: str) -> None:
+        """Carry a null packet to a drone, if there is one at that address."""
 
     def monotonic(self) -> float:
         return self.now
@@ -73,6 +82,10 @@ class VirtualTime:
             self.now = self.simulate()
             while self._calls and self._calls[0][0] <= self.now:
                 heapq.heappop(self._calls)[2]()
+            if self._polls and self.now - self._polled >= POLL_PERIOD - 1e-6:
+                self._polled = self.now
+                for uri in list(self._listeners):
+                    self.poll(uri)
             if self.now - self._idle >= IDLE_PERIOD:
                 self._idle = self.now
                 for listener in list(self._listeners.values()):
