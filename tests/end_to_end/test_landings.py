@@ -13,6 +13,7 @@ import pytest
 
 from star_core import Operator
 from star_fleet.link_faults import LinkFaults
+from tests.end_to_end.link_cuts import bad_link_flight
 from tests.end_to_end.virtual_air import TAKEN_OFF, Air, Flown, flown
 
 pytest.importorskip("cflib")
@@ -99,6 +100,15 @@ def test_a_drone_whose_link_was_cut_in_flight_lands(tmp_path: Path, length: floa
     faults = [LinkFaults(), LinkFaults(cuts=((1.0, 1.0 + length),)), LinkFaults()]
     flight = flown(tmp_path, steps=HOVER, faults=faults)
     assert flight.fallen == []
+
+
+@pytest.mark.parametrize("seed", [39, 54, 89])
+def test_no_drone_falls_over_links_that_lose_and_delay_packets(seed: int) -> None:
+    """With these seeds the first landings are confirmed too late."""
+    outcome = bad_link_flight(seed)
+    assert outcome.completed
+    assert not outcome.fell
+    assert not outcome.aloft
 
 
 class _CutInTakeOff:

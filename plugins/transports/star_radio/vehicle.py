@@ -28,7 +28,6 @@ LINK_LOST_TIMEOUT: Final = 1.0  # s without a report, after which a drone may be
 LAST_ORDER_TIMEOUT: Final = 2.0  # s, for which closing waits for a landing or stop to be confirmed
 LOST_ORDER_TIMEOUT: Final = 0.5  # s, the same for a drone that may be unreachable
 LANDED_HEIGHT: Final = 0.1  # m: a drone below it that has finished its plan is on the ground
-MAX_SETPOINT_DELAY: Final = 0.15  # s; a setpoint that arrives after a command would cancel it
 MIN_DESCENT_TIME: Final = 3.0  # s, of the landing on closing
 DESCENT_SPEED: Final = 0.3  # m/s, mean of a longer landing
 _ALREADY: Final = 1  # error if the drone already executes the command: another plan is active
@@ -152,13 +151,13 @@ class Vehicle:
         self._stopped = packet[1] == orders.STOP
         if not (sent or self._stopped):
             packet = orders.only_for(self._groups, packet)
-        at = now if self._stopped else max(now, self._steered_at + MAX_SETPOINT_DELAY)
-        self._handover = Handover(packet, what, at, steered=self.steered)
+        steered = self.steered or (self._handover is not None and self._handover.steered)
+        last = self._steered_at
+        self._handover = Handover(packet, what, now, steered=steered, setpoint_at=last)
         self.steered = False
         self.link.forget("order")
         self._order = None
-        if self._handover.repeat(now, None) is Repeat.ORDER:
-            self._ask_order(self._handover, sent=sent)
+        self._hand_over(now, sent=sent)
 
     def arm(self) -> None:
         """Arm the drone."""
@@ -303,6 +302,8 @@ class Vehicle:
         """Let an accepted command take over from setpoints."""
         if _error(answer) in {0, _ALREADY}:
             self.link.post(orders.no_more_setpoints())
+            if self._handover is not None:
+                self._handover.notified(time.monotonic())
 
     def _ends_order(self, now: float, answer: bytes | None, error: int) -> bool:
         """Record the outcome of the last command; return whether it was accepted."""
@@ -330,18 +331,23 @@ class Vehicle:
         if self.rebooted and (self._handover is None or self._handover.over) and self.airborne:
             self.land()
 
-    def _hand_over(self, now: float) -> None:
+    def _hand_over(self, now: float, *, sent: bool = False) -> None:
         """Send the packets that the handover to the last command needs now."""
         handover = self._handover
         if handover is None or handover.over:
             return
-        if self._order is not None and handover.confirmed is None:
+        restarts = not (handover.lands or handover.stops)
+        if restarts and self._order is not None and handover.confirmed is None:
             return  # the link repeats it
         match handover.repeat(now, self.stream.newest):
             case Repeat.ORDER:
-                self._ask_order(handover)
+                self._ask_order(handover, sent=sent)
             case Repeat.NOTIFICATION:
                 self.link.post(orders.no_more_setpoints())
+            case Repeat.SETPOINT:
+                self.link.forget("order")
+                self._order, self._steered_at = None, now
+                self.link.steer(orders.velocity((0.0, 0.0, 0.0), 0.0, self.version))
 
     def _flies(self) -> bool:
         """Whether the drone flies by its newest report; a drone that has just landed does not."""

@@ -45,6 +45,8 @@ def repeated(
             handover.confirmed = confirmed
         at = height[0] + (height[1] - height[0]) * now
         what = handover.repeat(now, Report(now - 0.01, at, state) if seen else None)
+        if what is Repeat.ORDER and handover.confirmed is not None:
+            handover.notified(now)
         if what is not Repeat.NOTHING:
             found.append((round(now, 2), what))
     return found
@@ -90,7 +92,11 @@ def test_a_drone_that_is_down_is_not_landed_again(
 
 
 def test_a_drone_that_is_not_seen_may_be_down_and_is_not_landed_again() -> None:
-    assert last(repeated(LAND, seen=False, confirmed=None)) <= 1.3
+    assert last(repeated(LAND, seen=False, confirmed=None, steered=False)) <= 1.3
+
+
+def test_an_unseen_landing_is_repeated_until_the_watchdog_has_acted() -> None:
+    assert 1.7 <= last(repeated(LAND, seen=False, confirmed=None)) <= 2.0
 
 
 def test_a_landing_that_was_never_confirmed_is_repeated_when_the_drone_is_seen() -> None:
@@ -122,3 +128,67 @@ def test_what_is_seen_before_an_order_is_sent_does_not_end_it() -> None:
     assert handover.repeat(0.9, Report(0.89, 0.05, PLANNED)) is Repeat.NOTHING
     assert not handover.over
     assert handover.repeat(1.1, Report(1.09, 0.05, PLANNED)) is Repeat.ORDER
+
+
+def sent(
+    seconds: float,
+    *,
+    unheard: tuple[float, float] = (0.0, 0.0),
+    answers: bool = False,
+    setpoint_at: float = 0.0,
+) -> list[tuple[float, Repeat]]:
+    """Return what is sent to a hovering drone that setpoints flew.
+
+    Args:
+        seconds: For how long to look.
+        unheard: Interval without reports, s.
+        answers: Whether the drone answers, so that it is notified.
+        setpoint_at: When the last setpoint was sent, s.
+    """
+    handover = Handover(LAND, "land", 0.0, steered=True, setpoint_at=setpoint_at)
+    packets = []
+    for tick in range(round(seconds / PERIOD)):
+        now = tick * PERIOD
+        heard = unheard[0] if unheard[0] < now <= unheard[1] else now - 0.01
+        what = handover.repeat(now, Report(heard, 0.5, PLANNED))
+        if what is Repeat.ORDER and answers:
+            handover.confirmed = handover.confirmed or now
+            handover.notified(now)
+        packets.append((round(now, 2), what))
+    return [packet for packet in packets if packet[1] is not Repeat.NOTHING]
+
+
+def fed(packets: list[tuple[float, Repeat]]) -> list[float]:
+    return [now for now, what in packets if what is Repeat.SETPOINT]
+
+
+def test_a_landing_that_is_not_confirmed_feeds_the_watchdog_and_begins_anew() -> None:
+    packets = sent(2.0)
+    assert fed(packets) == pytest.approx([1.4, 1.45, 1.5])
+    orders_sent = [now for now, what in packets if what is Repeat.ORDER]
+    assert orders_sent[0] == pytest.approx(0.15)
+    assert min(now for now in orders_sent if now > 1.4) == pytest.approx(1.65)
+
+
+def test_a_landing_that_was_notified_often_is_not_fed() -> None:
+    assert fed(sent(4.0, answers=True)) == []
+
+
+def test_the_watchdog_is_fed_a_few_times_only() -> None:
+    assert len(fed(sent(20.0))) == 9
+
+
+@pytest.mark.parametrize("unheard", [(0.0, 1.7), (0.3, 6.0)])
+def test_an_unheard_drone_is_not_fed(unheard: tuple[float, float]) -> None:
+    """It may have rebooted, and setpoints would start its motors on the floor."""
+    packets = sent(1.7, unheard=unheard, setpoint_at=-0.1)
+    assert fed(packets) == []
+    assert packets[-1][0] > 1.5
+
+
+def test_no_setpoint_follows_a_notification_that_may_be_under_way() -> None:
+    handover = Handover(LAND, "land", 0.0, steered=True, setpoint_at=0.0)
+    handover.repeat(0.15, Report(0.14, 0.5, PLANNED))
+    handover.notified(1.35)
+    assert handover.repeat(1.45, Report(1.44, 0.5, PLANNED)) is Repeat.ORDER
+    assert handover.repeat(1.5, Report(1.49, 0.5, PLANNED)) is Repeat.SETPOINT
