@@ -11,7 +11,7 @@ from transitions import Machine
 
 from star_core.messages.arrays import Mask, Rows
 from star_core.messages.state import AgentPhase, among
-from star_core.messages.telemetry import Supervisor
+from star_core.messages.telemetry import EMERGENCIES, Supervisor, emergency
 
 _P = AgentPhase
 AGENT_TABLE: Final = (
@@ -45,7 +45,7 @@ MISSION_TABLE: Final = (
     {"trigger": "abort", "source": "*", "dest": _M.ABORTED},
 )
 
-FALLEN: Final = int(Supervisor.TUMBLED | Supervisor.LOCKED | Supervisor.CRASHED)
+FALLEN: Final = int(sum(EMERGENCIES))
 
 
 class _Agent:
@@ -92,6 +92,7 @@ class Phases:
                 ignore_invalid_triggers=True,
             )
         self._now = np.zeros(len(names), np.int64)
+        self._causes = [""] * len(names)  # of emergencies
         self._seen: tuple[bytes, ...] = ()
 
     @property
@@ -107,10 +108,23 @@ class Phases:
         """Return which agents are in one of some phases: (N,)."""
         return among(self._now, *phases)
 
-    def fire(self, trigger: str, rows: Iterable[int] | Rows) -> None:
-        """Apply a trigger to some agents; those whose phase has no transition for it keep it."""
+    def describe(self, row: int) -> str:
+        """Return the phase of an agent, and the cause of an emergency if it is known."""
+        phase = AgentPhase(int(self._now[row]))
+        cause = self._causes[row] if phase is AgentPhase.EMERGENCY else ""
+        return f"{phase.name.lower()}: {cause}" if cause else phase.name.lower()
+
+    def fire(self, trigger: str, rows: Iterable[int] | Rows, cause: str = "") -> None:
+        """Apply a trigger to some agents; those whose phase has no transition for it keep it.
+
+        Args:
+            trigger: Of `AGENT_TABLE`.
+            rows: The agents.
+            cause: Of an emergency.
+        """
         for row in rows:
             model = self._agents[row]
+            self._causes[row] = cause or self._causes[row]
             model.trigger(trigger)  # type: ignore[attr-defined]  # made by the machine
             if model.state != self._now[row]:
                 self._now = self._now.copy()  # earlier results of `of_agents` must not change
@@ -140,7 +154,8 @@ class Phases:
         finished = heard & (state & int(Supervisor.COMMANDER_FINISHED) != 0)
         flying = state & int(Supervisor.FLYING) != 0
         fallen = heard & (state & FALLEN != 0) & ~self.among(_P.EMERGENCY)
-        self.fire("fail", np.flatnonzero(fallen))
+        for row in np.flatnonzero(fallen).tolist():
+            self.fire("fail", [row], emergency(int(state[row])))
         climbed = finished & flying & settled
         self.fire("climbed", np.flatnonzero(climbed & self.among(_P.TAKING_OFF)))
         self.fire("down", np.flatnonzero(finished & ~flying & self.among(_P.LANDING)))

@@ -210,7 +210,8 @@ class ControlLoop:
         for row, reason in telemetry.refusals:
             name = self._scene.agents[row].name
             self._observers.event("refused", f"{name} {reason}", name)
-        disabled = among(health.phase, *UNFIT) & ~excused
+        unfit = np.flatnonzero(among(health.phase, *UNFIT) & ~excused).tolist()
+        disabled = {row: self.vehicles.phases.describe(row) for row in unfit}
         refusals = dict(telemetry.refusals)
         time = self.vehicles.time
         return TickContext(time, estimate, health, disabled, refusals, self._unreachable)

@@ -179,7 +179,7 @@ class VehicleInterface:
             case Order.STOP:
                 fallen = np.full(len(heard), self.time + FALL_TIME)
                 self._unheard.lands(command.agent, fallen, heard)
-                self.phases.fire("fail", command.agent)
+                self.phases.fire("fail", command.agent, "its motors were stopped")
             case Order.GOTO | Order.FOLLOW:
                 self._unheard.flies_on_board(command.agent)
                 self._until[command.agent] = self.time + command.duration
@@ -209,7 +209,8 @@ class VehicleInterface:
         for agent, phase in self.phases.changes():
             self._observers.notify("star_phase_changed", time=self.time, agent=agent, phase=phase)
             if phase in {"lost", "emergency"}:
-                self._observers.event("failure", f"{agent} is {phase}", agent)
+                state = self.phases.describe(self._scene.names.index(agent))
+                self._observers.event("failure", f"{agent} is {state}", agent)
 
     def _settled(self, finished: Mask, estimate: Estimate) -> Mask:
         """Return which agents have come to rest vertically since their commanders finished: (N,).
@@ -252,4 +253,4 @@ class VehicleInterface:
             moment = "in flight: its motors stopped" if flew[row] else "before its take-off"
             text = f"{name} rebooted {moment}; it is not flown any more"
             self._observers.event("failure", text, name)
-        self.phases.fire("fail", np.flatnonzero(unfit))
+        self.phases.fire("fail", np.flatnonzero(unfit), "rebooted")

@@ -11,7 +11,6 @@ import numpy as np
 from star_core.contracts import Status, Task, TaskOutput
 from star_core.errors import ContractError
 from star_core.execution.assignments import Assignments, GoalBuffer, Team
-from star_core.messages.arrays import Mask
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.mission import Mission
@@ -47,7 +46,7 @@ class TickContext:
         time: Mission time, s. Timeouts go by it: an estimate is only as new as the telemetry.
         estimate: Of the agents' positions.
         health: Phase, battery and link of each agent.
-        disabled: (N,) agents that cannot continue their steps.
+        disabled: The states of agents that cannot continue their steps, by row.
         refusals: Reasons why agents refused commands, by row.
         unreachable: Reasons why the planner could not reach goals in the last tick, by row.
     """
@@ -55,7 +54,7 @@ class TickContext:
     time: float
     estimate: Estimate
     health: Health
-    disabled: Mask
+    disabled: Mapping[int, str]
     refusals: Mapping[int, str]
     unreachable: Mapping[int, str]
 
@@ -181,13 +180,13 @@ class StepRun:
 
     def _disabled(self, tick: TickContext) -> str:
         """Return which agents cannot continue and why, if any."""
-        if not (tick.disabled.any() or tick.refusals or tick.unreachable):
+        if not (tick.disabled or tick.refusals or tick.unreachable):
             return ""
-        phase, names = tick.health.phase, self.shared.scene.names
+        names = self.shared.scene.names
         reasons = [
-            f"{names[row]} is {AgentPhase(int(phase[row])).name.lower()}"
+            f"{names[row]} is {tick.disabled[row]}"
             for row in self.team.rows
-            if tick.disabled[row]
+            if row in tick.disabled
         ]
         if tick.time > self.begun:  # otherwise they are about the previous step
             for text, given in (("", tick.refusals), ("cannot get there: ", tick.unreachable)):

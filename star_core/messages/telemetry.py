@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from enum import IntFlag
 from functools import cache
-from typing import Any, NamedTuple, Self, TypeAlias
+from typing import Any, Final, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,28 @@ class Supervisor(IntFlag):
     CRASHED = 128
     COMMANDER_ACTIVE = 256  # the high-level commander flies
     COMMANDER_FINISHED = 512  # the high-level commander's last trajectory is over
+    COMMANDER_DISABLED = 1024  # the high-level commander sends no setpoints
+    DECK_FAULT = 2048  # an expansion deck reports a fault; in flight the motors are stopped
+
+
+EMERGENCIES: Final = {
+    Supervisor.DECK_FAULT: "deck fault",
+    Supervisor.LOCKED: "locked until a reboot",
+    Supervisor.CRASHED: "crashed, needs crash recovery",
+    Supervisor.TUMBLED: "tumbled",
+}
+"""Bits with which an agent cannot fly on, and what they mean."""
+
+
+def emergency(state: int) -> str:
+    """Return why an agent with these bits of `Supervisor` cannot fly on; empty if it can.
+
+    >>> emergency(Supervisor.CAN_FLY | Supervisor.FLYING)
+    ''
+    >>> emergency(Supervisor.LOCKED | Supervisor.TUMBLED)
+    'locked until a reboot, tumbled'
+    """
+    return ", ".join(text for bit, text in EMERGENCIES.items() if state & bit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -294,14 +294,23 @@ def test_why_a_mission_failed_is_reported_before_what_went_wrong_on_the_way_down
     assert then == "cf2 did not report to be on the ground"
 
 
-@pytest.mark.parametrize("bit", [Supervisor.TUMBLED, Supervisor.LOCKED, Supervisor.CRASHED])
+@pytest.mark.parametrize(
+    ("bit", "cause"),
+    [
+        (Supervisor.TUMBLED, "tumbled"),
+        (Supervisor.LOCKED, "locked until a reboot"),
+        (Supervisor.CRASHED, "crashed, needs crash recovery"),
+        (Supervisor.DECK_FAULT, "deck fault"),
+    ],
+)
 def test_an_agent_in_an_emergency_fails_its_step_and_the_others_land(
-    lab: Lab, bit: Supervisor
+    lab: Lab, bit: Supervisor, cause: str
 ) -> None:
     lab.spoil("transport", "receive", bits(1, bit))
     summary = lab.fly()
     assert summary["outcome"] == "failed"
-    assert summary["reason"].endswith(" wait cf1, cf2 failed: cf2 is emergency")
+    assert summary["reason"].endswith(f" wait cf1, cf2 failed: cf2 is emergency: {cause}")
+    assert f"cf2 is emergency: {cause}" in lab.said("failure")
     assert lab.went("cf1")[-1] == "landed"
     assert lab.went("cf2")[-1] == "emergency"
     assert lab.ordered(Order.LAND) == [0]

@@ -7,7 +7,7 @@ from pathlib import Path
 import star_core
 
 CORE = Path(star_core.__file__).parent
-MAX_KERNEL_LINES, MAX_FILES = 2500, 20  # of the files directly in `star_core`, and of a folder
+MAX_KERNEL_LINES, MAX_FILES = 2700, 20  # of the files directly in `star_core`, and of a folder
 
 
 def test_the_kernel_is_short() -> None:

@@ -33,7 +33,9 @@ MAX_REPORT_AGE: Final = 0.3  # s, of a report used to detect a descent
 MIN_DESCENT: Final = 0.1  # m, descent after which a landing counts as flown
 LANDED_BELOW: Final = 0.1  # m
 
-_DOWN: Final = int(Supervisor.TUMBLED | Supervisor.LOCKED | Supervisor.CRASHED)
+_DOWN: Final = int(
+    Supervisor.TUMBLED | Supervisor.LOCKED | Supervisor.CRASHED | Supervisor.DECK_FAULT
+)
 
 
 class Report(NamedTuple):
