@@ -67,9 +67,16 @@ class VehicleInterface:
         self._heard = np.ones(n, np.bool_)
 
     def receive(self) -> Telemetry:
-        """Wait for the next tick, and return what arrived since the last one."""
+        """Wait for the next tick, and return what arrived since the last one.
+
+        A tick that comes late because its process did not run is no silence of the agents: what
+        they sent meanwhile may not be received yet, so the stall does not count in their ages.
+        """
         self.wait()
-        return self._pipeline.receive()
+        telemetry = self._pipeline.receive()
+        if not self.timing.stall:
+            return telemetry
+        return replace(telemetry, age=np.maximum(0.0, telemetry.age - self.timing.stall))
 
     def wait(self) -> None:
         """Wait for the next tick."""

@@ -31,6 +31,8 @@ MAX_NATIVE_TIME: Final = 60.0  # s of processor time, for each processor, withou
 MIN_SLOW_TIME: Final = 1.0  # s, least computing time in one tick that is reported
 MIN_SLOW_PERIODS: Final = 20  # periods of a tick, likewise
 
+MIN_STALL: Final = 0.25  # s, least lateness of a tick that is reported as a stall
+MAX_STALL: Final = 1.0  # s, most that is taken for one
 REPORTED_KINDS: Final = 2  # kinds of plugins named in the report of a late tick
 MIN_REPORTED_TIME: Final = 1e-3  # s, least computing time named in it
 REPORT_INTERVAL: Final = 10.0  # s, least time between two reports of late ticks
@@ -250,10 +252,16 @@ class TickTiming:
 
     Args:
         period: From one tick to the next, s. A tick that is later than that was missed.
+
+    Attributes:
+        stall: By how much this tick was late because its process did not run, s; 0 if it was not.
+            What agents have sent meanwhile may not be received yet.
     """
 
     def __init__(self, period: float) -> None:
         self._period = period
+        self.stall = 0.0
+        self._ran = thread_time()  # s of processor time, at the previous tick
         self._took: Mapping[str, float] = {}  # s, before the previous tick
         self._last = 0.0  # s, time of the previous tick
         self._late = 0.0  # s, of this tick
@@ -275,10 +283,15 @@ class TickTiming:
         passed, self._last, self._took = now - self._last, now, took
         self._began = perf_counter()
         late = self._late = now - due
+        ran, self._ran = thread_time() - self._ran, thread_time()
+        idle = min(late, passed - sum(spent.values())) - ran
+        self.stall = min(idle, MAX_STALL) if idle >= MIN_STALL else 0.0
         if late <= self._period:
             return ""
         self._ticks += 1
         self._latest = max(self._latest, late)
+        if self.stall:
+            return f"the computer stalled for {idle:.2f} s: the control loop did not run"
         if now < self._reported + REPORT_INTERVAL:
             self._unreported += 1
             return ""

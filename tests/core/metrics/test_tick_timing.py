@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from star_core import AvoiderSpec, Event, Registry, TransportSpec, fly, hookimpl, load
+from star_core import (
+    AvoiderSpec,
+    Event,
+    Registry,
+    Telemetry,
+    TransportSpec,
+    fly,
+    hookimpl,
+    load,
+)
 from star_core.cli.run import format_summary
 from star_core.plugin_support.timing import REPORT_INTERVAL, TickTiming
 from star_sim import ideal_world
@@ -64,6 +74,81 @@ def test_late_ticks_are_reported_now_and_then_and_all_are_counted() -> None:
         f"; {int(REPORT_INTERVAL / 0.1) - 1} more late ticks since the last report"
     )
     assert noted.summary() == {"late_ticks": 201, "latest_tick_s": 0.07}
+
+
+def test_a_stall_of_the_computer_is_named() -> None:
+    noted, took = lateness()
+    noted.note(1.0, 1.0, took)
+    assert noted.note(1.05, 1.57, took) == (
+        "the computer stalled for 0.52 s: the control loop did not run"
+    )
+    assert noted.stall == pytest.approx(0.52, abs=0.01)
+    assert noted.note(1.6, 1.6, took) == ""
+    assert noted.stall == 0.0
+
+
+def test_every_stall_is_reported() -> None:
+    noted, took = lateness()
+    texts = [noted.note(due, due + 0.4, took) for due in (1.0, 2.0, 3.0)]
+    assert all("stalled for 0.40 s" in text for text in texts)
+
+
+def test_a_plugin_that_computes_for_long_is_no_stall(monkeypatch: pytest.MonkeyPatch) -> None:
+    noted, took = lateness()
+    noted.note(1.0, 1.0, dict(took))
+    took["planner"] += 0.5
+    assert "the planner took 0.500 s" in noted.note(1.05, 1.55, dict(took))
+    assert noted.stall == 0.0
+    monkeypatch.setattr("star_core.plugin_support.timing.thread_time", lambda: 1e6)
+    assert "spent outside" in noted.note(12.0, 12.6, dict(took))  # the core itself computes
+    assert noted.stall == 0.0
+
+
+class Stalling(Simulator):
+    """The computer stands still for a while in flight, and receives nothing meanwhile."""
+
+    stall = 0.55  # s
+    stalls = False
+
+    def wait(self, until: float) -> float:
+        self.stalls = 0.5 <= until < 0.5 + PERIOD
+        return super().wait(until + self.stall * self.stalls)
+
+    def receive(self) -> Telemetry:
+        telemetry = super().receive()
+        age = telemetry.age + self.stall * self.stalls
+        return replace(telemetry, age=age)
+
+
+class Stalls:
+    """Offers `Stalling`, and listens."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+
+    @hookimpl
+    def star_event(self, event: Event) -> None:
+        self.events.append(event)
+
+    @hookimpl
+    def star_transports(self) -> Iterator[TransportSpec]:
+        yield TransportSpec(
+            name="stalling",
+            summary="Stalls once.",
+            make=lambda scene: Stalling(scene, **ideal_world()),
+            realtime=True,
+        )
+
+
+def test_a_stall_of_the_computer_ends_no_mission(hop: Path) -> None:
+    stalls = Stalls()
+    registry = Registry(stalls)
+    summary = fly(load(hop / "hop.yaml", registry, ["transport=stalling"]), registry)
+    assert summary["outcome"] == "completed"
+    late = [event.text for event in stalls.events if event.kind == "late"]
+    assert len(late) == 1
+    assert "the computer stalled for 0.5" in late[0]
+    assert not any(event.kind == "failure" for event in stalls.events)
 
 
 class Slow:
