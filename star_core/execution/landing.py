@@ -129,6 +129,8 @@ class LandingManager:
     def repeat_missed(self, telemetry: Telemetry, estimate: Estimate) -> None:
         """Command landings again of agents that report to hover instead: they did not receive it.
 
+        Nor did an agent on the ground with its motors on: its commander brought it down by itself.
+
         A drone that lands reports so until it is down, and to fly for a while after that.
 
         Args:
@@ -142,13 +144,16 @@ class LandingManager:
         hovers = landing & (telemetry.age <= MAX_REPORT_AGE) & (telemetry.state & HOVERS == HOVERS)
         not_begun = hovers & (reported >= self._commanded_at + REPLY_TIME)
         not_begun &= reported <= self._ends_at - REPLY_TIME
-        hovers &= (reported > self._ends_at) & ~(estimate.position[:, 2] < LANDED_HEIGHT)
+        low = estimate.position[:, 2] < LANDED_HEIGHT
+        active = telemetry.state & int(Supervisor.COMMANDER_ACTIVE) != 0  # its motors are on
+        hovers &= (reported > self._ends_at) & (active | ~low)
         self._hovers_since = np.where(hovers, np.fmin(self._hovers_since, reported), np.inf)
         missed = not_begun | (reported - self._hovers_since > MAX_FLYING_TIME)
         self._repeats[missed] += 1
         for row in np.flatnonzero(missed).tolist():
             name = self._scene.agents[row].name
-            text = f"{name} hovers instead of landing; it is commanded to land again"
+            does = "stands with its motors on" if low[row] else "hovers"
+            text = f"{name} {does} instead of landing; it is commanded to land again"
             self._observers.event("landing", text, name)
         self._command(np.flatnonzero(missed), estimate)
 

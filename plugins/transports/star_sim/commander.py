@@ -4,11 +4,15 @@ Guaranteed behavior, as in the firmware:
 
 * A command starts a trajectory at once, and COMMANDER_FINISHED is clear until it ends. Commands
   override setpoints, and setpoints override commands, immediately.
-* A take-off ends when COMMANDER_FINISHED is set. The drone then hovers until its battery is empty.
+* A take-off ends when COMMANDER_FINISHED is set. The drone then hovers for `HOVER_TIME`; if no
+  command and no setpoint has taken over by then, it descends at `DESCENT_SPEED` to where it
+  started, and stands there with its motors on. The transport ``radio`` has take-offs fly the same.
 * A landing ends when COMMANDER_FINISHED is set, at which the motors stop; the drone counts as
   landed when FLYING is clear as well, 2 s later. A new take-off may follow at any time.
-* An uploaded trajectory is flown piece by piece, and ends when COMMANDER_FINISHED is set. Any
-  command or setpoint that overrides it drops its remaining pieces.
+* An uploaded trajectory is flown piece by piece, and ends when COMMANDER_FINISHED is set. The drone
+  then hovers and descends as after a take-off. Any command or setpoint that overrides it drops its
+  remaining pieces.
+* After a go-to the drone hovers until its battery is empty.
 * STOP stops the motors at once without locking. ARM has no effect: brushed Crazyflies are armed.
 * 0.5 s after the last setpoint the drone brakes and levels; after 2 s its motors stop and it is
   LOCKED until the end of the simulation (``COMMANDER_WDT`` in the firmware's ``supervisor.c``).

@@ -7,16 +7,19 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Rows, Trajectory, polynomial, transformed
-from star_sim.airframe import NEVER, STEP
+from star_core import Array, Mask, Rows, Trajectory, polynomial, transformed
+from star_sim.airframe import NEVER, STEP, STEPS_PER_CYCLE
 from star_sim.compiled import Record
 from star_sim.drone import TRAJECTORY, Drones
 
 ORDER: Final = 7
+HOVER_TIME: Final = 3.0  # s after a climb or a trajectory; then the drone comes down
+DESCENT_SPEED: Final = 0.3  # m/s
+DESCENT_MARGIN: Final = 0.2  # m below the floor, at which a descent ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,14 @@ def pieces_of(trajectory: Trajectory) -> tuple[Piece, ...]:
     return tuple(map(Piece.over_time, trajectory.coefficients, trajectory.duration.tolist()))
 
 
+def descent(pose: Array, depth: float) -> Piece:
+    """Return the straight descent from a pose, (4,) m and rad, by `depth`, m."""
+    coefficients = np.zeros((4, ORDER + 1))
+    coefficients[:, 0] = pose
+    coefficients[2, 1] = -depth
+    return Piece(coefficients, depth / DESCENT_SPEED)
+
+
 def enter(drone: Record, piece: Piece, began: float, *, lands: bool = False) -> None:
     """Make a drone follow a piece that began at `began`, s; its motors may stop at its end."""
     drone["trajectory"] = piece.coefficients
@@ -77,6 +88,14 @@ def enter(drone: Record, piece: Piece, began: float, *, lands: bool = False) -> 
     drone["landing"] = lands
     drone["finished"] = 0
     drone["mode"] = TRAJECTORY
+
+
+class _Waiting(NamedTuple):
+    """A piece that has yet to begin: when, s, and whether it follows what was commanded."""
+
+    begins: float
+    piece: Piece
+    comes_down: bool = False
 
 
 class Queue:
@@ -93,21 +112,47 @@ class Queue:
 
     def __init__(self, drones: Drones) -> None:
         self._drones = drones
-        self._waiting: dict[int, deque[tuple[float, Piece]]] = {}  # when each begins, s
+        self._waiting: dict[int, deque[_Waiting]] = {}
+        self._down = np.zeros(len(drones), np.bool_)
         self.next_step = NEVER
 
     def fly(self, row: int, pieces: Sequence[Piece], now: float) -> None:
         """Make a drone fly pieces in sequence from mission time `now`, s, on."""
         begins = accumulate((piece.duration for piece in pieces[:-1]), initial=now)
-        waiting = deque(zip(begins, pieces, strict=True))
+        waiting = deque(map(_Waiting, begins, pieces))
         waiting.popleft()
+        self._down[row] = False
         enter(self._drones[row], pieces[0], now)
         self._waiting[row] = waiting
         if waiting:
-            self.next_step = min(self.next_step, _step(waiting[0][0]))
+            self.next_step = min(self.next_step, _step(waiting[0].begins))
+
+    def come_down(self, row: int, pose: Array, over: float, depth: float) -> None:
+        """Let a drone descend `HOVER_TIME` after its last piece, if nothing takes over before.
+
+        Args:
+            row: Of the drone.
+            pose: (4,) at the end of its last piece, m and rad.
+            over: When that ends, s.
+            depth: Height of the pose above the floor, at most, m.
+        """
+        cycle = STEP * STEPS_PER_CYCLE  # a kernel is not to be called in the middle of one
+        begins = math.ceil((over + HOVER_TIME) / cycle - 1e-6) * cycle
+        waiting = self._waiting.setdefault(row, deque())
+        waiting.append(_Waiting(begins, descent(pose, depth + DESCENT_MARGIN), comes_down=True))
+        self.next_step = min(self.next_step, _step(waiting[0].begins))
+
+    def come_down_from_climbs(self, rows: Rows, now: float) -> None:
+        """Let drones descend `HOVER_TIME` after the climbs that they began at `now`, s."""
+        for row in rows.tolist():
+            drone = self._drones[row]
+            climb = Piece(drone["trajectory"], float(drone["trajectory_duration"]))
+            start, top = climb.at(0.0)[0], climb.at(math.inf)[0]
+            self.come_down(row, top, now + climb.duration, max(top[2] - start[2], 0.0))
 
     def drop(self, rows: Rows) -> None:
         """Drop the remaining pieces of some drones."""
+        self._down[rows] = False
         if self._waiting:
             for row in rows.tolist():
                 self._waiting.pop(row, None)
@@ -118,14 +163,19 @@ class Queue:
         for row, waiting in self._waiting.items():
             if self._drones["mode"][row] != TRAJECTORY:
                 waiting.clear()
-            while waiting and _step(waiting[0][0]) <= step:
-                began, piece = waiting.popleft()
+            while waiting and _step(waiting[0].begins) <= step:
+                began, piece, self._down[row] = waiting.popleft()
                 enter(self._drones[row], piece, began)
         self._look_ahead()
 
+    def coming_down(self) -> Mask:
+        """Return which drones descend, or have descended, after what was commanded: (N,)."""
+        self._down &= self._drones["mode"] == TRAJECTORY
+        return self._down
+
     def _look_ahead(self) -> None:
         self._waiting = {row: waiting for row, waiting in self._waiting.items() if waiting}
-        steps = (_step(waiting[0][0]) for waiting in self._waiting.values())
+        steps = (_step(waiting[0].begins) for waiting in self._waiting.values())
         self.next_step = min(steps, default=NEVER)
 
 

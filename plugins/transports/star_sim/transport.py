@@ -22,6 +22,7 @@ from star_core import (
     Order,
     Scene,
     Setpoint,
+    Supervisor,
     Telemetry,
     Trajectory,
     Truth,
@@ -208,6 +209,7 @@ class Simulator:
         attitude, state = np.empty((n, 4)), np.empty(n, np.int64)
         now = self._step * STEP
         report(drones, now, attitude, state)
+        state[self._queue.coming_down()] |= int(Supervisor.COMMANDER_FINISHED)
         odometry = self._odometry()
         position, velocity = drones["believed_position"], drones["believed_velocity"]
         age = np.zeros(n)
@@ -247,7 +249,11 @@ class Simulator:
             return
         if command.order is not Order.ARM:
             self._queue.drop(command.agent)
-        commander.obey(self.drones, command, self._step * STEP)
+        now = self._step * STEP
+        commander.obey(self.drones, command, now)
+        if command.order is Order.TAKEOFF:
+            able = commander.can_fly(self.drones, command.agent)
+            self._queue.come_down_from_climbs(command.agent[able], now)
 
     def correct(self, corrections: Corrections) -> None:
         """Pass poses to the on-board estimators; without noise they are ignored."""
@@ -287,7 +293,12 @@ class Simulator:
                 piece.slower(float(stretch[i])).moved(command.position[i], float(command.yaw[i]))
                 for piece in self._uploaded[trajectory]
             ]
-            self._queue.fly(int(command.agent[i]), pieces, self._step * STEP)
+            row, now = int(command.agent[i]), self._step * STEP
+            self._queue.fly(row, pieces, now)
+            over = now + float(command.duration[i])
+            self._queue.come_down(
+                row, pieces[-1].at(math.inf)[0], over, self._scene.limits.height[1]
+            )
 
     def _advance(self, steps: int) -> None:
         advance(

@@ -232,10 +232,10 @@ class Reports:
         self._landings.manager.land_now(np.array([0]), self._estimate)
         self._phases[0] = AgentPhase.LANDING
 
-    def at(self, time: float, state: Supervisor, age: float = 0.0) -> int:
+    def at(self, time: float, state: Supervisor, age: float = 0.0, height: float = 1.0) -> int:
         """Receive a report of some age, s, at a time, s; return how many landings it causes."""
         self._landings.vehicles.time = time
-        self._estimate = estimate(np.array([[0.0, 0.0, 1.0]]), time=time)
+        self._estimate = estimate(np.array([[0.0, 0.0, height]]), time=time)
         room, none = scene(1), np.zeros(1, np.bool_)
         report = replace(
             flight_telemetry(room, time, none, none),
@@ -275,6 +275,18 @@ def test_an_agent_heard_again_after_its_landing_should_have_ended_is_commanded_a
     lands = [t for t in np.arange(9.0, 16.0, 0.05) if reports.at(t, HOVERS)]
     assert lands[0] == pytest.approx(12.0, abs=0.06)
     assert lands[1] == pytest.approx(lands[0] + 0.7, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("bit", "landings"), [(Supervisor.COMMANDER_ACTIVE, 1), (Supervisor.CAN_FLY, 0)]
+)
+def test_an_agent_on_the_ground_with_its_motors_on_is_landed(
+    bit: Supervisor, landings: int
+) -> None:
+    """It came down by itself before its link returned, and would not stop its motors."""
+    reports = Reports()
+    times = np.arange(9.0, 12.5, 0.05)
+    assert sum(reports.at(t, HOVERS | bit, height=0.02) for t in times) == landings
 
 
 def test_an_agent_that_always_reports_to_hover_is_commanded_again_three_times() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -122,6 +123,25 @@ def test_an_agent_that_misses_the_command_to_land_lands_when_its_link_is_back(
     assert flight.ticks[-1].health.phase[1] == AgentPhase.LANDED
     impact = min(tick.truth.velocity[1, 2] for tick in flight.ticks if tick.truth is not None)
     assert impact > -1.0
+
+
+@pytest.mark.parametrize("back", [math.inf, 9.0])
+def test_an_agent_without_a_link_in_its_take_off_comes_down(tmp_path: Path, back: float) -> None:
+    """By itself: its motors stop when its link is back."""
+    off: dict[str, Any] = {"component": "link", "mode": "off", "agents": "cf2", "at": 1.0}
+    if back < math.inf:
+        off["for"] = back
+    mission = [{"takeoff": {"height": 0.6}}, {"hold": {"for": 10}}, {"land": {}}]
+    flight = flown(tmp_path, off, mission=mission)
+    heights = [tick.truth.position[1, 2] for tick in flight.ticks if tick.truth is not None]
+    assert max(heights) > 0.5
+    assert heights[-1] < 0.01
+    phase = AgentPhase.LANDED if back < math.inf else AgentPhase.LANDING
+    assert flight.ticks[-1].health.phase[1] == phase
+    again = "cf2 stands with its motors on instead of landing; it is commanded to land again"
+    assert flight.texts("landing").count(again) == (back < math.inf)
+    impact = min(tick.truth.velocity[1, 2] for tick in flight.ticks if tick.truth is not None)
+    assert impact > -0.45
 
 
 @pytest.mark.parametrize(

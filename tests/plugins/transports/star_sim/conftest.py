@@ -72,9 +72,17 @@ class Flight:
         )
 
     def rise(self, height: float = 0.8) -> None:
-        """Take off and settle."""
+        """Take off, settle, and hover from then on: a take-off alone would come down again."""
         self.order(Order.TAKEOFF, (0.0, 0.0, height))
-        self.fly(4.0)
+        self.fly(2.5)
+        self.hover()
+        self.fly(1.5)
+
+    def hover(self) -> None:
+        """Go to where the commanders are: they then hover until the batteries are empty."""
+        drones, rows = self.simulator.drones, np.arange(self.n)
+        top, yaw = drones["reference_position"], drones["reference_yaw"]
+        self.simulator.command(Command(Order.GOTO, rows, top, yaw, np.ones(self.n)))
 
     def fly(
         self,

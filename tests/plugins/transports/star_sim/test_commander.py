@@ -13,6 +13,7 @@ from numpy.polynomial import polynomial
 
 from star_core import ContractError, Order, Supervisor
 from star_sim.commander import ending_at_rest
+from star_sim.pieces import HOVER_TIME
 
 Flying = Callable[..., Any]
 some = st.floats(-2, 2)
@@ -149,11 +150,51 @@ def test_a_link_that_is_silent_for_two_seconds_drops_and_locks_the_drone(start: 
     assert flight.position[0, 2] == 0.0
 
 
-def test_the_commander_hovers_on_without_a_link(start: Flying) -> None:
+def test_the_commander_hovers_on_after_a_go_to(start: Flying) -> None:
     flight = start()
     flight.rise()
     flight.fly(10.0)
     assert flight.position[0, 2] == pytest.approx(0.8, abs=0.01)
+
+
+@pytest.mark.parametrize("controller", ["ideal", "pid", "mellinger"])
+def test_a_take_off_that_nothing_takes_over_comes_down(start: Flying, controller: str) -> None:
+    flight = start(controller=controller)
+    flight.order(Order.TAKEOFF, (0, 0, 0.8), duration=2.0)
+    flight.fly(2.0 + HOVER_TIME)
+    assert flight.position[0, 2] == pytest.approx(0.8, abs=0.15)
+    speeds = [heard.velocity[0, 2] for heard in flight.fly(6.0) if heard.position[0, 2] > 0.01]
+    assert speeds[-1] > -0.4
+    assert flight.position[0, 2] == 0.0
+    state = Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED | Supervisor.FLYING
+    assert state in flight.state()  # its motors stay on
+
+
+def test_a_landing_stops_the_motors_after_a_descent(start: Flying) -> None:
+    flight = start()
+    flight.order(Order.TAKEOFF, (0, 0, 0.8), duration=2.0)
+    flight.fly(10.0)
+    flight.order(Order.LAND, (0, 0, 0.0), duration=2.5)
+    flight.fly(5.0)
+    assert flight.position[0, 2] == 0.0
+    assert Supervisor.FLYING not in flight.state()
+
+
+@pytest.mark.parametrize("after", [2.5, 5.5])
+def test_setpoints_take_over_from_hover_and_descent(start: Flying, after: float) -> None:
+    flight = start()
+    flight.order(Order.TAKEOFF, (0, 0, 0.8), duration=2.0)
+    flight.fly(after)
+    top = flight.position[0, 2]
+    flight.fly(10.0, velocity=(0, 0, 0))
+    assert flight.position[0, 2] == pytest.approx(top, abs=0.12)
+
+
+def test_a_take_off_is_over_during_its_descent(start: Flying) -> None:
+    flight = start()
+    flight.order(Order.TAKEOFF, (0, 0, 0.8), duration=2.0)
+    flight.fly(2.0)
+    assert all(Supervisor.COMMANDER_FINISHED in Supervisor(int(t.state[0])) for t in flight.fly(8))
 
 
 def test_stop_drops_a_drone_and_locks_nothing(start: Flying) -> None:

@@ -25,7 +25,9 @@ FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
 def hover(start: Flying, controller: str, height: float = 1.0, **options: Any) -> Any:
     flight = start(controller=controller, rate=100.0, **options)
     flight.order(Order.TAKEOFF, (0.0, 0.0, height), duration=2.0)
-    flight.fly(12.0)
+    flight.fly(4.0)
+    flight.hover()
+    flight.fly(8.0)
     return flight
 
 

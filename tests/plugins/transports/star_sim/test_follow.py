@@ -11,7 +11,7 @@ from numpy.polynomial import polynomial
 
 from star_core import Array, Command, ContractError, Order, Supervisor, Trajectory
 from star_sim.airframe import NEVER
-from star_sim.pieces import Piece, pieces_of
+from star_sim.pieces import HOVER_TIME, Piece, pieces_of
 
 Flying = Callable[..., Any]
 
@@ -232,7 +232,19 @@ def test_an_agent_that_follows_nothing_costs_nothing(start: Flying) -> None:
     upload(flight, CORNER)
     follow(flight, CORNER, (0, 0, 0.8))
     flight.fly(4.0)
+    flight.hover()
     assert flight.simulator._queue.next_step == NEVER
+
+
+def test_a_drone_lands_by_itself_after_a_trajectory(start: Flying) -> None:
+    flight = start()
+    flight.rise()
+    upload(flight, CORNER)
+    follow(flight, CORNER, (0, 0, 0.8))
+    flight.fly(CORNER.duration.sum() + HOVER_TIME)
+    assert flight.position[0] == pytest.approx([0.8, 0.6, 1.0], abs=0.02)
+    flight.fly(5.0)
+    assert flight.position[0] == pytest.approx([0.8, 0.6, 0.0], abs=0.02)
 
 
 def test_one_that_was_not_uploaded_is_refused(start: Flying) -> None:
