@@ -159,7 +159,8 @@ def test_the_demo_flies_over_udp_as_in_the_simulator(tmp_path: Path) -> None:
     flown, truth, late = over_the_air(
         mission, tmp_path / "air", noise=False, cameras=False, changes=[SWAP]
     )
-    assert apart(flown, recorded(tmp_path / "sim")) < 0.05 + SPEED * late
+    near = 0.05 + SPEED / 20  # a take-off by radio begins a tick later: it is written first
+    assert apart(flown, recorded(tmp_path / "sim")) < near + SPEED * late
     assert error(flown, truth) < NEAR + SPEED * late
 
 

@@ -216,9 +216,10 @@ class GuardedRadio:
         if telemetry is None:
             return []
         height = telemetry.position[:, 2]
-        landed = (telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0) & (
-            height < LANDED_HEIGHT
+        commander = telemetry.state & int(
+            Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED
         )
+        landed = (commander == Supervisor.COMMANDER_FINISHED) & (height < LANDED_HEIGHT)
         flies = (telemetry.state & int(Supervisor.FLYING) != 0) & ~landed
         flies |= time.monotonic() - self._taken_off < LAST_TAKEOFF
         agents = self._scene.agents

@@ -51,6 +51,13 @@ OPTIONS: dict[str, Any] = {
             "description": "Whether a process of its own owns the links: if the flight does not "
             "answer for 0.3 s its agents hover, after 1 s, or if it has ended, they land.",
         },
+        "descent": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether an agent that hears nothing after a take-off, or a trajectory "
+            "that it flies on board, hovers for 3 s and then comes down by itself; otherwise it "
+            "hovers until its battery is empty.",
+        },
         "mode": {
             "enum": ["legacy", "inline"],
             "default": "legacy",
@@ -163,6 +170,7 @@ class RadioOptions:
     setpoints: str
     report_period: float | None
     guardian: bool
+    descent: bool
     mode: str
     udp: str
     cache: str | None

@@ -126,9 +126,10 @@ def only_for(groups: int, order: bytes) -> bytes:
     return order[:_GROUPS] + bytes([groups]) + order[_GROUPS + 1 :]
 
 
-def define_trajectory(number: int, pieces: int, at: int = 0) -> bytes:
+def define_trajectory(number: int, pieces: int, at: int = 0, *, compressed: bool = False) -> bytes:
     """Assign a number to the pieces written to the trajectory memory from byte `at` on."""
-    return _packed(HighLevelCommander, "define_trajectory", number, at, pieces)
+    values = (number, at, pieces, int(compressed))
+    return _packed(HighLevelCommander, "define_trajectory", *values)
 
 
 def start_trajectory(

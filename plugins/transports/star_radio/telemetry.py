@@ -15,6 +15,7 @@ from star_core import (
     Odometry,
     Refusal,
     Rows,
+    Supervisor,
     Telemetry,
     quaternion_from_euler,
 )
@@ -43,11 +44,17 @@ class TelemetryBuffer:
 
     Args:
         vehicles: The drone of each row; one that is not connected has no reports.
+
+    Attributes:
+        last: (N, 13) values of the newest reports; columns of `star_radio.report`.
+        over_at: (N,) when the climb or trajectory of each drone is over, to which a descent has
+            been added, s of the computer's clock.
     """
 
     def __init__(self, vehicles: Sequence[Vehicle]) -> None:
         self._vehicles = vehicles
         self.last = np.full((len(vehicles), len(report.SOURCES)), np.nan)
+        self.over_at = np.full(len(vehicles), np.inf)
         self._newest = 0.0  # mission time, s
 
     def gather(self, began: float, frames: Frames, refusals: tuple[Refusal, ...] = ()) -> Telemetry:
@@ -57,7 +64,9 @@ class TelemetryBuffer:
             self.last[samples.agent] = samples.values  # the newest row of each drone is last
             self._newest = max(self._newest, float(samples.time.max()) - began)
         now = time.monotonic()
-        state = self.last[:, report.STATE]
+        state = np.nan_to_num(self.last[:, report.STATE]).astype(np.int64)
+        active = state & int(Supervisor.COMMANDER_ACTIVE) != 0
+        state[active & (now >= self.over_at)] |= int(Supervisor.COMMANDER_FINISHED)
         return Telemetry(
             time=self._newest,
             position=self.last[:, [report.X, report.Y, report.Z]],
@@ -66,7 +75,7 @@ class TelemetryBuffer:
                 *self.last[:, [report.ROLL, report.PITCH, report.YAW]].T
             ),
             battery=self.last[:, report.BATTERY],
-            state=np.where(np.isnan(state), 0, state).astype(np.int64),
+            state=state,
             age=np.array([now - vehicle.stream.sampled for vehicle in self._vehicles]),
             odometry=odometry(samples, began),
             frames=frames,

@@ -18,18 +18,29 @@ TRAJECTORY_MEMORY: Final = 0x12  # type of the memory
 SIZE: Final = 4096  # bytes of the memory
 PIECE: Final = 132  # bytes of a piece: 33 numbers
 MAX_PIECES: Final = SIZE // PIECE
+_DESCENT_PIECES: Final = 2  # a hover and a descent
 MAX_TRAJECTORIES: Final = 10  # of the firmware (``NUM_TRAJECTORY_DEFINITIONS``)
+HOVER_TIME: Final = 3.0  # s, of a drone that nothing takes over; the core needs 2 s at most
+DESCENT_SPEED: Final = 0.3  # m/s, of such a drone after that
+DESCENT_MARGIN: Final = 0.2  # m below the floor, at which its descent ends
 MAX_ROTATION: Final = math.radians(30)  # from the upload: heading drift is smaller
 
 
 class TrajectoryMemory:
     """Trajectories stored one after the other in the memory of each drone, numbered from 0.
 
+    Each ends with a descent, which begins `HOVER_TIME` after it, if there is room for these.
+
     Args:
         trajectories: All of them, without duplicates.
+        depth: Of the descents, m; None for none.
+
+    Attributes:
+        depth: Of the descents, m; None if there are none.
+        size: Bytes that are used.
     """
 
-    def __init__(self, trajectories: Sequence[Trajectory] = ()) -> None:
+    def __init__(self, trajectories: Sequence[Trajectory] = (), depth: float | None = None) -> None:
         counts = [len(trajectory.duration) for trajectory in trajectories]
         if (pieces := sum(counts)) > MAX_PIECES:
             raise PluginError(
@@ -43,9 +54,17 @@ class TrajectoryMemory:
                 f"a Crazyflie stores {MAX_TRAJECTORIES} trajectories at most, got {len(counts)}",
                 "memory-full",
             )
+        extended = [count + _DESCENT_PIECES for count in counts]
+        self.depth = depth if sum(extended) <= MAX_PIECES else None
+        if self.depth is not None:
+            counts = extended
+        self.size = PIECE * sum(counts)
         begins = accumulate(counts, initial=0)
         self._numbers = {trajectory: i for i, trajectory in enumerate(trajectories)}
         self._at = [PIECE * begin for begin, _ in zip(begins, counts, strict=False)]
+
+    def __len__(self) -> int:
+        return len(self._numbers)
 
     def __contains__(self, trajectory: object) -> bool:
         return trajectory in self._numbers
@@ -59,7 +78,10 @@ class TrajectoryMemory:
         """
         for trajectory, number in self._numbers.items():
             turned = transformed(trajectory.coefficients, -heading)
-            write(number, Trajectory(trajectory.duration, turned), at=self._at[number])
+            written = Trajectory(trajectory.duration, turned)
+            if self.depth is not None:
+                written = with_descent(written, self.depth)
+            write(number, written, at=self._at[number])
 
     def start(self, trajectory: Trajectory | None, duration: float, version: int) -> bytes:
         """Return the packet that starts a trajectory of `duration`, s, at the current position."""
@@ -68,6 +90,19 @@ class TrajectoryMemory:
         stretch = duration / float(trajectory.duration.sum())
         number = self._numbers[trajectory]
         return orders.start_trajectory(number, version, stretch=stretch, relative=True)
+
+
+def with_descent(trajectory: Trajectory, depth: float) -> Trajectory:
+    """Return a trajectory with a hover of `HOVER_TIME` and a straight descent by `depth`, m."""
+    powers = trajectory.duration[-1] ** np.arange(trajectory.coefficients.shape[2])
+    pieces = np.zeros((_DESCENT_PIECES, *trajectory.coefficients.shape[1:]))
+    pieces[:, :, 0] = trajectory.coefficients[-1] @ powers
+    pieces[-1, 2, 1] = -DESCENT_SPEED
+    times = [HOVER_TIME, depth / DESCENT_SPEED]
+    return Trajectory(
+        np.concatenate([trajectory.duration, times]),
+        np.concatenate([trajectory.coefficients, pieces]),
+    )
 
 
 def rotation_error(yaw: float, heading: float) -> str:
@@ -106,7 +141,7 @@ def upload(number: int, trajectory: Trajectory, ask: Ask, *, at: int = 0) -> Non
     Takes about 0.1 s per piece over radio.
     """
     data = packed(trajectory)
-    memory = _memory(ask)
+    memory = memory_number(ask)
     places = range(0, len(data), packets.MEMORY_PIECE)
     writes = [
         packets.write_memory(memory, at + done, data[done : done + packets.MEMORY_PIECE])
@@ -126,8 +161,12 @@ def upload(number: int, trajectory: Trajectory, ask: Ask, *, at: int = 0) -> Non
         raise PluginError(text, "refused-request")
 
 
-def _memory(ask: Ask) -> int:
-    """Return the number of the trajectory memory."""
+def memory_number(ask: Ask) -> int:
+    """Return the number of the trajectory memory.
+
+    Raises:
+        PluginError: There is none.
+    """
     about = "its memories"
     packet = packets.packet(packets.MEMORY, packets.MEMORY_INFO, b"\1")
     (answer,) = ask([Question.of(packet, b"\1", about)])

@@ -27,7 +27,7 @@ from star_core import (
     Trajectory,
     Truth,
 )
-from star_radio import budget, orders, report
+from star_radio import budget, orders, profiles, report
 from star_radio.broadcast import BroadcastCommands
 from star_radio.connection import udp_links
 from star_radio.connection.cflib_link import silence_cflib
@@ -36,8 +36,9 @@ from star_radio.connection.tables import Tables, user_cache
 from star_radio.options import RadioOptions
 from star_radio.sensors import Sensors, connecting
 from star_radio.steering import Steering, Velocities, WholeStates
+from star_radio.takeoffs import Climb, Takeoffs
 from star_radio.telemetry import TelemetryBuffer
-from star_radio.trajectories import TrajectoryMemory, rotation_error
+from star_radio.trajectories import DESCENT_MARGIN, TrajectoryMemory, rotation_error
 from star_radio.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -95,6 +96,8 @@ class Radio:
             for agent in scene.agents
         )
         self._memory = TrajectoryMemory()
+        self._takeoffs = Takeoffs(self.vehicles)
+        self._lasts: dict[int, float] = {}  # s, of what comes down at its end, by row
         self._awaiting_start: set[int] = set()  # rows commanded to follow, not yet reported active
         self.connected = np.zeros(len(self.vehicles), np.bool_)
         self._refusals: list[Refusal] = []
@@ -140,7 +143,18 @@ class Radio:
         Raises:
             PluginError: They do not fit, or drones refuse; the message lists each such drone.
         """
-        self._memory = TrajectoryMemory(trajectories)
+        depth = self._scene.limits.height[1] + DESCENT_MARGIN if self._options.descent else None
+        self._memory = TrajectoryMemory(trajectories, depth)
+        full = self._memory.size > profiles.AT or len(self._memory) > profiles.NUMBER
+        if self._options.descent and (full or self._memory.depth is None):
+            log.warning(
+                "radio: the trajectories fill the memories of the agents: without a link they "
+                "hover after %s until their batteries are empty",
+                "take-offs and trajectories" if self._memory.depth is None else "take-offs",
+            )
+        if full:
+            for vehicle in self.vehicles:
+                vehicle.take_off_memory = None
         present = {row: self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()}
         agents = self._scene.agents
         refused = _faults(
@@ -157,12 +171,15 @@ class Radio:
         now = time.monotonic()
         if self.began is None:
             self.began = now
+        self._take_off(now)
         for row, vehicle in enumerate(self.vehicles):
             if not (self.connected[row] or vehicle.rebooted):
                 continue
             if row in self._awaiting_start and self._follows(row):
                 self._awaiting_start.discard(row)
                 vehicle.confirm()  # a repeated command would restart it from here
+                self._takeoffs.drop([row])
+                self._telemetry.over_at[row] = now + self._lasts[row]
             for failure in vehicle.retry(now):
                 log.warning("radio: %s %s", vehicle.name, failure.text)
                 if failure.refused:
@@ -192,30 +209,71 @@ class Radio:
             ContractError: A trajectory was not uploaded.
         """
         rows = [(i, row) for i, row in enumerate(command.agent.tolist()) if self.connected[row]]
-        self._awaiting_start.difference_update(command.agent.tolist())
-        if command.trajectory is not None:
-            rows = [(i, row) for i, row in rows if self._can_follow(row, float(command.yaw[i]))]
-            self._awaiting_start.update(row for _i, row in rows if not self._follows(row))
         if command.order is Order.ARM:
             for _i, row in rows:
                 self.vehicles[row].arm()
             return
+        self._awaiting_start.difference_update(command.agent.tolist())
+        self._takeoffs.drop(command.agent.tolist())
+        self._telemetry.over_at[command.agent] = np.inf
+        if command.trajectory is not None:
+            rows = [(i, row) for i, row in rows if self._can_follow(row, float(command.yaw[i]))]
+            for i, row in rows:
+                descends = self._memory.depth is not None
+                self._lasts[row] = float(command.duration[i]) if descends else np.inf
+                if self._follows(row):
+                    self._telemetry.over_at[row] = time.monotonic() + self._lasts[row]
+                else:
+                    self._awaiting_start.add(row)
         packets = {row: self._packet(command, i, self.vehicles[row].version) for i, row in rows}
+        if command.order is Order.TAKEOFF:
+            for row in packets:
+                self.vehicles[row].arm()
+            if self._options.descent:
+                climbs = {row: self._climb(command, i, packets[row]) for i, row in rows}
+                self._takeoffs.prepare(climbs, time.monotonic())
+                return
+        self._give(command.order, packets)
+
+    def _give(self, order: Order, packets: Mapping[int, bytes]) -> None:
+        """Send a command to drones, with the packet of each row."""
         steered = any(self.vehicles[row].steered for row in packets)
         if self._broadcasts is not None:
             self._broadcasts.void(packets)
-        for row in packets:
-            if command.order is Order.TAKEOFF:
-                self.vehicles[row].arm()
         # A broadcast, sent by another dongle, may overtake a setpoint, which would then cancel the
         # command; only a stop cannot be cancelled.
-        may_broadcast = not steered or command.order is Order.STOP
+        may_broadcast = not steered or order is Order.STOP
         broadcast = self._broadcasts.order(packets) if self._broadcasts and may_broadcast else {}
-        for row, packet in (packets | broadcast).items():
+        for row, packet in {**packets, **broadcast}.items():
             vehicle = self.vehicles[row]
-            vehicle.order(packet, COMMANDS[command.order], sent=row in broadcast)
-            if command.order is Order.STOP and self._options.stop == "lock":
+            once = order is Order.TAKEOFF and row in self._awaiting_start
+            vehicle.order(packet, COMMANDS[order], sent=row in broadcast, once=once)
+            if order is Order.STOP and self._options.stop == "lock":
                 vehicle.lock()
+
+    def _climb(self, command: Command, i: int, packet: bytes) -> Climb:
+        """Return how row `i` of a take-off is flown."""
+        row = int(command.agent[i])
+        memory, last = self.vehicles[row].take_off_memory, self._telemetry.last[row]
+        state = int(np.nan_to_num(last[report.STATE]))
+        if memory is None or state & Supervisor.FLYING:  # it may fly what is in its memory
+            return Climb(packet)
+        duration = self._lasts[row] = float(command.duration[i])
+        rise = float(command.position[i, 2] - last[report.Z])
+        return Climb(packet, profiles.profile(rise, float(last[report.YAW]), duration), memory)
+
+    def _take_off(self, now: float) -> None:
+        """Start the take-offs that are due at `now`, s, and those that did not start."""
+        climbs = self._takeoffs.due(now)
+        bounded = {row for row, climb in climbs.items() if climb.profile is not None}
+        self._awaiting_start |= bounded
+        starts = {row: profiles.start(self.vehicles[row].version) for row in bounded}
+        if climbs:
+            packets = {row: starts.get(row, climb.order) for row, climb in climbs.items()}
+            self._give(Order.TAKEOFF, packets)
+        for row in self._takeoffs.missed(now):
+            packet = profiles.start(self.vehicles[row].version)
+            self.vehicles[row].order(packet, COMMANDS[Order.TAKEOFF], once=True)
 
     def correct(self, corrections: Corrections) -> None:
         """Send pose corrections to the estimators, preceded by changed standard deviations."""

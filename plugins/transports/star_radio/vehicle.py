@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from star_core import PluginError, Supervisor, Trajectory
-from star_radio import orders
+from star_radio import orders, profiles
 from star_radio.connection import log_blocks, packets
 from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
 from star_radio.connection.link import Link
-from star_radio.connection.questions import Question
+from star_radio.connection.questions import ATTEMPTS, Question
 from star_radio.connection.tables import Table, Tables, set_now
 from star_radio.handover import Handover, Repeat
 from star_radio.options import RadioOptions
@@ -28,8 +28,9 @@ LINK_LOST_TIMEOUT: Final = 1.0  # s without a report, after which a drone may be
 LAST_ORDER_TIMEOUT: Final = 2.0  # s, for which closing waits for a landing or stop to be confirmed
 LOST_ORDER_TIMEOUT: Final = 0.5  # s, the same for a drone that may be unreachable
 LANDED_HEIGHT: Final = 0.1  # m: a drone below it that has finished its plan is on the ground
-MIN_DESCENT_TIME: Final = 3.0  # s, of the landing on closing
-DESCENT_SPEED: Final = 0.3  # m/s, mean of a longer landing
+LAND_DEPTH: Final = 0.15  # m below the floor, at which a landing ends: see `landing`
+MIN_LAND_TIME: Final = 3.0  # s, of the landing on closing
+LAND_TIME_PER_HEIGHT: Final = 3.0  # s/m
 _ALREADY: Final = 1  # error if the drone already executes the command: another plan is active
 _BUSY: Final = 16  # errno of a command that the supervisor blocks for now
 _ERRORS: Final = {8: "it does not know it", 16: "its supervisor blocks it", 22: "it is invalid"}
@@ -53,6 +54,7 @@ class Vehicle:
         version: Protocol version of its firmware.
         stream: Its reports.
         parameters: Its table of parameters.
+        take_off_memory: Number of the memory for profiles of take-offs; None if there is none.
         settling: Whether `connect` waits for its estimator to settle.
         steered: Whether it is flown by setpoints.
         rebooted: Whether it rebooted since it was connected, by the clock of its reports. It is
@@ -65,12 +67,14 @@ class Vehicle:
         self.link = link
         self.version = 0
         self.parameters: Table = {}
+        self.take_off_memory: int | None = None
         self.settling = False
         self.steered = False
         self.rebooted = False
         self._groups = orders.ALL_GROUPS  # groups it was assigned to, a bit each
         self._handover: Handover | None = None  # of the last command
         self._order: Question | None = None  # the last command, until it is confirmed
+        self._once = False  # whether it is not repeated by the link
         self._stopped = False  # whether the last command was to stop the motors
         self._steered_at = -math.inf  # s, when the last setpoint was sent
         self._end_of_reports: Question | None = None
@@ -122,6 +126,8 @@ class Vehicle:
             time.monotonic() - self.stream.heard > REPORT_TIMEOUT
         ):  # a late copy of a packet ended them
             self.stream.begin(*reports)
+        if options.descent:
+            self.take_off_memory = profiles.reserve(self._ask)
         packet = orders.set_groups(groups)  # last: a drone in a group has been connected
         (answer,) = self._ask([Question.of(packet, packet[1:], "its groups")])
         if error := _error(answer):
@@ -140,12 +146,13 @@ class Vehicle:
         self._steered_at = time.monotonic()
         self.link.steer(setpoint)
 
-    def order(self, packet: bytes, what: str, *, sent: bool = False) -> None:
+    def order(self, packet: bytes, what: str, *, sent: bool = False, once: bool = False) -> None:
         """Send a high-level command and make sure that it takes over from setpoints.
 
         It is repeated until it is confirmed, and longer: see `Handover`. Unless it stops the
         motors, it is delayed until the last setpoint has arrived. A newer command replaces it. It
-        is for all groups, unless it has just been broadcast (`sent`).
+        is for all groups, unless it has just been broadcast (`sent`). The link does not repeat one
+        that is to be sent `once`.
         """
         now = time.monotonic()
         self._stopped = packet[1] == orders.STOP
@@ -156,7 +163,7 @@ class Vehicle:
         self._handover = Handover(packet, what, now, steered=steered, setpoint_at=last)
         self.steered = False
         self.link.forget("order")
-        self._order = None
+        self._order, self._once = None, once
         self._hand_over(now, sent=sent)
 
     def arm(self) -> None:
@@ -208,8 +215,8 @@ class Vehicle:
         """Repeat unconfirmed packets; return those that were refused or never confirmed."""
         failures = []
         for question in self.link.retry(now):
-            if question.topic == log_blocks.TOPIC:
-                continue  # `ReportStream` asks again
+            if question.topic == log_blocks.TOPIC or question.topic.startswith(profiles.TOPIC):
+                continue  # `ReportStream` asks again, and `Takeoffs` does without
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
             if question is self._order and self._ends_order(now, answer, error):
@@ -292,6 +299,7 @@ class Vehicle:
             topic="order",
             on_answer=self._notify,
             accepts=lambda payload: _error(payload) != _BUSY,
+            retries=1 if self._once else ATTEMPTS,
             sendings=int(sent),  # a broadcast is repeated, and answered each time
         )
         self.link.assure(self._order, sent=sent)
@@ -311,6 +319,8 @@ class Vehicle:
         self._order = None
         if order is None or handover is None or handover.confirmed is not None:
             return True
+        if self._once and (answer is None or error == _BUSY):
+            return True  # it may be sent anew
         if answer is None:  # no more retries here; `_hand_over` may send it again
             return False
         # an earlier copy of the command is already being executed
@@ -350,10 +360,11 @@ class Vehicle:
                 self.link.steer(orders.velocity((0.0, 0.0, 0.0), 0.0, self.version))
 
     def _flies(self) -> bool:
-        """Whether the drone flies by its newest report; a drone that has just landed does not."""
+        """Whether the drone flies by its newest report, or stands with its motors on."""
         _heard, height, state = self.stream.newest
-        under_way = not state & Supervisor.COMMANDER_FINISHED
-        return bool(state & Supervisor.FLYING) and (under_way or height > LANDED_HEIGHT)
+        commander = Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED
+        over = state & commander == Supervisor.COMMANDER_FINISHED  # a landing, or setpoints fly it
+        return bool(state & Supervisor.FLYING) and not (over and not height > LANDED_HEIGHT)
 
     def _ask(self, questions: Sequence[Question]) -> list[bytes]:
         """Ask questions, blocking; for connecting and uploading."""
@@ -361,8 +372,13 @@ class Vehicle:
 
 
 def landing(height: float) -> bytes:
-    """Return the command to land from a height, m."""
-    return orders.land(0.0, max(MIN_DESCENT_TIME, height / DESCENT_SPEED))  # `max` drops a NaN here
+    """Return the command to land from a height, m.
+
+    The motors stop at the end of the plan. The drone follows it late, or too high, and would fall
+    if that were on the floor. So it crosses the floor at 0.3 m/s or less and ends below.
+    """
+    height = max(0.0, height)  # `max` drops a NaN here
+    return orders.land(-LAND_DEPTH, MIN_LAND_TIME + LAND_TIME_PER_HEIGHT * height)
 
 
 def _error(payload: bytes) -> int:

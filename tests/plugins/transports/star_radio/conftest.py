@@ -25,7 +25,7 @@ Peers: TypeAlias = Callable[..., list[Peer]]
 
 def options(**given: Any) -> dict[str, Any]:
     """Options of the transport, with the defaults of the schema."""
-    return fill_defaults({"guardian": False} | given, OPTIONS)
+    return fill_defaults({"guardian": False, "descent": False} | given, OPTIONS)
 
 
 def reached(uris: list[str], rate: float = 20.0) -> Scene:

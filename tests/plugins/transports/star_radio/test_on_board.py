@@ -28,6 +28,7 @@ from star_core import (
     load,
 )
 from star_core.testing import scene
+from star_fleet.link_faults import LinkFaults
 from star_radio import orders
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air
@@ -312,14 +313,19 @@ def flown(folder: Path, air: Air, operator: Operator | None = None) -> dict[str,
 def track(air: Air, monkeypatch: pytest.MonkeyPatch) -> list[Array]:
     """(2, 3) how far the drones really are from their starts, each tick since they set out."""
     drones, found = air.drones, list[Array]()
-    receive = Radio.receive
+    receive, order, orders = Radio.receive, Radio.command, list[Order]()
 
     def look(radio: Radio) -> Telemetry:
-        if radio._awaiting_start or found:
+        if Order.FOLLOW in orders:
             found.append(drones["position"] - drones["origin"])
         return receive(radio)
 
+    def command(radio: Radio, command: Command) -> None:
+        orders.append(command.order)
+        order(radio, command)
+
     monkeypatch.setattr(Radio, "receive", look)
+    monkeypatch.setattr(Radio, "command", command)
     return found
 
 
@@ -343,6 +349,24 @@ def test_drones_fly_it_in_the_map_and_land_in_the_middle(
     assert there[:, 1:] == pytest.approx(np.tile([0.0, 0.4], (2, 1)), abs=0.08)
     assert track[-1][:, 0] == pytest.approx(there[:, 0], abs=0.2)
     assert (track[-1][:, 2] == 0.0).all()
+
+
+def test_a_drone_without_a_link_comes_down_after_a_trajectory(
+    air: Air, tmp_path: Path, track: list[Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"{__name__}.MISSION", MISSION + "safety: {link_lost: {}}\n")
+
+    def cut() -> None:
+        if len(track) > 24:  # 1.2 s
+            air.links.faults[0] = LinkFaults(loss=1.0)
+
+    air.watch = cut
+    flown(tmp_path, air)
+    air.sleep(8.0)
+    assert (air.drones["position"] - air.drones["origin"])[0] == pytest.approx(
+        [0.5, 0.3, 0.0], abs=0.15
+    )
+    assert air.impact[0] < 0.4
 
 
 @pytest.mark.campaign
