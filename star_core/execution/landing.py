@@ -34,7 +34,9 @@ SETTLING_TIME: Final = 2.0  # s that an agent may take to come to rest
 LAND_SPEED: Final = 0.3  # m/s, when the core itself lands
 CONTROLLER_LAG: Final = 0.5  # s, by which the firmware's default controller follows a plan late
 LAG_ALLOWANCE: Final = 2 * CONTROLLER_LAG  # s, for a landing: its plan ends with the motors off
-MIN_LAND_TIME: Final = 2.5  # s, likewise the shortest landing of all
+LAND_DEPTH: Final = 0.15  # m below the floor, at which it ends: drones hover up to 0.12 m too high
+MIN_LAND_TIME: Final = 3.0  # s, of a landing from the floor, and
+MIN_LAND_TIME_PER_HEIGHT: Final = 2.0  # s/m, with which a plan crosses the floor at 0.3 m/s or less
 
 REPLY_TIME: Final = 0.7  # s; a report made so long after a command shows whether it was received
 MAX_REPEATS: Final = 3  # of a landing; an agent that then hovers still, or reports so, has failed
@@ -117,7 +119,7 @@ class LandingManager:
             rows: (K,) the agents.
             estimate: Of their positions.
             durations: (K,) of the descents, s; NaN or None is at the core's own pace. No descent
-                takes less than `MIN_LAND_TIME`.
+                is so short that its drone would hit the floor fast.
         """
         phases = self._vehicles.phases.of_agents()[rows]
         up = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
@@ -168,11 +170,12 @@ class LandingManager:
         position = np.nan_to_num(position)
         # a commander's plan begins where the previous one is, which a climbing agent trails
         rise = CONTROLLER_LAG * np.maximum(0.0, np.nan_to_num(estimate.velocity[rows, 2]))
-        duration = (position[:, 2] + rise) / LAND_SPEED + LAG_ALLOWANCE
+        height = np.maximum(0.0, position[:, 2]) + rise
+        duration = height / LAND_SPEED + LAG_ALLOWANCE
         if durations is not None:
             duration = np.where(np.isnan(durations), duration, durations)
-        duration = np.maximum(duration, MIN_LAND_TIME)
-        position[:, 2] = 0.0
+        duration = np.maximum(duration, MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT * height)
+        position[:, 2] = -LAND_DEPTH
         yaw = np.nan_to_num(estimate.yaw[rows])
         self._vehicles.send_command(Command(Order.LAND, rows, position, yaw, duration), estimate)
         self._commanded_at[rows] = self._vehicles.time

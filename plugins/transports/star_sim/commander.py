@@ -153,8 +153,9 @@ def obey(drones: Drones, command: Command, now: float) -> None:
         turning = command.order is Order.GOTO
         target = command.position[able].copy()
         start, velocity, acceleration, yaw = _reference(drones, rows)
-        if not turning:
+        if not turning:  # straight, and from rest: ``plan_takeoff_or_landing`` of ``planner.c``
             target[:, :2] = start[:, :2]
+            velocity, acceleration = 0 * velocity, 0 * acceleration
         turn = wrap_angle(command.yaw[able] - yaw)
         end_yaw = yaw + turn if turning else yaw
         duration = command.duration[able]

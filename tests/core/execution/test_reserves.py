@@ -74,7 +74,7 @@ def test_a_relieved_agent_goes_only_when_the_other_is_there_and_lands_at_home(
 
 
 def test_with_a_new_battery_it_is_a_reserve_again(lab: Lab) -> None:
-    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED, (0, 8.0): FULL, (1, 8.0): TIRED}))
+    lab.spoil("transport", "receive", volts({(0, 2.0): TIRED, (0, 9.0): FULL, (1, 9.0): TIRED}))
     lab.fly(TOUR)
     assert lab.said("relief") == [
         "cf3 takes off to relieve cf1",
