@@ -41,6 +41,7 @@ class VehicleInterface:
         estimate: Of the tick; None before the first.
         phases: Of every agent and of the mission.
         targets: That were found so far.
+        climb_top: (N,) z at which each agent's last climb ends, m in the map.
         down_by: Time at which the last of all landings so far ends, s.
         timing: Lateness of the ticks.
     """
@@ -56,6 +57,7 @@ class VehicleInterface:
         self.phases = Phases(scene.names)
         self._commanded = np.zeros(n, np.bool_)  # flown on board to a point or along a trajectory
         self.targets = Targets(scene)
+        self.climb_top = np.zeros(n)
         self.down_by = 0.0
         self.timing = TickTiming(scene.period)
         self._localizer_failed = False
@@ -177,6 +179,7 @@ class VehicleInterface:
         match command.order:
             case Order.TAKEOFF:
                 self._unheard.flies_on_board(command.agent)
+                self.climb_top[command.agent] = command.position[:, 2]
                 self.phases.fire("take_off", command.agent)
             case Order.LAND:
                 self._unheard.lands(command.agent, self.time + command.duration, heard)

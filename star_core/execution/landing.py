@@ -171,6 +171,8 @@ class LandingManager:
         # a commander's plan begins where the previous one is, which a climbing agent trails
         rise = CONTROLLER_LAG * np.maximum(0.0, np.nan_to_num(estimate.velocity[rows, 2]))
         height = np.maximum(0.0, position[:, 2]) + rise
+        climbs = self._vehicles.phases.of_agents()[rows] == AgentPhase.TAKING_OFF
+        height = np.where(climbs, np.maximum(height, self._vehicles.climb_top[rows]), height)
         duration = height / LAND_SPEED + LAG_ALLOWANCE
         if durations is not None:
             duration = np.where(np.isnan(durations), duration, durations)

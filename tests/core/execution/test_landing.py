@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Limits, Supervisor
+from star_core import AgentPhase, Command, Limits, Supervisor
 from star_core.cli.main import run
 from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
@@ -165,16 +165,18 @@ class Landings:
 
     def __init__(self, phases: list[AgentPhase], limits: Limits | None = None) -> None:
         self.landed: list[list[int]] = []
+        self.commands: list[Command] = []
         self.reported: list[str] = []
         n = len(phases)
         self.vehicles = SimpleNamespace(
             time=0.0,
+            climb_top=np.ones(n),
             phases=SimpleNamespace(
                 of_agents=lambda: np.array(phases, np.int64),
                 among=lambda *some: among(np.array(phases, np.int64), *some),
             ),
             release=lambda _rows: None,
-            send_command=lambda command, _estimate: self.landed.append(command.agent.tolist()),
+            send_command=lambda command, _estimate: self._sent(command),
         )
         observers: Any = SimpleNamespace(
             event=lambda _kind, text, _agent: self.reported.append(text)
@@ -186,6 +188,24 @@ class Landings:
             observers,
             lambda places: np.zeros(len(places), bool),
         )
+
+    def _sent(self, command: Command) -> None:
+        self.commands.append(command)
+        self.landed.append(command.agent.tolist())
+
+
+@pytest.mark.parametrize(
+    ("phase", "duration"), [(AgentPhase.FLYING, 3.4), (AgentPhase.TAKING_OFF, 5.0)]
+)
+def test_a_landing_takes_long_enough_to_touch_down_slowly(
+    phase: AgentPhase, duration: float
+) -> None:
+    """The plan of an agent that climbs may be at its top, 1 m here, and lead down from it."""
+    landings = Landings([phase])
+    landings.manager.land_now(np.array([0]), estimate(np.array([[0.0, 0.0, 0.2]])), np.array([0.5]))
+    (command,) = landings.commands
+    assert command.duration == pytest.approx([duration])
+    assert command.position[0, 2] == pytest.approx(-0.15)
 
 
 def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() -> None:
