@@ -83,8 +83,8 @@ def test_a_landing_that_a_step_began_is_waited_for_as_long_as_it_takes(lab: Lab)
 
 def test_the_motors_of_agents_that_are_down_are_not_stopped(lab: Lab) -> None:
     lab.fly(
-        "\n  - climb: {}\n  - descend: {agents: cf1}\n  - wait: {seconds: 5, agents: cf2}",
-        operator=interrupted(lab, 4.5, 5.0),
+        "\n  - climb: {}\n  - descend: {agents: cf1}\n  - wait: {seconds: 7, agents: cf2}",
+        operator=interrupted(lab, 6.5, 7.0),
     )
     assert lab.ordered(Order.STOP) == [1]
 
