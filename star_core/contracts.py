@@ -38,7 +38,9 @@ class Transport(Protocol):
 
     If it lands agents by itself when the flight fails it may have ``record_in(folder)``, called
     once after `connect` if the flight is recorded, and ``note_frames(map_from_odom)``: the
-    `Transform` of `Estimate.map_from_odom`, last known for each agent, before each `send`.
+    `Transform` of `Estimate.map_from_odom`, last known for each agent, before each `send`. If it
+    still lands agents after `close` it may have ``await_landings()``, which returns when that is
+    over: ``star run`` calls it last, and Ctrl-C interrupts it.
     """
 
     def connect(self) -> None:

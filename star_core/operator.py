@@ -20,11 +20,17 @@ class Operator:
             itself, or as the transport likes.
         report: ``report(kind, text, agent, details)`` records an event; the last two may be
             omitted. It does nothing before the flight.
+        recording: Whether the end of the flight is being recorded, which must not be interrupted.
+        await_landings: Return once no drone may be in the air that the transport can still land
+            after the flight, or when that is given up; for the caller of the flight, which may
+            interrupt it.
     """
 
     stops: int = 0
     simulation: Paced | None = None
     report: Callable[..., None] = lambda *_event: None
+    recording: bool = False
+    await_landings: Callable[[], None] = lambda: None
 
     def land_all(self) -> None:
         """Land all agents, and end the flight."""

@@ -274,6 +274,11 @@ class PluginPipeline:
         """Close every plugin that has ``close()``; return their errors."""
         return close_all((self._making[kind], plugin) for kind, plugin in self._plugins.items())
 
+    def await_landings(self) -> None:
+        """Wait for the transport to land, after the flight, what may be in the air."""
+        with self._making["transport"]:
+            getattr(self._plugins["transport"], "await_landings", lambda: None)()
+
 
 def renewed(last: Estimate, time: float) -> Estimate:
     """Return the last estimate for the present time, without what was sent with it once."""

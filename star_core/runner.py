@@ -58,6 +58,7 @@ def fly(
         pipeline.connect(run.loop.executor.trajectories, folder)
         operator.simulation = pipeline.paced
         operator.report = run.observers.event
+        operator.await_landings = pipeline.await_landings
         run.observers.notify(
             "star_mission_started",
             flight=Flight(mission.name, mission.scene, manifest(mission), folder, save_frames),
@@ -67,14 +68,20 @@ def fly(
             run.fly()
     finally:
         with Progress("closing the links and the record"):
-            failures = [*(run.loop.executor.close() if run is not None else ()), *pipeline.close()]
-            if run is not None and run.reason is not None:  # it began to fly
-                for text in failures:
-                    run.observers.event("failure", text)
-                if text := leaked_threads(before):
-                    run.observers.event("plugin", text)
-                summary = run.summary()
-                run.observers.notify("star_mission_ended", summary=deepcopy(summary))
+            failures: list[str] = []
+            try:
+                failures += run.loop.executor.close() if run is not None else ()
+                failures += pipeline.close()
+            finally:  # the operator may interrupt a plugin that hangs
+                operator.recording = True
+                if run is not None and run.reason is not None:  # it began to fly
+                    for text in failures:
+                        run.observers.event("failure", text)
+                    if text := leaked_threads(before):
+                        run.observers.event("plugin", text)
+                    summary = run.summary()
+                    run.observers.notify("star_mission_ended", summary=deepcopy(summary))
+                operator.recording = False
     return summary
 
 

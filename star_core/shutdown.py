@@ -8,7 +8,7 @@ import numpy as np
 
 from star_core.errors import PluginError
 from star_core.execution.assignments import GoalBuffer
-from star_core.messages.arrays import Rows
+from star_core.messages.arrays import Mask, Rows
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate
 from star_core.observers import Observers
 from star_core.operator import Operator
@@ -59,17 +59,15 @@ class Shutdown:
         self._command_landings(np.arange(n), estimate, goals, at_once=at_once)
         age = np.zeros(n)  # s, of each agent's newest report
         waits = False  # for a report after the planned end of all landings
-        while (up := vehicles.phases.among(*AIRBORNE)).any():
+        while (up := self._unreported()).any():
             if self._operator.stops > 1:
                 vehicles.emergency_stop(up)
                 return "stopped, motors off"
             commanded = max(begun, vehicles.down_by, self._loop.landing.until)
             delay = 0.0 if (age[up] > MAX_SILENCE).all() else MAX_LANDING_DELAY
-            if vehicles.time >= commanded + delay:
-                names = self._scene.named(np.flatnonzero(up).tolist())
-                text = f"{names} did not report to be on the ground"
-                self._observers.event("failure", text)
-                return text if (up & ~self._loop.unassigned()).any() else self._fallen(end)
+            assumed = vehicles.ground.assumed_down(vehicles.time)
+            if vehicles.time >= commanded + delay or assumed[up].all():
+                return self._report_unreported(up) or self._fallen(end)
             if vehicles.time >= commanded + REPORT_WAIT_AFTER and not waits:
                 waits = True
                 names = self._scene.named(np.flatnonzero(up).tolist())
@@ -121,9 +119,38 @@ class Shutdown:
             return ""
         if (up != vehicles.phases.among(AgentPhase.LANDING)).any():
             return ""
-        text = (
-            f"{self._scene.named(np.flatnonzero(up).tolist())} did not report to be on the ground"
-        )
+        return self._report_unreported(up)
+
+    def _unreported(self) -> Mask:
+        """Return which agents have flown and do not report to be on the ground: (N,)."""
+        vehicles = self._vehicles
+        stops = vehicles.phases.among(AgentPhase.EMERGENCY)
+        stops &= vehicles.ground.stop_unconfirmed(vehicles.time)
+        unreported: Mask = vehicles.phases.among(*AIRBORNE) | stops
+        return unreported
+
+    def _report_unreported(self, up: Mask) -> str:
+        """Report agents that do not report to be on the ground: (N,).
+
+        Returns:
+            The reason for which the mission fails; empty if all of these have left the mission, and
+            are known to be on the ground although they do not report it.
+        """
+        ground, time = self._vehicles.ground, self._vehicles.time
+        aloft = up & ~ground.down(time)
+        for kind, rows, words in (
+            ("airborne", aloft, "may be in the air"),
+            ("landing", up & ground.assumed_down(time), "counts as landed"),
+        ):
+            for row in np.flatnonzero(rows).tolist():
+                name = self._scene.agents[row].name
+                text = f"{name} {words}: {ground.describe(row, time)}"
+                self._observers.event(kind, text, name)
+        fails = aloft | (up & ~self._loop.unassigned())
+        if not fails.any():
+            return ""
+        names = self._scene.named(np.flatnonzero(fails).tolist())
+        text = f"{names} did not report to be on the ground"
         self._observers.event("failure", text)
         return text
 

@@ -99,6 +99,7 @@ class ControlLoop:
         self.metrics = FlightMetrics(scene)
         self._unreachable: dict[int, str] = {}  # reasons by row, in the last tick
         self._lost_since = np.full(n, np.inf)  # s
+        self._started = False
 
     def tick(self) -> MissionStatus:
         """Run one control tick for the whole swarm; return the status of the mission."""
@@ -106,7 +107,11 @@ class ControlLoop:
         estimate = self.vehicles.locate(telemetry)
         health = self.vehicles.track(telemetry, estimate)
         excused = self._apply_rules(estimate, health)
-        if reason := self._no_agent_left() or self._lost_too_long(excused):
+        if reason := (
+            self._unfit_to_start(health)
+            or self._no_agent_left()
+            or self._lost_too_long(health, excused)
+        ):
             return MissionStatus(Status.FAILURE, reason)
         context = self._context(telemetry, estimate, health, excused)
         status, goals = self.executor.step(context)
@@ -195,9 +200,22 @@ class ControlLoop:
         none_left = self._rules.action.any() and self.unassigned().all()
         return "the safety rules left no agent" if none_left else ""
 
-    def _lost_too_long(self, excused: Mask) -> str:
+    def _unfit_to_start(self, health: Health) -> str:
+        """Return the reason not to begin if a safety rule would end the flight of an agent."""
+        if self._started:
+            return ""
+        self._started = True
+        limit = self._rules.lowest_voltage
+        low = (health.battery < limit) & ~self.unassigned()
+        if not low.any():
+            return ""
+        names, volts = self._scene.named(np.flatnonzero(low)), health.battery[low].min()
+        return f"not started: battery_low: {names} at {volts:.2f} V, below {limit:g} V"
+
+    def _lost_too_long(self, health: Health, excused: Mask) -> str:
         """Return the reason to end if an agent of the mission has been lost for too long."""
-        lost = self.vehicles.phases.among(AgentPhase.LOST) & ~excused
+        lost = self.vehicles.phases.among(AgentPhase.LOST) | self.landing.unheard(health.age)
+        lost &= ~excused
         time = self.vehicles.time
         self._lost_since = np.where(lost, np.fmin(self._lost_since, time), np.inf)
         late = (time - self._lost_since > MAX_LOST_TIME) & ~self.unassigned()

@@ -19,6 +19,7 @@ from star_core.pipeline import PluginPipeline, renewed
 from star_core.plugin_support.timing import TickTiming
 from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.safety.estimate_monitor import EstimateMonitor
+from star_core.safety.ground_evidence import GroundEvidence
 from star_core.scene import Scene
 
 log = logging.getLogger(__name__)
@@ -43,6 +44,7 @@ class VehicleInterface:
         targets: That were found so far.
         climb_top: (N,) z at which each agent's last climb ends, m in the map.
         down_by: Time at which the last of all landings so far ends, s.
+        ground: What shows that agents are on the ground.
         timing: Lateness of the ticks.
     """
 
@@ -59,6 +61,7 @@ class VehicleInterface:
         self.targets = Targets(scene)
         self.climb_top = np.zeros(n)
         self.down_by = 0.0
+        self.ground = GroundEvidence(n)
         self.timing = TickTiming(scene.period)
         self._localizer_failed = False
         self._until = np.zeros(n)  # s, earliest end of what a commander flies
@@ -114,6 +117,7 @@ class VehicleInterface:
     def track(self, telemetry: Telemetry, estimate: Estimate) -> Health:
         """Update the phases of the agents and the targets they found; return their health."""
         heard = telemetry.age <= MAX_REPORT_AGE
+        self.ground.observe(self.time, telemetry)
         finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
         settled = self._settled(finished, estimate)
         self.phases.observe(telemetry.state, heard, estimate.valid, settled)
@@ -159,6 +163,7 @@ class VehicleInterface:
         )
         sent = self._pipeline.send(odom, to_map)
         self._unheard.steered(self.time, setpoint.active)
+        self.ground.steered(self.time, setpoint.active)
         if sent is odom:
             return setpoint
         return replace(sent, velocity=to_map.turn(sent.velocity), yaw=sent.yaw + to_map.yaw)
@@ -173,6 +178,7 @@ class VehicleInterface:
                 yaw=command.yaw + to_odom.yaw,
             )
         )
+        self.ground.commanded(self.time, command)
         if command.order is not Order.ARM:
             self._commanded[command.agent] = command.order in FLOWN_ON_BOARD
         heard = self._heard[command.agent]

@@ -121,15 +121,16 @@ def _parse(
 
 
 def _run(arguments: Sequence[str]) -> int:
-    from contextlib import nullcontext, redirect_stdout
+    from contextlib import nullcontext, redirect_stdout, suppress
 
     from star_core.toolkit.progress import Progress
 
     with Progress("loading plugins"):
         from star_core.cli.run import log_to_stderr, run_mission
+        from star_core.operator import Operator
         from star_core.registry import Registry
 
-        registry, answer = Registry(), sys.stdout
+        registry, answer, operator = Registry(), sys.stdout, Operator()
     options = _parse("run", arguments, registry)
     log_to_stderr(verbose=options.verbose)
     # What plugins print must not be in the JSON.
@@ -147,8 +148,11 @@ def _run(arguments: Sequence[str]) -> int:
                 if key.startswith("--") and values is not None
             },
             as_json=options.json,
+            operator=operator,
         )
-        print(text, file=answer)
+        print(text, file=answer, flush=True)
+        with suppress(KeyboardInterrupt):
+            operator.await_landings()
     return status
 
 

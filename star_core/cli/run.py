@@ -50,7 +50,7 @@ def log_to_stderr(*, verbose: bool) -> None:
     logging.getLogger("transitions").setLevel(logging.ERROR)  # a trigger may have no transition
 
 
-def run_mission(
+def run_mission(  # noqa: PLR0913 -- options of the command
     path: str,
     assignments: Sequence[str],
     registry: Registry,
@@ -60,10 +60,12 @@ def run_mission(
     save_frames: bool,
     observers: Mapping[str, Sequence[str]] = MappingProxyType({}),
     as_json: bool,
+    operator: Operator | None = None,
 ) -> tuple[int, str]:
     """Fly the mission at `path` and show its progress; return exit status and text to print.
 
-    `observers` has the run options that were given, with their values.
+    `observers` has the run options that were given, with their values. The caller awaits the
+    landings of `operator`, if there are any after the flight.
 
     Raises:
         InputError: The mission cannot be flown, or there is a record at `out` already.
@@ -82,7 +84,7 @@ def run_mission(
         found = registry.find("run_option", name)
         observer = make("option", found, mission, registry, *values)
         registry.add(observer, replace(found.source, plugin=f"{found.source.plugin}:{name}"))
-    operator = Operator()
+    operator = operator or Operator()
     with _signals(operator), listening(operator, mission.name):
         summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)
     return outcome_of(summary), json.dumps(summary, indent=2) if as_json else format_summary(
@@ -205,6 +207,8 @@ def _signals(operator: Operator) -> Iterator[None]:
             case 2:
                 operator.stop_motors()
                 what = "stopping the motors; again interrupts a plugin that hangs"
+            case _ if operator.recording:
+                what = "the flight has ended; its record is being completed"
             case _:  # a plugin hangs
                 raise KeyboardInterrupt
         text = f"star: {signal.Signals(number).name}: {what}\n"

@@ -128,6 +128,16 @@ class LandingManager:
         self._repeats[rows[up]] = 0
         self._command(rows[up], estimate, durations)
 
+    def unheard(self, age: Array) -> Mask:
+        """Return which agents are not heard after the planned end of their landings: (N,).
+
+        Args:
+            age: (N,) time since each agent was last heard, s.
+        """
+        lands = self._vehicles.phases.among(AgentPhase.LANDING) & (age > MAX_REPORT_AGE)
+        unheard: Mask = lands & (self._vehicles.time > self._ends_at)
+        return unheard
+
     def repeat_missed(self, telemetry: Telemetry, estimate: Estimate) -> None:
         """Command landings again of agents that report to hover instead: they did not receive it.
 

@@ -143,14 +143,22 @@ class ToleratingGuard:
 
 
 def close_all(plugins: Iterable[tuple[PluginGuard, object]]) -> list[str]:
-    """Close every plugin that has ``close()``, one after the other; return their errors."""
-    errors = []
+    """Close every plugin that has ``close()``, one after the other; return their errors.
+
+    Raises:
+        KeyboardInterrupt: The operator interrupted one that hangs; the others are closed.
+    """
+    errors, interrupt = [], None
     for guard, plugin in plugins:
         try:
             with guard:
                 getattr(plugin, "close", lambda: None)()
         except PluginError as error:  # the others have yet to be closed
             errors.append(str(error))
+        except KeyboardInterrupt as error:
+            interrupt = error
+    if interrupt is not None:
+        raise interrupt
     return errors
 
 

@@ -69,6 +69,11 @@ class Rules:
                 new.append(Verdict(row, action, f"{name}: {reasons[row]}"))
         return new
 
+    @property
+    def lowest_voltage(self) -> float:
+        """Voltage below which an agent leaves the mission, V; minus infinity without that rule."""
+        return float(self._rules.get("battery_low", {"below": -np.inf})["below"])
+
     def reset(self, row: int) -> None:
         """Cancel the action for an agent that is fit again."""
         self.action[row] = SafetyAction.NOTHING
@@ -79,7 +84,7 @@ class Rules:
         excused = np.zeros(len(heard), np.bool_)
         lost = health.phase == AgentPhase.LOST
         if "link_lost" in self._rules:
-            excused |= lost & ~heard
+            excused |= (lost | (health.phase == AgentPhase.LANDING)) & ~heard
         if "position_lost" in self._rules:
             excused |= lost & heard & ~located
         return excused

@@ -27,7 +27,8 @@ from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import outcome_of
 from star_core.shutdown import MAX_LANDING_DELAY, MAX_SILENCE
-from tests.core.conftest import Lab
+from star_core.tick import MAX_LOST_TIME
+from tests.core.conftest import TOUR, Lab
 
 FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st
 BOOM = RuntimeError("boom")
@@ -239,15 +240,97 @@ def silent(since: float) -> Callable[..., Telemetry]:
     return wrong
 
 
-@pytest.mark.parametrize("since", [2.5, 5.0])
+@pytest.mark.parametrize(
+    ("steps", "since", "ends"),
+    [
+        (IN_THE_AIR, 2.5, 3.0 + LANDING),
+        (IN_THE_AIR, 5.0, 3.0 + LANDING),  # setpoints flew it: its watchdog has stopped its motors
+        ("\n  - climb: {}", 3.0, 3.0 + MAX_SILENCE),
+    ],
+)
 def test_an_agent_that_is_gone_for_good_is_not_waited_for_once_its_landing_is_over(
-    lab: Lab, since: float
+    lab: Lab, steps: str, since: float, ends: float
 ) -> None:
     lab.spoil("transport", "receive", silent(since))
-    summary = lab.fly(IN_THE_AIR)
+    summary = lab.fly(steps)
     assert "cf2 did not report to be on the ground" in summary["reason"]
-    landed = max(since + MAX_SILENCE, 3.0 + LANDING)
-    assert lab.ticks[-1].time == pytest.approx(landed, abs=0.3)
+    assert lab.ticks[-1].time == pytest.approx(ends, abs=0.3)
+
+
+def test_the_end_of_a_landing_that_is_not_heard_is_soon_a_failure(lab: Lab) -> None:
+    lab.spoil("transport", "receive", silent(3.5))
+    summary = lab.fly()
+    assert summary["reason"].startswith("cf2 is lost")
+    (begun,) = {time for time, command in lab.robots.commands if command.order is Order.LAND}
+    assert lab.ticks[-1].time < begun + MIN_LAND_TIME + MAX_LOST_TIME + 1.0
+
+
+LEAVES = "safety: {{link_lost: {{after: 0.6, then: {}}}}}"
+
+
+def test_an_agent_that_is_lost_in_its_take_off_fails_the_mission(lab: Lab) -> None:
+    lab.spoil("transport", "receive", silent(0.3))
+    summary = lab.fly(f"{TOUR}{LEAVES.format('land')}")
+    assert [step["outcome"] for step in summary["steps"]] == ["success"] * 3
+    assert summary["reason"] == "cf2 did not report to be on the ground"
+    assert (summary["outcome"], outcome_of(summary)) == ("failed", 1)
+    (airborne,) = (event for event in lab.events if event.kind == "airborne")
+    assert airborne.agent == "cf2"
+    assert airborne.text.startswith("cf2 may be in the air: not heard for ")
+
+
+def test_an_agent_that_setpoints_flew_counts_as_landed_by_its_watchdog(lab: Lab) -> None:
+    lab.spoil("transport", "receive", silent(2.0))
+    summary = lab.fly(f"{TOUR}{LEAVES.format('land')}")
+    assert (summary["outcome"], outcome_of(summary)) == ("completed", 0)
+    (text,) = (event.text for event in lab.events if event.kind == "landing")
+    assert text.startswith("cf2 counts as landed: not heard for ")
+    assert text.endswith(" s: its own watchdog has stopped its motors")
+
+
+def test_motors_that_a_lost_agent_was_to_stop_are_not_known_to_be_off(lab: Lab) -> None:
+    lab.spoil("transport", "receive", silent(0.3))
+    summary = lab.fly(f"{TOUR}{LEAVES.format('stop')}")
+    assert lab.went("cf2")[-1] == "emergency"
+    assert summary["reason"] == "cf2 did not report to be on the ground"
+    assert outcome_of(summary) == 1
+
+
+def voltage(row: int, volts: float) -> Callable[..., Telemetry]:
+    """Report another voltage of one agent's battery."""
+
+    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        battery = telemetry.battery.copy()
+        battery[row] = volts
+        return replace(telemetry, battery=battery)
+
+    return wrong
+
+
+def test_a_battery_below_its_rule_is_refused_before_the_start(lab: Lab) -> None:
+    lab.spoil("transport", "receive", voltage(1, 3.1))
+    summary = lab.fly(f"{TOUR}safety: {{battery_low: {{below: 3.2}}}}")
+    assert summary["reason"] == "not started: battery_low: cf2 at 3.10 V, below 3.2 V"
+    assert outcome_of(summary) == 1
+    assert lab.robots.commands == []
+
+
+def test_a_reserve_with_a_low_battery_does_not_prevent_the_start(lab: Lab) -> None:
+    lab.spoil("transport", "receive", voltage(1, 3.1))
+    more = "reserve: {agents: [cf2]}\n"
+    steps = TOUR.replace("{}", "{agents: cf1}")
+    summary = lab.fly(f"{steps}safety: {{battery_low: {{below: 3.2}}}}", more=more)
+    assert outcome_of(summary) == 0
+
+
+def test_an_interrupt_while_a_plugin_is_closed_leaves_the_record_complete(lab: Lab) -> None:
+    lab.spoil("transport", "close", KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        lab.fly()
+    (summary,) = lab.summaries
+    assert summary["outcome"] == "completed"
+    assert lab.closed["localizer"] == 1
 
 
 def rebooted(since: float) -> Callable[..., Telemetry]:

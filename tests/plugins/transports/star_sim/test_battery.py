@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Order
+from star_core import Order, Run
 from star_sim import airframe, battery
 
 Flying = Callable[..., Any]
@@ -95,3 +95,10 @@ def test_the_voltage_without_load_runs_through_the_table() -> None:
     at = [battery.open_voltage(charge) for charge in np.linspace(0, 1, 11)]
     assert at == pytest.approx(battery.VOLTAGE_OF_CHARGE)
     assert battery.open_voltage(0.95) == pytest.approx(4.15)
+
+
+def test_a_flight_with_an_empty_battery_is_not_started(fly: Callable[..., Run]) -> None:
+    change = "transport={use: sim, battery: 0.02}"
+    summary = fly("first_flight", change, "safety={battery_low: {}}").summary
+    reason = "not started: battery_low: cf1, cf2, cf3 at 3.16 V, below 3.2 V"
+    assert (summary["outcome"], summary["reason"]) == ("failed", reason)
