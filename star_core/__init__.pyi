@@ -95,6 +95,7 @@ from star_core.plugin_support.specs import TransportSpec as TransportSpec
 from star_core.plugin_support.specs import deferred as deferred
 from star_core.registry import Registry as Registry
 from star_core.runner import fly as fly
+from star_core.safety.ground_evidence import GroundEvidence as GroundEvidence
 from star_core.scene import Agent as Agent
 from star_core.scene import Limits as Limits
 from star_core.scene import Scene as Scene

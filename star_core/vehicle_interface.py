@@ -178,7 +178,8 @@ class VehicleInterface:
                 yaw=command.yaw + to_odom.yaw,
             )
         )
-        self.ground.commanded(self.time, command)
+        until = self.time + command.duration
+        self.ground.commanded(self.time, command.order, command.agent, until)
         if command.order is not Order.ARM:
             self._commanded[command.agent] = command.order in FLOWN_ON_BOARD
         heard = self._heard[command.agent]

@@ -182,9 +182,9 @@ def parser_of(command: str) -> argparse.ArgumentParser:
     """Return the real parser of a command."""
     if command in OWN:
         return parser(command, Registry())
-    if command == "recover":
-        return import_module("star_mcap.recovery").parser()  # type: ignore[no-any-return]
-    return import_module(f"star_{command}.command").parser()  # type: ignore[no-any-return]
+    others = {"recover": "star_mcap.recovery", "land": "star_radio.land_command"}
+    module = others.get(command, f"star_{command}.command")
+    return import_module(module).parser()  # type: ignore[no-any-return]
 
 
 def extras() -> set[str]:

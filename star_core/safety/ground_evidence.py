@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Mask
-from star_core.messages.commands import Command, Order
+from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.commands import Order
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, WATCHDOG_TIME
 
@@ -70,9 +70,8 @@ class GroundEvidence:
         self._lands &= ~active
         self._stops &= ~active
 
-    def commanded(self, time: float, command: Command) -> None:
-        """Note a command that is sent at a time, s."""
-        rows, order = command.agent, command.order
+    def commanded(self, time: float, order: Order, rows: Rows, until: Array) -> None:
+        """Note a command that is sent to some rows at a time, s, with its planned ends: (K,) s."""
         if order is Order.ARM:
             return
         self._lands[rows], self._stops[rows] = order is Order.LAND, order is Order.STOP
@@ -84,7 +83,7 @@ class GroundEvidence:
             self._valid_from[rows] = time + TAKEOFF_DELAY
         elif order is Order.LAND:
             self._top[rows] = self._height[rows]
-            self._land_until[rows] = time + command.duration
+            self._land_until[rows] = until
 
     def observe(self, time: float, telemetry: Telemetry) -> None:
         """Note the reports of a tick at a time, s."""

@@ -1,11 +1,14 @@
-"""Transport ``radio``: Crazyflies reached through cflib, or simulated by ``star fleet``."""
+"""Transport ``radio``: Crazyflies reached through cflib, or simulated by ``star fleet``.
+
+The command ``star land`` lands those that no program flies any more.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import Problem, TransportSpec, hookimpl
+from star_core import CommandSpec, Problem, TransportSpec, hookimpl
 from star_radio import budget
 from star_radio.address import RadioAddress, camera_faults, faults
 from star_radio.options import OPTIONS
@@ -90,3 +93,19 @@ def star_transports() -> Iterable[TransportSpec]:
         realtime=True,
         heights_above_surface=lambda **_options: True,
     )
+
+
+@hookimpl
+def star_commands() -> Iterable[CommandSpec]:
+    yield CommandSpec(
+        name="land",
+        summary="Land drones that no program flies any more, by their links.",
+        make=_land,
+        group="Hardware",
+    )
+
+
+def _land(arguments: Sequence[str]) -> int:
+    from star_radio.land_command import run
+
+    return run(arguments)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from star_core import Array, Mask, Scene, Setpoint, Telemetry, Transform
-from star_radio.vehicle import Vehicle
+from star_radio.transport import Radio
 
 CLEARANCE: Final = 0.25  # m in the plane, between two landings
 EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
@@ -22,34 +22,41 @@ LOW: Final = 0.15  # m: an agent below lands at once
 MAX_REPORT_AGE: Final = 0.5  # s: an agent that is not heard for longer lands at once
 MAX_WAIT: Final = 10.0  # s: after it all agents land
 MIN_TIME: Final = 2.0  # s: a take-off that was commanded last may begin so late
-TIMEOUT: Final = 30.0  # s: an agent that is not down by then has not reported it
 
 
 class Descent:
     """Landings of all agents, by their reports only.
 
     Agents brake first. Those with no agent below land. The others hover until these are down, then
-    fly aside to the nearest free position, one after the other, and land.
+    fly aside to the nearest free position, one after the other, and land. It is over when no agent
+    may be in the air: one whose link is lost in a take-off is waited for, and landed when its link
+    returns.
 
     Args:
-        vehicles: The drone of each row.
+        radio: The links to the agents.
         scene: The agents and the world.
         now: Clock, s.
         report: Called with lines for the log.
+
+    Attributes:
+        over: Whether all agents are down.
+        begins: Whether a take-off that was commanded last may yet begin.
     """
 
     def __init__(
         self,
-        vehicles: Sequence[Vehicle],
+        radio: Radio,
         scene: Scene,
         now: float,
         report: Callable[[str], object],
     ) -> None:
-        self._vehicles, self._scene, self._report = vehicles, scene, report
+        self._radio, self._scene, self._report = radio, scene, report
+        self._vehicles = radio.vehicles
         self._began = now
         self._waiting: set[int] = set()  # rows that are above another
         self._aside: dict[int, Array] = {}  # (2,) positions to land at, m, by row
         self.over = False
+        self.begins = True
 
     def step(self, now: float, telemetry: Telemetry, to_map: Transform) -> Setpoint:
         """Command the landings that are possible; return setpoints, in odometry frames.
@@ -60,11 +67,16 @@ class Descent:
             to_map: Poses of the odometry frames in the map.
         """
         passed = now - self._began
-        up = np.array([vehicle.airborne for vehicle in self._vehicles])
-        pending = up & ~np.array([vehicle.lands for vehicle in self._vehicles])
+        up = self._radio.aloft()
         self._end(passed, up)
+        for row in self._radio.landings.repeat(telemetry, up):
+            self._report(f"{self._scene.agents[row].name} hovers: it is commanded to land again")
+        heard = telemetry.age <= MAX_REPORT_AGE
+        ready = np.array([not (one.lands or one.stopped) for one in self._vehicles])
+        ready &= ~heard | np.array([vehicle.airborne for vehicle in self._vehicles])
+        pending = up & ready
         position = to_map.apply(telemetry.position)
-        at_once = (telemetry.age > MAX_REPORT_AGE) | ~np.isfinite(position).all(axis=1)
+        at_once = ~heard | ~np.isfinite(position).all(axis=1)
         at_once |= (telemetry.position[:, 2] < LOW) | (passed > MAX_WAIT)
         settled = np.linalg.norm(telemetry.velocity, axis=1) <= SETTLED
         settled |= passed > SETTLING_TIME
@@ -80,7 +92,7 @@ class Descent:
                 below = ~pending | (height < height[row])
                 free = _clear(position[row, :2], position[below, :2])
             if at_once[row] or (free and settled[row]):
-                self._vehicles[row].land()
+                self._radio.landings.land(row, float(telemetry.position[row, 2]))
                 pending[row] = False
             elif not free and row not in self._aside:
                 busy = (up & ~pending).any() or pending[list(self._aside)].any()
@@ -116,12 +128,14 @@ class Descent:
 
     def _end(self, passed: float, up: Mask) -> None:
         """Determine whether the landings are over."""
-        if self.over or passed < MIN_TIME or (up.any() and passed < TIMEOUT):
-            return
-        self.over = True
-        late = self._scene.named(np.flatnonzero(up))
-        end = f"{late} did not report to be on the ground" if late else "all agents have landed"
-        self._report(f"{end}, after {passed:.1f} s")
+        self.begins = passed < MIN_TIME
+        if not (self.over or self.begins or up.any()):
+            self.over = True
+            if fallen := self._radio.assumed_down():
+                self._report(self._radio.describe(fallen))
+            self._report(
+                f"all agents {'are down' if fallen else 'have landed'}, after {passed:.1f} s"
+            )
 
 
 def _clear(position: Array, others: Array, extra: float = 0.0) -> bool:

@@ -22,6 +22,7 @@ from star_core import (
     Corrections,
     Order,
     PluginError,
+    Progress,
     Scene,
     Setpoint,
     Supervisor,
@@ -29,7 +30,9 @@ from star_core import (
     Trajectory,
     Transform,
     Truth,
+    on_terminal,
 )
+from star_core import log as write
 from star_radio import rescue
 from star_radio.options import RadioOptions
 from star_radio.sensors import Sensors, connecting
@@ -43,6 +46,10 @@ TIMEOUT: Final = 0.7  # s, for an answer: 2 s after the last setpoint the motors
 START_TIMEOUT: Final = 30.0  # s, for the process to start, and between reports while connecting
 CLOSE_TIMEOUT: Final = 60.0  # s, for landings that the guardian has begun, and for closing
 EXIT_TIMEOUT: Final = 2.0  # s
+UNATTENDED_TIME: Final = (
+    10.0  # s, for which a flight without a terminal waits for landings after it
+)
+POLL_PERIOD: Final = 0.2  # s
 LAST_TAKEOFF: Final = 2.0  # s after the command, within which an agent reports to fly
 
 
@@ -81,6 +88,7 @@ class GuardedRadio:
         self._sensors = Sensors(scene, options)
         self._number = 0
         self._lost = ""  # what happened to the guardian
+        self._aloft = ""  # names of the drones for which the guardian stays
         self._rescue: threading.Thread | None = None
         self._progress = connecting(n, lambda: self._detail)
         self._detail = ""
@@ -157,17 +165,59 @@ class GuardedRadio:
         return self._sensors.truth(self._began) if self._began else None
 
     def close(self) -> None:
-        """Let the guardian land flying drones and close the links; wait until it has."""
+        """Let the guardian land flying drones and close the links; wait until it has.
+
+        It stays for drones that may be in the air and are not heard; see `await_landings`.
+        """
+        remaining: list[int] = []
         try:
-            if not self._connection.closed:
-                self._call("close", None, CLOSE_TIMEOUT)
+            if not (self._connection.closed or self._aloft):
+                remaining = self._call("close", None, CLOSE_TIMEOUT)
         finally:
-            self._connection.close()  # which ends the guardian, too
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(EXIT_TIMEOUT)
+            self._aloft = self._aloft or self._scene.named(remaining)
+            if not self._aloft:
+                self._connection.close()  # which ends the guardian, too
+                with suppress(subprocess.TimeoutExpired):
+                    self._process.wait(EXIT_TIMEOUT)
             self._sensors.close()
             if self._rescue is not None:
                 self._rescue.join()
+
+    def await_landings(self) -> None:
+        """Wait until the guardian has landed all drones, or has given them up.
+
+        Ctrl-C gives them up. If stderr is no terminal it waits for `UNATTENDED_TIME` at most; the
+        guardian goes on.
+        """
+        if not self._aloft:
+            return
+        began, pid = time.monotonic(), self._process.pid
+        end = np.inf if on_terminal() else began + UNATTENDED_TIME
+
+        def detail() -> str:
+            return (
+                f"landing as soon as heard, for {time.monotonic() - began:.0f} s; Ctrl-C gives up"
+            )
+
+        try:
+            with Progress(f"{self._aloft} may be in the air", detail=detail, announced=True):
+                while time.monotonic() < end and not self._connection.poll(POLL_PERIOD):
+                    pass
+            if time.monotonic() >= end:
+                write(f"star: the guardian goes on landing {self._aloft}; `kill {pid}` gives up")
+            elif not self._connection.recv().value:
+                write(f"star: the guardian has landed {self._aloft}")
+            else:
+                write(f"star: given up, may be in the air: {self._aloft}")
+        except (EOFError, OSError):
+            write(f"star: the guardian has ended, may be in the air: {self._aloft}")
+        except KeyboardInterrupt:
+            self._process.terminate()
+            write(f"star: given up, may be in the air: {self._aloft}; `star land` lands them")
+            raise
+        finally:
+            self._aloft = ""
+            self._connection.close()
 
     def _post(self, name: str, argument: object, number: int | None = None) -> None:
         """Send a message."""

@@ -3,11 +3,14 @@
 It runs the transport `Radio`; the flight runs in another process, with the mission's plugins, and
 reaches it through `star_radio.guarded`. Every message of the flight is its heartbeat. Here are no
 plugins, and a session of its own: signals of the terminal do not arrive.
+
+After the flight it stays for agents that may be in the air, and lands them when their links return.
 """
 
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import sys
 import time
@@ -31,7 +34,7 @@ HOVER_AFTER: Final = 0.3  # s without a message of the flight
 LAND_AFTER: Final = 1.0  # s
 PERIOD: Final = 0.05  # s, between two steps without a message
 PROGRESS_PERIOD: Final = 0.2  # s, between two reports while connecting
-LAST_TAKEOFF: Final = 2.0  # s after the last message, within which a take-off may begin
+LANDING_TIME: Final = 30.0  # s, for which the end of the flight waits for landings
 MAX_LINES: Final = 100  # log messages that the flight has not received yet
 MOVING: Final = ("send", "command", "correct")  # refused once the guardian lands the agents
 
@@ -46,7 +49,8 @@ def serve(descriptor: int) -> None:
     logging.getLogger().addHandler(lines)
     try:
         scene, options = connection.recv()
-        guardian = Guardian(scene, Radio(scene, options), connection, lines)
+        radio = Radio(scene, options)
+        guardian = Guardian(scene, radio, connection, lines, options.landing_timeout)
     except StarError as error:
         number, *_call = connection.recv()
         connection.send(Answer(number, (error.message, error.code)))
@@ -80,12 +84,23 @@ class Guardian:
         radio: Their links.
         connection: To the flight.
         lines: Log messages for it.
+        landing_timeout: Time after the flight within which agents are landed, s.
     """
 
-    def __init__(self, scene: Scene, radio: Radio, connection: Connection, lines: Lines) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        radio: Radio,
+        connection: Connection,
+        lines: Lines,
+        landing_timeout: float = np.inf,
+    ) -> None:
         self._scene, self._radio, self._connection = scene, radio, connection
         self._lines = lines
         self._heard = time.monotonic()  # s, last message of the flight
+        self._landing_timeout = landing_timeout
+        self._over_since: float | None = None  # s, end of the flight
+        self._stays = False  # for agents that are not heard
         self._gone = self._ended = self._terminated = False
         self._hovers = False
         self._setpoint: Setpoint | None = None
@@ -117,19 +132,20 @@ class Guardian:
         self._watch(time.monotonic())
 
     def terminate(self) -> None:
-        """Land all agents as soon as one flies; for a signal handler."""
+        """Land all agents as soon as one flies; give up those not heard; for a signal handler."""
         self._terminated = True
 
     def _land(self, reason: str) -> None:
         """Land all agents, if any flies; from now on the flight cannot move them."""
         if self._descent is not None:
             return
-        flown = [row for row, one in enumerate(self._radio.vehicles) if one.airborne]
-        if flown:
+        aloft = self._remaining()
+        if not aloft:
+            return
+        self._descent = Descent(self._radio, self._scene, time.monotonic(), self._log)
+        if flown := [row for row in aloft if not self._radio.vehicles[row].stopped]:
             self._log(f"{reason}: landing {self._scene.named(flown)}")
             self._problem = (f"the guardian lands all agents: {reason}", "plugin-failed")
-            now = time.monotonic()
-            self._descent = Descent(self._radio.vehicles, self._scene, now, self._log)
 
     def _handle(self, number: int | None, name: str, argument: Any) -> None:
         """Act on a message; it is answered if it has a number."""
@@ -185,30 +201,87 @@ class Guardian:
     def _record_in(self, folder: Path) -> None:
         self._folder = folder
 
-    def _close(self, _none: None) -> None:
-        while self._descent is not None and not self._descent.over:
+    def _close(self, _none: None) -> list[int]:
+        """Land all agents, and close the links if all are down.
+
+        Returns:
+            Rows of those that may be in the air, and are not heard: the guardian stays for them.
+        """
+        began = time.monotonic()
+        self._end_flight(began, "the flight has ended")
+        self._problem = None
+        while self._is_landing() and time.monotonic() < began + LANDING_TIME:
             time.sleep(PERIOD)
             self._fly(time.monotonic())
-        self._radio.close()
-        self._ended = True
+        remaining = self._remaining()
+        if not remaining:
+            self._radio.close()
+            self._ended = True
+        return remaining
+
+    def _remaining(self) -> list[int]:
+        """Return the rows of the agents that may be in the air."""
+        return np.flatnonzero(self._radio.aloft()).tolist()
+
+    def _is_landing(self) -> bool:
+        """Whether agents that are heard may be in the air, or a take-off may yet begin."""
+        if self._descent is None or self._descent.over:
+            return False
+        return bool((self._radio.aloft() & self._radio.heard()).any()) or self._descent.begins
 
     def _watch(self, now: float) -> None:
         """Fly the agents if the flight does not."""
         silent = now - self._heard
-        if self._gone:
-            self._land("the flight has ended without closing its links")
-        elif self._terminated:
-            self._land("SIGTERM")
-        elif silent >= LAND_AFTER:
-            self._land(f"no message of the flight for {silent:.2f} s")
+        if self._over_since is None:
+            if self._gone:
+                self._end_flight(now, "the flight has ended without closing its links")
+            elif self._terminated:
+                self._land("SIGTERM")
+            elif silent >= LAND_AFTER:
+                self._land(f"no message of the flight for {silent:.2f} s")
         if self._descent is not None:
             self._fly(now)
-            self._ended |= self._gone and self._descent.over
-        elif self._gone:
-            self._radio.wait(0.0)
-            self._ended |= silent > LAST_TAKEOFF
-        elif silent >= HOVER_AFTER:
+        elif silent >= HOVER_AFTER and not self._gone:
             self._hover(silent)
+        if self._over_since is not None:
+            self._end(now - self._over_since)
+
+    def _end_flight(self, now: float, reason: str) -> None:
+        """Land all agents: the flight is over."""
+        self._over_since, self._terminated = now, False
+        self._land(reason)
+
+    def _end(self, passed: float) -> None:
+        """End `passed` s after the flight if all agents are down, or they have been given up."""
+        if self._descent is None or self._descent.over:
+            self._leave([])
+            return
+        waits = not self._is_landing()  # for links to return
+        aloft = self._remaining()
+        if passed >= self._landing_timeout or (waits and self._terminated):
+            text = self._radio.describe(aloft)
+            self._log(f"given up {passed:.0f} s after the flight, may be in the air: {text}")
+            self._leave(aloft)
+        elif waits and not self._stays:
+            self._stays = True
+            self._log(
+                f"may be in the air: {self._radio.describe(aloft)}; landing as soon as heard, "
+                f"for {self._landing_timeout:g} s; `kill {os.getpid()}` gives up"
+            )
+            self._detach()
+
+    def _leave(self, aloft: list[int]) -> None:
+        """End, and let the flight know which rows may be in the air, if it still waits."""
+        self._ended = True
+        with suppress(OSError, ValueError):
+            self._connection.send(Answer(None, value=aloft))
+
+    def _detach(self) -> None:
+        """Release a pipe that standard error is: its reader waits for the end of that."""
+        with suppress(OSError, ValueError):
+            if not sys.stderr.isatty():
+                with Path(os.devnull).open("w") as nowhere:
+                    os.dup2(nowhere.fileno(), sys.stderr.fileno())
 
     def _hover(self, silent: float) -> None:
         """Stop agents flown by setpoints; on-board commanders finish what they fly."""

@@ -58,6 +58,13 @@ OPTIONS: dict[str, Any] = {
             "that it flies on board, hovers for 3 s and then comes down by itself; otherwise it "
             "hovers until its battery is empty.",
         },
+        "landing_timeout": {
+            "type": "number",
+            "minimum": 0,
+            "default": 600.0,
+            "description": "Time after the flight within which agents that may be in the air are "
+            "still commanded to land, s. No battery lasts longer than the default.",
+        },
         "mode": {
             "enum": ["legacy", "inline"],
             "default": "legacy",
@@ -171,6 +178,7 @@ class RadioOptions:
     report_period: float | None
     guardian: bool
     descent: bool
+    landing_timeout: float
     mode: str
     udp: str
     cache: str | None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import struct
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
@@ -17,6 +17,8 @@ from star_core import (
     Command,
     ContractError,
     Corrections,
+    GroundEvidence,
+    Mask,
     Order,
     PluginError,
     Refusal,
@@ -33,6 +35,7 @@ from star_radio.connection import udp_links
 from star_radio.connection.cflib_link import silence_cflib
 from star_radio.connection.link import Link
 from star_radio.connection.tables import Tables, user_cache
+from star_radio.landings import Landings
 from star_radio.options import RadioOptions
 from star_radio.sensors import Sensors, connecting
 from star_radio.steering import Steering, Velocities, WholeStates
@@ -46,6 +49,8 @@ log = logging.getLogger(__name__)
 COMMANDER_STATES: Final = int(Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED)
 CLOSING_POLL_PERIOD: Final = 0.02  # s, between checks whether the last commands are confirmed
 KEEP_ALIVE_PERIOD: Final = 0.2  # s, between resets of the emergency-stop watchdog, which is 1 s
+UNHEARD_TIME: Final = 10.0  # s, for which closing waits for the link of a drone to return
+LANDING_TIME: Final = 30.0  # s, for which it waits for landings
 
 
 COMMANDS: Final = {
@@ -72,6 +77,7 @@ class Radio:
         connected: (N,) which of them are connected, and did not reboot.
         began: The computer's clock at mission time 0, s; None before the first `wait`.
         progress: Of `connect`.
+        landings: Landings in place, without the mission.
 
     Raises:
         PluginError: The motion-capture system or the dongle for broadcasts is not available.
@@ -102,6 +108,8 @@ class Radio:
         self.connected = np.zeros(len(self.vehicles), np.bool_)
         self._refusals: list[Refusal] = []
         self._telemetry = TelemetryBuffer(self.vehicles)
+        self._ground = GroundEvidence(len(self.vehicles))
+        self.landings = Landings(self.vehicles, self._ground)
         self.began: float | None = None
         self._kept_alive = -np.inf  # s, last reset of the watchdog
         self.progress = connecting(len(self.vehicles), self.settling)
@@ -197,7 +205,30 @@ class Radio:
     def receive(self) -> Telemetry:
         began = time.monotonic() if self.began is None else self.began
         refusals, self._refusals = tuple(self._refusals), []
-        return self._telemetry.gather(began, self._sensors.frames(began), refusals)
+        telemetry = self._telemetry.gather(began, self._sensors.frames(began), refusals)
+        self._ground.observe(time.monotonic(), telemetry)
+        return telemetry
+
+    def aloft(self) -> Mask:
+        """Return which drones may be in the air, by what was received and sent so far: (N,)."""
+        now = time.monotonic()
+        fell = np.array([vehicle.rebooted for vehicle in self.vehicles]) & ~self._ground.heard(now)
+        aloft: Mask = ~self._ground.down(now) & ~fell
+        return aloft
+
+    def heard(self) -> Mask:
+        """Return which drones have reported lately: (N,)."""
+        return self._ground.heard(time.monotonic())
+
+    def assumed_down(self) -> list[int]:
+        """Return the rows of drones that are down although no report shows it."""
+        return np.flatnonzero(self._ground.assumed_down(time.monotonic())).tolist()
+
+    def describe(self, rows: Iterable[int]) -> str:
+        """Return what is known of drones that may be in the air, for messages."""
+        now = time.monotonic()
+        names = self._scene.names
+        return "; ".join(f"{names[row]} {self._ground.describe(row, now)}" for row in rows)
 
     def command(self, command: Command) -> None:
         """Send a command to the connected agents and repeat it until it is confirmed.
@@ -238,6 +269,10 @@ class Radio:
     def _give(self, order: Order, packets: Mapping[int, bytes]) -> None:
         """Send a command to drones, with the packet of each row."""
         steered = any(self.vehicles[row].steered for row in packets)
+        now = time.monotonic()
+        for i, row in rows:
+            until = now + command.duration[i : i + 1]
+            self._ground.commanded(now, command.order, np.array([row]), until)
         if self._broadcasts is not None:
             self._broadcasts.void(packets)
         # A broadcast, sent by another dongle, may overtake a setpoint, which would then cancel the
@@ -304,20 +339,58 @@ class Radio:
             self._broadcasts.void(row for row in packets if not self.vehicles[row].steered)
         for row, packet in packets.items():  # in quick succession
             self.vehicles[row].steer(packet)
+        self._ground.steered(time.monotonic(), active)
         return sent
 
     def truth(self) -> Truth | None:
         return None if self.began is None else self._sensors.truth(self.began)
 
     def close(self) -> None:
-        """Land flying drones, end the reports and close the links, all drones in parallel."""
-        for begin in (Vehicle.begin_closing, Vehicle.end_reports):
+        """Land flying drones, end the reports and close the links, all drones in parallel.
+
+        Without a guardian, which does that otherwise, it waits until they are down: at most
+        `LANDING_TIME`, and `UNHEARD_TIME` for drones that are not heard.
+        """
+        try:
+            for row, vehicle in enumerate(self.vehicles):
+                if vehicle.airborne and not vehicle.lands:
+                    self.landings.land(row, float(self._telemetry.last[row, report.Z]))
+            self._all(Vehicle.begin_closing)
+            if not self._options.guardian:
+                self._await_landings()
+        finally:
+            self._close()
+
+    def _all(self, begin: Callable[[Vehicle], None]) -> None:
+        """Begin something with each drone, and wait for its confirmation."""
+        for vehicle in self.vehicles:
+            begin(vehicle)
+        while any(vehicle.is_closing(time.monotonic()) for vehicle in self.vehicles):
+            time.sleep(CLOSING_POLL_PERIOD)
             for vehicle in self.vehicles:
-                begin(vehicle)
-            while any(vehicle.is_closing(time.monotonic()) for vehicle in self.vehicles):
-                time.sleep(CLOSING_POLL_PERIOD)
-                for vehicle in self.vehicles:
-                    vehicle.retry(time.monotonic())
+                vehicle.retry(time.monotonic())
+
+    def _await_landings(self) -> None:
+        """Command landings again until all drones are down, or for too long."""
+        began, warned = time.monotonic(), False
+        while (aloft := self.aloft()).any():
+            passed, heard = time.monotonic() - began, self.heard()
+            lost, rows = not (aloft & heard).any(), np.flatnonzero(aloft).tolist()
+            limit = min(UNHEARD_TIME if lost else LANDING_TIME, self._options.landing_timeout)
+            if passed >= limit:
+                log.warning("radio: no longer commanded to land: %s", self.describe(rows))
+                return
+            if lost and not warned:
+                warned = True
+                names = self._scene.named(rows)
+                log.warning("radio: %s may be in the air: landing for %g s", names, limit)
+            self.wait(0.0)
+            self.landings.repeat(self.receive(), aloft)
+            time.sleep(CLOSING_POLL_PERIOD)
+
+    def _close(self) -> None:
+        """End the reports and close the links."""
+        self._all(Vehicle.end_reports)
         with ThreadPoolExecutor(len(self.vehicles)) as pool:
             list(pool.map(Link.close, [vehicle.link for vehicle in self.vehicles]))
         for resource in (self._udp_links, self._sensors, self._broadcasts):

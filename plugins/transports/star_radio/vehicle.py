@@ -85,12 +85,17 @@ class Vehicle:
         self.stream = ReportStream(link, self._convergence.hear)
 
     def connect(
-        self, options: RadioOptions, tables: Tables, period: float, groups: int = orders.MISSION
+        self,
+        options: RadioOptions,
+        tables: Tables,
+        period: float,
+        groups: int | None = orders.MISSION,
     ) -> None:
         """Open the link, start reports every `period`, s, and assign the drone to groups.
 
         Commands are addressed to these groups, a bit each: a drone that reboots leaves them and
-        ignores commands.
+        ignores commands. With None it may be in flight: its groups and what flies it are left
+        alone.
         """
         self._deadline = time.monotonic() + options.connect_timeout
         self._response_timeout = options.response_timeout
@@ -111,7 +116,8 @@ class Vehicle:
             set_now(self.parameters, name, value, self._ask)
         if options.reset:
             reset_estimator(self.parameters, self._ask)
-        self.link.post(orders.no_more_setpoints())  # an earlier client may have sent some
+        if groups is not None:  # otherwise it may be in flight, and its motors would stop
+            self.link.post(orders.no_more_setpoints())  # an earlier client may have sent some
         reports = layout, variables, period, self._ask, self._response_timeout
         packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
         self._ask([Question.of(packet, packets.RESET, "the end of earlier reports")])
@@ -122,10 +128,10 @@ class Vehicle:
                 self._convergence.wait(variables, self._ask)
             finally:
                 self.settling = False
-        if (
-            time.monotonic() - self.stream.heard > REPORT_TIMEOUT
-        ):  # a late copy of a packet ended them
+        if time.monotonic() - self.stream.heard > REPORT_TIMEOUT:  # ended by a late copy
             self.stream.begin(*reports)
+        if groups is None:
+            return
         if options.descent:
             self.take_off_memory = profiles.reserve(self._ask)
         packet = orders.set_groups(groups)  # last: a drone in a group has been connected
@@ -241,6 +247,11 @@ class Vehicle:
         a landing would restart them.
         """
         return not self._stopped and (self.steered or self._flies())
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the last command was to stop the motors."""
+        return self._stopped
 
     @property
     def lands(self) -> bool:
@@ -377,8 +388,12 @@ def landing(height: float) -> bytes:
     The motors stop at the end of the plan. The drone follows it late, or too high, and would fall
     if that were on the floor. So it crosses the floor at 0.3 m/s or less and ends below.
     """
-    height = max(0.0, height)  # `max` drops a NaN here
-    return orders.land(-LAND_DEPTH, MIN_LAND_TIME + LAND_TIME_PER_HEIGHT * height)
+    return orders.land(-LAND_DEPTH, landing_time(height))
+
+
+def landing_time(height: float) -> float:
+    """Return how long a landing from a height, m, takes, s."""
+    return MIN_LAND_TIME + LAND_TIME_PER_HEIGHT * max(0.0, height)  # `max` drops a NaN here
 
 
 def _error(payload: bytes) -> int:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from star_core import Command, Order, Supervisor, Telemetry
-from star_core.safety.ground_evidence import GroundEvidence
+from star_core import GroundEvidence, Order, Supervisor, Telemetry
 
 FLYING, FINISHED = Supervisor.FLYING, Supervisor.COMMANDER_FINISHED
 BY_COMMANDER = FLYING | Supervisor.COMMANDER_ACTIVE
@@ -42,9 +41,8 @@ class Agent:
         self.evidence.observe(self.time, table)
 
     def order(self, order: Order) -> None:
-        zero = np.zeros(1)
-        command = Command(order, np.array([0]), np.zeros((1, 3)), zero, zero + LANDING)
-        self.evidence.commanded(self.time, command)
+        until = np.array([self.time + LANDING])
+        self.evidence.commanded(self.time, order, np.array([0]), until)
 
     def steer(self) -> None:
         self.evidence.steered(self.time, np.array([True]))

@@ -251,7 +251,8 @@ def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
     with ideal_fleet(scene(1), noise=False) as fleet:  # in real time: the driver is cflib's
         server = CrtpOverTcp("127.0.0.1", 0, lambda packet: fleet.handle(0, packet))
         fleet.listen(0, server.push)
-        flight = Flight(["tcp://{}:{}".format(*server.address)], scene(1), tmp_path)
+        uri = "tcp://{}:{}".format(*server.address)
+        flight = Flight([uri], scene(1), tmp_path, landing_timeout=0.1)
         flight.order(Order.TAKEOFF, 0.5)
         assert flight.until(high)
         assert flight.now.age[0] < 0.3

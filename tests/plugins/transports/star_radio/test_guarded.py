@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import star_radio
 from star_core import Command, Order, PluginError, Setpoint
 from star_core.testing import scene
+from star_fleet.link_faults import LinkFaults
 from star_fleet.server import Fleet
 from star_radio.guarded import GuardedRadio
 from tests.end_to_end.virtual_air import ON_FLOOR
@@ -99,6 +101,66 @@ def test_the_flight_lands_its_agents_if_the_guardian_is_killed(flight: Flight) -
     assert flight.has_landed()
     with pytest.raises(PluginError, match=r"^the guardian process has ended \[link-failed\]$"):
         flight.tick()
+
+
+def lose_in_take_off(flight: Flight) -> None:
+    """Cut the link of the second drone while both climb, and close."""
+    position, zero = np.tile([0.0, 0.0, 0.4], (2, 1)), np.zeros(2)
+    flight.radio.connect()
+    flight.radio.wait(0.0)
+    flight.radio.command(Command(Order.TAKEOFF, np.arange(2), position, zero, zero + 1))
+    end = time.monotonic() + PATIENCE
+    while (flight.height < 0.1).any() and time.monotonic() < end:
+        flight.now = flight.radio.wait(flight.now + PERIOD)
+    flight.fleet.links.faults[1] = LinkFaults(loss=1.0)
+    while flight.radio.receive().age[1] < 0.6:
+        flight.now = flight.radio.wait(flight.now + PERIOD)
+    flight.radio.close()
+
+
+@pytest.mark.parametrize(
+    ("patience", "says"),
+    [(PATIENCE, "star: the guardian has landed cf2"), (0.0, "the guardian goes on landing cf2")],
+)
+def test_the_guardian_lands_a_drone_whose_link_returns_after_the_flight(
+    flight: Flight,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    patience: float,
+    says: str,
+) -> None:
+    monkeypatch.setattr("star_radio.guarded.UNATTENDED_TIME", patience)
+    lose_in_take_off(flight)
+    assert flight.height[0] <= ON_FLOOR
+    assert flight.height[1] > 0.2
+    assert flight.radio._process.poll() is None
+    flight.fleet.links.faults[1] = LinkFaults()
+    flight.radio.await_landings()
+    assert flight.has_landed()
+    assert flight.radio._process.wait(PATIENCE) == 0
+    assert says in capfd.readouterr().err
+
+
+def test_ctrl_c_gives_up_a_drone_that_is_not_heard(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    lose_in_take_off(flight)
+    monkeypatch.setattr(flight.radio, "_connection", Interrupted(flight.radio._connection))
+    with pytest.raises(KeyboardInterrupt):
+        flight.radio.await_landings()
+    assert flight.radio._process.wait(PATIENCE) == 0
+    assert flight.height[1] > 0.2
+    assert "star: given up, may be in the air: cf2" in capfd.readouterr().err
+
+
+class Interrupted:
+    """A connection whose reader presses Ctrl-C."""
+
+    def __init__(self, connection: Any) -> None:
+        self.close = connection.close
+
+    def poll(self, _timeout: float) -> bool:
+        raise KeyboardInterrupt
 
 
 def test_what_keeps_the_links_from_opening_is_reported(tmp_path: Path) -> None:

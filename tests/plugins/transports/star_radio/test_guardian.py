@@ -14,6 +14,7 @@ import pytest
 
 from star_core import Array, Command, Order, Setpoint, Supervisor, Transform
 from star_core.testing import scene
+from star_fleet.link_faults import LinkFaults
 from star_radio.guarded import Answer
 from star_radio.guardian import Guardian, Lines
 from star_radio.options import RadioOptions
@@ -41,7 +42,7 @@ class Flight:
         self._closed = False
         self._tick = 0
         room = dataclasses.replace(scene(len(agents)), agents=agents, realtime=True)
-        self.radio = Radio(room, RadioOptions(**options(cache=str(folder))))
+        self.radio = Radio(room, RadioOptions(**options(cache=str(folder), guardian=True)))
         self.radio.connect()
         self.guardian = Guardian(room, self.radio, self, Lines())  # type: ignore[arg-type]
         self.post("record_in", folder)
@@ -101,6 +102,19 @@ class Flight:
         """Send nothing."""
         for _ in range(round(seconds / PERIOD)):
             self.guardian.step()
+
+    def cut(self, row: int, seconds: float = np.inf) -> None:
+        """Cut the link of a drone."""
+        self.air.links.faults[row] = LinkFaults(loss=1.0)
+        if np.isfinite(seconds):
+            self.air.later(seconds, lambda: self.air.links.faults.__setitem__(row, LinkFaults()))
+
+    def lose_in_take_off(self, seconds: float = np.inf) -> None:
+        """Cut the link of the second drone while all climb."""
+        self.tick()
+        self.order(Order.TAKEOFF, np.tile([0.0, 0.0, 0.5], (3, 1)))
+        self.fly(0.8)
+        self.cut(1, seconds)
 
     def die(self) -> None:
         """Close the connection, and let the guardian run to its end."""
@@ -285,3 +299,71 @@ def test_closing_waits_for_the_landings(flight: Flight) -> None:
     flight.silence(1.5)
     flight.call("close")
     assert not flight.fallen
+
+
+def test_the_guardian_lands_a_drone_whose_link_returns_long_after_the_flight(
+    flight: Flight, tmp_path: Path
+) -> None:
+    flight.lose_in_take_off(15.0)
+    flight.fly(2.0)
+    flight.die()
+    assert not flight.fallen
+    assert "may be in the air: cf2 not heard for " in log(tmp_path)
+    assert "cf2 hovers: it is commanded to land again" in log(tmp_path)
+    assert log(tmp_path).endswith(" s\n")
+    assert "all agents have landed, after 1" in log(tmp_path)
+
+
+def test_closing_does_not_wait_for_a_link_and_the_guardian_stays(flight: Flight) -> None:
+    flight.lose_in_take_off(15.0)
+    flight.fly(2.0)
+    closed = flight.air.now
+    assert flight.call("close").value == [1]
+    assert flight.air.now < closed + 10.0
+    assert flight.air.height[1] > 0.3
+    flight.guardian.run()  # until it ends by itself
+    assert not flight.fallen
+    assert flight._answers[-1] == Answer(None, value=[])
+
+
+def test_the_guardian_gives_up_after_its_timeout(flight: Flight, tmp_path: Path) -> None:
+    flight.guardian._landing_timeout = 20.0
+    flight.lose_in_take_off()
+    flight.die()
+    assert flight.air.height[1] > 0.3
+    last = log(tmp_path).splitlines()[-1]
+    assert "given up 20 s after the flight, may be in the air: cf2 not heard for 2" in last
+
+
+def test_a_signal_gives_up_agents_that_are_not_heard_and_no_others(
+    flight: Flight, tmp_path: Path
+) -> None:
+    flight.lose_in_take_off()
+    flight.air.later(0.5, flight.guardian.terminate)
+    flight.die()
+    assert (flight.air.height[[0, 2]] < ON_FLOOR).all()
+    assert "given up" in log(tmp_path)
+
+
+def test_the_guardian_does_not_stay_for_a_drone_that_its_watchdog_has_stopped(
+    flight: Flight, tmp_path: Path
+) -> None:
+    flight.take_off(0.5, 0.5, 0.5)
+    flight.fly(1.0, np.zeros((3, 3)))
+    flight.cut(1)
+    flight.die()
+    assert flight.air.drones["locked"].tolist() == [0, 1, 0]
+    assert "its own watchdog has stopped its motors\n" in log(tmp_path)
+    assert "all agents are down, after " in log(tmp_path)
+
+
+def test_motors_are_stopped_again_when_the_link_returns(flight: Flight) -> None:
+    flight.take_off(0.5, 0.5, 0.5)
+    flight.cut(1, 10.0)
+    flight.order(Order.STOP, np.zeros((3, 3)))
+    flight.fly(3.0)
+    assert flight.call("close").value == [1]
+    assert flight.air.height[1] > 0.3
+    flight.guardian.run()
+    assert flight.air.height[1] < ON_FLOOR
+    assert flight.air.impact[1] > MAX_IMPACT  # it is not landed: the operator stopped its motors

@@ -1,0 +1,65 @@
+"""Commands landings again until the drones are known to be down."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from star_core import GroundEvidence, Mask, Order, Telemetry
+from star_radio import orders
+from star_radio.vehicle import LANDED_HEIGHT, Vehicle, landing_time
+
+REPEAT_PERIOD: Final = 1.0  # s, between two commands to a drone that does not descend
+DESCENDS: Final = 0.05  # m/s, downward
+
+
+class Landings:
+    """Lands drones in place, and stops the motors of those that were commanded to.
+
+    A drone that is heard, may be in the air and does not descend receives its last command again
+    every `REPEAT_PERIOD`: one whose link returns, for example. One that is not heard receives
+    none, since it may have landed, and another landing would start its motors.
+
+    Args:
+        vehicles: The drone of each row.
+        ground: What shows that they are down.
+    """
+
+    def __init__(self, vehicles: Sequence[Vehicle], ground: GroundEvidence) -> None:
+        self._vehicles, self._ground = vehicles, ground
+        self._due = np.zeros(len(vehicles))  # s, of the next command to each
+
+    def land(self, row: int, height: float) -> None:
+        """Command a drone to land from a height, m; NaN if unknown."""
+        now = time.monotonic()
+        self._vehicles[row].land()
+        until = np.array([now + landing_time(height)])
+        self._ground.commanded(now, Order.LAND, np.array([row]), until)
+        self._due[row] = now + REPEAT_PERIOD
+
+    def repeat(self, telemetry: Telemetry, aloft: Mask) -> list[int]:
+        """Command drones again that were commanded and may be in the air; return their rows.
+
+        Args:
+            telemetry: Newest reports.
+            aloft: (N,) drones that may be in the air.
+        """
+        now = time.monotonic()
+        height = telemetry.position[:, 2]
+        low = (height < LANDED_HEIGHT) | (telemetry.velocity[:, 2] < -DESCENDS)
+        waits = ~self._ground.heard(now) | (now < self._due)
+        repeated = []
+        for row in np.flatnonzero(aloft & ~waits).tolist():
+            vehicle = self._vehicles[row]
+            if vehicle.stopped:
+                vehicle.order(orders.stop(), "stop")
+                self._due[row] = now + REPEAT_PERIOD
+            elif vehicle.lands and vehicle.airborne and not low[row]:
+                self.land(row, float(height[row]))
+            else:
+                continue
+            repeated.append(row)
+        return repeated
