@@ -131,7 +131,7 @@ class GroundEvidence:
             return "it was never heard"
         silent = f"not heard for {time - self._reported[row]:.1f} s"
         if self._stopped(time)[row]:
-            return f"{silent}: its own watchdog has stopped its motors"
+            return f"{silent}: down, at the latest by its own watchdog"
         if self._landed(time)[row]:
             return f"{silent}: its landing had begun, and is over"
         return f"{silent}, last{at}" if at else silent

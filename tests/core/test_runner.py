@@ -285,7 +285,7 @@ def test_an_agent_that_setpoints_flew_counts_as_landed_by_its_watchdog(lab: Lab)
     assert (summary["outcome"], outcome_of(summary)) == ("completed", 0)
     (text,) = (event.text for event in lab.events if event.kind == "landing")
     assert text.startswith("cf2 counts as landed: not heard for ")
-    assert text.endswith(" s: its own watchdog has stopped its motors")
+    assert text.endswith(" s: down, at the latest by its own watchdog")
 
 
 def test_motors_that_a_lost_agent_was_to_stop_are_not_known_to_be_off(lab: Lab) -> None:

@@ -109,7 +109,7 @@ def test_the_watchdog_ends_the_flight_of_an_unheard_agent(steered: Agent) -> Non
     assert not steered.down
     steered.silence(0.2)
     assert steered.down
-    assert steered.evidence.describe(0, steered.time).endswith("has stopped its motors")
+    assert steered.evidence.describe(0, steered.time).endswith(" by its own watchdog")
     steered.report(HOVERS, 0.7)
     assert not steered.down
 

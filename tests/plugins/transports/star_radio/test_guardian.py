@@ -353,7 +353,7 @@ def test_the_guardian_does_not_stay_for_a_drone_that_its_watchdog_has_stopped(
     flight.cut(1)
     flight.die()
     assert flight.air.drones["locked"].tolist() == [0, 1, 0]
-    assert "its own watchdog has stopped its motors\n" in log(tmp_path)
+    assert "down, at the latest by its own watchdog\n" in log(tmp_path)
     assert "all agents are down, after " in log(tmp_path)
 
 
