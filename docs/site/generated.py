@@ -43,7 +43,7 @@ GROUPS: Final = {  # page, title, and prefixes of the modules whose public names
     "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_support")),
     "messages": ("Tables", ("messages",)),
     "scene": ("Scene and world", ("scene", "world")),
-    "toolkit": ("Toolkit", ("toolkit", "geometry")),
+    "toolkit": ("Toolkit", ("toolkit", "geometry", "safety")),
     "files": ("Files, options and errors", ("mission_file", "errors")),
 }
 

@@ -367,7 +367,7 @@ def test_images_are_dark_cut_or_stuck(tmp_path: Path) -> None:
 
 
 def test_the_command_injects_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    flown(tmp_path, {"component": "telemetry", "mode": "off", "agents": "cf1", "at": 1})
+    flown(tmp_path, {"component": "telemetry", "mode": "off", "agents": "cf1", "at": 3})
     assert main(["check", str(tmp_path / "faults.yaml")]) == 0
     assert capsys.readouterr().out == f"{tmp_path / 'faults.yaml'}: 1 fault to inject\n"
     run = ["run", str(tmp_path / "mission.yaml"), "--no-record", "--json"]
