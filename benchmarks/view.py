@@ -142,7 +142,10 @@ def read_page(address: str, ready: Any, done: Any) -> None:
     async def read() -> None:
         protocol = Subprotocol(f"viser-v{viser.__version__}")
         async with connect(
-            address.replace("http", "ws"), subprotocols=[protocol], compression=None, max_size=None
+            address.partition("websocket=")[2],
+            subprotocols=[protocol],
+            compression=None,
+            max_size=None,
         ) as socket:
             ready.set()
             while not done.is_set():
@@ -198,14 +201,14 @@ def first_picture() -> dict[str, float]:
             page.on("request", lambda request: requests.append(request.url))
             page.on("websocket", lambda socket: requests.append(socket.url))
             begun = time.monotonic()
-            page.goto(replay.address, wait_until="commit")
+            page.goto(replay.server.address, wait_until="commit")
             page.get_by_text("cf3").first.wait_for(timeout=PATIENCE * 1e3)  # its row in the panel
             while not shows_drones(page.screenshot()):
                 assert time.monotonic() - begun < PATIENCE
             took = time.monotonic() - begun
             page.wait_for_timeout(3000)
     finally:
-        replay.close()
+        replay.server.close()
     own = (f"http://127.0.0.1:{PORT}", f"ws://127.0.0.1:{PORT}", "data:", "blob:")
     external = [url for url in requests if not url.startswith(own)]
     assert not external, external

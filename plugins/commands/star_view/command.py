@@ -47,13 +47,13 @@ def main(arguments: Sequence[str]) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # a program that was started with & ignores both
         signal.signal(number, signal.default_int_handler)
     try:
-        sys.stdout.write(f"{viewer.address} shows {path}; Ctrl-C ends it\n")
+        sys.stdout.write(f"{viewer.server.address} shows {path}; Ctrl-C ends it\n")
         sys.stdout.flush()
         viewer.serve()
     except KeyboardInterrupt:
         sys.stdout.write("\n")
     finally:
-        viewer.close()
+        viewer.server.close()
     return 0
 
 

@@ -14,7 +14,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from secrets import token_urlsafe
 from typing import Any, Final, cast
 
 import numpy as np
@@ -22,8 +21,9 @@ import viser
 
 from star_core import Event
 from star_view.camera_images import CameraStream, mosaic
+from star_view.markdown import escaped
 from star_view.messages import News, Watched
-from star_view.page import address, close, open_page, presents
+from star_view.page import open_page
 from star_view.snapshot import Snapshot
 from star_view.swarm_scene import SwarmScene
 
@@ -32,7 +32,6 @@ TRAIL: Final = 5.0  # s of mission time
 PANEL_PERIOD: Final = 0.2  # s of wall time
 EVENTS: Final = 8  # shown
 MAX_SPEED: Final = 10.0
-REFUSED: Final = "Open the page at the whole address that star run printed."
 
 
 class LivePage:
@@ -52,7 +51,6 @@ class LivePage:
 
     def __init__(self, flight: Watched, send: Callable[..., None]) -> None:
         self._send = send
-        self._token = token_urlsafe(16)
         self._names = [agent.name for agent in flight.agents]
         self._trail: deque[Snapshot] = deque()
         self._events: deque[Event] = deque(maxlen=EVENTS)
@@ -63,11 +61,6 @@ class LivePage:
         self.swarm = SwarmScene(self.server, flight.agents, flight.radius)
         self._add_controls(self.server.gui, flight.speed)
         self.server.on_client_connect(lambda _client: send(connected=True))
-
-    @property
-    def address(self) -> str:
-        """Where the page is; only what is opened there can command the flight."""
-        return address(self.server, self._token)
 
     def show(self, news: News) -> None:
         """Show a flight as it is now."""
@@ -91,7 +84,7 @@ class LivePage:
         """Show how the flight ended."""
         if self._latest is not None:
             self._show_table(*self._latest)
-        reason = f": {summary['reason']}" if summary["reason"] else ""
+        reason = f": {escaped(summary['reason'])}" if summary["reason"] else ""
         self._status.content = f"**{summary['outcome']}**{reason}"
         for control in (self.land, self.stop, self.speed):
             if control is not None:
@@ -99,10 +92,16 @@ class LivePage:
 
     def _show_table(self, now: Snapshot, factor: float) -> None:
         pace = f"{factor:.1f} times real time"
-        self._status.content = f"**{now.time:.1f} s** at {pace}\n\n{now.doing or 'no step'}"
+        self._status.content = (
+            f"**{now.time:.1f} s** at {pace}\n\n{escaped(now.doing or 'no step')}"
+        )
         self._states.content = now.states(self._names)
-        self._log.content = "\n".join(
-            f"- {event.time:.1f} s {event.text}" for event in reversed(self._events)
+        self._log.content = self._log_text()
+
+    def _log_text(self) -> str:
+        """Return the latest events as a list in Markdown, the newest first."""
+        return "\n".join(
+            f"- {event.time:.1f} s {escaped(event.text)}" for event in reversed(self._events)
         )
 
     def _show_images(self) -> None:
@@ -125,15 +124,15 @@ class LivePage:
             "stop motors", color="red", icon=viser.Icon.HAND_STOP,
             hint="Stops all motors at once: agents in the air fall.",
         )  # fmt: skip
-        self.land.on_click(lambda event: self._command(event, land_all=True))
-        self.stop.on_click(lambda event: self._command(event, stop_motors=True))
+        self.land.on_click(lambda _event: self._send(land_all=True))
+        self.stop.on_click(lambda _event: self._send(stop_motors=True))
         self.speed: Any = None
         if speed is not None:
             self.speed = gui.add_slider(
                 "speed", min=0.1, max=max(MAX_SPEED, speed), step=0.1, initial_value=speed,
                 hint="Times real time.",
             )  # fmt: skip
-            self.speed.on_update(lambda event: self._command(event, speed=event.target.value))
+            self.speed.on_update(lambda event: self._send(speed=event.target.value))
         self._states = gui.add_markdown("")
         self._cameras = gui.add_image(
             np.zeros((1, 1, 3), np.uint8), label="cameras", format="jpeg", visible=False
@@ -141,13 +140,6 @@ class LivePage:
         with gui.add_folder("events"):
             self._log = gui.add_markdown("")
         self.swarm.add_controls(gui)
-
-    def _command(self, event: viser.GuiEvent[Any], **command: Any) -> None:
-        """Send what an operator commands, on a page opened at its whole address."""
-        if presents(self.server, event.client_id, self._token):
-            self._send(**command)
-        elif event.client is not None:
-            event.client.add_notification("Refused", REFUSED)
 
 
 def main() -> None:
@@ -162,7 +154,7 @@ def main() -> None:
             answers.flush()
 
     page = LivePage(cast("Watched", pickle.load(stream)), send)  # noqa: S301 -- from the parent
-    send(address=page.address)
+    send(address=page.server.address)
     with suppress(EOFError, pickle.UnpicklingError):  # it ended, perhaps within a message
         while True:
             news = pickle.load(stream)  # noqa: S301 -- as above
@@ -172,4 +164,4 @@ def main() -> None:
                 page.end(news)
                 page.server.flush()
                 time.sleep(PANEL_PERIOD)  # until it is sent
-    close(page.server)
+    page.server.close()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from contextlib import redirect_stdout
-from hmac import compare_digest
 from io import StringIO
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import viser
 
 from star_core import World
+from star_view.gate import Gate
 from star_view.world_scene import add_world
 
 LOOPBACK: Final = "127.0.0.1"
@@ -19,10 +19,40 @@ HEIGHT: Final = 0.3  # m above the floor, of the point that the camera looks at
 FIELD_OF_VIEW: Final = 0.9  # rad, vertical
 
 
-def open_page(world: World, port: int, title: str) -> viser.ViserServer:
+class Page(viser.ViserServer):
+    """A server of pages that only a browser at its whole address can see and use.
+
+    Args:
+        port: To serve on, or the next free one.
+        title: Of the page.
+
+    Raises:
+        PluginError: This version of viser cannot be guarded.
+    """
+
+    def __init__(self, port: int, title: str) -> None:
+        self.gate = Gate(LOOPBACK, self._control)
+        with redirect_stdout(StringIO()), self.gate.guarding():  # viser prints a box
+            super().__init__(host=LOOPBACK, port=port, label=title, verbose=False)
+
+    @property
+    def address(self) -> str:
+        """Where the page is, and what its connection is to present as a token."""
+        where = f"{LOOPBACK}:{self.get_port()}"
+        return f"http://{where}/?websocket=ws://{where}/{self.gate.token}"
+
+    def close(self) -> None:
+        """Stop serving the page."""
+        with redirect_stdout(StringIO()):
+            self.stop()
+
+    def _control(self, uuid: str) -> object | None:
+        return self.gui._gui_input_handle_from_uuid.get(uuid)  # noqa: SLF001 -- viser has no other
+
+
+def open_page(world: World, port: int, title: str) -> Page:
     """Serve a page with a world on `port` or the next free one; it requests nothing else."""
-    with redirect_stdout(StringIO()):  # viser prints a box
-        server = viser.ViserServer(host=LOOPBACK, port=port, label=title, verbose=False)
+    server = Page(port, title)
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
     server.gui.main_panel.dock_right()
     server.gui.set_panel_label(title)
@@ -40,22 +70,3 @@ def open_page(world: World, port: int, title: str) -> viser.ViserServer:
     camera.look_at = tuple(target)
     add_world(page, world)
     return server
-
-
-def address(server: viser.ViserServer, token: str = "") -> str:
-    """Return where a page is, and what its connection is to present as a token, if any."""
-    where = f"{LOOPBACK}:{server.get_port()}"
-    return f"http://{where}" + (f"/?websocket=ws://{where}/{token}" if token else "")
-
-
-def presents(server: viser.ViserServer, client: int | None, token: str) -> bool:
-    """Return whether a client has connected with a token."""
-    connections: Any = server._websock_server._live_connections  # noqa: SLF001 -- viser has no other
-    connection = connections.get(client)
-    return connection is not None and compare_digest(connection.request.path, f"/{token}")
-
-
-def close(server: viser.ViserServer) -> None:
-    """Stop serving a page."""
-    with redirect_stdout(StringIO()):
-        server.stop()

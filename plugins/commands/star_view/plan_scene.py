@@ -15,6 +15,7 @@ import viser
 
 from star_core import Agent, Array, Registry
 from star_view.footprints import footprint
+from star_view.markdown import escaped
 from star_view.swarm_scene import color_of, segments, switch
 
 PAD: Final = 0.15  # m, radius of a pad
@@ -80,7 +81,9 @@ def add_plan(
         for label, layer in zip(("pads", "planned steps"), layers, strict=True):
             server.gui.add_checkbox(label, initial_value=True).on_update(partial(switch, layer))
         server.gui.add_markdown(
-            "\n".join(f"{number}. {step.text}" for number, step in enumerate(steps, start=1))
+            "\n".join(
+                f"{number}. {escaped(step.text)}" for number, step in enumerate(steps, start=1)
+            )
         )
 
 

@@ -12,7 +12,8 @@ import viser
 
 from star_core import Run
 from star_view.camera_images import Picture, mosaic
-from star_view.page import address, close, open_page
+from star_view.markdown import escaped
+from star_view.page import open_page
 from star_view.snapshot import of_record
 from star_view.swarm_scene import SwarmScene, color_of
 
@@ -50,15 +51,6 @@ class Replay:
         self._add_controls(self.server.gui)
         self.show(0)
 
-    @property
-    def address(self) -> str:
-        """Where the page is."""
-        return address(self.server)
-
-    def close(self) -> None:
-        """Stop serving."""
-        close(self.server)
-
     def serve(self) -> None:
         """Play when asked to, until an exception such as KeyboardInterrupt ends it."""
         last = time.monotonic()
@@ -78,7 +70,9 @@ class Replay:
         with self.server.atomic():
             self.swarm.show(now)
         self._show_images(round(1000 * now.time))
-        self.status.content = f"**{now.time:.2f} s** {now.doing}\n\n{now.states(self._run.agents)}"
+        self.status.content = (
+            f"**{now.time:.2f} s** {escaped(now.doing)}\n\n{now.states(self._run.agents)}"
+        )
 
     def _show_images(self, now: int) -> None:
         """Show the newest saved image of each camera at a time, ms, with the detected tags."""
@@ -122,7 +116,7 @@ class Replay:
         begin, end = float(self._time[0]), float(self._time[-1])
         summary = self._run.summary
         outcome = summary["outcome"] + (f": {summary['reason']}" if summary["reason"] else "")
-        gui.add_markdown(f"**{summary['mission']}** {outcome}")
+        gui.add_markdown(f"**{escaped(summary['mission'])}** {escaped(outcome)}")
         events = [event for event in summary["events"] if begin <= event["time"] <= end]
         self.timeline: Any = gui.add_slider(
             "time (s)", min=begin, max=end, step=0.05, initial_value=begin,

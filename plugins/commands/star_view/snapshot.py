@@ -9,6 +9,7 @@ from typing import Final, Self
 import numpy as np
 
 from star_core import AgentPhase, Array, Rows, Run, Tick
+from star_view.markdown import escaped
 
 PURSUING: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING)
 """Phases in which agents fly to their goals."""
@@ -90,7 +91,7 @@ class Snapshot:
         ):
             words = AgentPhase(int(phase)).name.lower().replace("_", " ")
             numbers = (f"{value:.2f}" if np.isfinite(value) else "" for value in (here[2], battery))
-            rows.append(f"| {name} | {words} | {' | '.join(numbers)} |")
+            rows.append(f"| {escaped(name)} | {words} | {' | '.join(numbers)} |")
         return "\n".join(rows)
 
 

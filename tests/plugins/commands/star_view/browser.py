@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from html import unescape
 from types import TracebackType
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
@@ -29,22 +30,22 @@ class Browser:
 
     Attributes:
         controls: Messages that added the controls of the panel, by label.
-        texts: Newest content of each text of the panel, by identifier.
+        texts: Newest content of each text of the panel, by identifier, as it is shown.
+        markdown: The same as it was sent.
         nodes: Names of the objects of the scene.
     """
 
     def __init__(self, address: str) -> None:
         self._socket = connect(
-            (parse_qs(urlsplit(address).query).get("websocket") or [address.replace("http", "ws")])[
-                0
-            ],
+            parse_qs(urlsplit(address).query)["websocket"][0],
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
             compression=None,
             max_size=None,
         )
-        self._send("ViewerCameraMessage", **CAMERA)  # a browser that shows nothing has no say
+        self.send("ViewerCameraMessage", **CAMERA)  # a browser that shows nothing has no say
         self.controls: dict[str, dict[str, Any]] = {}
         self.texts: dict[str, str] = {}
+        self.markdown: dict[str, str] = {}
         self.nodes: set[str] = set()
 
     def __enter__(self) -> Self:
@@ -66,9 +67,10 @@ class Browser:
         """Use a control: press a button (True), move a slider."""
         self.wait_for(label)
         uuid = self.controls[label]["uuid"]
-        self._send("GuiUpdateMessage", uuid=uuid, updates={"value": value})
+        self.send("GuiUpdateMessage", uuid=uuid, updates={"value": value})
 
-    def _send(self, kind: str, **fields: Any) -> None:
+    def send(self, kind: str, **fields: Any) -> None:
+        """Send a message, which need not be one that a browser sends."""
         self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
 
     def _read(self) -> None:
@@ -82,6 +84,7 @@ class Browser:
                 self.controls[label] = message
             for key in "_markdown", "content", "body":
                 if key in properties:
-                    self.texts[message["uuid"]] = str(properties[key])
+                    self.markdown[message["uuid"]] = str(properties[key])
+                    self.texts[message["uuid"]] = unescape(str(properties[key]))
             if "name" in message:
                 self.nodes.add(message["name"])

@@ -74,11 +74,6 @@ def test_the_page_shows_agents_steps_and_events_and_lands_all_agents_with_its_to
         browser.wait_for("taking off")
         browser.wait_for("times real time")
         assert {"/agents/cf3", "/estimates/cf1/ellipsoid", "/radii/cf2"} <= browser.nodes
-        with Browser(view.address.partition("/?")[0]) as stranger:
-            for control, value in ("stop motors", True), ("land all", True), ("speed", 9.0):
-                stranger.set(control, value=value)
-            stranger.wait_for("Open the page at the whole address")
-        assert operator.stops == 0
         browser.set("land all", value=True)
         browser.wait_for("**aborted**: interrupted by the operator")
 

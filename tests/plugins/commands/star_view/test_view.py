@@ -21,7 +21,7 @@ from star_core import Agent, Camera, Detections, Registry, load, read_run
 from star_core.cli.main import main
 from star_view.command import simulate
 from star_view.footprints import MAX_DISTANCE, footprint
-from star_view.page import LOOPBACK, address, close, open_page
+from star_view.page import LOOPBACK, open_page
 from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
 from tests.plugins.commands.star_view.browser import Browser
@@ -34,12 +34,12 @@ def viewer() -> Iterator[Replay]:
     mission = load(FIRST_FLIGHT, registry := Registry())
     shown = Replay(simulate(mission, registry), 0.25, port=18230)
     yield shown
-    shown.close()
+    shown.server.close()
 
 
 def test_the_page_is_served_on_this_machine_only(viewer: Replay) -> None:
-    assert viewer.address.startswith(f"http://{LOOPBACK}:")
-    with urllib.request.urlopen(viewer.address, timeout=5) as page:  # noqa: S310 -- http
+    assert viewer.server.address.startswith(f"http://{LOOPBACK}:")
+    with urllib.request.urlopen(viewer.server.address, timeout=5) as page:  # noqa: S310 -- http
         assert page.status == 200
 
 
@@ -78,7 +78,7 @@ def test_planned_paths_lead_from_the_estimate_to_the_goal(viewer: Replay) -> Non
 def test_previous_and_next_jump_from_event_to_event(viewer: Replay) -> None:
     times = [event["time"] for event in viewer._run.summary["events"]]
     viewer.timeline.value = 0.5
-    with Browser(viewer.address) as browser:
+    with Browser(viewer.server.address) as browser:
         browser.set("event", value="next ▶")
         browser.wait_for("**2.70 s**")
         assert viewer.timeline.value == pytest.approx(2.7)
@@ -98,12 +98,12 @@ def test_a_mission_is_shown_with_pads_and_the_steps_of_its_dry_run() -> None:
     server = open_page(mission.scene.world, 18235, mission.name)
     try:
         add_plan(server, mission.scene.agents, steps)
-        with Browser(address(server)) as browser:
+        with Browser(server.address) as browser:
             browser.wait_for("2. goto cf1, about 4.9 s")
             pads = {"/pads/start/cf1", "/pads/landing/cf3", "/plan/2/cf1", "/plan/labels/0"}
             assert pads <= browser.nodes
     finally:
-        close(server)
+        server.close()
 
 
 def test_camera_footprints_are_shown_where_agents_first_hover() -> None:
@@ -116,11 +116,11 @@ def test_camera_footprints_are_shown_where_agents_first_hover() -> None:
     server = open_page(world, 18236, "hop")
     try:
         add_plan(server, agents, [PlannedStep("1", "takeoff", hop), PlannedStep("2", "hold", {})])
-        with Browser(address(server)) as browser:
+        with Browser(server.address) as browser:
             browser.wait_for("1. 1")
             shown = {node for node in browser.nodes if node.startswith("/plan/footprints/")}
     finally:
-        close(server)
+        server.close()
     assert shown == {"/plan/footprints/cf1"}
 
 
@@ -141,7 +141,7 @@ def test_a_replay_shows_the_saved_images_with_the_detected_tags(
             visible = replay._cameras.visible
             green[tick] = visible and (replay._cameras.image == (0, 220, 90)).all(axis=2).any()
     finally:
-        replay.close()
+        replay.server.close()
     assert not viewer._cameras.visible
     assert green == {10: False, 22: False, 26: True, 45: False}
 
