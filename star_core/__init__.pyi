@@ -80,6 +80,7 @@ from star_core.mission_file.schema import read_as as read_as
 from star_core.mission_file.step_tree import actions as actions
 from star_core.mission_file.yaml_reader import read_yaml as read_yaml
 from star_core.operator import Operator as Operator
+from star_core.plugin_support.discovery import permitted_entry_points as permitted_entry_points
 from star_core.plugin_support.guard import PluginGuard as PluginGuard
 from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
 from star_core.plugin_support.specs import AvoiderSpec as AvoiderSpec

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Final
 
-from star_core import ContractError, PluginError, PluginGuard
+from star_core import ContractError, PluginError, PluginGuard, permitted_entry_points
 from star_external.planner import Answer, Done, ExternalPlanner, Failed, Goal
 from star_external.protocol import GOAL_KEYS, checked_goals, quoted, shortened, ticks_between
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from star_core import Estimate, Health, Scene
 
 GROUP: Final = "star.external_planners"
@@ -21,7 +22,7 @@ step's agents and returns a `star_external.planner.ExternalPlanner`."""
 
 @cache
 def _installed() -> tuple[EntryPoint, ...]:
-    return tuple(sorted(entry_points(group=GROUP)))
+    return tuple(permitted_entry_points(GROUP))
 
 
 def planner_names() -> tuple[str, ...]:

@@ -30,6 +30,8 @@ VERSION: Final = 1  # of the protocol
 DEFAULT_TIMEOUT: Final = 60.0  # s, of the step
 KEYS: Final = ("goals", "done", "fail")
 GOAL_KEYS: Final = ("position", "velocity", "yaw", "speed")
+MAX_YAW: Final = 1000.0  # rad: headings of clients may add up over turns
+MIN_SPEED: Final = 0.01  # m/s: a slower goal is not reached in a flight
 MAX_REASON: Final = 200  # characters kept of the reason of a failure
 MAX_QUOTE: Final = 60  # characters shown of an invalid value
 
@@ -180,8 +182,10 @@ def _goal(name: str, given: Any, scene: Scene, names: Collection[str]) -> Goal:
     velocity = _point(f"{name}: velocity", given.get("velocity", (0.0, 0.0, 0.0)))
     yaw = _number(f"{name}: yaw", given["yaw"]) if "yaw" in given else None
     speed = _number(f"{name}: speed", given["speed"]) if "speed" in given else None
-    if speed is not None and speed <= 0:
-        _refuse(f"{name}: speed is {speed:g} m/s, expected more than 0")
+    if yaw is not None and abs(yaw) > MAX_YAW:
+        _refuse(f"{name}: yaw is {yaw:g} rad, expected from -{MAX_YAW:g} to {MAX_YAW:g}")
+    if speed is not None and speed < MIN_SPEED:
+        _refuse(f"{name}: speed is {speed:g} m/s, expected at least {MIN_SPEED:g}")
     limit = scene.limits.speed
     for what, value in (("velocity", math.hypot(*velocity)), ("speed", speed or 0.0)):
         if value > limit:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, runtime_checkable
 
-from star_core import PluginError
+from star_core import PluginError, permitted_entry_points
 
 if TYPE_CHECKING:
     from star_core import Estimate
@@ -70,7 +70,7 @@ class Pattern(Protocol):
 
 @cache
 def _installed() -> dict[str, EntryPoint]:
-    found = {point.name: point for point in (*entry_points(group=GROUP), *OWN)}
+    found = {point.name: point for point in (*permitted_entry_points(GROUP), *OWN)}
     return dict(sorted(found.items()))
 
 

@@ -99,7 +99,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
 
     def installed(*given: EntryPoint | Callable[..., object]) -> None:
         points = [one if isinstance(one, EntryPoint) else Installed(one) for one in given]
-        monkeypatch.setattr(planner_source, "entry_points", lambda **_group: points)
+        monkeypatch.setattr(planner_source, "permitted_entry_points", lambda _group: sorted(points))
         planner_source._installed.cache_clear()
 
     yield installed

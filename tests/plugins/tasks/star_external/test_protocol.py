@@ -147,7 +147,9 @@ def test_a_speed_above_the_limit_is_refused() -> None:
 
 
 def test_a_speed_of_nothing_is_refused() -> None:
-    assert wrong_goal(speed=0) == "cf1: speed is 0 m/s, expected more than 0"
+    assert wrong_goal(speed=0) == "cf1: speed is 0 m/s, expected at least 0.01"
+    assert wrong_goal(speed=1e-308) == "cf1: speed is 1e-308 m/s, expected at least 0.01"
+    assert wrong_goal(yaw=1e308) == "cf1: yaw is 1e+308 rad, expected from -1000 to 1000"
 
 
 def test_a_velocity_above_the_limit_is_refused() -> None:

@@ -99,7 +99,7 @@ def test_make_returns_a_task(hall: Any) -> None:
 
 def test_an_installed_pattern_is_offered_and_made(hall: Any, monkeypatch: Any) -> None:
     theirs = EntryPoint("theirs", "star_search.frontier:Frontier", pattern.GROUP)
-    monkeypatch.setattr(pattern, "entry_points", lambda **_group: [theirs])
+    monkeypatch.setattr(pattern, "permitted_entry_points", lambda _group: [theirs])
     pattern._installed.cache_clear()
     try:
         assert spec().options["properties"]["pattern"]["enum"] == ["frontier", "sweep", "theirs"]
