@@ -36,6 +36,18 @@ def code_of(message: str) -> str:
     )
 
 
+def printable(text: str) -> str:
+    r"""Return a text with its control characters escaped, for a terminal.
+
+    Names of files and texts of clients may hold sequences that move the cursor, rename the window
+    or hide what is printed. Line breaks stay.
+
+    >>> printable("a\x1b[2J.yaml")
+    'a\\x1b[2J.yaml'
+    """
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
 class StarError(Exception):
     """Base of the errors that a user or a plugin author can correct.
 

@@ -78,6 +78,15 @@ def parser(command: str, registry: Registry | None = None) -> argparse.ArgumentP
                 line.add_argument(flag, dest=flag, action="store_const", const=(), help=what)
             else:
                 line.add_argument(flag, dest=flag, nargs=1, metavar=spec.metavar, help=what)
+    if command == "stop":
+        line.description = (
+            "Land all agents of every running flight of this user on this computer, simulated "
+            "flights too. The motors are not stopped."
+        )
+        line.add_argument(
+            "name", nargs="?", help="mission, or number of a process: land only its agents"
+        )
+        line.add_argument("--list", action="store_true", help="list the flights; none lands")
     if command == "errors":
         line.add_argument("code", nargs="?", help="the code in brackets; all codes if not given")
     if command == "plugins":
@@ -157,10 +166,10 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _stop(arguments: Sequence[str]) -> int:
-    from star_core.cli.land_requests import stop_flights
+    from star_core.cli.stop_flights import stop_flights
 
-    _parse("stop", arguments)
-    status, lines = stop_flights()
+    options = _parse("stop", arguments)
+    status, lines = stop_flights(options.name, list_only=options.list)
     print(*lines, sep="\n", file=sys.stderr if status else sys.stdout)
     return status
 
@@ -169,15 +178,16 @@ def _check(arguments: Sequence[str]) -> int:
     from pathlib import Path
 
     from star_core.cli.check import check_file
+    from star_core.errors import printable
     from star_core.registry import Registry
-    from star_core.toolkit.progress import Progress
+    from star_core.toolkit.progress import Progress, log
 
     options = _parse("check", arguments)
     with Progress(f"checking {options.mission}"):
         text, warnings = check_file(Path(options.mission), _assignments(options), Registry())
     for warning in warnings:
-        print(warning, file=sys.stderr)
-    print(text)
+        log(warning)
+    print(printable(text))
     return 0
 
 

@@ -13,11 +13,11 @@ import socket
 import stat
 import struct
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from tempfile import gettempdir
 from typing import Final, TypeAlias
 
 from star_core.errors import InputError
@@ -27,6 +27,8 @@ from star_core.toolkit.progress import log
 log_messages = logging.getLogger(__name__)
 
 LAND: Final = b"land"
+NAME: Final = b"name"
+FOLDER: Final = "star-swarm"  # in the runtime folder of a user
 ANSWER_TIMEOUT: Final = 1.0  # s
 BACKGROUND_PERIOD: Final = 0.2  # s, between checks whether the flight is in the foreground again
 MAX_MESSAGE: Final = 1000  # bytes
@@ -68,43 +70,37 @@ def listening(operator: Operator, mission: str) -> Iterator[None]:
             thread.join()
 
 
-def stop_flights() -> tuple[int, list[str]]:
-    """Land the agents of all running flights; return the exit status, and a line for each flight.
+def _folder() -> Path:
+    """Return the folder of this process's socket, which is made if necessary.
 
     Raises:
-        InputError: Others can open the folder of the sockets.
+        InputError: Others can open it.
+        OSError: It cannot be made.
     """
-    status, lines = 0, []
-    for path in sorted(_folder().glob("*.sock")):
-        try:
-            with socket.socket(socket.AF_UNIX) as client:
-                client.settimeout(ANSWER_TIMEOUT)
-                client.connect(str(path))
-                client.sendall(LAND)
-                mission = client.recv(MAX_MESSAGE).decode()
-        except ConnectionRefusedError:  # its process was killed
-            path.unlink(missing_ok=True)
-        except OSError:
-            status = 1
-            lines.append(
-                f"process {path.stem} does not answer: only a guardian can land its agents"
-            )
-        else:
-            lines.append(f"{mission}: all agents land")
-    return (status, lines) if lines else (1, ["no flight is running"])
-
-
-def _folder() -> Path:
-    """Return the folder of the sockets, which is made if necessary."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    shared = Path(tempfile.gettempdir()) / f"star-swarm-{os.getuid()}"
-    folder = Path(runtime) / "star-swarm" if runtime else shared
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    folder = (
+        Path(runtime) / FOLDER if Path(runtime).is_dir() and runtime else shared_folder(os.getuid())
+    )
     folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+    check_private(folder, os.getuid())
+    return folder
+
+
+def shared_folder(user: int) -> Path:
+    """Return the folder of a user's sockets without a runtime folder."""
+    return Path(gettempdir()) / f"{FOLDER}-{user}"
+
+
+def check_private(folder: Path, user: int) -> None:
+    """Check that only a user can open a folder.
+
+    Raises:
+        InputError: Others can, or it is not a folder.
+    """
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != user or status.st_mode & 0o077:
         text = f"'{folder}' is not a folder that only you can open; remove it"
         raise InputError(text, "unwritable-file")
-    return folder
 
 
 @contextmanager
@@ -187,14 +183,16 @@ def _read(source: int) -> bytes:
 
 
 def _answer(operator: Operator, mission: str, server: socket.socket) -> bool:
-    """Obey a `star stop`."""
+    """Answer `star stop` with the name of the mission, and land if it asks for that."""
     with suppress(OSError):
         client, _address = server.accept()
         with client:
             client.settimeout(ANSWER_TIMEOUT)
-            if client.recv(MAX_MESSAGE) == LAND:
+            request = client.recv(MAX_MESSAGE)
+            if request == LAND:
                 _land(operator, "star stop")
-                client.sendall(mission.encode())
+            if request in {LAND, NAME}:
+                client.sendall(mission.encode()[:MAX_MESSAGE])
     return True
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 
-from star_core.errors import StarError, suggestion
+from star_core.errors import StarError, printable, suggestion
 
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Without arguments it is the process's program, and no thread delays the end of that.
     """
     if arguments is None:
+        _open_streams()
         return _without_threads(main(sys.argv[1:]))
     try:
         try:
@@ -36,20 +37,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()  # raises BrokenPipeError here if the reader has exited
     except StarError as error:
-        for line in str(error).splitlines():
-            print(line, file=sys.stderr)
+        _report(str(error))
         return BAD_INPUT
     except BrokenPipeError:
         _discard(sys.stdout)
         return FAILED
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        _report("interrupted")
         return FAILED
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run ``star-run``, which is ``star run``."""
     if arguments is None:
+        _open_streams()
         return _without_threads(run(sys.argv[1:]))
     return main(["run", *arguments])
 
@@ -120,8 +121,33 @@ def _loaded() -> Registry:
 
         registry = Registry()
     for source, why in registry.broken.items():
-        print(f"star: plugin {source} is left out: {why}", file=sys.stderr)
+        _report(f"star: plugin {source} is left out: {why}")
     return registry
+
+
+def _report(text: str) -> None:
+    """Print on stderr, unless its reader has exited."""
+    try:
+        print(printable(text), file=sys.stderr)
+    except OSError:
+        _discard(sys.stderr)
+
+
+def _open_streams() -> None:
+    """Open the standard streams that the shell has closed (``>&-``) on the null device.
+
+    Otherwise Python has None in their place, and the next file that is opened takes their number.
+    """
+    import os
+
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            opened = os.open(os.devnull, os.O_RDWR)
+            os.set_inheritable(opened, True)  # noqa: FBT003 -- it takes no keyword
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), "w" if number else "r"))
 
 
 def _without_threads(status: int) -> int:

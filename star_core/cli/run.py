@@ -20,7 +20,7 @@ from star_core.cli.land_requests import listening
 from star_core.cli.live_view import FlightProgress
 from star_core.cli.main import make
 from star_core.cli.output import LatestRun, new_folder
-from star_core.errors import InputError
+from star_core.errors import InputError, printable
 from star_core.mission import Mission
 from star_core.mission_file.mission_loader import load
 from star_core.operator import Operator
@@ -74,7 +74,7 @@ def run_mission(  # noqa: PLR0913 -- options of the command
     with Progress(f"loading {path}"):
         mission = load(Path(path), registry, assignments)
     for warning in mission.warnings:
-        print(warning, file=sys.stderr)
+        log(warning)
     folder = _folder(out, mission.name) if keep else None
     progress = FlightProgress(partial(_expected_duration, mission, registry), events=not as_json)
     registry.add(progress, Source("star-swarm:progress"))
@@ -133,7 +133,7 @@ def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
     ]
     head = f"{summary['mission']}: {summary['outcome']}"
     head += f": {summary['reason']}" if summary["reason"] else ""
-    return "\n".join([head, *(f"  {label:<18}{text}" for label, text in rows if text)])
+    return printable("\n".join([head, *(f"  {label:<18}{text}" for label, text in rows if text)]))
 
 
 def _slowest(summary: Mapping[str, Any]) -> str:

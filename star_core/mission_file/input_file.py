@@ -9,7 +9,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
-from star_core.errors import InputError, suggestion
+from star_core.errors import InputError, printable, suggestion
 from star_core.mission_file.located import Document, Mark, Value, shown
 from star_core.mission_file.yaml_reader import parse, read_yaml
 from star_core.plugin_support.option_schema import PARTS
@@ -172,9 +172,10 @@ def override(document: Document, assignments: Sequence[str]) -> Document:
     problems: list[str] = []
     root = document.root
     for assignment in assignments:
-        printable = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in assignment)
         try:
-            root = _assigned(root, assignment, Mark(f"--set {printable}"))
+            root = _assigned(
+                root, assignment, Mark("--set " + printable(assignment).replace("\n", "\\n"))
+            )
         except InputError as error:
             problems += error.problems
     if problems:

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Self
 
+from star_core.errors import printable
+
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
 
@@ -169,6 +171,7 @@ class _Reporter:
             thread.join(REFRESH_PERIOD)  # unless other work has begun
 
     def write(self, line: str) -> None:
+        line = printable(line)
         with self._lock, suppress(OSError, ValueError):  # nothing reads stderr any more
             self._written = time.monotonic()
             if self._live is None:
@@ -225,7 +228,7 @@ class _Reporter:
         for work in self._running:
             done = 0 if work.total is None else min(work.done, work.total)
             bar = ProgressBar(work.total, done, width=BAR_WIDTH, pulse=work.total is None)
-            bars.add_row(Text(work.title), bar, Text(work.text()))
+            bars.add_row(Text(printable(work.title)), bar, Text(printable(work.text())))
         return Group(*[work.view() for work in self._running if work.view is not None], bars)
 
 
