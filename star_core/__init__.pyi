@@ -18,6 +18,7 @@ from star_core.errors import ContractError as ContractError
 from star_core.errors import InputError as InputError
 from star_core.errors import PluginError as PluginError
 from star_core.errors import StarError as StarError
+from star_core.errors import shortlist as shortlist
 from star_core.errors import suggestion as suggestion
 from star_core.geometry.obstacles import box_edges as box_edges
 from star_core.geometry.obstacles import footprint as footprint

@@ -11,6 +11,8 @@ TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is sl
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+MAX_LISTED = 10  # names of agents in a message
+
 
 def coded(message: str, code: str) -> str:
     """Return a message that ends with a stable code; one that ends with a code keeps it.
@@ -109,8 +111,21 @@ class CommandError(ContractError):
     """A command that cannot be sent; its task does not give it again."""
 
 
-def suggestion(word: object, known: Iterable[str], listing: str = "") -> str:
-    """Name what was perhaps meant or, after `listing`, all there is.
+def shortlist(items: Iterable[str], separator: str = ", ", most: int = MAX_LISTED) -> str:
+    """Return the first items of a list, such as the names of agents, and how many more it has.
+
+    >>> shortlist(["cf1", "cf3"]), shortlist(map(str, range(1, 351)))
+    ('cf1, cf3', '1, 2, 3, 4, 5, 6, 7, 8, 9, 10 and 340 more')
+    """
+    texts = list(items)
+    rest = len(texts) - most
+    return separator.join(texts[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def suggestion(
+    word: object, known: Iterable[str], listing: str = "", most: int | None = None
+) -> str:
+    """Name what was perhaps meant or, after `listing`, all there is; of it at most `most`.
 
     >>> suggestion("orcaa", ["none", "orca"]), suggestion("x", ["none", "orca"], "installed")
     ("; did you mean 'orca'?", '; installed: none, orca')
@@ -120,4 +135,5 @@ def suggestion(word: object, known: Iterable[str], listing: str = "") -> str:
     names = list(known)
     if close := get_close_matches(str(word).lower(), names, n=1):
         return f"; did you mean {close[0]!r}?"
-    return f"; {listing}: {', '.join(names)}" if names and listing else ""
+    listed = shortlist(names, most=len(names) if most is None else most)
+    return f"; {listing}: {listed}" if names and listing else ""

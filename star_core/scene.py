@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from star_core.errors import InputError, suggestion
+from star_core.errors import InputError, shortlist, suggestion
 from star_core.world.camera import Camera
 from star_core.world.quaternions import Point
 from star_core.world.world import World
@@ -116,8 +116,8 @@ class Scene:
         return self.files[name]
 
     def named(self, rows: Iterable[int]) -> str:
-        """Return the names of some rows, for messages: ``cf1, cf3``."""
-        return ", ".join(self.agents[row].name for row in rows)
+        """Return the names of some rows, of more than ten the first: ``cf1, cf3``."""
+        return shortlist(self.agents[row].name for row in rows)
 
     def label(self, rows: Collection[int]) -> str:
         """Return the names of some rows, their group's name or ``all agents``: the shortest."""

@@ -70,8 +70,7 @@ class Shutdown:
                 return self._report_unreported(up) or self._fallen(end)
             if vehicles.time >= commanded + REPORT_WAIT_AFTER and not waits:
                 waits = True
-                names = self._scene.named(np.flatnonzero(up).tolist())
-                self._observers.event("landing", f"waiting for {names} to report a landing")
+                self._report("landing", "waiting for {} to report a landing", up)
             telemetry = vehicles.receive()
             age = telemetry.age
             estimate = vehicles.locate(telemetry)
@@ -149,9 +148,14 @@ class Shutdown:
         fails = aloft | (up & ~self._loop.unassigned())
         if not fails.any():
             return ""
-        names = self._scene.named(np.flatnonzero(fails).tolist())
-        text = f"{names} did not report to be on the ground"
-        self._observers.event("failure", text)
+        return self._report("failure", "{} did not report to be on the ground", fails)
+
+    def _report(self, kind: str, text: str, agents: Mask) -> str:
+        """Report an event about some agents, all of which the record names; return its text."""
+        rows = np.flatnonzero(agents).tolist()
+        text = text.format(self._scene.named(rows))
+        names = [self._scene.agents[row].name for row in rows]
+        self._observers.event(kind, text, details={"agents": names})
         return text
 
     def _fallen(self, end: str) -> str:

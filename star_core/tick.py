@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from star_core.contracts import Status
+from star_core.errors import shortlist
 from star_core.execution.assignments import Assignments, GoalBuffer
 from star_core.execution.landing import LandingManager
 from star_core.execution.reserves import ReserveManager
@@ -143,7 +144,7 @@ class ControlLoop:
             safe, corrected = self._safety.filter(seen, drawn_in, wanted, near)
         sent = self.vehicles.send(safe, telemetry, estimate)
         outputs = telemetry, estimate, health, merged, plan, sent, self._pipeline.truth()
-        doing = ", ".join(goals.doing)
+        doing = shortlist(goals.doing)
         timing = self.vehicles.timing.of_tick(self._pipeline.took())
         self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
         return {

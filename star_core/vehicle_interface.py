@@ -209,9 +209,9 @@ class VehicleInterface:
     def emergency_stop(self, agents: Mask) -> None:
         """Stop the motors of some agents at once, for the operator."""
         rows = np.flatnonzero(agents)
-        self._observers.event(
-            "interrupt", f"the operator stops the motors of {self._scene.named(rows)}"
-        )
+        text = f"the operator stops the motors of {self._scene.named(rows)}"
+        names = [self._scene.agents[row].name for row in rows]
+        self._observers.event("interrupt", text, details={"agents": names})
         self.stop_motors(rows)
 
     def stop_motors(self, rows: Rows) -> None:

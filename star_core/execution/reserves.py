@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from star_core.errors import shortlist
 from star_core.execution.assignments import Assignments, GoalBuffer
 from star_core.execution.step_run import TickContext
 from star_core.messages.arrays import Array, Mask
@@ -99,7 +100,7 @@ class ReserveManager:
         ]
         relieved = self._scene.named(self._assignments.holders([slot]).values())
         aim = f"relieve {relieved}" if relieved else "fill a slot"
-        why = ", ".join(reasons) or "none is on the ground"
+        why = shortlist(reasons) or "none is on the ground"
         self._report(f"waiting for a reserve to {aim}: {why}", None)
 
     def _wanted(self, time: float) -> list[int]:

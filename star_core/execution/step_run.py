@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
 from star_core.contracts import Status, Task, TaskOutput
-from star_core.errors import ContractError
+from star_core.errors import ContractError, shortlist
 from star_core.execution.assignments import Assignments, GoalBuffer, Team
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Health
@@ -192,7 +192,7 @@ class StepRun:
             for text, given in (("", tick.refusals), ("cannot get there: ", tick.unreachable)):
                 rows = (row for row in self.team.rows if row in given)
                 reasons += [f"{names[row]} {text}{given[row]}" for row in rows]
-        return ", ".join(reasons)
+        return self._listed(reasons)
 
     def _late(self, tick: TickContext) -> str:
         """Return why agents have not finished, as far as the core can see."""
@@ -207,7 +207,13 @@ class StepRun:
                 reasons.append(f"{name} is {phase.name.lower().replace('_', ' ')}")
             elif goals.active[row] and away > ARRIVED:
                 reasons.append(f"{name} is {away:.2f} m from its goal")
-        return f": {', '.join(reasons)}" if reasons else ""
+        return f": {self._listed(reasons)}" if reasons else ""
+
+    def _listed(self, causes: Sequence[str]) -> str:
+        """Return the first causes of a failure, after adding all of them to the record."""
+        if causes:
+            self.entry["causes"] = list(causes)
+        return shortlist(causes)
 
     def _update_team(self, tick: TickContext) -> None:
         """Continue with the agents that are assigned to the step's slots now.

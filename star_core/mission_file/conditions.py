@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from star_core.errors import suggestion
+from star_core.errors import MAX_LISTED, suggestion
 from star_core.plugin_support.specs import Problem
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def problems(
         for problem in problems(one, agents, targets, of_step, outside):
             yield problem._replace(path=(*at, *problem.path))
     if kind == "found" and isinstance(given, str) and given not in targets:
-        hint = suggestion(given, targets, "there are")
+        hint = suggestion(given, targets, "there are", MAX_LISTED)
         yield Problem((kind,), f"no target named {given!r}{hint}", "unknown-target")
     elif kind == "found" and isinstance(given, int) and given > len(targets):
         message = f"{given!r} is more than the {len(targets)} targets of the world"
@@ -183,7 +183,7 @@ def problems(
         yield Problem((kind,), "needs either 'point' or 'agent'", "option-conflict")
     elif kind == "near" and given.get("agent", agents[0]) not in agents:
         name = given["agent"]
-        hint = suggestion(name, agents, "there are")
+        hint = suggestion(name, agents, "there are", MAX_LISTED)
         yield Problem((kind, "agent"), f"no agent named {name!r}{hint}", "unknown-agent")
     elif kind == "near" and [*of_step] == [given.get("agent")]:
         message = f"{of_step[0]!r} is always near itself; name another agent"

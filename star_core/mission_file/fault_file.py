@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from star_core.errors import InputError, suggestion
+from star_core.errors import MAX_LISTED, InputError, suggestion
 from star_core.mission_file import schema
 from star_core.mission_file.located import Document
 from star_core.mission_file.step_tree import rows_of
@@ -130,5 +130,5 @@ def _problems(document: Document, scene: Scene) -> Iterator[Problem]:
             for i, name in enumerate([given] if isinstance(given, str) else given):
                 if name not in names:
                     path = ("faults", number, key, *(() if isinstance(given, str) else (i,)))
-                    hint = suggestion(name, names, "there are")
+                    hint = suggestion(name, names, "there are", MAX_LISTED)
                     yield Problem(path, f"no {noun} named {name!r}{hint}", code)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
-from star_core.errors import PluginError, suggestion
+from star_core.errors import MAX_LISTED, PluginError, suggestion
 from star_core.mission_file.conditions import Condition
 from star_core.mission_file.located import Document, Location
 from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
@@ -272,5 +272,5 @@ def _no_agent(name: str, groups: Iterable[str]) -> str:
     if len(several) > 1 and {*groups} >= {*several}:
         hint = f"; write a list: agents: [{', '.join(several)}]"
     else:
-        hint = suggestion(name, groups, "there are")
+        hint = suggestion(name, groups, "there are", MAX_LISTED)
     return f"no agent or group named {name!r}{hint}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import count
 
+from star_core import shortlist
 from star_explain.dry_run import Group, Part, StepResult
 from star_explain.plan import alike, ending, how, times, whose
 from star_explain.words import options
@@ -56,7 +57,7 @@ class _Chart:
             return node
         same = alike(part)
         if same is not None:
-            return self._framed(f"each by itself: {', '.join(whose(part))}", same, before)
+            return self._framed(f"each by itself: {shortlist(whose(part))}", same, before)
         if not part.at_once:
             often = f"{part.times} times" if part.times > 1 else how(part, above)
             return self._framed(often, part, before)
@@ -90,7 +91,7 @@ class _Chart:
 
 
 def _rows(result: StepResult) -> Iterator[str]:
-    yield f"{result.action.verb} {', '.join(result.agents) or 'no agents'}"
+    yield f"{result.action.verb} {shortlist(result.agents) or 'no agents'}"
     if result.action.options:
         yield options(result.action.options)
     yield times(result)

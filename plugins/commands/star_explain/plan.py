@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from star_core import Registry, TaskSpec, in_words
+from star_core import Registry, TaskSpec, in_words, shortlist
 from star_explain.dry_run import Group, Part, StepResult
 from star_explain.words import left_out, options, seconds
 
@@ -78,7 +78,7 @@ def _steps(group: Group, number: str, registry: Registry) -> Iterator[str]:
         if isinstance(part, StepResult):
             yield from _step(part, here, indent, registry)
         elif (same := alike(part)) is not None:
-            yield f"{indent}{here}  each by itself, {', '.join(whose(part))}: {times(part)}"
+            yield f"{indent}{here}  each by itself, {shortlist(whose(part))}: {times(part)}"
             yield from _steps(same, f"{here}.", registry)
         else:
             yield f"{indent}{here}  {how(part, group)}: {times(part)}"
@@ -87,7 +87,7 @@ def _steps(group: Group, number: str, registry: Registry) -> Iterator[str]:
 
 def _step(result: StepResult, number: str, indent: str, registry: Registry) -> Iterator[str]:
     given = options(result.action.options)
-    names = ", ".join(result.agents) or "no agents"
+    names = shortlist(result.agents) or "no agents"
     yield f"{indent}{number}  {result.action.verb} {names}{f'  {given}' if given else ''}"
     inside = indent + " " * (len(number) + 2)
     spec: TaskSpec = registry.find("task", result.action.verb).offer

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from star_core import Mission, Registry
+from star_core import Mission, Registry, shortlist
 
 MINUTE: Final = 60.0
 LONG: Final = 120.0  # s: longer times are given in minutes
@@ -121,11 +121,11 @@ def _swarm(mission: Mission) -> Iterator[str]:
         more += [f"camera {given['swarm'][agent.name]['camera']}"] if agent.camera else []
         yield f"  {agent.name:{wide}}  at {', '.join([value(agent.start), *more])}"
     for name, members in given.get("groups", {}).items():
-        yield f"  group {name}: {', '.join(members)}"
+        yield f"  group {name}: {shortlist(members)}"
     if mission.reserve:
         reserve = mission.reserve
         yield (
-            f"  in reserve: {', '.join(reserve['agents'])}, to replace agents below "
+            f"  in reserve: {shortlist(reserve['agents'])}, to replace agents below "
             f"{reserve['relieve_below']:g} V; ready above {reserve['ready_above']:g} V; "
             f"climbs to {reserve['height']:g} m"
         )

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from star_core import Value
+from star_core import Value, shortlist
 from star_import.import_log import ImportLog
 
 KEY: Final = "firmware_params"
@@ -47,7 +47,7 @@ def common_parameters(file: Value, names: Sequence[str], log: ImportLog) -> dict
             common[key] = next(given[key].number() for given in of_robot.values())
             continue
         values = "; ".join(
-            f"{'not set' if value is None else plain(value)} for {', '.join(robots)}"
+            f"{'not set' if value is None else plain(value)} for {shortlist(robots)}"
             for value, robots in robots_by_value.items()
         )
         place = next(given[key].place for given in of_robot.values() if key in given)

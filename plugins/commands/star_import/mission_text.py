@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from star_core import shortlist
 from star_import.firmware import CONTROLLER, MELLINGER, plain
 from star_import.import_log import ImportLog, show
 from star_import.robots import Robot
@@ -109,7 +110,7 @@ def _transport(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> Iterato
         for name, value in frame.parameters.items():
             yield Line(f"#     {name}: {plain(value)}")
     if decks and frame.landmarks and len(decks) < len(robots):
-        others = ", ".join(robot.name for robot in robots if not robot.deck)
+        others = shortlist(robot.name for robot in robots if not robot.deck)
         log.add(frame.name, f"no ip_add for {others}: add the AI-decks' addresses to cameras")
     described = [f"{name} {plain(value)}" for name, value in frame.parameters.items()]
     described += [f"AI-deck of {robot.name} at {robot.deck}" for robot in decks]

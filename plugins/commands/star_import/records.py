@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from star_core import Value
+from star_core import Value, shortlist
 from star_import.import_log import ImportLog
 
 FIELDS: Final = ("task", "wait or conc", "agents", "argument", "pose")
@@ -128,7 +128,7 @@ def _agents(value: Value, written: str, known: Sequence[str], log: ImportLog) ->
         else:
             names.append(word)
     if missing := [name for name in dict.fromkeys(names) if name not in known]:
-        among = f" among {', '.join(known)}" if known else ""
+        among = f" among {shortlist(known)}" if known else ""
         raise value.wrong(
             f"no agent named {missing[0]!r}{among}; add its position: --agent {missing[0]}=X,Y"
         )

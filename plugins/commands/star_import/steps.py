@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from star_core import shortlist
 from star_import.import_log import ImportLog, show
 from star_import.records import Record, groups
 from star_import.text import Line
@@ -74,11 +75,11 @@ class Steps:
 
     def _steps(self, record: Record) -> Iterator[str]:
         """Return the steps of one record."""
-        names = ", ".join(record.agents) or "all"
+        names = shortlist(record.agents) or "all"
         agents = f"agents: [{', '.join(record.agents)}]" if record.agents else ""
         flying = set(record.agents or self._names)
         if record.task not in {"takeoff", "land"} and (grounded := sorted(flying - self._up)):
-            self._add(record, f"{', '.join(grounded)}: not airborne at this point")
+            self._add(record, f"{shortlist(grounded)}: not airborne at this point")
         match record.task:
             case "takeoff":
                 if record.agents and self._executed:

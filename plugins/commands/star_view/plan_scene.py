@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import viser
 
-from star_core import Agent, Array, Registry
+from star_core import Agent, Array, Registry, shortlist
 from star_view.footprints import footprint
 from star_view.markdown import escaped
 from star_view.swarm_scene import color_of, segments, switch
@@ -113,7 +113,7 @@ def _flattened(part: Mapping[str, Any]) -> Iterator[PlannedStep]:
     fault = f" — {part['fault']}" if part["fault"] else ""
     paths = {name: np.array(path) for name, path in part["paths"].items()}
     yield PlannedStep(
-        f"{part['verb']} {', '.join(part['agents'])}{takes}{fault}", part["verb"], paths
+        f"{part['verb']} {shortlist(part['agents'])}{takes}{fault}", part["verb"], paths
     )
 
 

@@ -8,7 +8,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from star_core import AgentPhase, Array, Rows, Run, Tick
+from star_core import AgentPhase, Array, Rows, Run, Tick, shortlist
 from star_view.markdown import escaped
 
 PURSUING: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING)
@@ -135,11 +135,11 @@ def _planned(run: Run, row: int, tick: int, *, pursues: bool) -> Array:
 def _doing(run: Run, moment: float) -> str:
     """Return the steps that are executed at a mission time."""
     current = (
-        f"{step['verb']} {', '.join(step['agents'])}"
+        f"{step['verb']} {shortlist(step['agents'])}"
         for step in run.summary["steps"]
         if step["begun_s"] <= moment and (step["ended_s"] is None or moment < step["ended_s"])
     )
-    return ", ".join(current)
+    return shortlist(current)
 
 
 def _level(yaw: Array) -> Array:

@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Final, Literal, TypeVar
 
-from star_core import Estimate, Health, InputError, Scene
+from star_core import Estimate, Health, InputError, Scene, shortlist
 from star_external.external import Hold
 from star_external.planner import Answer, Done, Failed
 from star_external.protocol import greeting, read, refusal, state, ticks_between
@@ -210,7 +210,7 @@ class ProcessSource:
             yield self._leave(Failed(f"the other process sent nothing for {silence:g} s"))
         elif not self._silent:
             self._silent = True
-            names = ", ".join(agents)
+            names = shortlist(agents)
             log.warning("external: the other process sends nothing: %s hold position", names)
             yield Hold()
 

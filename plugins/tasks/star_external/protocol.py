@@ -20,7 +20,7 @@ from numbers import Real
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from star_core import InputError
+from star_core import InputError, shortlist
 from star_external.planner import Answer, Done, Failed, Goal, Point
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def shortened(reason: str) -> str:
 
 def _goal(name: str, given: Any, scene: Scene, names: Collection[str]) -> Goal:
     if name not in names:
-        _refuse(f"no agent named {quoted(name)} in this step; there are: {', '.join(names)}")
+        _refuse(f"no agent named {quoted(name)} in this step; there are: {shortlist(names)}")
     if not isinstance(given, Mapping) or "position" not in given:
         _refuse(f"{name}: the goal is {quoted(given)}, expected an object with a position")
     for key in given:

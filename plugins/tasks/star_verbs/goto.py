@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Health, Scene, Status, TaskOutput, timeout
+from star_core import Array, Estimate, Goals, Health, Scene, Status, TaskOutput, shortlist, timeout
 from star_verbs.positions import spread
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
 
@@ -108,11 +108,12 @@ class Approach:
         the remaining agents, nor the results of offsets.
         """
         scene = self.agents.scene
-        return "; ".join(
+        faults = (
             f"{scene.agents[row].name} cannot be there: {fault}"
             for row, (x, y, z) in zip(self.agents.rows, target.tolist(), strict=True)
             if (fault := scene.position_fault((x, y, z))) is not None
         )
+        return shortlist(faults, "; ")
 
     def arrived(self, estimate: Estimate) -> bool:
         """Whether all of them are at their positions and have stopped."""

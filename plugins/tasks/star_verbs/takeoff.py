@@ -17,6 +17,7 @@ from star_core import (
     Scene,
     Status,
     TaskOutput,
+    shortlist,
     timeout,
 )
 from star_verbs.step_agents import StepAgents, import_assignment
@@ -119,4 +120,4 @@ class Join(Takeoff):
             )
             if above.any():
                 faults.append(f"{scene.named(np.flatnonzero(above).tolist())} is above {name}")
-        return "; ".join(faults)
+        return shortlist(faults, "; ")

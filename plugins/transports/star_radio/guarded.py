@@ -31,6 +31,7 @@ from star_core import (
     Transform,
     Truth,
     on_terminal,
+    shortlist,
 )
 from star_core import log as write
 from star_radio import rescue
@@ -254,7 +255,7 @@ class GuardedRadio:
         self._connection.close()
         text = self._lost = f"the guardian process {how}"
         if drones := self._airborne():
-            text += f": landing {', '.join(drone.name for drone in drones)} without reports"
+            text += f": landing {shortlist(drone.name for drone in drones)} without reports"
             # in a thread: it must not be interrupted, as this call may be
             self._rescue = threading.Thread(target=rescue.land, args=(drones, self._options.udp))
             self._rescue.start()

@@ -28,6 +28,7 @@ from star_core import (
     Telemetry,
     Trajectory,
     Truth,
+    shortlist,
 )
 from star_radio import budget, orders, profiles, report
 from star_radio.broadcast import BroadcastCommands
@@ -134,7 +135,7 @@ class Radio:
         if not absent:
             return
         count = f"{len(absent)} of {len(self.vehicles)}"
-        text = f"cannot reach {count} agents: {'; '.join(absent.values())}"
+        text = f"cannot reach {count} agents: {shortlist(absent.values(), '; ')}"
         if not self.connected.any():
             raise PluginError(text, "agents-unreachable")
         if not fly_without:
@@ -171,7 +172,7 @@ class Radio:
         if refused:
             raise PluginError(
                 f"cannot upload trajectories to {len(refused)} of {len(present)} agents: "
-                f"{'; '.join(refused.values())}",
+                f"{shortlist(refused.values(), '; ')}",
                 "refused-request",
             )
 
@@ -432,7 +433,7 @@ class Radio:
     def settling(self) -> str:
         """Return whose estimators `connect` waits for."""
         names = [vehicle.name for vehicle in self.vehicles if vehicle.settling]
-        return f"waiting for estimators to settle: {', '.join(names)}" if names else ""
+        return f"waiting for estimators to settle: {shortlist(names)}" if names else ""
 
     def _connect(self, row: int, vehicle: Vehicle) -> None:
         """Connect one drone; close its link on failure."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Final
 
-from star_core.errors import PluginError, suggestion
+from star_core.errors import MAX_LISTED, PluginError, suggestion
 from star_core.mission_file.located import Document
 from star_core.mission_file.schema import Incomplete
 from star_core.mission_file.step_tree import Action
@@ -110,7 +110,9 @@ class Room:
         listed = reserve.get("agents", ())
         for i, name in enumerate(listed):
             if name not in names:
-                message = f"no agent named {name!r}{suggestion(name, names, 'there are')}"
+                message = (
+                    f"no agent named {name!r}{suggestion(name, names, 'there are', MAX_LISTED)}"
+                )
                 yield Problem(("reserve", "agents", i), message, "unknown-agent")
         if {*names} <= {*listed}:
             message = "every agent is in reserve; leave one to be relieved"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, Literal, TypeAlias
 
-from star_core.errors import suggestion
+from star_core.errors import MAX_LISTED, suggestion
 from star_core.mission_file import conditions
 from star_core.mission_file.checks import feasibility
 from star_core.mission_file.checks.plugin_checks import PluginChecks
@@ -193,7 +193,7 @@ def _held_twice(node: Parallel, plugins: PluginChecks) -> Iterator[Problem]:
 
 def _unknown(path: Location, what: str, name: str, known: Iterable[str], code: str) -> Problem:
     """Return the problem of a name that nothing has."""
-    message = f"no {what} named {name!r}{suggestion(name, known, 'there are')}"
+    message = f"no {what} named {name!r}{suggestion(name, known, 'there are', MAX_LISTED)}"
     return Problem(path, message, code)
 
 

@@ -19,6 +19,7 @@ from star_core import (
     Status,
     TaskOutput,
     Trajectory,
+    shortlist,
     timeout,
     wrap_angle,
 )
@@ -81,7 +82,7 @@ def route_reference(scene: Scene, agents: int, options: dict[str, Any]) -> Refer
         start=flown.start,
         offset=flown.offset,
         # Checked again: fewer agents than at the mission's check fly other lines.
-        fault=lambda _offsets: "; ".join(route_faults(scene, flown)),
+        fault=lambda _offsets: shortlist(route_faults(scene, flown), "; "),
     )
 
 
@@ -102,7 +103,7 @@ def trajectory_reference(scene: Scene, agents: int, options: dict[str, Any]) -> 
         max_speed=scene.limits.speed,
         start=(0.0,) * agents,
         offset=None if options["relative"] else offsets(agents, options["spacing"]),
-        fault=lambda shifts: "; ".join(position_faults(scene, samples, shifts, file)),
+        fault=lambda shifts: shortlist(position_faults(scene, samples, shifts, file), "; "),
         on_board=path.trajectory if options["on_board"] else None,
     )
 

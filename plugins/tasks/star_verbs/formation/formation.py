@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Health, Scene, Status, TaskOutput, timeout
+from star_core import Array, Estimate, Health, Scene, Status, TaskOutput, shortlist, timeout
 from star_verbs.formation.shapes import position_faults, shape
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign, lag_factor
 
@@ -39,7 +39,7 @@ class Formation:
         self._move_speed = min(options.get("move", {}).get("speed", limit), limit)  # m/s
         self._max_speed = min(CATCH_UP * self._move_speed, limit)
         # Checked again: fewer agents than at the mission's check form other shapes.
-        self._fault = "; ".join(position_faults(scene, self._shape))
+        self._fault = shortlist(position_faults(scene, self._shape), "; ")
         self._move = np.array(self._shape.move)
         self._position: Array | None = None  # (K, 3) assigned positions before the move
         self._yaw: Array = np.zeros(len(rows))
