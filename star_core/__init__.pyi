@@ -66,6 +66,7 @@ from star_core.messages.telemetry import Supervisor as Supervisor
 from star_core.messages.telemetry import Telemetry as Telemetry
 from star_core.metrics.records import Run as Run
 from star_core.metrics.records import read_run as read_run
+from star_core.metrics.records import split_timing as split_timing
 from star_core.mission import Mission as Mission
 from star_core.mission_file.conditions import holds_from as holds_from
 from star_core.mission_file.conditions import in_words as in_words

@@ -32,6 +32,43 @@ DAMAGE: Final = (
 """What the readers of JSON, ZIP and NumPy files, and what takes their content apart, raise for a
 damaged file."""
 
+TIMING_KEYS: Final = (
+    *("wall_time_s", "realtime_factor", "compute_us", "compute_s"),
+    *("late_ticks", "latest_tick_s", "slow_ticks"),
+)
+"""Keys of a summary that depend on the computer and its load."""
+
+TIMING_EVENTS: Final = frozenset({"late", "slow"})
+"""Kinds of events that do."""
+
+
+def split_timing(summary: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a summary without what depends on the wall clock, and that.
+
+    The first is the content of ``summary.json``, which is the same for every simulated flight of a
+    mission with a seed, and the second that of ``timing.json``. The JSON of `fly` and of
+    ``--json`` has both.
+
+    Args:
+        summary: Of a flight.
+
+    Example:
+        >>> split_timing({"seed": 1, "wall_time_s": 2.5, "events": [{"kind": "slow"}]})
+        ({'seed': 1, 'events': []}, {'wall_time_s': 2.5, 'events': [{'kind': 'slow'}]})
+    """
+    events: dict[bool, list[Any]] = {False: [], True: []}
+    for event in summary.get("events", ()):
+        events[event["kind"] in TIMING_EVENTS].append(event)
+    kept = {key: value for key, value in summary.items() if key not in TIMING_KEYS}
+    timing = {key: summary[key] for key in TIMING_KEYS if key in summary}
+    return kept | {"events": events[False]}, timing | {"events": events[True]}
+
+
+def _with_timing(summary: dict[str, Any], timing: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary of which `split_timing` made two."""
+    events = sorted([*summary["events"], *timing["events"]], key=lambda event: event["time"])
+    return summary | timing | {"events": events}
+
 
 @dataclass(frozen=True)
 class Run:
@@ -40,7 +77,7 @@ class Run:
     Attributes:
         folder: Where it is.
         manifest: The mission and world as flown, plugins, seed, packages.
-        summary: Outcome, figures, steps and events.
+        summary: Outcome, figures, steps and events, with the content of ``timing.json``.
         arrays: The arrays of ``trajectory.npz`` by name, over ticks and agents, map frame, SI.
         detections: All tags detected in images.
         paths: Planned paths.
@@ -94,6 +131,8 @@ def _read(folder: Path) -> Run:
     """Return a recorded flight; raise one of `DAMAGE` if a file is not as it was written."""
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    if (file := folder / "timing.json").exists():  # earlier records have all in one file
+        summary = _with_timing(summary, json.loads(file.read_text(encoding="utf-8")))
     arrays = _arrays(folder / "trajectory.npz")
     timing = _arrays(file) if (file := folder / "timing.npz").exists() else {}
     found = _arrays(file) if (file := folder / "detections.npz").exists() else None

@@ -101,7 +101,7 @@ def recordings(folder: Path) -> Iterator[Try]:
 def runs(folder: Path) -> Iterator[Try]:
     """The other files of a run, which `read_run` reads."""
     run = flown(folder)
-    names = ("manifest.json", "summary.json", "trajectory.npz", "timing.npz")
+    names = ("manifest.json", "summary.json", "timing.json", "trajectory.npz", "timing.npz")
     originals = {name: (run / name).read_bytes() for name in names}
 
     def attempt(draw: Draw) -> str:

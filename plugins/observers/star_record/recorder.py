@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Detections, Flight, Frames, Image, Paths, Tick
+from star_core import Detections, Flight, Frames, Image, Paths, Tick, split_timing
 from star_record.spool import Spool
 from star_record.text_log import TextLog
 
@@ -116,7 +116,8 @@ class Recorder:
     def close(self, summary: Mapping[str, Any]) -> None:
         """Write the recorded data; the summary first, since the disk may be full."""
         self.log.finish(summary)
-        self._write("summary.json", summary)
+        for name, content in zip(("summary", "timing"), split_timing(summary), strict=True):
+            self._write(f"{name}.json", content)
         if summary["targets"]["total"]:
             self._write_targets(summary["targets"]["list"])
         with self._trajectory as trajectory, self._timing as timing, self._paths as paths:

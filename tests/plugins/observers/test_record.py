@@ -154,6 +154,7 @@ def test_a_run_leaves_a_manifest_a_summary_and_a_trajectory(run: Run) -> None:
         "manifest.json",
         "paths.npz",
         "summary.json",
+        "timing.json",
         "timing.npz",
         "trajectory.npz",
     ]
@@ -192,6 +193,7 @@ def test_planned_paths_are_kept_when_they_change(run: Run) -> None:
         ("manifest.json", b'"low":', b'"lo_":'),
         ("manifest.json", b'"swarm":', b'"swar_":'),
         ("summary.json", b"{", b"["),
+        ("timing.json", b"{", b"["),
     ],
 )
 def test_a_damaged_record_is_refused_with_its_folder(
@@ -220,7 +222,7 @@ def test_an_array_whose_header_is_damaged_is_refused(run: Run, tmp_path: Path) -
 
 def test_the_summary_is_what_the_flight_returned(run: Run) -> None:
     folder, summary, _ = run
-    assert json.loads((folder / "summary.json").read_text()) == summary
+    assert read_run(folder).summary == summary
 
 
 def test_the_manifest_is_there_before_anything_moves() -> None:
