@@ -196,6 +196,12 @@ CELLS: Final = (
     }, status=(2,), most=1),
     Cell("9", "flow sensor of one drone x 0.7", [one("flow", "wrong", factor=0.7)], status=EITHER),
     Cell("9", "flow sensor of one drone stuck", [one("flow", "stuck")], status=EITHER),
+    Cell("9", "flow sensor of one drone x 0.7, with landmarks", [
+        one("flow", "wrong", factor=0.7)
+    ], SEEING, EITHER),
+    Cell("9", "flow sensor of one drone stuck, with landmarks", [
+        one("flow", "stuck")
+    ], SEEING, EITHER),
     *(
         Cell("10", f"position of one drone spoofed by {d} m", [
             one("telemetry", "wrong", offset=[d, 0, 0])

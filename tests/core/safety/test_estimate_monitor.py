@@ -62,8 +62,18 @@ TRIP = np.repeat([0.0, 0.5, 0.0, -0.5, 0.0, 1.0], 40)
 
 
 def test_an_agent_that_sees_no_motion_is_found_soon() -> None:
-    assert found(np.repeat([0.0, 0.5], [30, 100]), seen=0.0) <= BEGUN + 2.5
-    assert found(np.repeat([0.0, -0.5, 0.5], [30, 40, 100]), seen=0.0, error=0.2) <= BEGUN + 2.5
+    assert found(np.repeat([0.0, 0.5], [30, 100]), seen=0.0) <= BEGUN + 0.6
+    assert found(np.repeat([0.0, -0.5, 0.5], [30, 40, 100]), seen=0.0, error=0.2) <= BEGUN + 0.3
+    assert found(np.repeat([0.0, 0.25], [30, 100]), seen=0.0) <= BEGUN + 2.1
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 3])
+def test_a_bump_is_no_stuck_flow_sensor(ticks: int) -> None:
+    check = MotionCheck(1)
+    for k in range(80):
+        speed = 0.5 - 0.25 * np.clip(k - 60, 0, ticks)  # it is stopped, and does not tilt
+        pull = DRAG * speed + 1e-6
+        assert not check.check(report(k * PERIOD, speed, pull, 0), AIRBORNE).any()
 
 
 @pytest.mark.parametrize(

@@ -194,6 +194,9 @@ def test_a_flow_sensor_that_sees_no_motion_is_noticed(tmp_path: Path) -> None:
     (estimate,) = flight.texts("estimate")
     assert estimate.startswith("cf4 brakes: it flies faster than it reports")
     assert flight.texts("safety") == ["cf4 lands: position_lost: not located for 1 s"]
+    before = next(tick for tick in reversed(flight.ticks) if tick.estimate.valid[3])
+    assert before.truth is not None
+    assert np.linalg.norm(before.estimate.position[3] - before.truth.position[3]) < 0.3
     truth = np.array([tick.truth.position[3] for tick in flight.ticks if tick.truth is not None])
     assert truth[:, 1].max() < 3.0
     assert truth[-1, 2] < 0.1
