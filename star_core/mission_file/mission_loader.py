@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ from star_core.mission_file.input_file import override, read, require_kind
 from star_core.mission_file.located import Document
 from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
 from star_core.mission_file.step_tree import StepBuilder
+from star_core.plugin_support.guard import PluginGuard
 from star_core.plugin_support.option_schema import PARTS, fill_defaults
 from star_core.registry import Registry
 from star_core.scene import Agent, Limits, Scene, inside
@@ -63,8 +65,8 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     data = sound_parts(document.data, refused, composed)
     if data is None:
         raise InputError(document.in_order(problems))
-    realtime = _realtime(data, registry)
-    flight = scene(document.path.parent, data, room, realtime=realtime)
+    properties = _transport_properties(data["transport"], registry)
+    flight = replace(scene(document.path.parent, data, room), **properties)
     uncertain = uncertain_groups(document.data, data)
     builder = StepBuilder(document, refused, flight, uncertain, registry)
     steps = builder.build()
@@ -107,13 +109,18 @@ def _world(document: Document, problems: list[str]) -> tuple[Document | None, Wo
         return None, None
 
 
-def _realtime(data: Mapping[str, Any], registry: Registry) -> bool:
-    """Whether mission time goes on by itself with the transport that is named."""
-    use = data["transport"]["use"]
+def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict[str, Any]:
+    """Return what a scene states about the transport that is named."""
     try:
-        return bool(registry.find("transport", use).offer.realtime)
+        found = registry.find("transport", choice["use"])
     except PluginError:  # reported as a reference
-        return False
+        return {}
+    offer, exact = found.offer, False
+    if offer.exact_odometry is not None:
+        options = {key: value for key, value in choice.items() if key != "use"}
+        with PluginGuard(f"transport {offer.name!r} ({found.source})"):
+            exact = bool(offer.exact_odometry(**fill_defaults(options, offer.options)))
+    return {"realtime": bool(offer.realtime), "exact_odometry": exact}
 
 
 def _part(kind: str, given: Mapping[str, Any], registry: Registry) -> Part:
@@ -176,14 +183,13 @@ def _choice(given: Any) -> dict[str, Any]:
     return given if isinstance(given, dict) and "use" in given else Incomplete(use=UNKNOWN)
 
 
-def scene(folder: Path, data: Mapping[str, Any], world: World | None, *, realtime: bool) -> Scene:
+def scene(folder: Path, data: Mapping[str, Any], world: World | None) -> Scene:
     """Return the scene of a mission.
 
     Args:
         folder: Of the mission.
         data: The mission, without what is wrong with it.
         world: None if it is not known.
-        realtime: Whether mission time advances by itself.
     """
     unknown = UNLIMITED if isinstance(data["limits"], Incomplete) else {}
     limits = {**unknown, **data["limits"]}
@@ -194,7 +200,6 @@ def scene(folder: Path, data: Mapping[str, Any], world: World | None, *, realtim
         world=world or NO_WORLD,
         limits=Limits(**limits),
         seed=data["seed"],
-        realtime=realtime,
         folder=folder,
         groups=_groups(data),
     )

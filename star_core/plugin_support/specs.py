@@ -108,11 +108,15 @@ class TransportSpec(MissionSpec):
             `Scene.realtime`.
         heights_above_surface: ``heights_above_surface(**options)`` returns whether the on-board
             estimators take what is below for the floor, as they do with a Flow deck.
+        exact_odometry: ``exact_odometry(**options)`` returns whether odometry has no error, as in a
+            simulation without noise; None if it always has. Localizers read it in
+            `Scene.exact_odometry`.
     """
 
     make: Callable[..., Transport]
     realtime: bool = False
     heights_above_surface: Callable[..., bool] | None = None
+    exact_odometry: Callable[..., bool] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -100,6 +100,29 @@ class Drift:
         return covariance
 
 
+EXACT_STD = 0.001  # m, of positions by odometry without errors: covariances stay regular
+
+
+class NoDrift:
+    """Covariance of positions by odometry without errors (`Scene.exact_odometry`).
+
+    Args:
+        agents: Number of agents.
+    """
+
+    def __init__(self, agents: int) -> None:
+        self._covariance: Array = np.tile(EXACT_STD**2 * np.eye(3), (agents, 1, 1))
+
+    def covariance(self, _time: float, _position: Array, _yaw: Array) -> Array:
+        """Return the (N, 3, 3) covariance, m²."""
+        return self._covariance.copy()
+
+
+def drift_of(scene: Scene, start: Array, yaw: Array) -> Drift | NoDrift:
+    """Return the drift of a scene's agents from (N, 3) starts, m, with (N,) headings, rad."""
+    return NoDrift(len(start)) if scene.exact_odometry else Drift(start, yaw)
+
+
 def expected_std(
     scene: Scene, time: Array, position: Array, yaw: Array, *, error_std: float, **_options: object
 ) -> Array:
@@ -112,7 +135,7 @@ def expected_std(
         yaw: (T, N) rad.
         error_std: The artificial error, m.
     """
-    drift = Drift(np.array([agent.start for agent in scene.agents]), yaw[0])
+    drift = drift_of(scene, np.array([agent.start for agent in scene.agents]), yaw[0])
     rows = zip(time.tolist(), position, yaw, strict=True)
     covariance = [drift.covariance(*row) + error_std**2 * np.eye(3) for row in rows]
     return np.array([position_margin(one, 1.0, math.inf) for one in covariance])

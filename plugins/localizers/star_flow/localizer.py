@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from star_core import Estimate, Scene, Telemetry, Transform, wrap_angle
-from star_flow.drift import ArtificialError, Drift
+from star_flow.drift import ArtificialError, drift_of
 from star_flow.target_sightings import TargetSightings
 
 
@@ -39,7 +39,7 @@ class Flow:
         )
         self._reckoned = self._position = self._map_from_odom.translation
         self._yaw = self._map_from_odom.yaw
-        self._drift = Drift(self._reckoned, self._yaw)
+        self._drift = drift_of(scene, self._reckoned, self._yaw)
         self._targets = TargetSightings(scene, latency=latency)
 
     def locate(self, telemetry: Telemetry) -> Estimate:

@@ -51,6 +51,7 @@ class TargetSightings:
         ]
         self._sizes = {tag.id: tag.size for tag in scene.world.targets}
         self._latency = latency
+        self._exact = scene.exact_odometry
         self._history = PoseHistory()
         self._warned = False
         self.idle = not self._sizes or not any(self._models)
@@ -105,7 +106,8 @@ class TargetSightings:
         away = target.position - position
         across = np.array([-away[1], away[0], 0.0])
         spread = camera.rotation @ square.covariance @ camera.rotation.T + covariance
-        spread += heading_variance(taken) * np.outer(across, across)
+        if not self._exact:
+            spread += heading_variance(taken) * np.outer(across, across)
         spread += DIRECTION_STD**2 * (away @ away * np.eye(3) - np.outer(away, away))
         return target.position, target.yaw, spread
 

@@ -173,6 +173,11 @@ def heights_above_surface(*, noise: bool, profile: str, **_others: Any) -> bool:
     return noise and PROFILES[profile].surfaces
 
 
+def exact_odometry(*, noise: bool, **_others: Any) -> bool:
+    """Return whether on-board estimates equal the ground truth."""
+    return not noise
+
+
 @hookimpl
 def star_transports() -> Iterable[TransportSpec]:
     yield TransportSpec(
@@ -182,4 +187,5 @@ def star_transports() -> Iterable[TransportSpec]:
         options=OPTIONS,
         check=check,
         heights_above_surface=heights_above_surface,
+        exact_odometry=exact_odometry,
     )

@@ -202,6 +202,16 @@ def test_artificial_errors_come_from_the_seed_and_each_agent_has_its_own() -> No
     assert len(np.unique(errors(1.0)[0])) == 40 * 3
 
 
+def test_exact_odometry_has_no_drift_but_the_artificial_error() -> None:
+    room = replace(facing(0.0), exact_odometry=True)
+    calm, shaken = flow(room), flow(room, error_std=0.03)
+    for second in range(60):
+        away = report([[0.5 * second, 0, 0.8]], time=float(second))
+        std, noisy = (np.sqrt(one.locate(away).covariance[0].diagonal()) for one in (calm, shaken))
+    assert std.max() <= 0.002
+    assert noisy == pytest.approx([0.03] * 3, rel=0.01)
+
+
 def test_the_covariance_includes_the_artificial_error() -> None:
     at = report([[1, 0, 0.8]])
     without = flow(facing(0.0)).locate(at).covariance

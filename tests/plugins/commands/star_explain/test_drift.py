@@ -60,6 +60,7 @@ def test_flights_too_long_too_near_or_too_inexact_are_warned_of(
         "swarm.cf2.start=[6, 0, 0]",
         "limits.uncertainty_margin=0",
         "limits.separation=0",
+        "transport.noise=false",
     ],
 )
 def test_agents_far_apart_or_with_exact_positions_are_not_warned_of(
