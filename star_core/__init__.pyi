@@ -60,6 +60,7 @@ from star_core.messages.telemetry import Detections as Detections
 from star_core.messages.telemetry import Frames as Frames
 from star_core.messages.telemetry import Image as Image
 from star_core.messages.telemetry import Odometry as Odometry
+from star_core.messages.telemetry import PoseFixes as PoseFixes
 from star_core.messages.telemetry import Refusal as Refusal
 from star_core.messages.telemetry import Sightings as Sightings
 from star_core.messages.telemetry import Supervisor as Supervisor

@@ -69,6 +69,7 @@ class Scene:
         realtime: Whether mission time advances by itself, so that no plugin may wait.
         exact_odometry: Whether the agents start where they are expected and their odometry has no
             error, as in a simulation without noise.
+        measures_positions: Whether a positioning system measures positions: `Telemetry.fixes`.
         folder: The mission's folder; files that a mission names are read from inside it.
         files: The files requested through `file`, by their names in the mission.
         groups: Rows of the agents of each of the mission's groups, by its name, in its order.
@@ -81,6 +82,7 @@ class Scene:
     seed: int = 0
     realtime: bool = False
     exact_odometry: bool = False
+    measures_positions: bool = False
     folder: Path = field(default_factory=Path)
     files: dict[str, Path] = field(default_factory=dict, compare=False, repr=False)
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict, hash=False)

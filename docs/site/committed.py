@@ -36,7 +36,7 @@ GROUPS: Final = {
     "Before the flight": ("Scene", "Agent", "Limits", "World", "Fence", "Obstacle", "Tag"),
     "In every tick": ("Telemetry", "Odometry", "Supervisor", "Estimate", "Transform", "Health",
                       "AgentPhase", "Goals", "Plan", "Paths", "Setpoint"),
-    "Vision": ("Frames", "Detections", "Sightings", "Corrections"),
+    "Vision and positioning": ("Frames", "Detections", "PoseFixes", "Sightings", "Corrections"),
     "Tasks and commands": ("TaskOutput", "Status", "Command", "Order", "Trajectory"),
     "Observers": ("Flight", "Tick", "Corrected", "Event", "Truth"),
 }  # fmt: skip

@@ -56,6 +56,16 @@ def emergency(state: int) -> str:
     return ", ".join(text for bit, text in EMERGENCIES.items() if state & bit)
 
 
+def merged(tables: Iterable[Any], none: Any) -> Any:
+    """Return the rows of several tables, in order; `none` if there is none."""
+    filled = [table for table in tables if len(table.agent)]
+    if len(filled) <= 1:
+        return filled[0] if filled else none
+    names = [field.name for field in fields(none)]
+    columns: Any = (np.concatenate([getattr(table, name) for table in filled]) for name in names)
+    return type(none)(*columns)
+
+
 @dataclass(frozen=True, slots=True)
 class Odometry:
     """Samples of the on-board estimators since the last tick: one row each, up to 100 Hz.
@@ -173,12 +183,8 @@ class Detections:
     @classmethod
     def merged(cls, tables: Iterable[Self]) -> Self:
         """Return the rows of several tables, in order."""
-        some = [table for table in tables if len(table.tag)]
-        if len(some) <= 1:
-            return some[0] if some else cls.none()
-        names = [field.name for field in fields(cls)]
-        columns: Any = (np.concatenate([getattr(one, name) for one in some]) for name in names)
-        return cls(*columns)
+        table: Self = merged(tables, cls.none())
+        return table
 
     def of(self, rows: Rows | Mask) -> Self:
         """Return some rows, (K,)."""
@@ -191,6 +197,67 @@ class Detections:
         """Return a table without a tag."""
         none = np.zeros(0, np.int64)
         return cls(none, none, np.zeros((0, 4, 2)), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True)
+class PoseFixes:
+    """Poses of agents in the map, as a positioning system measured them.
+
+    Attributes:
+        agent: (K,) row of the agent.
+        taken: (K,) mission time of the measurement, s; NaN if unknown.
+        arrived: (K,) mission time of its arrival, s.
+        position: (K, 3) map frame, m.
+        attitude: (K, 4) unit quaternion x, y, z, w from the body to the map; NaN if not measured.
+        position_std: (K,) standard deviation along each axis, m.
+        attitude_std: (K,) standard deviation about each axis, rad.
+        correlation_time: (K,) time constant with which the error of the position changes, s; 0 if
+            those of two measurements are independent.
+    """
+
+    agent: Rows
+    taken: Array
+    arrived: Array
+    position: Array
+    attitude: Array
+    position_std: Array
+    attitude_std: Array
+    correlation_time: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(
+            self,
+            {
+                "taken": (),
+                "arrived": (),
+                "position": (3,),
+                "attitude": (4,),
+                "position_std": (),
+                "attitude_std": (),
+                "correlation_time": (),
+            },
+            integers=("agent",),
+            per="fix",
+        )
+
+    @property
+    def time(self) -> Array:
+        """(K,) `taken`, or `arrived` where that is unknown, s."""
+        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
+
+    @classmethod
+    def merged(cls, tables: Iterable[Self]) -> Self:
+        """Return the rows of several tables, in order."""
+        table: Self = merged(tables, cls.none())
+        return table
+
+    @classmethod
+    @cache  # tables are read-only
+    def none(cls) -> Self:
+        """Return a table without a fix."""
+        nothing = np.zeros(0)
+        vectors, turns = np.zeros((0, 3)), np.zeros((0, 4))
+        return cls(np.zeros(0, np.int64), nothing, nothing, vectors, turns, *[nothing] * 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,6 +361,7 @@ class Telemetry:
         odometry: Samples since the last tick.
         frames: Images since the last tick.
         detections: Tags detected on board since the last tick.
+        fixes: Poses measured by a positioning system since the last tick.
         refusals: Commands refused since the last tick; each fails the agent's step.
         signal: (N,) signal strength at each agent, as last reported, dBm; None without a radio.
         rebooted: (N,) whether each agent's firmware restarted since it was connected; None if
@@ -310,6 +378,7 @@ class Telemetry:
     odometry: Odometry = field(default_factory=Odometry.none)
     frames: Frames = field(default_factory=Frames.none)
     detections: Detections = field(default_factory=Detections.none)
+    fixes: PoseFixes = field(default_factory=PoseFixes.none)
     refusals: tuple[Refusal, ...] = ()
     signal: Array | None = None
     rebooted: Mask | None = None

@@ -115,12 +115,13 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
         found = registry.find("transport", choice["use"])
     except PluginError:  # reported as a reference
         return {}
-    offer, exact = found.offer, False
-    if offer.exact_odometry is not None:
-        options = {key: value for key, value in choice.items() if key != "use"}
-        with PluginGuard(f"transport {offer.name!r} ({found.source})"):
-            exact = bool(offer.exact_odometry(**fill_defaults(options, offer.options)))
-    return {"realtime": bool(offer.realtime), "exact_odometry": exact}
+    offer, properties = found.offer, {"realtime": bool(found.offer.realtime)}
+    options = {key: value for key, value in choice.items() if key != "use"}
+    for name in ("exact_odometry", "measures_positions"):
+        if (holds := getattr(offer, name)) is not None:
+            with PluginGuard(f"transport {offer.name!r} ({found.source})"):
+                properties[name] = bool(holds(**fill_defaults(options, offer.options)))
+    return properties
 
 
 def _part(kind: str, given: Mapping[str, Any], registry: Registry) -> Part:

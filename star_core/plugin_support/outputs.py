@@ -41,7 +41,7 @@ def checked_telemetry(answer: object, n: int) -> Telemetry:
     require_rows(telemetry, len(telemetry.age), n)
     if not math.isfinite(telemetry.time):
         raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
-    for name in ("odometry", "frames", "detections"):
+    for name in ("odometry", "frames", "detections", "fixes"):
         _require_agents(f"Telemetry.{name}.agent", getattr(telemetry, name).agent, n)
     return telemetry
 

@@ -111,12 +111,16 @@ class TransportSpec(MissionSpec):
         exact_odometry: ``exact_odometry(**options)`` returns whether odometry has no error, as in a
             simulation without noise; None if it always has. Localizers read it in
             `Scene.exact_odometry`.
+        measures_positions: ``measures_positions(**options)`` returns whether a positioning system
+            measures positions, for `Telemetry.fixes`; None if none does. Localizers read it in
+            `Scene.measures_positions`.
     """
 
     make: Callable[..., Transport]
     realtime: bool = False
     heights_above_surface: Callable[..., bool] | None = None
     exact_odometry: Callable[..., bool] | None = None
+    measures_positions: Callable[..., bool] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, fill_defaults, hookimpl
+from star_sim import positioning_options
 from star_sim.camera_sim import options as camera_options
 from star_sim.error_profile import PROFILES
 
@@ -121,6 +122,7 @@ OPTIONS: dict[str, Any] = {
             },
         },
         "camera": camera_options.OPTIONS,
+        "positioning": positioning_options.OPTIONS,
     },
 }
 
@@ -178,6 +180,11 @@ def exact_odometry(*, noise: bool, **_others: Any) -> bool:
     return not noise
 
 
+def measures_positions(*, positioning: Mapping[str, Any] | None = None, **_others: Any) -> bool:
+    """Return whether there is a positioning system."""
+    return positioning is not None
+
+
 @hookimpl
 def star_transports() -> Iterable[TransportSpec]:
     yield TransportSpec(
@@ -188,4 +195,5 @@ def star_transports() -> Iterable[TransportSpec]:
         check=check,
         heights_above_surface=heights_above_surface,
         exact_odometry=exact_odometry,
+        measures_positions=measures_positions,
     )

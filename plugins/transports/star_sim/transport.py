@@ -20,6 +20,7 @@ from star_core import (
     Frames,
     Odometry,
     Order,
+    PoseFixes,
     Scene,
     Setpoint,
     Supervisor,
@@ -41,6 +42,7 @@ from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance, report
 from star_sim.pieces import Piece, Queue, pieces_of
+from star_sim.positioning import Positioning
 from star_sim.radio_link import RadioLink
 from star_sim.sensors import (
     TEXTURE_POINTS,
@@ -73,6 +75,7 @@ class Simulator:
         speed: As the attribute, at the start.
         camera: Camera error model; None disables cameras.
         wind: Velocity, gusts and their correlation time: see `star_sim.aerodynamics.Wind`.
+        positioning: Options of a positioning system: see `star_sim.positioning`; None has none.
         wanted: Whether the images of the agent in a row are needed; others are not rendered.
 
     Attributes:
@@ -94,6 +97,7 @@ class Simulator:
         speed: float | None = None,
         camera: CameraOptions | None = None,
         wind: Mapping[str, Any] | None = None,
+        positioning: Mapping[str, Any] | None = None,
         wanted: Callable[[int], bool] = lambda _row: True,
     ) -> None:
         n = len(scene.agents)
@@ -139,6 +143,9 @@ class Simulator:
         imperfect = noise and (lossy or profile.report_delay or profile.setpoint_delay)
         self._link = RadioLink(profile, scene.seed, n) if imperfect else None
         self._wind = None if wind is None else Wind(**wind, seed=scene.seed, agents=n)
+        self._positioning = None
+        if positioning is not None:
+            self._positioning = Positioning(scene.seed, n, **positioning)
         self._near = np.zeros((n, COLUMNS)) if profile.aerodynamics else None
         still = np.zeros((BLOCK, n, 3))
         self._air = None if wind is None and self._near is None else still  # of the current block
@@ -187,6 +194,9 @@ class Simulator:
             if self._cameras is not None:
                 self._cameras.take(self.drones, self._step)
                 due = min(due, self._cameras.next_step)
+            if self._positioning is not None:
+                self._positioning.take(self.drones, self._step)
+                due = min(due, self._positioning.next_step)
             cycle = self._step // STEPS_PER_CYCLE
             if self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
                 self._draw()
@@ -218,6 +228,9 @@ class Simulator:
         frames, detections = Frames.none(), Detections.none()
         if self._cameras is not None:
             frames, detections = self._cameras.arrived(now)
+        fixes = PoseFixes.none()
+        if self._positioning is not None:
+            fixes = self._positioning.arrived(now)
         return Telemetry(
             time=self._step // STEPS_PER_CYCLE * STEPS_PER_CYCLE * STEP,
             position=position,
@@ -229,6 +242,7 @@ class Simulator:
             odometry=odometry,
             frames=frames,
             detections=detections,
+            fixes=fixes,
         )
 
     def command(self, command: Command) -> None:

@@ -179,7 +179,10 @@ def test_descriptions_fit_the_terminal(columns: str, monkeypatch: pytest.MonkeyP
     [
         ("sim", {("transport", "sim")}),
         ("mcap", {("command", "recover"), ("observer", "mcap")}),
-        ("localizers", {("localizer", "apriltag"), ("localizer", "flow")}),
+        (
+            "localizers",
+            {("localizer", "apriltag"), ("localizer", "flow"), ("localizer", "positioning")},
+        ),
     ],
 )
 def test_a_name_is_that_of_a_plugin_of_its_entry_point_or_of_its_kind(

@@ -1,0 +1,46 @@
+"""Options of the simulated positioning system: ``sim``'s option ``positioning``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from star_core import number, positive
+
+OPTIONS: dict[str, Any] = {
+    "type": "object",
+    "additionalProperties": False,
+    "description": "A positioning system that measures the positions of all drones in the map, for "
+    "localizer `positioning`; none if not given.",
+    "examples": [{"std": 0.03, "dropout_rate": 0.05}],
+    "properties": {
+        "std": number(
+            "Standard deviation of the error along each axis, m.",
+            minimum=0,
+            maximum=10,
+            default=0.01,
+        ),
+        "yaw_std_deg": {
+            "type": ["number", "null"],
+            "minimum": 0,
+            "maximum": 180,
+            "default": 1.0,
+            "description": "Standard deviation of headings, independent in each measurement, "
+            "degrees; null measures positions only.",
+        },
+        "correlation_time": number(
+            "Time constant with which the error of a position changes, s; 0 makes those of two "
+            "measurements independent.",
+            minimum=0,
+            maximum=3600,
+            default=1.0,
+        ),
+        "rate": positive("Measurements of each drone, 1/s.", maximum=100, default=20.0),
+        "latency": number(
+            "Time from a measurement to its arrival, s.", minimum=0, maximum=2, default=0.02
+        ),
+        "dropout_rate": number(
+            "Mean number of dropouts of each drone, 1/s.", minimum=0, maximum=100, default=0.0
+        ),
+        "dropout_time": positive("Duration of a dropout, s.", maximum=3600, default=1.0),
+    },
+}

@@ -1,0 +1,178 @@
+"""The localizer ``positioning``, on the simulated positioning system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import star_positioning
+from star_core import (
+    Agent,
+    Array,
+    Estimate,
+    InputError,
+    Localizer,
+    PoseFixes,
+    Registry,
+    Tick,
+    fly,
+    hookimpl,
+    load,
+    quaternion_from_euler,
+)
+from star_core.testing import scene
+from tests.plugins.localizers.test_flow import report
+
+pytestmark = pytest.mark.shipped_world
+
+MISSION = """\
+star: 1
+name: rows
+world: hall.yaml
+swarm:
+{swarm}
+transport: {{use: sim, positioning: {{{positioning}}}}}
+localizer: positioning
+planner: straight
+avoider: none
+mission:
+  - takeoff: {{height: 0.8}}
+  - goto: {{by: [1.5, 0, 0]}}
+  - goto: {{by: [-1.0, 0.5, 0]}}
+  - land: {{}}
+"""
+WORLD = "star: 1\nname: hall\nfence: {low: [-4, -1, 0], high: [4, 21, 3]}\n"
+AGENTS = 10
+
+
+class Errors:
+    """Keeps the errors and covariances of positions while all drones are in the air."""
+
+    def __init__(self) -> None:
+        self.error: list[Array] = []
+        self.covariance: list[Array] = []
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        assert tick.truth is not None
+        if (tick.truth.position[:, 2] > 0.2).all():
+            self.error.append(tick.estimate.position - tick.truth.position)
+            self.covariance.append(tick.estimate.covariance)
+
+    def nees(self) -> float:
+        """Return the mean normalized estimation error squared, over its expected value."""
+        error, covariance = np.array(self.error), np.array(self.covariance)
+        scaled = np.linalg.solve(covariance, error[..., None])[..., 0]
+        return float(np.vecdot(error, scaled).mean() / 3)
+
+    def std(self) -> Array:
+        """Return the (T, N) standard deviations along x, m."""
+        return np.sqrt(np.array(self.covariance)[..., 0, 0])
+
+
+def flown(folder: Path, positioning: str) -> Errors:
+    swarm = "\n".join(f"  cf{i}: {{start: [0, {2 * i}, 0]}}" for i in range(AGENTS))
+    (folder / "hall.yaml").write_text(WORLD)
+    (folder / "rows.yaml").write_text(MISSION.format(swarm=swarm, positioning=positioning))
+    errors = Errors()
+    registry = Registry(errors)
+    summary = fly(load(folder / "rows.yaml", registry), registry)
+    assert summary["outcome"] == "completed", summary["reason"]
+    return errors
+
+
+@pytest.mark.parametrize(
+    ("positioning", "widest"),
+    [
+        ("std: 0.03", 0.035),
+        ("std: 0.03, correlation_time: 0, rate: 10, latency: 0.1", 0.025),
+        ("std: 0.002, rate: 50, latency: 0.05, yaw_std_deg: null", 0.01),
+        ("std: 0.03, correlation_time: 5, dropout_rate: 0.1, dropout_time: 3", 0.2),
+    ],
+)
+def test_covariances_are_honest_and_bounded(
+    tmp_path: Path, positioning: str, widest: float
+) -> None:
+    errors = flown(tmp_path, positioning)
+    assert 0.7 <= errors.nees() <= 1.5
+    assert errors.std().max() < widest
+
+
+def fix(time: float, position: list[float], *, yaw: float = np.nan) -> PoseFixes:
+    column = np.ones(1)
+    return PoseFixes(
+        agent=np.zeros(1, np.int64),
+        taken=time * column,
+        arrived=time * column,
+        position=np.array([position]),
+        attitude=quaternion_from_euler(0 * column, 0 * column, yaw * column),
+        position_std=0.01 * column,
+        attitude_std=0.01 * column,
+        correlation_time=0 * column,
+    )
+
+
+def localizer() -> Localizer:
+    (offer,) = star_positioning.star_localizers()
+    room = replace(scene(1), agents=(Agent("cf1", (1.0, 2.0, 0.0)),))
+    return offer.make(room, max_report_age=0.5)
+
+
+def located(plugin: Localizer, fixes: Iterator[PoseFixes]) -> Estimate:
+    """Return the last estimate of an agent that flies along its x at 0.5 m/s, with fixes."""
+    velocity = np.array([[0.5, 0.0, 0.0]])
+    for tick, some in enumerate(fixes):
+        time = tick / 20
+        now = report([[0.5 * time, 0, 0.8]], time=time, velocity=velocity, fixes=some)
+        estimate = plugin.locate(now)
+    return estimate
+
+
+def test_late_fixes_count_for_the_time_at_which_they_were_taken() -> None:
+    late = (fix(max(0.0, k / 20 - 0.4), [1 + max(0.0, k / 40 - 0.2), 2, 0.8]) for k in range(200))
+    estimate = located(localizer(), late)
+    assert estimate.position[0] == pytest.approx([1 + 0.5 * 199 / 20, 2, 0.8], abs=0.01)
+
+
+def test_a_wrong_start_and_heading_are_corrected() -> None:
+    fixes = (fix(k / 20, [1.1, 1.9 + k / 40, 0.8], yaw=np.pi / 2) for k in range(200))
+    estimate = located(localizer(), fixes)
+    assert estimate.position[0] == pytest.approx([1.1, 1.9 + 199 / 40, 0.8], abs=0.02)
+    assert estimate.yaw == pytest.approx([np.pi / 2], abs=0.02)
+    frames = estimate.map_from_odom.apply(np.array([[0.5 * 199 / 20, 0, 0.8]]))
+    assert frames == pytest.approx(estimate.position)
+
+
+def test_without_fixes_the_covariance_grows() -> None:
+    plugin = localizer()
+    located(plugin, (fix(k / 20, [1 + k / 40, 2, 0.8]) for k in range(20)))
+    std = [
+        np.sqrt(located(plugin, iter([PoseFixes.none()] * ticks)).covariance[0, 0, 0])
+        for ticks in (25, 40, 80)
+    ]
+    assert std[0] < 0.03
+    assert std[0] < std[1] < std[2]
+    assert std[2] > 0.05
+
+
+def test_fixes_that_are_not_finite_are_ignored() -> None:
+    fixes = (fix(k / 20, [np.nan if k % 2 else 1 + k / 40, 2, 0.8]) for k in range(40))
+    estimate = located(localizer(), fixes)
+    assert estimate.position[0] == pytest.approx([1 + 39 / 40, 2, 0.8], abs=0.02)
+
+
+def test_a_transport_without_positions_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"rows.yaml:16:12: .*\[no-positioning\]"):
+        flown_without(tmp_path)
+
+
+def flown_without(folder: Path) -> None:
+    swarm = "\n".join(f"  cf{i}: {{start: [0, {2 * i}, 0]}}" for i in range(AGENTS))
+    (folder / "hall.yaml").write_text(WORLD)
+    text = MISSION.format(swarm=swarm, positioning="").replace("{use: sim, positioning: {}}", "sim")
+    (folder / "rows.yaml").write_text(text)
+    load(folder / "rows.yaml", Registry())
