@@ -26,6 +26,11 @@ SHAPE = (244, 324)
 SIZE = SHAPE[0] * SHAPE[1]
 SECONDS = 10.0
 ROUNDS, IMAGES = 5, 60
+STREAMS = (  # name, decks, images a second, JPEG
+    ("3_decks_15_hz", 3, 15.0, False),
+    ("3_decks_15_hz_jpeg", 3, 15.0, True),
+    ("30_decks_8_hz", 30, 8.0, False),
+)
 AWAY = np.linspace(1.5, 1.75, ROUNDS)  # s for which a deck is off: clients try every 0.25 s
 
 
@@ -134,11 +139,7 @@ def main() -> None:
         "image_over_cflib": statistics.median(mine / peer for mine, peer in pairs),
         "back_s": max(back(float(away)) for away in AWAY),
     }
-    for name, decks, rate, jpeg in (
-        ("3_decks_15_hz", 3, 15.0, False),
-        ("3_decks_15_hz_jpeg", 3, 15.0, True),
-        ("30_decks_8_hz", 30, 8.0, False),
-    ):
+    for name, decks, rate, jpeg in STREAMS:
         lost, delay, load = stream(decks, rate, jpeg=jpeg)
         figures |= {f"{name}_lost": lost, f"{name}_delay_ms": delay, f"{name}_load": load}
     if "--json" in sys.argv:

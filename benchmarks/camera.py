@@ -29,7 +29,7 @@ from star_sim.camera_sim.renderer import MIN_SLICES, Renderer
 from star_sim.camera_sim.sensor import vignette
 from star_sim.camera_sim.tag_rasterizer import CELLS, MODULES, corners, prints, tag_frames
 
-ROUNDS, TIMES = 15, 10
+ROUNDS, TIMES, LOOKS = 15, 10, 150
 FINE = 2  # times as fine along each side
 ROOM = World("room", Fence((-5.0, -5.0, 0.0), (5.0, 5.0, 3.0)))
 FLAT = (0.0, 0.0, 0.0, 1.0)  # a quaternion
@@ -164,7 +164,7 @@ def likeness() -> dict[str, float]:
     }
 
 
-def recall(count: int = 150) -> dict[str, float]:
+def recall(count: int) -> dict[str, float]:
     """Share of the tags wholly in view that OpenCV's detector finds as it comes, by distance."""
     tags = [
         Tag(9 * i + j, 0.168, (0.6 * i - 2.4, 0.6 * j - 2.4, 0.0), FLAT, f"{i} {j}")
@@ -204,7 +204,7 @@ def recall(count: int = 150) -> dict[str, float]:
 
 def main() -> None:
     cv2.setNumThreads(1)
-    figures = speed() | likeness() | recall()
+    figures = speed() | likeness() | recall(LOOKS)
     if "--json" in sys.argv:
         print(json.dumps(figures))
     else:

@@ -29,6 +29,7 @@ from star_fleet.variables import VARIABLES
 from star_sim import ideal_world
 
 FLIGHT = 12.0  # s
+FLEETS = ((10, 1), (30, 10), (30, 1), (100, 10))  # drones, and period of their logs in 10 ms
 ALOFT = 0.4  # m
 BLOCKS = (
     (
@@ -165,7 +166,7 @@ def load(n: int, log_period: int) -> dict[str, float]:
 
 def main() -> None:
     figures: dict[str, Any] = {}
-    for n, log_period in ((10, 1), (30, 10), (30, 1), (100, 10)):
+    for n, log_period in FLEETS:
         figures |= load(n, log_period)
     if "--json" in sys.argv:
         print(json.dumps(figures))

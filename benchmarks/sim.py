@@ -25,6 +25,9 @@ from star_sim.transport import Simulator
 
 RATE = 20  # Hz, ticks
 STEPS = 25  # of 2 ms in a tick
+AGENTS = (1, 10, 1000)
+ROUNDS, REPEATS, TIMES = 5, 7, 400  # of all sides, of one side, of one call with one agent
+LAPS = 3
 
 
 class NumpySwarm:
@@ -150,7 +153,7 @@ def hover(
 def seconds(call: Callable[[], object], times: int) -> float:
     """Median CPU time of one call, s."""
     took = []
-    for _ in range(7):
+    for _ in range(REPEATS):
         began = time.thread_time()
         for _ in range(times):
             call()
@@ -174,7 +177,7 @@ def speed(n: int) -> dict[str, float]:
         whole.wait(tick / RATE)
         whole.receive()
 
-    times = max(1, 400 // n)
+    times = max(1, TIMES // n)
     rounds = [
         (
             seconds(lambda: simulator._advance(STEPS), times),  # noqa: SLF001
@@ -185,7 +188,7 @@ def speed(n: int) -> dict[str, float]:
             seconds(lambda: realistic._advance(STEPS), times),  # noqa: SLF001
             seconds(lambda: mellinger._advance(STEPS), times),  # noqa: SLF001
         )
-        for _ in range(5)
+        for _ in range(ROUNDS)
     ]
     work = n * STEPS
     kernel, silent, transport, naive, firmware, world, other = (
@@ -244,9 +247,9 @@ def drift(agents: int = 20, laps: int = 3, side: float = 2.37, cruise: float = 0
 
 def main() -> None:
     figures: dict[str, float] = {}
-    for n in (1, 10, 1000):
+    for n in AGENTS:
         figures |= speed(n)
-    error = drift()
+    error = drift(laps=LAPS)
     figures["drift_box_mse_m2_mean"] = float(error.mean())
     figures["drift_box_mse_m2_std"] = float(error.std(ddof=1))
     if "--json" in sys.argv:

@@ -2,12 +2,14 @@
 
 ``python benchmarks/tick.py`` prints a table, with ``--json`` one JSON object. Two blocks of drones
 fly through each other: every tick locates, plans, avoids, filters and simulates all of them, on an
-estimate that errs by 3 cm along each axis, correlated over 1 s. The peer is real time; the clock is
+estimate that errs by 3 cm along each axis, correlated over 1 s, at the default margins. Blocks of
+fewer drones (``--agents``) are as deep, but have fewer lanes. The peer is real time; the clock is
 that of the processor, all threads together, so that the figure is that of one core.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import resource
 import sys
@@ -20,7 +22,8 @@ from typing import Any
 
 from star_core import Registry, fly, hookimpl, load
 
-ROWS, LANES = 20, 25  # of each block
+AGENTS = 1000
+ROWS = 20  # of each block
 PITCH = 1.0  # m, between neighbours in a lane of a block
 ASIDE = 1.5  # m, between lanes of a block; those of the other one lie halfway
 JITTER = 0.1  # m, along each axis
@@ -69,20 +72,20 @@ class Clock:
         self.peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
 
 
-def write(folder: Path) -> Path:
-    """Write the mission and its world, and return the mission's file."""
+def write(folder: Path, agents: int = AGENTS) -> Path:
+    """Write the mission of so many agents and its world, and return the mission's file."""
     rng = Random(0)  # noqa: S311 -- no secret
-    way = ROWS * PITCH + GAP
+    way, lanes = ROWS * PITCH + GAP, agents // (2 * ROWS)
     lines, blocks = [], {"west": [], "east": []}  # type: ignore[var-annotated]
     for name, block in blocks.items():
         side = -1 if name == "west" else 1
-        for i in range(ROWS * LANES):
-            row, lane = divmod(i, LANES)
+        for i in range(ROWS * lanes):
+            row, lane = divmod(i, lanes)
             x = side * (GAP / 2 + row * PITCH) + JITTER * (2 * rng.random() - 1)
             y = (lane + side / 4) * ASIDE + JITTER * (2 * rng.random() - 1)
             block.append(f"{name}{i + 1}")
             lines.append(f"  {name}{i + 1}: {{start: [{x:.3f}, {y:.3f}, 0.0]}}")
-    far, wide = way + 2, LANES * ASIDE
+    far, wide = way + 2, lanes * ASIDE
     (folder / "room.yaml").write_text(
         f"star: 1\nname: room\nfence: {{low: [{-far}, -3, 0], high: [{far}, {wide + 2}, 2.5]}}\n"
     )
@@ -97,8 +100,8 @@ def write(folder: Path) -> Path:
     return mission
 
 
-def measure() -> tuple[dict[str, float], Mapping[str, Any]]:
-    """Fly the mission; return the figures by name, and its summary.
+def measure(agents: int = AGENTS) -> tuple[dict[str, float], Mapping[str, Any]]:
+    """Fly the mission of so many agents; return the figures by name, and its summary.
 
     Raises:
         SystemExit: It did not complete, or drones collided.
@@ -107,7 +110,7 @@ def measure() -> tuple[dict[str, float], Mapping[str, Any]]:
     registry = Registry(clock)
     with TemporaryDirectory() as folder:
         began = time.process_time()
-        mission = load(write(Path(folder)), registry)
+        mission = load(write(Path(folder), agents), registry)
         read = time.process_time() - began
         summary = fly(mission, registry)
     if summary["outcome"] != "completed" or summary["collisions"]["agent_agent"]:
@@ -127,8 +130,12 @@ def measure() -> tuple[dict[str, float], Mapping[str, Any]]:
 
 def main() -> None:
     """Print the figures."""
-    figures, _ = measure()
-    if "--json" in sys.argv:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--json", action="store_true", help="print one JSON object, only")
+    options.add_argument("--agents", type=int, default=AGENTS, help="multiple of 40; %(default)s")
+    given = options.parse_args()
+    figures, _ = measure(given.agents)
+    if given.json:
         print(json.dumps(figures))
         return
     for name, value in figures.items():

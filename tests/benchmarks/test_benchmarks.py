@@ -1,0 +1,161 @@
+"""Every script of ``benchmarks/`` runs, in a small size, so that no published figure breaks unseen.
+
+A script is imported, its sizes are set, and its ``main`` is called in this process. What cannot be
+small, or needs real time, is marked `campaign`; what needs a peer that is not installed is skipped.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Registry, fly, load
+
+ROOT = Path(__file__).parents[2]
+BENCHMARKS = ROOT / "benchmarks"
+FLIGHTS = Path(  # recorded ones, where the scripts expect them
+    os.environ.get("STAR_REAL_FLIGHTS", ROOT.parent / "shared" / "real" / "flights")
+)
+
+
+@dataclass(frozen=True)
+class Small:
+    """How a script is run in a small size.
+
+    Attributes:
+        arguments: Of its command line; ``{tmp}`` is an empty folder.
+        sizes: Values of its constants.
+        needs: Modules and files without which it is skipped.
+        campaign: Why it is run by ``make campaign`` only; empty for the others.
+        prints: Text that it prints.
+    """
+
+    arguments: str = "--json"
+    sizes: Mapping[str, Any] = field(default_factory=dict)
+    needs: Sequence[str | Path] = ()
+    campaign: str = ""
+    prints: str = "{"
+
+
+SCRIPTS = {
+    "aideck": Small(
+        sizes={
+            "SECONDS": 0.5,
+            "ROUNDS": 1,
+            "IMAGES": 3,
+            "AWAY": np.array([0.1]),
+            "STREAMS": (("one", 1, 15.0, False),),
+        },
+    ),
+    "camera": Small(sizes={"ROUNDS": 1, "TIMES": 1, "LOOKS": 30}),
+    "covariance": Small("--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"),
+    "demo": Small("--json --flights 1"),
+    "detector": Small("--json --images 2 --scenes 1"),
+    "disturbances": Small("--json --images 1"),
+    "downwash": Small("--json --seeds 1", campaign="10 s"),
+    "faults": Small(
+        "--cells 'no fault' --seeds 1 --processes 1 --results {tmp}/faults.json", prints="|"
+    ),
+    "fleet": Small(sizes={"FLIGHT": 1.0, "FLEETS": ((2, 10),)}, campaign="real time"),
+    "guardian": Small("--runs 1 --only sigkill", campaign="real time", prints="sigkill"),
+    "guided_fuzzing": Small("yaml -runs=10", needs=("atheris",), prints=""),
+    "identify": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
+    "imu_errors": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
+    "landmarks": Small(campaign="60 s", sizes={"MINUTES": 2.0}),
+    "mosaic": Small("--json --scenes 1", campaign="10 s"),
+    "mutants": Small("--only none-of-them", prints="0"),
+    "orca": Small("--json --agents 10", {"DRAWN": 20, "ROUNDS": 1}, needs=("pyrvo",)),
+    "planner": Small(sizes={"POLYGONS": 4, "ROUNDS": 1, "BUILDS": 1, "QUERIES": 5}),
+    "radio": Small(
+        sizes={"MANY": 2, "FEW": 1, "ROUNDS": 1, "TICKS": 10},
+        campaign="real time",
+        needs=("cflib",),
+    ),
+    "real_flights": Small(f"{FLIGHTS} --json", needs=(FLIGHTS,), campaign="60 s"),
+    "recording": Small("--json --rounds 1", campaign="real time"),
+    "relief": Small("--json --seeds 1 --rounds 1", campaign="6 s"),
+    "report": Small("--json --rounds 1", needs=("playwright",), campaign="Chromium"),
+    "safe_defaults": Small(
+        "--seeds 1 --workers 1 --missions single-crossing-5 --out {tmp}/out", prints="crossing"
+    ),
+    "search": Small("--json --worlds 1 --pattern sweep", campaign="10 s"),
+    "silence": Small("--json --only plugins", campaign="two starts"),
+    "sim": Small(
+        sizes={"AGENTS": (1,), "ROUNDS": 1, "REPEATS": 1, "TIMES": 10, "LAPS": 1},
+    ),
+    "soak": Small("--json --minutes 0.1 --drones 2", campaign="real time"),
+    "startup": Small("--json --rounds 1", campaign="a cold start"),
+    "tick": Small("--json --agents 40"),
+    "tick_files": Small("--json"),
+    "top_view": Small("{tmp}/run {tmp}/out.png", needs=("matplotlib",), prints=""),
+    "view": Small("--json --rounds 1", campaign="real time"),
+}
+PARTS = {"fault_cells", "fault_flight", "flight_models", "recorded_flights", "small_tags"}
+
+
+def test_every_script_is_run() -> None:
+    assert {path.stem for path in BENCHMARKS.glob("*.py")} == {*SCRIPTS} | PARTS
+
+
+def exit_status(main: Callable[[], object]) -> object:
+    """Return the exit status, or the message, with which a script ends."""
+    try:
+        return main()
+    except SystemExit as end:
+        return end.code
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # cflib's socket
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.campaign] if small.campaign else [])
+        for name, small in SCRIPTS.items()
+    ],
+)
+def test_a_script_runs_in_a_small_size(
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    small = SCRIPTS[name]
+    for need in small.needs:
+        if isinstance(need, str):
+            pytest.importorskip(need)
+        elif not need.exists():
+            pytest.skip(f"no recorded flights in {need}")
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    monkeypatch.chdir(ROOT)
+    script = importlib.import_module(name)
+    if "{tmp}/run" in small.arguments:
+        registry = Registry()
+        fly(load(ROOT / "missions/first_flight.yaml", registry), registry, folder=tmp_path / "run")
+    for constant, value in small.sizes.items():
+        assert hasattr(script, constant)
+        monkeypatch.setattr(script, constant, value)
+    words = [word.format(tmp=tmp_path) for word in shlex.split(small.arguments)]
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", *words])
+    assert not exit_status(script.main)
+    gc.collect()
+    assert small.prints in capsys.readouterr().out
+
+
+def test_160_drones_that_know_their_positions_to_3_cm_do_not_jam(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    figures, summary = importlib.import_module("tick").measure(160)
+    assert figures["flight (s)"] <= 66
+    assert figures["least separation (m)"] > 0.25
+    assert summary["collisions"]["agent_agent"] == 0
