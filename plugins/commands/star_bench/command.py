@@ -11,7 +11,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from star_bench.files import NOISE, SPEED, STUDY, Campaign, write
+from star_bench.files import (
+    POSITIONS,
+    SETTING,
+    SETTINGS,
+    SPEED,
+    STUDY,
+    WORLDS,
+    Campaign,
+    write,
+)
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
 from star_bench.table import Key, Metrics, as_csv, as_markdown, metrics, rows
 from star_core import (
@@ -41,7 +50,7 @@ def main(arguments: Sequence[str]) -> int:
     campaign = Campaign(
         cases=tuple(_cases(options)),
         avoiders=levels(options.avoiders, registry),
-        noises=tuple(NOISE) if options.noise == "both" else (options.noise,),
+        settings=_settings(options),
     )
     folder = output_folder(options.out, "bench", STUDY)
     with writing(folder):
@@ -91,7 +100,18 @@ def parser() -> argparse.ArgumentParser:
         help="seeds 0 to N-1: %(default)s",
     )
     star.add_argument(
-        "--noise", choices=["both", *NOISE], default="both", help="estimation error: %(default)s"
+        "--world",
+        nargs="+",
+        choices=WORLDS,
+        default=["ideal"],
+        help="errors of the simulator: none, or those of missions without options (ideal)",
+    )
+    star.add_argument(
+        "--positions",
+        nargs="+",
+        choices=POSITIONS,
+        default=["exact", "bounded"],
+        help="exact, measured with 3 cm of error, or by flow in the default world (exact bounded)",
     )
     star.add_argument(
         "--workers", type=positive_integer, metavar="N", help="parallel runs (all cores)"
@@ -101,6 +121,19 @@ def parser() -> argparse.ArgumentParser:
     )
     star.add_argument("--write-only", action="store_true", help="write the files without flying")
     return star
+
+
+def _settings(options: argparse.Namespace) -> tuple[tuple[str, str], ...]:
+    """Return the settings that are chosen, in the order of the table."""
+    chosen = tuple(
+        (world, positions)
+        for world, positions in SETTINGS
+        if world in options.world and positions in options.positions
+    )
+    if not chosen:  # the ideal world with `flow`
+        wrong = "--positions flow: exact in the ideal world; add --world default"
+        raise InputError(wrong, "invalid-argument")
+    return chosen
 
 
 def _cases(options: argparse.Namespace) -> Iterator[Case]:
@@ -139,14 +172,14 @@ def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Metrics]]:
     """Yield the metrics of every flight of a study, in the order of the table."""
     with results.open(encoding="utf-8", newline="") as file:
         flown = {
-            (row["mission"], row["avoider"], row["noise"]): row for row in csv.DictReader(file)
+            (row["mission"], row["avoider"], row[SETTING]): row for row in csv.DictReader(file)
         }
     drawn = {case.name: case.draw() for case in campaign.cases}
     for avoider in campaign.avoiders:
-        for noise in campaign.noises:
+        for setting in campaign.settings:
             for case in campaign.cases:
-                if (row := flown.get((case.name, avoider, noise))) is not None:
-                    key = Key(avoider, case.title, str(case.agents), noise)
+                if (row := flown.get((case.name, avoider, " ".join(setting)))) is not None:
+                    key = Key(avoider, case.title, str(case.agents), *setting)
                     yield key, metrics(row, drawn[case.name], SPEED)
 
 

@@ -13,11 +13,31 @@ from star_bench.scenario import CEILING, HIGH, LOW, Scenario
 from star_bench.scenarios import Case
 from star_core import Progress
 
-NOISE: Final[Mapping[str, Mapping[str, Any]]] = {
-    "off": {},
-    "on": {"localizer": {"use": "flow", "error_std": 0.03, "error_time_constant": 1.0}},
+IDEAL: Final = {"use": "sim", "noise": False, "profile": "ideal", "controller": "ideal"}
+
+
+def _measured(transport: Mapping[str, Any], std: float) -> Mapping[str, Any]:
+    """Return overrides for positions measured with a standard deviation, m."""
+    positioning = {"std": std, "correlation_time": 1.0}
+    return {
+        "transport": {**transport, "positioning": positioning},
+        "localizer": {"use": "positioning"},
+    }
+
+
+SETTINGS: Final[Mapping[tuple[str, str], Mapping[str, Any]]] = {
+    ("ideal", "exact"): {},
+    ("ideal", "bounded"): _measured(IDEAL, 0.03),
+    ("default", "exact"): _measured({"use": "sim"}, 0.001),
+    ("default", "bounded"): _measured({"use": "sim"}, 0.03),
+    ("default", "flow"): {"transport": {"use": "sim"}},
 }
-"""Estimation error: none, or 3 cm along each axis with a correlation time of 1 s."""
+"""Overrides of a mission, in the ideal world with exact positions, by world and positions.
+
+Bounded positions are those of a positioning system with a standard deviation of 3 cm along each
+axis; in the default world one of 1 mm stands for exact ones. In the ideal world `flow` is exact."""
+WORLDS: Final = tuple(dict.fromkeys(world for world, _ in SETTINGS))
+POSITIONS: Final = tuple(dict.fromkeys(positions for _, positions in SETTINGS))
 
 MEASURES: Final = (
     "collisions.agent_agent",
@@ -32,12 +52,12 @@ MEASURES: Final = (
     "steps",
     "path_length_m.per_agent",
 )
+SETTING: Final = "setting"  # factor of the study
 STUDY: Final = "study.yaml"
 MISSIONS: Final = "missions"
 
 SPEED: Final = 0.5  # m/s
 ACCELERATION: Final = 2.0  # m/s²: the limits of the repository's missions
-EXACT: Final = f"height: [{LOW}, {HIGH}], uncertainty_margin: 0"  # no margins are compared
 RATE: Final = 20  # Hz
 TIMEOUT_FACTOR: Final = 4.0  # of a leg, times its longest straight flight
 TIMEOUT_MARGIN: Final = 20.0  # s: the last agent has waited for all others
@@ -45,22 +65,22 @@ TIMEOUT_MARGIN: Final = 20.0  # s: the last agent has waited for all others
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """Every case with every avoider, with and without noise.
+    """Every case with every avoider in every setting.
 
     Attributes:
         cases: The missions.
         avoiders: Overrides for each avoider, by label.
-        noises: Keys of `NOISE`.
+        settings: Keys of `SETTINGS`: world and positions.
     """
 
     cases: Sequence[Case]
     avoiders: Mapping[str, Any]
-    noises: Sequence[str]
+    settings: Sequence[tuple[str, str]]
 
     @property
     def runs(self) -> int:
         """Number of flights."""
-        return len(self.cases) * len(self.avoiders) * len(self.noises)
+        return len(self.cases) * len(self.avoiders) * len(self.settings)
 
 
 def write(campaign: Campaign, folder: Path) -> Path:
@@ -97,8 +117,9 @@ def _study(campaign: Campaign) -> Iterator[str]:
     yield "  avoider:"
     for label, given in campaign.avoiders.items():
         yield f"    {json.dumps(label)}: {json.dumps({'avoider': given})}"
-    yield "  noise:"
-    yield from (f'    "{noise}": {json.dumps(NOISE[noise])}' for noise in campaign.noises)
+    yield f"  {SETTING}:"
+    for setting in campaign.settings:
+        yield f'    "{" ".join(setting)}": {json.dumps(SETTINGS[setting])}'
     yield f"measures: [{', '.join(MEASURES)}]"
 
 
@@ -111,11 +132,11 @@ def mission_lines(case: Case, scenario: Scenario) -> Iterator[str]:
     yield f"world: worlds/{case.name}.yaml"
     yield f"seed: {case.seed}"
     yield f"rate: {RATE}"
-    yield f"limits: {{speed: {SPEED}, acceleration: {ACCELERATION}, {EXACT}}}"
+    yield f"limits: {{speed: {SPEED}, acceleration: {ACCELERATION}, height: [{LOW}, {HIGH}]}}"
     yield "swarm:"
     for name, start in zip(names, scenario.starts, strict=True):
         yield f"  {name}: {{start: {_flow([*start, 0.0])}}}"
-    yield "transport: {use: sim, noise: false, profile: ideal, controller: ideal}"
+    yield f"transport: {_flow(IDEAL)}"
     yield "localizer: flow"
     yield f"planner: {'visibility' if scenario.obstacles else 'straight'}"
     yield "avoider: orca"
@@ -153,6 +174,8 @@ def _flow(value: Any) -> str:
         return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_flow(inner) for inner in value) + "]"
+    if isinstance(value, bool):
+        return json.dumps(value)
     return str(round(float(value), 3) + 0.0) if isinstance(value, int | float) else str(value)
 
 

@@ -21,7 +21,8 @@ class Key(NamedTuple):
     avoider: str
     scenario: str
     agents: str
-    noise: str
+    world: str
+    positions: str
 
 
 Cell: TypeAlias = float | None
@@ -66,8 +67,8 @@ Time ratio: time of the last agent to arrive over its straight flight at the spe
 which all arrived. Path ratio: distance flown by all agents, without climb and descent and including
 waiting for the last one, over their straight distances, of runs that completed. Corrected: ticks of
 an agent in which the safety filter changed its setpoint; these include ordinary passes in which the
-filter braked an agent. Microseconds are per agent and tick. Noise on: the estimate errs by 3 cm
-along each axis, correlated over 1 s.
+filter braked an agent. Microseconds are per agent and tick. Bounded positions: those of a
+positioning system that errs by 3 cm along each axis, correlated over 1 s.
 """
 
 
@@ -148,7 +149,7 @@ def rows(flown: Iterable[tuple[Key, Metrics]]) -> list[tuple[Key, list[Cell]]]:
     pooled: dict[Key, list[Metrics]] = {}
     for key, one in flown:
         groups.setdefault(key, []).append(one)
-        pooled.setdefault(Key(key.avoider, ALL, ALL, key.noise), []).append(one)
+        pooled.setdefault(Key(key.avoider, ALL, ALL, key.world, key.positions), []).append(one)
     return [(key, [*_cells(of)]) for key, of in [*groups.items(), *pooled.items()]]
 
 

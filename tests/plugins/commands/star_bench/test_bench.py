@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -11,7 +12,7 @@ import pytest
 
 import star_bench
 from star_bench.command import label_of, main, named
-from star_bench.files import NOISE
+from star_bench.files import POSITIONS, SETTINGS, WORLDS
 from star_core import AvoiderSpec, CommandSpec, InputError, Registry, hookimpl, load
 from star_core.cli.main import main as star
 
@@ -37,7 +38,7 @@ def test_a_campaign_is_flown_and_goes_on_where_it_stopped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    arguments = [*QUICK, "--noise", "off", "--out", str(out)]
+    arguments = [*QUICK, "--positions", "exact", "--out", str(out)]
     assert main([*arguments, "--avoiders", "none"]) == 0
     assert main([*arguments, "--avoiders", "none", "orca=radius:0.15"]) == 0
     told = capsys.readouterr()
@@ -65,13 +66,15 @@ def test_a_campaign_is_flown_and_goes_on_where_it_stopped(
 
 
 @pytest.mark.usefixtures("in_process")
-def test_a_noisy_flight_flies_on_an_estimate_that_errs(tmp_path: Path) -> None:
+def test_worlds_and_positions_are_flown_and_tabulated(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    assert main([*QUICK, "--avoiders", "none", "--noise", "on", "--out", str(out)]) == 0
-    (row, _) = csv.DictReader((out / "bench.csv").read_text().splitlines())
-    assert row["noise"] == "on"
+    worlds = ["--world", *WORLDS, "--positions", *POSITIONS]
+    assert main([*QUICK, "--avoiders", "none", *worlds, "--out", str(out)]) == 0
+    table = [*csv.DictReader((out / "bench.csv").read_text().splitlines())]
+    settings = [(row["world"], row["positions"]) for row in table if row["scenario"] != "all"]
+    assert settings == [*SETTINGS]
     (study,) = (out / "flown").glob("study.json")
-    assert '"error_std": 0.03' in study.read_text()
+    assert '"std": 0.03' in study.read_text()
 
 
 def test_with_write_only_nothing_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,14 +91,20 @@ def test_with_write_only_nothing_flies(tmp_path: Path, capsys: pytest.CaptureFix
         assert star(["check", str(out / "missions" / f"{name}.yaml")]) == 0
 
 
-def test_the_noise_is_one_that_the_localizer_takes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_every_setting_is_a_mission(tmp_path: Path, setting: tuple[str, str]) -> None:
     main([*QUICK, "--write-only", "--out", str(tmp_path / "out")])
     mission = tmp_path / "out" / "missions" / "stack-2-0.yaml"
-    settings = [f"{path}={value}" for path, value in NOISE["on"].items()]
-    assert load(mission, Registry(), settings).parts["localizer"].options == {
-        "error_std": 0.03,
-        "error_time_constant": 1.0,
-    }
+    changes = [f"{path}={json.dumps(value)}" for path, value in SETTINGS[setting].items()]
+    scene = load(mission, Registry(), changes).scene
+    assert scene.exact_odometry == (setting[0] == "ideal")
+    assert scene.measures_positions == (setting not in {("ideal", "exact"), ("default", "flow")})
+    assert scene.limits.uncertainty_margin > 0
+
+
+def test_flow_in_the_ideal_world_is_exact(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"add --world default \[invalid-argument\]"):
+        main([*QUICK, "--positions", "flow", "--write-only", "--out", str(tmp_path / "out")])
 
 
 def test_all_installed_avoiders_fly_by_default(tmp_path: Path) -> None:
@@ -132,7 +141,7 @@ def test_an_unknown_or_invalid_argument_is_refused(
 
 def test_options_that_an_avoider_does_not_take_are_refused_with_their_place(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    arguments = [*QUICK, "--avoiders", "orca=radius:-1", "--noise", "off", "--out", str(out)]
+    arguments = [*QUICK, "--avoiders", "orca=radius:-1", "--positions", "exact", "--out", str(out)]
     with pytest.raises(InputError) as caught:
         main(arguments)
     assert str(caught.value).startswith(f"{out / 'study.yaml'}:9:")
@@ -140,7 +149,14 @@ def test_options_that_an_avoider_does_not_take_are_refused_with_their_place(tmp_
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--seeds", "0"], ["--workers", "-1"], ["--noise", "loud"], ["--agents", "x"]]
+    "arguments",
+    [
+        ["--seeds", "0"],
+        ["--workers", "-1"],
+        ["--world", "flat"],
+        ["--positions", "good"],
+        ["--agents", "x"],
+    ],
 )
 def test_flags_that_are_no_numbers_or_words_are_refused(arguments: Sequence[str]) -> None:
     with pytest.raises(SystemExit) as caught:
@@ -187,7 +203,7 @@ def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
-    arguments = [*QUICK, "--avoiders", "none", "--noise", "off", "--out", str(out)]
+    arguments = [*QUICK, "--avoiders", "none", "--positions", "exact", "--out", str(out)]
 
     @hookimpl
     def star_commands() -> list[CommandSpec]:
@@ -196,7 +212,7 @@ def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(
     def interrupted(given: Sequence[str]) -> int:
         folder = Path(given[given.index("--out") + 1])
         folder.mkdir()
-        (folder / "results.csv").write_text("mission,avoider,noise,seed,outcome,reason\n")
+        (folder / "results.csv").write_text("mission,avoider,setting,seed,outcome,reason\n")
         return 1
 
     plugin = type("Plugin", (), {"star_commands": staticmethod(star_commands)})()

@@ -29,7 +29,7 @@ TWICE = Scenario(
     "One goes up 1 m, back 2 m.", ((0, 0),), (1.0,), (((1, 0, 1.0),), ((-1, 0, 1.0),)), (0, 0),
     (0, 0),
 )  # fmt: skip
-KEY = Key("orca", "circle", "2", "off")
+KEY = Key("orca", "circle", "2", "ideal", "exact")
 
 
 def step(name: str, begun: float, ended: float, **more: Any) -> dict[str, Any]:
@@ -200,12 +200,12 @@ def test_compute_is_a_mean_for_each_part() -> None:
     assert (found["avoider (us)"], found["planner (us)"]) == (2.0, 2.0)
 
 
-def test_flights_are_grouped_and_pooled_for_each_avoider_and_noise() -> None:
+def test_flights_are_grouped_and_pooled_for_each_avoider_and_setting() -> None:
     keys = [
-        Key("none", "circle", "2", "off"),
-        Key("none", "disc", "2", "off"),
-        Key("none", "disc", "2", "on"),
-        Key("orca", "circle", "2", "off"),
+        Key("none", "circle", "2", "ideal", "exact"),
+        Key("none", "disc", "2", "ideal", "exact"),
+        Key("none", "disc", "2", "default", "flow"),
+        Key("orca", "circle", "2", "ideal", "exact"),
     ]
     found = rows([(key, flight(agent_agent_collisions=1)) for key in keys])
     pooled = {
@@ -214,18 +214,16 @@ def test_flights_are_grouped_and_pooled_for_each_avoider_and_noise() -> None:
     }
     assert [key for key, _ in found[: len(keys)]] == keys
     assert pooled == {
-        ("none", "all", "all", "off"): 2,
-        ("none", "all", "all", "on"): 1,
-        ("orca", "all", "all", "off"): 1,
+        ("none", "all", "all", "ideal", "exact"): 2,
+        ("none", "all", "all", "default", "flow"): 1,
+        ("orca", "all", "all", "ideal", "exact"): 1,
     }
 
 
 def test_the_page_shows_what_is_not_known_as_a_dash() -> None:
     page = as_markdown(rows([(KEY, flight(agent_agent_collisions=0, min_separation=0.4))]))
-    assert (
-        "| orca | circle | 2 | off | 1 | 100.0% | 0 | - | - | - | 0.40 | - | - | - | - | - |"
-        in page
-    )
+    key = "| orca | circle | 2 | ideal | exact | 1 |"
+    assert f"{key} 100.0% | 0 | - | - | - | 0.40 | - | - | - | - | - |" in page
 
 
 def test_the_page_explains_its_columns() -> None:
