@@ -13,6 +13,7 @@ from star_core.messages.arrays import Array, Mask
 from star_core.messages.events import Corrected, Event, Tick
 from star_core.messages.state import AgentPhase
 from star_core.metrics.conflicts import WAITING_DISTANCE, Contacts, Deadlocks
+from star_core.metrics.jams import Jams
 from star_core.metrics.targets import Targets
 from star_core.scene import Scene
 
@@ -51,6 +52,7 @@ class FlightMetrics:
         self._scene = scene
         self.contacts = Contacts(scene)
         self._deadlocks = Deadlocks(n)
+        self._jams = Jams(scene)
         self._length = np.zeros(n)  # m
         self._located = np.zeros(n, np.bool_)  # whether a position was ever known
         self._up = np.zeros(n, np.bool_)  # between take-off and landing, lost or not
@@ -90,6 +92,8 @@ class FlightMetrics:
         phase = tick.health.phase
         self._up = (self._up | (phase == FLYING)) & ((phase == FLYING) | (phase == LOST))
         self._deadlocks.add(tick, near)
+        if jam := self._jams.add(tick, near):
+            events.append(jam)
         if truth is not None:
             self._add_errors(tick.estimate.position - truth.position, tick.estimate.covariance)
             near = Pairs.of(truth.position, self.contacts.reach)
@@ -165,6 +169,7 @@ class FlightMetrics:
             "distances_from": self.contacts.source,
             "deadlocks": self._deadlocks.count,
             "waits": self._deadlocks.waits,
+            "jams": self._jams.count,
             "corrected": dict(self._corrected),
             "min_separation_m": _known(self.contacts.separation),
             "min_clearance_m": _known(self.contacts.clearance),
