@@ -34,16 +34,17 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         for step in actions(mission.steps)
     )
     limits = mission.scene.limits
-    drifts = (
+    margins = (
         registry.find("localizer", mission.parts["localizer"].use).offer.drift is not None
-        and 1 < len(mission.scene.agents) <= MOST_COMPARED
+        and len(mission.scene.agents) > 1
         and limits.separation > 0
         and limits.uncertainty_margin > 0
     )
-    if blocked or timed or drifts or follows_surfaces(mission, registry):
+    drifts = margins and len(mission.scene.agents) <= MOST_COMPARED
+    if blocked or timed or margins or follows_surfaces(mission, registry):
         from star_explain.problems import problems
 
-        yield from problems(mission, registry, drifts=drifts)
+        yield from problems(mission, registry, drifts=drifts, margins=margins)
 
 
 def follows_surfaces(mission: Mission, registry: Registry) -> bool:

@@ -7,12 +7,16 @@ from collections.abc import Iterator
 from star_core import Mission, Problem, Registry
 from star_explain.drift import drift_problems
 from star_explain.dry_run import Part, StepResult, dry_run_with_tracks
+from star_explain.jam import jam_problems
 
 
-def problems(mission: Mission, registry: Registry, *, drifts: bool) -> Iterator[Problem]:
+def problems(
+    mission: Mission, registry: Registry, *, drifts: bool, margins: bool
+) -> Iterator[Problem]:
     """Yield what a dry run finds: timeouts, and obstacles in the way of agents or below them.
 
-    If positions drift, also agents that come too near to each other for that.
+    If positions drift, also agents that come too near to each other for that; if there are margins
+    for it, also agents that these leave no room to pass each other.
     """
     avoider = registry.find("avoider", mission.parts["avoider"].use).offer
     others = [
@@ -34,6 +38,8 @@ def problems(mission: Mission, registry: Registry, *, drifts: bool) -> Iterator[
             yield Problem(path, surface, "over-obstacle", warning=True)
     if drifts:
         yield from drift_problems(mission, registry, tracks)
+    if margins:
+        yield from jam_problems(mission, registry, tracks)
 
 
 def _steps(part: Part) -> Iterator[StepResult]:

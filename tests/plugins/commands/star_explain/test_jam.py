@@ -1,0 +1,87 @@
+"""What ``star check`` warns of where margins for uncertain positions leave no room to pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from star_core import Registry
+from star_core.cli.check import check_file
+from star_explain.jam import crowd
+
+pytestmark = pytest.mark.shipped_world
+
+WORLD = "star: 1\nname: hall\nfence: {low: [-20, -20, 0], high: [20, 20, 3]}\n"
+MISSION = """\
+star: 1
+name: lanes
+world: hall.yaml
+swarm:
+SWARM
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+groups: {west: [WEST], east: [EAST]}
+mission:
+  - takeoff: {height: 0.8}
+  - hold: {for: 30}
+  - parallel:
+      - goto: {agents: west, by: [12, 0, 0]}
+      - goto: {agents: east, by: [-12, 0, 0]}
+  - land: {}
+"""
+
+
+def warnings(folder: Path, *changes: str, pitch: float = 0.75, lanes: int = 6) -> list[str]:
+    """Return the warnings of two blocks that fly through each other, lane beside lane."""
+    groups: dict[str, list[str]] = {"west": [], "east": []}
+    swarm = []
+    for lane in range(lanes):
+        side, x = ("west", -6) if lane % 2 else ("east", 6)
+        for row in range(6):
+            name = f"{side}{lane}_{row}"
+            groups[side].append(name)
+            start = x + (row if side == "east" else -row), pitch * lane
+            swarm.append(f"  {name}: {{start: [{start[0]}, {start[1]:g}, 0]}}")
+    text = MISSION.replace("SWARM", "\n".join(swarm))
+    text = text.replace("WEST", ", ".join(groups["west"]))
+    (folder / "hall.yaml").write_text(WORLD)
+    (folder / "lanes.yaml").write_text(text.replace("EAST", ", ".join(groups["east"])))
+    found = check_file(folder / "lanes.yaml", changes, Registry())[1]
+    return [text for text in found if "margins-exceed-paths" in text]
+
+
+def test_lanes_narrower_than_the_margins_are_warned_of(tmp_path: Path) -> None:
+    (text,) = warnings(tmp_path)
+    assert text.split(": warning: ")[0].endswith("lanes.yaml:42:12")
+    assert "they keep 1.20 m apart from about" in text
+
+
+@pytest.mark.parametrize(
+    "change", ["limits.uncertainty_margin=0", "transport.noise=false", "avoider={use: none}"]
+)
+def test_exact_positions_and_smaller_distances_are_not(tmp_path: Path, change: str) -> None:
+    assert warnings(tmp_path, change) == []
+
+
+def test_wide_lanes_are_not(tmp_path: Path) -> None:
+    assert warnings(tmp_path, pitch=2.0) == []
+
+
+def test_more_than_a_hundred_agents_are_compared(tmp_path: Path) -> None:
+    assert len(warnings(tmp_path, lanes=18)) == 1
+
+
+def test_an_agent_between_two_that_come_cannot_make_way() -> None:
+    position = np.array([[0.0, 0, 1], [0.2, 0.7, 1], [0.2, -0.8, 1], [5, 5, 1]])
+    velocity = np.array([[0.5, 0, 0], [-0.5, 0, 0], [-0.5, 0, 0], [0, 0, 0]])
+    airborne, margin = np.ones(4, np.bool_), np.full(4, 0.4)
+    moving, distance, kept = crowd(position, velocity, airborne, margin, 0.4, 0.6)
+    assert moving == 3
+    assert distance == pytest.approx([np.hypot(0.2, 0.8)])
+    assert kept == pytest.approx([1.2])
+    assert len(crowd(position, 0.5 + 0 * velocity, airborne, margin, 0.4, 0.6)[1]) == 0
+    assert len(crowd(position, velocity, airborne, 0 * margin, 0.4, 0.6)[1]) == 0
