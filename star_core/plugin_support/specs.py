@@ -166,10 +166,13 @@ class AvoiderSpec(MissionSpec):
 
     Attributes:
         avoids_obstacles: Whether it keeps agents from obstacles too.
+        uncertain_positions: Whether traffic still flows through narrow places when distances are
+            enlarged for uncertain positions; if not, ``star check`` warns where they are.
     """
 
     make: Callable[..., Avoider]
     avoids_obstacles: bool = True
+    uncertain_positions: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

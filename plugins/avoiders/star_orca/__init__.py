@@ -69,6 +69,7 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
         name="orca",
         summary="Optimal reciprocal collision avoidance in the horizontal plane.",
         make=deferred("star_orca.avoider:Orca"),
+        uncertain_positions=True,
         options=_OPTIONS,
         check=_check,
     )

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from star_core import CommandSpec, actions, deferred, fill_defaults, hookimpl
+from star_core import CommandSpec, Problem, actions, deferred, fill_defaults, hookimpl
 
 if TYPE_CHECKING:
-    from star_core import Mission, Problem, Registry
+    from star_core import Mission, Registry
 
 MOST_COMPARED = 100  # agents: comparing the pairs of more takes many seconds
 
@@ -33,6 +33,7 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         and registry.find("task", step.verb).offer.exclusive is None
         for step in actions(mission.steps)
     )
+    yield from exact_positions_only(mission, registry)
     limits = mission.scene.limits
     margins = (
         registry.find("localizer", mission.parts["localizer"].use).offer.drift is not None
@@ -45,6 +46,32 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         from star_explain.problems import problems
 
         yield from problems(mission, registry, drifts=drifts, margins=margins)
+
+
+def exact_positions_only(mission: Mission, registry: Registry) -> Iterator[Problem]:
+    """Warn if an avoider that is made for exact positions has to do with uncertain ones."""
+    scene, avoider = mission.scene, mission.parts["avoider"]
+    uncertain = scene.measures_positions or not scene.exact_odometry
+    offers = {name: registry.find("avoider", name).offer for name in registry.names("avoider")}
+    if (
+        uncertain
+        and len(scene.agents) > 1
+        and scene.limits.uncertainty_margin > 0
+        and not offers[avoider.use].uncertain_positions
+    ):
+        others = [
+            name
+            for name, offer in offers.items()
+            if offer.uncertain_positions and offer.avoids_obstacles
+        ]
+        hint = f"use {' or '.join(others)}, or more space" if others else "give them more space"
+        yield Problem(
+            ("avoider",),
+            f"{avoider.use!r} is not made for uncertain positions: in narrow places agents may "
+            f"wait for each other forever; {hint}",
+            "avoider-needs-exact-positions",
+            warning=True,
+        )
 
 
 def follows_surfaces(mission: Mission, registry: Registry) -> bool:

@@ -85,3 +85,29 @@ def test_an_agent_between_two_that_come_cannot_make_way() -> None:
     assert kept == pytest.approx([1.2])
     assert len(crowd(position, 0.5 + 0 * velocity, airborne, margin, 0.4, 0.6)[1]) == 0
     assert len(crowd(position, velocity, airborne, 0 * margin, 0.4, 0.6)[1]) == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "warned"),
+    [
+        (["avoider=voronoi"], True),
+        (["avoider=potential"], True),
+        (["avoider=orca"], False),
+        (["avoider=none"], False),
+        (["avoider=voronoi", "limits.uncertainty_margin=0"], False),
+        (["avoider=voronoi", "transport.noise=false"], False),
+        (
+            [
+                "avoider=voronoi",
+                "localizer=positioning",
+                "transport={use: sim, noise: false, positioning: {std: 0.03}}",
+            ],
+            True,
+        ),
+    ],
+)
+def test_avoiders_for_exact_positions_are_warned_of(
+    missions: Path, changes: list[str], *, warned: bool
+) -> None:
+    found = check_file(missions / "first_flight.yaml", changes, Registry())[1]
+    assert any("avoider-needs-exact-positions" in text for text in found) == warned
