@@ -36,6 +36,7 @@ from star_radio.connection import udp_links
 from star_radio.connection.cflib_link import silence_cflib
 from star_radio.connection.link import Link
 from star_radio.connection.tables import Tables, user_cache
+from star_radio.handover import WATCHDOG
 from star_radio.landings import Landings
 from star_radio.options import RadioOptions
 from star_radio.sensors import Sensors, connecting
@@ -50,6 +51,7 @@ log = logging.getLogger(__name__)
 COMMANDER_STATES: Final = int(Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED)
 CLOSING_POLL_PERIOD: Final = 0.02  # s, between checks whether the last commands are confirmed
 KEEP_ALIVE_PERIOD: Final = 0.2  # s, between resets of the emergency-stop watchdog, which is 1 s
+FALL_TIME: Final = 1.0  # s, after the firmware's watchdog has stopped the motors
 UNHEARD_TIME: Final = 10.0  # s, for which closing waits for the link of a drone to return
 LANDING_TIME: Final = 30.0  # s, for which it waits for landings
 
@@ -214,7 +216,9 @@ class Radio:
         """Return which drones may be in the air, by what was received and sent so far: (N,)."""
         now = time.monotonic()
         fell = np.array([vehicle.rebooted for vehicle in self.vehicles]) & ~self._ground.heard(now)
-        aloft: Mask = ~self._ground.down(now) & ~fell
+        last = np.array([vehicle.steered_at for vehicle in self.vehicles])  # also of a landing
+        fed = self._ground.assumed_down(now) & (now - last < WATCHDOG + FALL_TIME)
+        aloft: Mask = (~self._ground.down(now) | fed) & ~fell
         return aloft
 
     def heard(self) -> Mask:
@@ -258,22 +262,22 @@ class Radio:
                 else:
                     self._awaiting_start.add(row)
         packets = {row: self._packet(command, i, self.vehicles[row].version) for i, row in rows}
+        now = time.monotonic()
+        for i, row in rows:
+            until = now + command.duration[i : i + 1]
+            self._ground.commanded(now, command.order, np.array([row]), until)
         if command.order is Order.TAKEOFF:
             for row in packets:
                 self.vehicles[row].arm()
             if self._options.descent:
                 climbs = {row: self._climb(command, i, packets[row]) for i, row in rows}
-                self._takeoffs.prepare(climbs, time.monotonic())
+                self._takeoffs.prepare(climbs, now)
                 return
         self._give(command.order, packets)
 
     def _give(self, order: Order, packets: Mapping[int, bytes]) -> None:
         """Send a command to drones, with the packet of each row."""
         steered = any(self.vehicles[row].steered for row in packets)
-        now = time.monotonic()
-        for i, row in rows:
-            until = now + command.duration[i : i + 1]
-            self._ground.commanded(now, command.order, np.array([row]), until)
         if self._broadcasts is not None:
             self._broadcasts.void(packets)
         # A broadcast, sent by another dongle, may overtake a setpoint, which would then cancel the

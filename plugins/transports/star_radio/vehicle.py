@@ -57,6 +57,7 @@ class Vehicle:
         take_off_memory: Number of the memory for profiles of take-offs; None if there is none.
         settling: Whether `connect` waits for its estimator to settle.
         steered: Whether it is flown by setpoints.
+        steered_at: When the last setpoint was sent, s of the computer's clock.
         rebooted: Whether it rebooted since it was connected, by the clock of its reports. It is
             not flown any more: it is on the floor, and its estimator has been reset. If it reports
             to fly nevertheless, it is landed.
@@ -76,7 +77,7 @@ class Vehicle:
         self._order: Question | None = None  # the last command, until it is confirmed
         self._once = False  # whether it is not repeated by the link
         self._stopped = False  # whether the last command was to stop the motors
-        self._steered_at = -math.inf  # s, when the last setpoint was sent
+        self.steered_at = -math.inf  # s, when the last setpoint was sent
         self._end_of_reports: Question | None = None
         self._close_by = 0.0  # s, deadline of closing
         self._noise = EstimatorNoise()
@@ -149,7 +150,7 @@ class Vehicle:
             self._stopped = False
             self.confirm()  # a repeated command would take control back from the setpoint
             self._handover = None
-        self._steered_at = time.monotonic()
+        self.steered_at = time.monotonic()
         self.link.steer(setpoint)
 
     def order(self, packet: bytes, what: str, *, sent: bool = False, once: bool = False) -> None:
@@ -165,7 +166,7 @@ class Vehicle:
         if not (sent or self._stopped):
             packet = orders.only_for(self._groups, packet)
         steered = self.steered or (self._handover is not None and self._handover.steered)
-        last = self._steered_at
+        last = self.steered_at
         self._handover = Handover(packet, what, now, steered=steered, setpoint_at=last)
         self.steered = False
         self.link.forget("order")
@@ -367,7 +368,7 @@ class Vehicle:
                 self.link.post(orders.no_more_setpoints())
             case Repeat.SETPOINT:
                 self.link.forget("order")
-                self._order, self._steered_at = None, now
+                self._order, self.steered_at = None, now
                 self.link.steer(orders.velocity((0.0, 0.0, 0.0), 0.0, self.version))
 
     def _flies(self) -> bool:

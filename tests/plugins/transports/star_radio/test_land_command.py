@@ -58,9 +58,9 @@ def test_drones_that_were_abandoned_in_their_take_off_are_landed(
     packets: list[tuple[int, int, bytes]] = []
     handle = fleet.handle
 
-    def handled(row: int, packet: bytes) -> list[bytes]:
+    def handled(row: int, packet: bytes, *, tcp: bool = False) -> list[bytes]:
         packets.append((packet[0] >> 4, packet[0] & 3, packet[1:]))
-        return handle(row, packet)
+        return handle(row, packet, tcp=tcp)
 
     fleet.handle = handled  # type: ignore[method-assign]
     assert run(fleet.addresses) == 0
