@@ -15,7 +15,8 @@ OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
         "clearance": number(
-            "Horizontal distance to keep to obstacles, m. Goals nearer than this are refused.",
+            "Horizontal distance to keep to obstacles, m. Goals nearer than this are refused. "
+            "Where there is room, it is enlarged for uncertain positions, at most tripled.",
             default=0.2,
             minimum=0,
         ),

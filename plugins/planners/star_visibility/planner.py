@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from star_core import Array, Estimate, Goals, Mask, Plan, PositionController, Rows, Scene, Setpoint
+from star_visibility.clearances import Clearances, WidePath
 from star_visibility.line_of_sight import all_see
 from star_visibility.network import Work
-from star_visibility.routes import THERE, Routes
+from star_visibility.routes import THERE
 from star_visibility.tracked_paths import TrackedPaths, steer
 
 TURNING = 0.5  # share of the acceleration limit for turns and braking, as `PositionController`
@@ -33,7 +34,7 @@ class Job(NamedTuple):
     here: Array
     goal: Array
     work: Work
-    search: Generator[None, None, Array | str]
+    search: Generator[None, None, WidePath]
 
 
 class Visibility:
@@ -45,6 +46,9 @@ class Visibility:
     for a path continues in the next ticks. Work is counted in points examined, not in time, so that
     simulated flights are the same on every machine. Until its path is found, an agent follows its
     previous path if its goal moved only a little and the path is in sight; otherwise it hovers.
+
+    The clearance to obstacles grows by the margin for an agent's uncertain position, where there is
+    room for that: see `star_visibility.clearances`.
 
     A goal that cannot be reached, is nearer to an obstacle than the clearances, or is outside the
     flight heights is refused: the agent hovers, and its row of `Plan.unreachable` is True. An agent
@@ -70,9 +74,10 @@ class Visibility:
         n = len(scene.agents)
         self._height = scene.limits.height
         self._homing = PositionController(scene, gain=gain, yaw_rate_deg=yaw_rate_deg)
-        self._routes = Routes(
+        self._clearances = Clearances(
             scene, clearance=clearance, vertical_clearance=vertical_clearance, margin=margin
         )
+        self._routes = self._clearances.routes[0]
         turning = TURNING * scene.limits.acceleration
         self._tracked = TrackedPaths(n, look_ahead=look_ahead, acceleration=turning)
         self._look_ahead = float(look_ahead)
@@ -91,6 +96,7 @@ class Visibility:
         active = goals.active & estimate.valid
         here = np.where(active[:, None], estimate.position, 0.0)
         aim = np.where(active[:, None], goals.position, 0.0)
+        self._clearances.choose(estimate)
         off = active & self._routes.too_high_or_low(here, aim)
         aim[:, 2] = np.where(off, aim[:, 2], np.clip(aim[:, 2], *self._height))
         changed = active & ~off & (goals.position != self._goal).any(axis=1)
@@ -106,8 +112,8 @@ class Visibility:
         fresh = (moved <= self._replan_distance) & np.where(
             known, ~lost, _far(here, tracked.start) <= self._replan_distance
         )
-        fresh &= ~self._doubtful(aim, on & changed)
-        asked = self._ask(here, aim, on & ~fresh)
+        fresh &= ~self._doubtful(aim, on & changed) & ~self._clearances.outdated(estimate.time)
+        asked = self._ask(here, aim, on & ~fresh, estimate.time)
         again, still_lost = self._steer(here, asked & (tracked.count > 0))
         target[asked], lost[asked] = again[asked], still_lost[asked]
         moved = _far(aim, tracked.goal)
@@ -140,28 +146,34 @@ class Visibility:
 
         Paths are planned with the margin; an agent that already flies straight may use it up.
         """
-        sees = all_see(self._routes.planned, here, aim, np.flatnonzero(active))
-        rest = np.flatnonzero(active & ~sees & self._direct)
-        answer: Mask = sees | all_see(self._routes.kept, here, aim, rest)
+        answer = np.zeros(len(active), np.bool_)
+        for routes, rows in self._clearances.wanted_by(active):
+            sees = all_see(routes.planned, here, aim, np.flatnonzero(rows))
+            rest = np.flatnonzero(rows & ~sees & self._direct)
+            answer |= sees | all_see(routes.kept, here, aim, rest)
         return answer
 
     def _steer(self, here: Array, rows: Mask) -> tuple[Array, Mask]:
         tracked = self._tracked
-        return steer(
-            self._routes.planned,
-            self._routes.kept,
-            self._routes.shunned,
-            self._routes.solid,
-            here,
-            np.flatnonzero(rows),
-            tracked.start,
-            tracked.path,
-            tracked.count,
-            tracked.leg,
-            self._look_ahead,
-        )
+        target, lost = np.zeros(here.shape), np.zeros(len(here), np.bool_)
+        for routes, some in self._clearances.flown_by(rows):
+            points, hidden = steer(
+                routes.planned,
+                routes.kept,
+                routes.shunned,
+                routes.solid,
+                here,
+                np.flatnonzero(some),
+                tracked.start,
+                tracked.path,
+                tracked.count,
+                tracked.leg,
+                self._look_ahead,
+            )
+            target[some], lost[some] = points[some], hidden[some]
+        return target, lost
 
-    def _ask(self, here: Array, aim: Array, wanting: Mask) -> Mask:
+    def _ask(self, here: Array, aim: Array, wanting: Mask, time: float) -> Mask:
         """Plan paths of agents in turn, and return which are done: (N,)."""
         self._jobs = {row: job for row, job in self._jobs.items() if wanting[row]}
         rows: Rows = np.flatnonzero(wanting)
@@ -170,22 +182,24 @@ class Visibility:
         for k, row in enumerate(rows.tolist()):
             if left <= 0:
                 break
-            job = self._jobs.get(row) or self._job(here[row].copy(), aim[row].copy())
+            job = self._jobs.get(row) or self._job(row, here[row].copy(), aim[row].copy())
             job.work.left = share = max(left // (len(rows) - k), min(left, WORK // SHARE))
             try:
                 next(job.search)
                 self._jobs[row] = job
             except StopIteration as end:
                 self._jobs.pop(row, None)
-                self._tracked.put(row, job.here, job.goal, end.value)
+                way, level = end.value
+                self._tracked.put(row, job.here, job.goal, way)
+                self._clearances.fly(row, level, time)
                 done[row] = True
             left -= share - job.work.left
             self._next = (row + 1) % len(wanting)
         return done
 
-    def _job(self, here: Array, goal: Array) -> Job:
+    def _job(self, row: int, here: Array, goal: Array) -> Job:
         work = Work(0)
-        return Job(here, goal, work, self._routes.search(here, goal, work))
+        return Job(here, goal, work, self._clearances.search(row, here, goal, work))
 
     def _setpoint(
         self, estimate: Estimate, goals: Goals, direct: Mask, on: Mask, target: Array

@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterable
 
 import numpy as np
 
-from star_core import Array, Mask, Scene
+from star_core import Array, Fence, Mask, Scene
 from star_visibility.escape import way_out
 from star_visibility.line_of_sight import covered, sees
 from star_visibility.network import Network, Work
@@ -37,35 +37,48 @@ class Routes:
         clearance: Horizontal distance to keep to obstacles, m.
         vertical_clearance: Vertical distance to keep to obstacles, m.
         margin: Distance kept beyond both, m.
+        narrow: Routes with a smaller clearance, if agents whose positions are uncertain keep more:
+            its goals are accepted, and reached by a last segment that keeps its clearance. Paths
+            turn as much farther inside the fence.
 
     Attributes:
         planned: Region that paths stay out of.
         kept: Region that agents stay out of: all points nearer than the clearances.
         shunned: Region that agents are led out of, slightly smaller: an avoider keeps them at the
             clearance, give or take a millimeter.
-        solid: The obstacles themselves.
+        solid: The obstacles themselves; the region that `narrow` keeps out of, if it is given.
+        clearance: As above.
     """
 
     def __init__(
-        self, scene: Scene, *, clearance: float, vertical_clearance: float, margin: float
+        self,
+        scene: Scene,
+        *,
+        clearance: float,
+        vertical_clearance: float,
+        margin: float,
+        narrow: Routes | None = None,
     ) -> None:
         world = scene.world
         self._world = world
         self._starts = [agent.start for agent in scene.agents]
+        self.clearance = clearance
         self._clearances = {"clearance": clearance, "vertical_clearance": vertical_clearance}
         self._held: list[Array] = []  # (3,) goals within the clearances at which agents were, m
+        self._narrow = narrow
+        fence = world.fence if narrow is None else shrunk(world.fence, clearance - narrow.clearance)
         low, high = scene.limits.height
         height = (max(low, world.fence.low[2]), min(high, world.fence.high[2]))
         self._height_fault = scene.height_fault
-        self._low = np.array([*world.fence.low[:2], height[0]], np.float64)
-        self._high = np.array([*world.fence.high[:2], height[1]], np.float64)
+        self._low = np.array([*fence.low[:2], height[0]], np.float64)
+        self._high = np.array([*fence.high[:2], height[1]], np.float64)
         avoided = blocks(world, height, clearance + margin, vertical_clearance + margin)
         self.planned = regions(avoided, height)
         self.kept = regions(blocks(world, height, clearance, vertical_clearance), height)
         grazed = (max(one - GRAZED, 0.0) for one in (clearance, vertical_clearance))
         self.shunned = regions(blocks(world, height, *grazed), height)
-        self.solid = regions(blocks(world, height, 0.0, 0.0), height)
-        self._network = Network(avoided, self.planned, height, world.fence)
+        self.solid = narrow.kept if narrow else regions(blocks(world, height, 0.0, 0.0), height)
+        self._network = Network(avoided, self.planned, height, fence)
         covered(self.planned, *self._low)  # compiles it before take-off
         way_out(self.planned, self.kept, self._low, self._low, self._high)
 
@@ -89,6 +102,8 @@ class Routes:
 
     def refusal(self, goal: Array) -> str | None:
         """Return why a goal, (3,) m, is refused, as in `refusal`; None if it is accepted."""
+        if self._narrow is not None:
+            return self._narrow.refusal(goal)
         if not covered(self.kept, *goal):
             return None
         granted = self._is_held(goal) or self._is_above_a_start(goal)
@@ -186,6 +201,17 @@ class Routes:
             return point
         passable = self.solid if covered(self.kept, *point) else self.kept
         return way_out(self.planned, passable, point, self._low, self._high)
+
+
+def shrunk(fence: Fence, margin: float) -> Fence:
+    """Return a fence whose sides are moved in by a margin, m, as far as half of it remains.
+
+    >>> shrunk(Fence((-1, -1, 0), (1, 1, 2)), 0.25).low
+    (-0.75, -0.75, 0)
+    """
+    (x, y, low), (far_x, far_y, high) = fence.low, fence.high
+    dx, dy = (min(margin, (end - begin) / 4) for begin, end in ((x, far_x), (y, far_y)))
+    return Fence((x + dx, y + dy, low), (far_x - dx, far_y - dy, high))
 
 
 def _joined(points: Iterable[Array]) -> Array:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ import star_straight
 import star_visibility
 from star_core import (
     Array,
+    Estimate,
     Fence,
     Goals,
     Limits,
@@ -511,3 +513,63 @@ def test_while_a_long_search_goes_on_its_agent_holds_and_others_fly() -> None:
     assert ticks > 2
     assert plan.reasons == {0: "no path leads from [-4.6, 4.6, 1] to [4.6, 4.6, 1]"}
     assert np.linalg.norm(plan.setpoint.velocity[1]) > 0
+
+
+# Farther around, for uncertain positions
+
+
+def with_std(now: Estimate, std: float) -> Estimate:
+    n = len(now.yaw)
+    return replace(now, covariance=np.tile(np.diag([std**2, std**2, 0.0]), (n, 1, 1)))
+
+
+def nearest_to_block(std: float, room: Scene, *, seconds: float = 15.0) -> float:
+    """How near a point mass with an uncertain position comes to `BLOCK`, m; it must arrive."""
+    made = planner(room)
+    uncertain: Any = SimpleNamespace(plan=lambda now, wanted: made.plan(with_std(now, std), wanted))
+    track = [place for place, _ in flown(uncertain, room, HERE, goals(THERE), seconds)]
+    assert track[-1] == pytest.approx(np.array(THERE), abs=0.02)
+    return clearance(track, BLOCK)
+
+
+def test_paths_keep_the_margin_for_an_uncertain_position() -> None:
+    blocked = room(BLOCK)
+    assert 0.2 <= nearest_to_block(0.0, blocked) <= 0.25
+    assert 0.4 <= nearest_to_block(0.1, blocked) <= 0.45
+    assert 0.6 <= nearest_to_block(5.0, blocked) <= 0.65
+
+
+def test_without_an_uncertainty_margin_the_path_is_that_of_an_exact_position() -> None:
+    blocked = room(BLOCK)
+    exact = replace(blocked, limits=replace(blocked.limits, uncertainty_margin=0.0))
+    assert nearest_to_block(0.2, exact) == nearest_to_block(0.0, blocked)
+
+
+def test_a_narrow_gap_is_flown_with_the_widest_clearance_it_has() -> None:
+    """The gap has room for 0.2 m more than the clearance, and the way around it is long."""
+    sides = [box((0, y), (0.5, 6.0), 0.0) for y in (-3.55, 3.55)]
+    gap = room(Obstacle("gap", tuple(sides), (0.0, 3.0)))
+    made, now = planner(gap), with_std(estimate(np.array([[-1.0, 1.0, 1.0]])), 5.0)
+    plan = made.plan(now, goals([[1.0, -1.0, 1.0]]))
+    assert not plan.unreachable.any()
+    assert made._clearances._flown.tolist() == [2]
+
+
+def test_uncertain_agents_still_reach_goals_at_the_clearance() -> None:
+    blocked = room(BLOCK)
+    goal = [[-0.5 - 0.26, 0.1, 1.0]]
+    made = planner(blocked)
+    uncertain: Any = SimpleNamespace(plan=lambda now, wanted: made.plan(with_std(now, 5.0), wanted))
+    *_, (place, plan) = flown(uncertain, blocked, HERE, goals(goal), 15)
+    assert place == pytest.approx(np.array(goal), abs=0.02)
+    assert not plan.unreachable.any()
+
+
+def test_a_covariance_that_breathes_between_landmarks_does_not_change_the_path() -> None:
+    blocked = room(BLOCK)
+    made, ends = planner(blocked), set()
+    for tick in range(80):
+        std = 0.12 - 0.1 * abs(math.sin(tick / 20))  # from 0.12 m to 0.02 m and back, in 3 s
+        made.plan(with_std(estimate(HERE, time=tick / 20), std), goals(THERE))
+        ends.add(tuple(made._tracked.path[0, 0].tolist()))
+    assert len(ends) == 1
