@@ -43,8 +43,9 @@ class Limits:
             which neither is steered towards the other, m; 0 switches this off.
         vertical_separation: The same of one above the other, m. In between, the two are semi-axes
             of an ellipsoid.
-        uncertainty_margin: Number of standard deviations of its position by which the distances to
-            an agent are enlarged, at most tripled; 0 treats positions as exact.
+        uncertainty_margin: Number of standard deviations of its position by which the distances of
+            an agent to others, obstacles and fence are enlarged, up to a limit; 0 treats positions
+            as exact.
     """
 
     speed: float = 0.5

@@ -157,7 +157,7 @@ class ControlLoop:
         n = len(self._scene.agents)
         plan, truth = Plan.none(n), self._pipeline.truth()
         outputs = telemetry, estimate, health, Goals.none(n), plan, plan.setpoint, truth
-        unchanged = Corrected(*np.zeros((3, n), np.bool_))
+        unchanged = Corrected(*np.zeros((4, n), np.bool_))
         timing = self.vehicles.timing.of_tick(self._pipeline.took())
         tick = Tick(self.vehicles.time, *outputs, "landing", unchanged, timing)
         self._record(tick, self._near(estimate))

@@ -24,6 +24,7 @@ from star_core.vehicle_interface import VehicleInterface
 AGENT_CLEARANCE: Final = 0.25  # m in the plane between two landing positions; 0.12 m is a collision
 MAX_DRIFT: Final = 0.25  # m, the most that is added for an uncertain position, or an unknown one
 OBSTACLE_CLEARANCE: Final = 0.1  # m in the plane to obstacles below
+DESCENT_DRIFT: Final = 0.1  # m, at most, by which an uncertain agent drifts on its way down
 EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
 SEARCH_STEP: Final = 0.05  # m between the candidates for a landing position
 SEARCH_RADIUS: Final = 3.0  # m
@@ -69,8 +70,9 @@ class LandingManager:
     An on-board commander lands straight down from the position it is given, blind, and its drone
     keeps the speed it has. So a flying agent is first led to rest, by planner, avoider and safety
     filter, at a position with no agent and no obstacle below: its own, or the nearest free one that
-    the planner flies to. An agent that cannot be steered, or does not arrive in time, lands from
-    its position.
+    the planner flies to. The margin for its uncertain position is kept to obstacles and fence, if
+    there is such a position. An agent that cannot be steered, or does not arrive in time, lands
+    from its position.
 
     Args:
         scene: The agents and the world.
@@ -101,6 +103,11 @@ class LandingManager:
     def until(self) -> float:
         """Time by which all landings will have been commanded, s; 0 if none is held back."""
         return max((one.until for one in self._waiting.values()), default=0.0)
+
+    @property
+    def rows(self) -> list[int]:
+        """Agents whose landings are held back."""
+        return list(self._waiting)
 
     def request(self, command: Command) -> None:
         """Land agents as a task commands."""
@@ -239,21 +246,23 @@ class LandingManager:
         """Return the nearest free position that an agent can fly to at a height: (2,) m."""
         taken, apart = self._taken(row, estimate)
         top = float(estimate.position[row, 2])
-        if self._free(here[None], taken, apart, top, 0.0)[0]:
-            return here
         name = self._scene.agents[row].name
-        for radius in np.arange(SEARCH_STEP, SEARCH_RADIUS, SEARCH_STEP):
-            count = math.ceil(math.tau * radius / SEARCH_STEP)
-            angle = np.linspace(0.0, math.tau, count, endpoint=False)
-            candidates = here + radius * np.column_stack([np.cos(angle), np.sin(angle)])
-            free = self._free(candidates, taken, apart, top, EXTRA_CLEARANCE)
-            level = np.full(np.count_nonzero(free), height)
-            free[free] = ~self._refuses(np.column_stack([candidates[free], level]))
-            if free.any():
-                text = f"{name} lands {radius:.2f} m aside: its position is not free"
-                self._observers.event("landing", text, name)
-                nearest: Array = candidates[np.argmax(free)]
-                return nearest
+        drift = float(self._drift(estimate)[row])
+        for margin in (drift, 0.0) if drift else (0.0,):  # rather nearer to a wall than nowhere
+            if self._free(here[None], taken, apart, top, margin, 0.0)[0]:
+                return here
+            for radius in np.arange(SEARCH_STEP, SEARCH_RADIUS, SEARCH_STEP):
+                count = math.ceil(math.tau * radius / SEARCH_STEP)
+                angle = np.linspace(0.0, math.tau, count, endpoint=False)
+                candidates = here + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+                free = self._free(candidates, taken, apart, top, margin, EXTRA_CLEARANCE)
+                level = np.full(np.count_nonzero(free), height)
+                free[free] = ~self._refuses(np.column_stack([candidates[free], level]))
+                if free.any():
+                    text = f"{name} lands {radius:.2f} m aside: its position is not free"
+                    self._observers.event("landing", text, name)
+                    nearest: Array = candidates[np.argmax(free)]
+                    return nearest
         self._observers.event("landing", f"{name} finds no free position to land at", name)
         return here
 
@@ -279,29 +288,48 @@ class LandingManager:
         shares = np.linspace(0.0, 1.0, TRAVEL_POINTS) if estimate.possible_travel.any() else [0.0]
         travel = estimate.possible_travel[others, :2]
         landings = np.array(list(chosen.values())).reshape(-1, 2)
-        deviations = self._scene.limits.uncertainty_margin
-        drift = position_margin(estimate.covariance, deviations, MAX_DRIFT / MAX_MARGIN)
-        drift = np.where(estimate.valid, drift, MAX_DRIFT)
+        drift = np.where(estimate.valid, self._drift(estimate), MAX_DRIFT)
         apart = AGENT_CLEARANCE + np.minimum(np.hypot(drift, drift[row]), MAX_DRIFT)
         return (
             np.concatenate([*(position[others, :2] + s * travel for s in shares), landings]),
             np.concatenate([np.tile(apart[others], len(shares)), apart[list(chosen)]]),
         )
 
+    def _drift(self, estimate: Estimate) -> Array:
+        """Return the margins for uncertain positions, at most `MAX_DRIFT`: (N,) m."""
+        deviations = self._scene.limits.uncertainty_margin
+        return position_margin(estimate.covariance, deviations, MAX_DRIFT / MAX_MARGIN)
+
     def _free(
-        self, candidates: Array, taken: Array, apart: Array, top: float, extra: float
+        self,
+        candidates: Array,
+        taken: Array,
+        apart: Array,
+        top: float,
+        margin: float,
+        extra: float,
     ) -> Mask:
-        """Return whether (K, 2) positions, m, are clear of what is below `top`, m, by `extra`."""
+        """Return whether positions are clear of what is below an agent.
+
+        Args:
+            candidates: (K, 2) m.
+            taken: (L, 2) positions that others take, m.
+            apart: (L,) distances to keep from these, m.
+            top: Height of the agent, m.
+            margin: For its uncertain position, to obstacles and fence, m.
+            extra: Clearance to add for an agent that moves aside, m.
+        """
         away = np.linalg.norm(candidates[:, None] - taken[None], axis=2)
         free: Mask = (away >= apart + extra).all(axis=1)
         fence = self._scene.world.fence
-        low, high = np.array(fence.low[:2]) + extra, np.array(fence.high[:2]) - extra
-        if extra:
+        kept = margin + extra
+        low, high = np.array(fence.low[:2]) + kept, np.array(fence.high[:2]) - kept
+        if kept:
             free &= ((candidates >= low) & (candidates <= high)).all(axis=1)
         for obstacle in self._scene.world.obstacles:
             foot, crest = obstacle.height
             if foot < top:
                 level = np.full((len(candidates), 1), min(top, crest))
                 away = obstacle.distances(np.hstack([candidates, level]))
-                free &= away >= OBSTACLE_CLEARANCE + 2 * extra
+                free &= away >= OBSTACLE_CLEARANCE + margin + min(margin, DESCENT_DRIFT) + 2 * extra
         return free

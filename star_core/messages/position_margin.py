@@ -38,6 +38,11 @@ def position_margin(covariance: Array, deviations: float, radius: float) -> Arra
     return limited
 
 
+WALL_RADIUS: Final = 0.2
+"""Distance to fence and obstacles that the core takes for the radius of an agent where it limits
+margins to `MAX_MARGIN` of it, m: the clearance that planners keep by default."""
+
+
 YIELD_TIME: Final = 5.0
 """Time constant with which margins for uncertain positions yield to agents that press on, s."""
 

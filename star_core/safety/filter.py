@@ -11,9 +11,18 @@ import numpy as np
 from star_core.geometry.neighbours import Pairs, warm_up
 from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.events import Corrected
-from star_core.messages.position_margin import MAX_MARGIN, YIELD_TIME, position_margin
+from star_core.messages.position_margin import MAX_MARGIN, WALL_RADIUS, position_margin
 from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate, Setpoint, with_possible_positions
+from star_core.safety.braking import (
+    BRAKING_GAIN,
+    LAG,
+    YIELDING,
+    approach_speed,
+    slow_down,
+    yielding_room,
+)
+from star_core.safety.walls import brake_for_walls, walls
 from star_core.scene import Scene
 from star_core.toolkit.jit import compiled, subroutine
 
@@ -30,10 +39,13 @@ class SafetyFilter:
     not less. With the remaining distance x and the speed c at which it shrinks now, a setpoint may
     let it shrink by ``BRAKING_GAIN (x - LAG c)``: a drone that follows setpoints with that lag
     comes to rest without overshoot. Nor may it be faster than what the mission's acceleration stops
-    within x. Agents outside the fence or too close to another are therefore moved away. The
-    horizontal separation of two agents grows by the margins for their uncertain positions, which
-    yield: see `star_core.yielding_margin`. Setpoints are corrected by as little as possible; if the
-    corrections for several neighbors do not converge, agents stop.
+    within x. Agents outside the fence or too close to another are therefore moved away.
+
+    The horizontal separation of two agents grows by the margins for their uncertain positions,
+    which yield: see `star_core.yielding_margin`. So do the distances to the sides of the fence; and
+    to obstacles, which are left to planner and avoider where positions are exact. Setpoints are
+    corrected by as little as possible; if the corrections for several neighbors do not converge,
+    agents stop.
 
     Args:
         scene: Fence, limits and tick.
@@ -44,6 +56,7 @@ class SafetyFilter:
 
     def __init__(self, scene: Scene) -> None:
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
+        self._walls = walls(scene.world.obstacles)
         self._speed = scene.limits.speed
         self._brakes = scene.limits.acceleration
         self._separation = scene.limits.separation
@@ -79,7 +92,9 @@ class SafetyFilter:
         n = len(wanted.yaw)
         return (
             Setpoint(sent.velocity[:n], sent.yaw[:n], sent.active[:n]),
-            Corrected(changed.fence[:n], changed.speed[:n], changed.separation[:n]),
+            Corrected(
+                changed.fence[:n], changed.speed[:n], changed.separation[:n], changed.obstacle[:n]
+            ),
         )
 
     def _filter(
@@ -93,18 +108,42 @@ class SafetyFilter:
         given = safe.active & active
         asked = np.where(given[:, None], safe.velocity, 0.0)
         slowed = self._slowed(asked)
-        inside, apart = self._limited(slowed, estimate, active, near)
+        margin = position_margin(estimate.covariance, self._uncertainty_margin, WALL_RADIUS)
+        beside = self._beside_walls(slowed, estimate, active, margin)
+        inside, apart = self._limited(beside, estimate, active, near, margin)
         sent = replace(
             safe, velocity=apart, yaw=np.where(given, safe.yaw, wanted.yaw), active=active
         )
         return sent, Corrected(
-            fence=_differ(inside, slowed) & active,
+            fence=_differ(inside, beside) & active,
             speed=_differ(slowed, asked) & active,
             separation=_differ(apart, inside) & active,
+            obstacle=_differ(beside, slowed) & active,
         )
 
+    def _beside_walls(
+        self, velocity: Array, estimate: Estimate, active: Mask, margin: Array
+    ) -> Array:
+        """Return (N, 3) velocities with which uncertain agents can brake before obstacles."""
+        rows: Rows = np.flatnonzero(active & (margin > 0.0))
+        if not len(rows) or not len(self._walls.edge):
+            return velocity
+        slower = velocity.copy()
+        brake_for_walls(
+            slower,
+            np.ascontiguousarray(estimate.position),
+            np.ascontiguousarray(estimate.velocity),
+            rows,
+            margin,
+            self._walls,
+            self._speed,
+            self._brakes,
+            self._period,
+        )
+        return slower
+
     def _limited(
-        self, velocity: Array, estimate: Estimate, active: Mask, near: Pairs
+        self, velocity: Array, estimate: Estimate, active: Mask, near: Pairs, wall_margin: Array
     ) -> tuple[Array, Array]:
         """Return (N, 3) velocities that stay inside the fence, and (N, 3) that keep apart too."""
         near = near.within(self.reach if self._separation > 0 else 0.0)
@@ -123,6 +162,7 @@ class SafetyFilter:
             self._separation,
             self._vertical_separation,
             position_margin(estimate.covariance, self._uncertainty_margin, self._separation / 2),
+            wall_margin,
             self._period,
         )
         return inside, np.where(active[:, None], apart, inside) if len(near.first) else inside
@@ -133,6 +173,8 @@ class SafetyFilter:
         frames, wanted = Transform(level, two), Setpoint(two, level, both)
         here = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
         self.filter(here, wanted, wanted, Pairs.of(two, self.reach))
+        if len(self._walls.edge) and self._uncertainty_margin:
+            self._beside_walls(two.copy(), here, both, both.astype(np.float64))
         warm_up(agents)
 
     def _slowed(self, velocity: Array) -> Array:
@@ -152,24 +194,8 @@ def _differ(one: Array, other: Array) -> Mask:
     return differ
 
 
-LAG: Final = 0.4
-"""Time constant with which a drone stops, s. A simulated Crazyflie follows a step of its velocity
-setpoint to 63 % in 0.3 s, and receives it up to a tick late."""
-
-BRAKING_GAIN: Final = 2.5
-"""Speed permitted per metre of remaining distance, 1/s: 1 / `LAG` is critical damping."""
-
-RETURN_SPEED: Final = 0.2
-"""Greatest speed of agents at rest that move back inside the fence or away from others, m/s."""
-
 MAX_ITERATIONS: Final = 30
 """Corrections of agents that approach each other, before those that still do so stop."""
-
-ROUNDING: Final = 1e-9
-"""Share by which rounding makes the square of a speed exceed that of the greatest one."""
-
-YIELDING: Final = 1 / (BRAKING_GAIN * YIELD_TIME)
-"""Share of the room outside of the separations that margins for uncertain positions leave."""
 
 TOLERANCE: Final = 1e-3
 """Excess of the closing speed that is not corrected, m/s."""
@@ -190,6 +216,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
     separation: float,
     vertical_separation: float,
     margin: Array,
+    wall_margin: Array,
     period: float,
 ) -> None:
     """Correct velocities so that agents can brake before the fence and before each other.
@@ -214,11 +241,12 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         separation: Horizontal semi-axes of the ellipsoid around an agent that others keep free, m.
         vertical_separation: Its vertical semi-axis, m.
         margin: (N,) for each agent's uncertain position, m.
+        wall_margin: (N,) the same for distances to the fence, m.
         period: Of the ticks, s.
     """
     for row in range(len(active)):
         if active[row]:
-            bound(inside, position, flown, row, fence, speed, brakes, period)
+            bound(inside, position, flown, row, fence, wall_margin[row], speed, brakes, period)
         for axis in range(3):
             apart[row, axis] = inside[row, axis] if active[row] else flown[row, axis]
     if len(first) == 0:
@@ -243,7 +271,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         for row in range(len(active)):
             if times[row] > 0.0 and active[row]:
                 add_correction(apart, change, times, row, speed)
-                bound(apart, position, flown, row, fence, speed, brakes, period)
+                bound(apart, position, flown, row, fence, wall_margin[row], speed, brakes, period)
                 if iteration == MAX_ITERATIONS:
                     for axis in range(3):
                         apart[row, axis] = 0.0
@@ -303,17 +331,6 @@ def add_correction(velocity: Array, change: Array, times: Array, row: int, speed
 
 
 @subroutine
-def slow_down(velocity: Array, row: int, speed: float) -> None:
-    """Shorten one velocity to the greatest speed, if it is longer."""
-    squared = 0.0
-    for axis in range(3):
-        squared += velocity[row, axis] * velocity[row, axis]
-    if squared > speed * speed * (1 + ROUNDING):
-        for axis in range(3):
-            velocity[row, axis] *= speed / math.sqrt(squared)
-
-
-@subroutine
 def direct(
     direction: Array,
     pair: int,
@@ -359,39 +376,28 @@ def direct(
 
 
 @subroutine
-def bound(
+def bound(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     velocity: Array,
     position: Array,
     flown: Array,
     row: int,
     fence: Array,
+    margin: float,
     speed: float,
     brakes: float,
     period: float,
 ) -> None:
     """Change one velocity to one from which the agent can brake before the fence.
 
-    An agent that leaves the fence fast, as in a fall, returns within the greatest speed too.
+    The margin is that in the plane. An agent that leaves the fence fast, as in a fall, returns
+    within the greatest speed too.
     """
     for axis in range(3):
         here, fast = position[row, axis], flown[row, axis]
-        up = approach_speed(fence[1, axis] - here, fast, brakes, period)
-        down = approach_speed(here - fence[0, axis], -fast, brakes, period)
+        above, below = fence[1, axis] - here, here - fence[0, axis]
+        if margin > 0.0 and axis < 2:  # noqa: PLR2004 -- x and y
+            above, below = yielding_room(above, margin), yielding_room(below, margin)
+        up = approach_speed(above, fast, brakes, period)
+        down = approach_speed(below, -fast, brakes, period)
         velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
     slow_down(velocity, row, speed)
-
-
-@subroutine
-def approach_speed(distance: float, approach: float, brakes: float, period: float) -> float:
-    """Return the greatest speed at which a setpoint may let a distance shrink, m/s.
-
-    Args:
-        distance: Remaining distance, m; negative beyond the limit.
-        approach: Speed at which it shrinks now, m/s.
-        brakes: Greatest deceleration, m/s².
-        period: Of the ticks, s.
-    """
-    delay = period * brakes
-    stopping = math.sqrt(delay * delay + 2 * brakes * max(0.0, distance)) - delay
-    damped = BRAKING_GAIN * (distance - LAG * approach)
-    return max(min(damped, stopping), -RETURN_SPEED - max(0.0, approach))

@@ -9,7 +9,8 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.state import Estimate, Goals, Setpoint
-from star_core.safety.filter import BRAKING_GAIN, LAG, MIN_CORRECTION, RETURN_SPEED
+from star_core.safety.braking import BRAKING_GAIN, LAG, RETURN_SPEED
+from star_core.safety.filter import MIN_CORRECTION
 from star_core.scene import Scene
 
 PRESSED_TIME: Final = 0.5

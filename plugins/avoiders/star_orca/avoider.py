@@ -17,6 +17,7 @@ from star_core import (
     Transform,
     position_margin,
     with_possible_positions,
+    yielding_margin,
 )
 from star_orca.kernel import orca
 from star_orca.obstacle_planes import MAX_EDGES, add_obstacles
@@ -55,8 +56,8 @@ class Orca:
             from the positions that much later, two overlapping agents take at least that long to
             separate, and setpoints respect the scene's horizontal acceleration limit.
         uncertainty_margin: Number of standard deviations of its position by which an agent's radius
-            is enlarged, at most tripled; the scene's if None. The margin yields: see
-            `star_core.yielding_margin`.
+            is enlarged, at most tripled, and so are the distances to obstacles and fence; the
+            scene's if None. The margin yields: see `star_core.yielding_margin`.
     """
 
     def __init__(  # noqa: PLR0913 -- one for each option
@@ -124,6 +125,7 @@ class Orca:
                 here,
                 flown,
                 speed,
+                position_margin(seen.covariance, self._uncertainty_margin, self._clearance),
                 gives_way,
                 self._outlines,
                 self._fence,
@@ -190,6 +192,7 @@ def hard_planes(  # noqa: PLR0913 -- what the kernel takes
     position: Array,
     velocity: Array,
     speed: Array,
+    margin: Array,
     avoids: Mask,
     outlines: Outlines,
     fence: Array,
@@ -212,6 +215,7 @@ def hard_planes(  # noqa: PLR0913 -- what the kernel takes
         position: (N, 3) m.
         velocity: (N, 3) m/s; agents without a finite velocity are treated as stationary.
         speed: (N,) speed limit, m/s.
+        margin: (N,) by which distances are enlarged for an uncertain position, m; it yields.
         avoids: (N,) agents whose half-planes are needed.
         outlines: Of the obstacles.
         fence: (4,) least x and y of the geofence, then greatest, m; may be infinite.
@@ -226,6 +230,8 @@ def hard_planes(  # noqa: PLR0913 -- what the kernel takes
     here = position[:, :2]
     with np.errstate(invalid="ignore"):  # positions and fence may be infinite
         room = np.concatenate([here - fence[:2], fence[2:] - here], axis=1)
+        if margin.any():
+            room -= yielding_margin(margin[:, None], room, horizon)
     agent, side = np.nonzero(room < (speed / rate)[:, None])
     count = np.bincount(agent, minlength=len(position))
     planes = np.empty((len(position), len(_NORMALS) + min(len(outlines.edges), MAX_EDGES), 3))
@@ -236,6 +242,16 @@ def hard_planes(  # noqa: PLR0913 -- what the kernel takes
         planes[agent, row, 2] = returns
     if len(outlines.edges):
         add_obstacles(
-            position, velocity, speed, avoids, *outlines, horizon, clearance, virtual, planes, count
+            position,
+            velocity,
+            speed,
+            margin,
+            avoids,
+            *outlines,
+            horizon,
+            clearance,
+            virtual,
+            planes,
+            count,
         )
     return planes, count

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, compiled, subroutine
+from star_core import YIELD_TIME, Array, Mask, Rows, compiled, subroutine
 from star_orca.half_planes import NOTHING, way_out
 from star_orca.outlines import (
     A_JUTS,
@@ -33,6 +33,7 @@ def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apar
     position: Array,
     velocity: Array,
     speed: Array,
+    margin: Array,
     avoids: Mask,
     edges: Array,
     first: Rows,
@@ -43,7 +44,11 @@ def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apar
     planes: Array,
     counts: Rows,
 ) -> None:
-    """Add the half-planes of obstacles, `edges`, `first` and `height`, as `hard_planes` does."""
+    """Add the half-planes of obstacles, `edges`, `first` and `height`, as `hard_planes` does.
+
+    The margin of an agent that is near to an obstacle yields: see `star_core.yielding_margin`.
+    """
+    firm = max(1.0 - horizon / YIELD_TIME, 0.0)
     room = planes.shape[1] - 4
     seen = (np.empty(room, np.int64), np.empty(room))
     rate = 1.0 / horizon
@@ -60,12 +65,16 @@ def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apar
             vx, vy = 0.0, 0.0
         flight = (x, y, vx, vy)
         count = counts[i]
-        reach = horizon * speed[i] + clearance
-        for k in range(nearest_edges(edges, span, x, y, reach, seen)):
+        kept, reach = clearance, horizon * speed[i] + clearance + margin[i]
+        near = nearest_edges(edges, span, x, y, reach, seen)
+        if margin[i] > 0.0 and near > 0:
+            room_left = math.sqrt(seen[1][0]) - clearance
+            kept += min(margin[i], firm * max(room_left, 0.0))
+        for k in range(near):
             if virtual:
-                count = virtual_agent(edges, seen[0][k], flight, clearance, rate, planes[i], count)
+                count = virtual_agent(edges, seen[0][k], flight, kept, rate, planes[i], count)
             else:
-                count = obstacle_plane(edges, seen[0][k], flight, clearance, rate, planes[i], count)
+                count = obstacle_plane(edges, seen[0][k], flight, kept, rate, planes[i], count)
         counts[i] = count
 
 

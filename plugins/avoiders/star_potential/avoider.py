@@ -62,7 +62,8 @@ class Potential:
         there = np.asarray(np.isfinite(estimate.position).all(axis=1))
         position = np.where(there[:, None], estimate.position, 0.0)
         margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
-        push = self._from_agents(position, there, margin) + self._from_obstacles(position)
+        push = self._from_agents(position, there, margin)
+        push += self._from_obstacles(position, margin)
         velocity = wanted.velocity.copy()
         velocity[:, :2] += np.where(pushed[:, None], push, 0.0)
         answer = np.where(pushed[:, None], self._cut(velocity), velocity)
@@ -82,7 +83,7 @@ class Potential:
         strength = np.where(near & ~np.eye(n, dtype=bool), self._strength(distance, 2), 0.0)
         return np.asarray(np.einsum("ij,ijk->ik", strength, direction))
 
-    def _from_obstacles(self, position: Array) -> Array:
+    def _from_obstacles(self, position: Array, margin: Array) -> Array:
         """(N, 2) repulsion of every obstacle edge at an agent's height, m/s."""
         a, b = self._edges[:, :2], self._edges[:, 2:4]
         along = b - a
@@ -91,9 +92,11 @@ class Potential:
         share = np.clip(np.einsum("nek,ek->ne", from_a, along) / squared, 0.0, 1.0)
         away = from_a - share[..., None] * along
         distance = np.linalg.norm(away, axis=2)
+        room = distance - self._radius
+        near = distance - yielding_margin(margin[:, None], room, HORIZON)
         z = position[:, 2:]
         beside = (z >= self._edges[:, 4] - MARGIN) & (z <= self._edges[:, 5] + MARGIN)
-        strength = np.where(beside, self._strength(distance, 1), 0.0)
+        strength = np.where(beside, self._strength(near, 1), 0.0)
         return np.asarray(
             np.einsum("ne,nek->nk", strength, away / np.maximum(distance, NOTHING)[..., None])
         )

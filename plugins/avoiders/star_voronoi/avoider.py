@@ -30,7 +30,7 @@ class Voronoi:
     that agents that stay in their cells do not collide. Cells do not depend on the velocities of
     other agents; the border to an agent that does not avoid is drawn at that agent's circle. An
     agent that others block turns right. Vertically, agents above each other approach ever slower.
-    The radius is enlarged for uncertain positions, at most tripled.
+    The radius is enlarged for uncertain positions, at most tripled, towards obstacles too.
 
     The arguments beside the scene are the options of the schema.
     """
@@ -55,7 +55,7 @@ class Voronoi:
         wish = np.ascontiguousarray(np.where(avoids[:, None], wanted.velocity, 0.0))
         margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
         normal, room = self._agents(position, there, avoids, margin)
-        wall, space = self._obstacles(position)
+        wall, space = self._obstacles(position, margin)
         normal = np.ascontiguousarray(np.concatenate([wall, normal], axis=1))
         most = np.concatenate([space, room], axis=1) / self._horizon
         flat = within(wish, normal, most)
@@ -86,7 +86,7 @@ class Voronoi:
         none = ~there | (np.abs(towards[..., 2]) > self._vertical) | np.eye(n, dtype=bool)
         return direction, np.where(none | (room > self._reach), np.inf, room)
 
-    def _obstacles(self, position: Array) -> tuple[Array, Array]:
+    def _obstacles(self, position: Array, margin: Array) -> tuple[Array, Array]:
         """Borders to edges: (N, E, 2) unit vectors towards their nearest points, (N, E) room, m."""
         a, along = self._edges[:, :2], self._edges[:, 2:4] - self._edges[:, :2]
         from_a = position[:, None, :2] - a  # (N, E, 2)
@@ -96,7 +96,9 @@ class Voronoi:
         distance = np.linalg.norm(towards, axis=2)
         foot, top = self._edges[:, 4] - MARGIN, self._edges[:, 5] + MARGIN
         beside = (position[:, 2:] >= foot) & (position[:, 2:] <= top)
-        room = np.where(beside & (distance < self._reach), distance - self._radius, np.inf)
+        room = distance - self._radius
+        room = room - yielding_margin(margin[:, None], room, self._horizon)
+        room = np.where(beside & (distance < self._reach + margin[:, None]), room, np.inf)
         return np.ascontiguousarray(towards / np.maximum(distance, NOTHING)[..., None]), room
 
     def _climb(self, position: Array, there: Mask, wish: Array) -> Array:

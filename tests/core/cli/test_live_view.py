@@ -115,7 +115,7 @@ def tick(n: int, **changes: float) -> Tick:
         sent=still,
         truth=None,
         doing="takeoff cf1",
-        corrected=Corrected(*[np.zeros(n, np.bool_)] * 3),
+        corrected=Corrected(*[np.zeros(n, np.bool_)] * 4),
     )
 
 

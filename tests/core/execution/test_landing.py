@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Command, Limits, Supervisor
+from star_core import AgentPhase, Command, Limits, Obstacle, Supervisor
 from star_core.cli.main import run
 from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
@@ -85,7 +85,7 @@ mission:
     head = HEAD.replace("planner: straight", planner)
     summary = flown(tmp_path, mission, "none", head, ROOM + pillar)
     assert summary["reason"] == ""
-    assert landed(summary) == ["a lands 0.45 m aside: its position is not free"]
+    assert landed(summary) == ["a lands 0.50 m aside: its position is not free"]
 
 
 def test_an_agent_that_lands_over_one_on_the_ground_comes_down_beside_it(
@@ -161,9 +161,12 @@ class Landings:
     Args:
         phases: Of the agents.
         limits: Of the mission.
+        obstacles: Of its world.
     """
 
-    def __init__(self, phases: list[AgentPhase], limits: Limits | None = None) -> None:
+    def __init__(
+        self, phases: list[AgentPhase], limits: Limits | None = None, *obstacles: Obstacle
+    ) -> None:
         self.landed: list[list[int]] = []
         self.commands: list[Command] = []
         self.reported: list[str] = []
@@ -182,8 +185,9 @@ class Landings:
             event=lambda _kind, text, _agent: self.reported.append(text)
         )
         vehicles: Any = self.vehicles
+        room = scene(n, limits=limits)
         self.manager = LandingManager(
-            scene(n, limits=limits),
+            replace(room, world=replace(room.world, obstacles=obstacles)),
             vehicles,
             observers,
             lambda places: np.zeros(len(places), bool),
@@ -313,3 +317,31 @@ def test_an_agent_that_always_reports_to_hover_is_commanded_again_three_times() 
     """Reports may be stuck; a flight must end."""
     reports = Reports()
     assert sum(reports.at(t, HOVERS) for t in np.arange(1.05, 60.0, 0.05)) == 3
+
+
+@pytest.mark.parametrize(
+    ("std", "margin", "aside"),
+    [
+        (0.0, 2.0, []),
+        (0.1, 2.0, ["cf1 lands 0.35 m aside: its position is not free"]),
+        (0.1, 0.0, []),
+    ],
+)
+def test_an_uncertain_agent_lands_farther_from_obstacles(
+    std: float, margin: float, aside: list[str]
+) -> None:
+    pillar = Obstacle("pillar", (((-1.3, -1), (-0.3, -1), (-0.3, 1), (-1.3, 1)),), (0.0, 3.0))
+    landings = Landings([AgentPhase.FLYING], Limits(uncertainty_margin=margin), pillar)
+    seen = estimate(np.array([[0.0, 0.0, 1.0]]))
+    landings.manager.land([0])
+    landings.manager.step(replace(seen, covariance=std**2 * np.eye(3)[None]), GoalBuffer(1, 0.5))
+    assert landings.reported == aside
+
+
+def test_an_uncertain_agent_lands_inside_the_fence() -> None:
+    landings = Landings([AgentPhase.FLYING])
+    low, high = scene(1).world.fence.low, scene(1).world.fence.high
+    seen = estimate(np.array([[high[0] - 0.1, (low[1] + high[1]) / 2, 1.0]]))
+    landings.manager.land([0])
+    landings.manager.step(replace(seen, covariance=0.1**2 * np.eye(3)[None]), GoalBuffer(1, 0.5))
+    assert landings.reported == ["cf1 lands 0.25 m aside: its position is not free"]

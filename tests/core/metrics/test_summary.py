@@ -46,7 +46,7 @@ def tick(time: float, seen: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tic
         sent=nothing,
         truth=None if truth is None else Truth(time, np.array(truth), now.velocity, attitude),
         doing="",
-        corrected=Corrected(none, none, none),
+        corrected=Corrected(none, none, none, none),
     )
 
 

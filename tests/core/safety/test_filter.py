@@ -11,7 +11,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import Agent, Array, Corrected, Estimate, Fence, Limits, Scene, Setpoint, World
+from star_core import (
+    Agent,
+    Array,
+    Corrected,
+    Estimate,
+    Fence,
+    Limits,
+    Obstacle,
+    Scene,
+    Setpoint,
+    World,
+)
 from star_core.geometry.neighbours import Pairs
 from star_core.safety.filter import SafetyFilter, direct
 from star_core.testing import estimate
@@ -54,7 +65,8 @@ def apply(
 
 
 def unchanged(corrected: Corrected) -> bool:
-    return not (corrected.fence | corrected.speed | corrected.separation).any()
+    reasons = corrected.fence, corrected.speed, corrected.separation, corrected.obstacle
+    return not np.any(reasons)
 
 
 def flown(position: Any, wish: Any, seconds: float = 6.0) -> Array:
@@ -312,3 +324,50 @@ def test_agents_whose_goals_are_near_still_reach_them_however_uncertain() -> Non
 
 def test_without_a_margin_positions_are_exact() -> None:
     assert approach(0.5, std=5.0, margin=0.0) == approach(0.5, std=0.0, margin=0.0)
+
+
+PILLAR = Obstacle("pillar", (((0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)),), (0.0, 1.5))
+
+
+def sent_beside(
+    position: Any, velocity: Any, std: float, *obstacles: Obstacle, margin: float = 2.0
+) -> tuple[Array, Corrected]:
+    """Return what is sent to an agent with a standard deviation, m, and what was corrected."""
+    room = scene(1)
+    limits = replace(room.limits, uncertainty_margin=margin)
+    guard = SafetyFilter(replace(room, world=World("room", FENCE, obstacles), limits=limits))
+    now = estimate(np.array([position], float))
+    now = replace(now, covariance=np.diag([std**2, std**2, 0.0])[None])
+    wanted = setpoint([velocity])
+    sent, corrected = apply(guard, now, wanted, wanted)
+    return sent.velocity[0], corrected
+
+
+def test_uncertain_agents_brake_earlier_before_the_fence() -> None:
+    uncertain, _ = sent_beside([2.6, 0, 1], [SPEED, 0, 0], 0.1)
+    exact, _ = sent_beside([2.8, 0, 1], [SPEED, 0, 0], 0.0)
+    assert uncertain == pytest.approx(exact)
+    assert sent_beside([2.6, 0, 1], [SPEED, 0, 0], 0.1, margin=0.0)[0][0] > exact[0]
+
+
+def test_the_margin_to_the_fence_yields_and_does_not_apply_to_heights() -> None:
+    assert 0.0 < sent_beside([2.9, 0, 1], [SPEED, 0, 0], 5.0)[0][0] < 0.05
+    assert sent_beside([0, 0, 1.9], [0, 0, SPEED], 5.0)[0][2] == pytest.approx(
+        sent_beside([0, 0, 1.9], [0, 0, SPEED], 0.0)[0][2]
+    )
+
+
+def test_only_uncertain_agents_brake_before_obstacles() -> None:
+    towards = [SPEED, 0.3, 0]
+    exact, unchanged = sent_beside([-0.3, 0, 1], towards, 0.0, PILLAR)
+    assert not unchanged.obstacle.any()
+    uncertain, corrected = sent_beside([-0.3, 0, 1], towards, 0.1, PILLAR)
+    assert corrected.obstacle.tolist() == [True]
+    assert 0.0 < uncertain[0] < 0.15 < exact[0]
+    assert uncertain[1] == pytest.approx(exact[1])  # along the side it is free
+    for position, velocity in (([-0.3, 0, 1], [-0.5, 0, 0]), ([-0.3, 0, 1.7], [0.5, 0, 0])):
+        assert sent_beside(position, velocity, 0.1, PILLAR)[0] == pytest.approx(velocity)
+
+
+def test_an_uncertain_agent_inside_an_obstacle_is_led_out() -> None:
+    assert sent_beside([0.2, 0, 1], [0, 0, 0], 0.1, PILLAR)[0][0] < -0.1

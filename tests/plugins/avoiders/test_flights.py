@@ -248,3 +248,21 @@ def test_agents_reach_goals_near_to_each_other_however_uncertain(name: str) -> N
     goal = np.array([[-0.25, 0.0, 0.8], [0.25, 0.0, 0.8]])
     flown = fly(made(name, around, radius=0.15), around, start, goal, 30.0, std=2.0)
     assert flown.missing.max() < 0.1
+
+
+@pytest.mark.parametrize("name", ["orca", "voronoi", "potential"])
+def test_uncertain_agents_keep_farther_from_walls_that_they_pass(name: str) -> None:
+    around = room(1, box(-0.5, -2.0, 0.5, 0.0))
+    start, goal = np.array([[-1.5, 0.22, 0.8]]), np.array([[1.5, 0.22, 0.8]])
+    exact, uncertain = (
+        fly(made(name, around), around, start, goal, 20.0, std=std) for std in (0.0, 0.1)
+    )
+    assert uncertain.clearance > exact.clearance + 0.01
+    assert uncertain.missing.max() < 0.1
+
+
+@pytest.mark.parametrize("name", ["orca", "voronoi"])
+def test_uncertain_agents_still_reach_goals_near_walls(name: str) -> None:
+    around, start = room(1, box(0.0, -2.0, 1.0, 2.0)), np.array([[-1.5, 0.0, 0.8]])
+    goal = np.array([[-0.25, 0.0, 0.8]])
+    assert fly(made(name, around), around, start, goal, 20.0, std=2.0).missing.max() < 0.1

@@ -46,7 +46,7 @@ def ask(  # noqa: PLR0913 -- the kernel has more
     speed = np.full(n, SPEED)
     tables = (position.copy(), velocity.copy(), wish.copy())
     hard = hard_planes(
-        *(*tables[:2], speed, avoiding, around, np.array(fence)),
+        *(*tables[:2], speed, np.zeros(n), avoiding, around, np.array(fence)),
         horizon=HORIZON,
         clearance=RADIUS,
         virtual=virtual,
