@@ -38,6 +38,7 @@ from star_core.safety.agents_in_the_way import GroundedAgents
 from star_core.safety.filter import SafetyFilter
 from star_core.safety.rules import Rules, SafetyAction
 from star_core.safety.setpoint_monitor import FencePress, RepeatedSetpoints
+from star_core.safety.uncertain_agents import UncertainAgents
 from star_core.vehicle_interface import VehicleInterface
 
 MAX_LOST_TIME: Final = 1.0  # s; without setpoints for 2 s, a Crazyflie stops its motors
@@ -84,6 +85,7 @@ class ControlLoop:
         self._rules = Rules(scene, mission.safety)
         self._safety = SafetyFilter(scene)
         self._fence_press = FencePress(scene)
+        self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
         self._repeated = RepeatedSetpoints(scene)
         self._grounded = GroundedAgents(n, scene.limits)
         self.vehicles = VehicleInterface(scene, pipeline, observers)
@@ -129,7 +131,7 @@ class ControlLoop:
         self, telemetry: Telemetry, estimate: Estimate, health: Health, goals: GoalBuffer
     ) -> dict[int, str]:
         """Fly towards goals for a tick; return why goals cannot be reached, by row."""
-        merged = goals.goals()
+        merged = self._redirect(estimate, goals.goals())
         plan = self._pipeline.plan(estimate, merged)
         wanted = self.vehicles.setpoint(plan.setpoint, estimate)
         seen = self._grounded.mark(estimate, health.phase, self._gone())
@@ -149,7 +151,9 @@ class ControlLoop:
         self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
         return {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
-            for row in np.flatnonzero(plan.unreachable & wanted.active).tolist()
+            for row in np.flatnonzero(
+                plan.unreachable & wanted.active & ~self._uncertain.redirected
+            ).tolist()
         }
 
     def watch(self, telemetry: Telemetry, estimate: Estimate, health: Health) -> None:
@@ -178,14 +182,28 @@ class ControlLoop:
             (N,) agents that may be lost without failing their step.
         """
         for row, action, reason in self._rules.judge(self.vehicles.time, estimate, health):
-            name = self._scene.agents[row].name
-            self._observers.event("safety", f"{name} {ACTIONS[action]}: {reason}", name)
-            self.executor.remove(row, estimate)
-            if action is SafetyAction.LAND:
-                self.landing.land([row])
-            elif action is SafetyAction.STOP:
-                self.vehicles.stop_motors(np.array([row]))
+            self._remove(row, action, reason, estimate)
         return self._rules.excuse(health, estimate.valid)
+
+    def _redirect(self, estimate: Estimate, goals: Goals) -> Goals:
+        """Return the goals, with those of agents that are too uncertain for their room changed."""
+        steered = self.vehicles.steered(estimate)
+        steered[self.landing.rows] = False
+        goals, lands = self._uncertain.redirect(estimate, steered, goals)
+        for row, reason in lands:
+            self._rules.action[row] = SafetyAction.LAND
+            self._remove(row, SafetyAction.LAND, reason, estimate)
+        return goals
+
+    def _remove(self, row: int, action: SafetyAction, reason: str, estimate: Estimate) -> None:
+        """Remove an agent from the mission, by an action."""
+        name = self._scene.agents[row].name
+        self._observers.event("safety", f"{name} {ACTIONS[action]}: {reason}", name)
+        self.executor.remove(row, estimate)
+        if action is SafetyAction.LAND:
+            self.landing.land([row])
+        elif action is SafetyAction.STOP:
+            self.vehicles.stop_motors(np.array([row]))
 
     def _gone(self) -> Mask:
         """Return which agents do not take off again once they have landed: (N,).

@@ -145,12 +145,15 @@ class VehicleInterface:
         fall.
         """
         given = planned.active
-        flying = self.phases.among(AgentPhase.FLYING)
         return Setpoint(
             velocity=np.where(given[:, None], planned.velocity, 0.0),
             yaw=np.where(given, planned.yaw, estimate.yaw),
-            active=flying & estimate.valid & ~self._commanded,
+            active=self.steered(estimate),
         )
+
+    def steered(self, estimate: Estimate) -> Mask:
+        """Return which agents setpoints fly: (N,)."""
+        return self.phases.among(AgentPhase.FLYING) & estimate.valid & ~self._commanded
 
     def send(self, setpoint: Setpoint, telemetry: Telemetry, estimate: Estimate) -> Setpoint:
         """Send a setpoint, with zero velocity for agents that must brake; return what was sent."""
