@@ -126,6 +126,7 @@ from star_core.toolkit.trajectory import polynomial as polynomial
 from star_core.toolkit.trajectory import transformed as transformed
 from star_core.world.camera import Camera as Camera
 from star_core.world.outlines import outline_fault as outline_fault
+from star_core.world.world import CONTACT_RADIUS as CONTACT_RADIUS
 from star_core.world.world import TAG_RIM as TAG_RIM
 from star_core.world.world import TAG_SIZE as TAG_SIZE
 from star_core.world.world import Fence as Fence

@@ -35,14 +35,13 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
     )
     yield from exact_positions_only(mission, registry)
     limits = mission.scene.limits
-    margins = (
+    uncertain = (
         registry.find("localizer", mission.parts["localizer"].use).offer.drift is not None
-        and len(mission.scene.agents) > 1
-        and limits.separation > 0
         and limits.uncertainty_margin > 0
     )
-    drifts = margins and len(mission.scene.agents) <= MOST_COMPARED
-    if blocked or timed or margins or follows_surfaces(mission, registry):
+    drifts = uncertain and len(mission.scene.agents) <= MOST_COMPARED
+    margins = uncertain and len(mission.scene.agents) > 1 and limits.separation > 0
+    if blocked or timed or drifts or margins or follows_surfaces(mission, registry):
         from star_explain.problems import problems
 
         yield from problems(mission, registry, drifts=drifts, margins=margins)

@@ -1,41 +1,82 @@
-"""Agents that come nearer to each other than the expected drift of their positions permits."""
+"""Agents that come nearer to others, obstacles or the fence than the drift of positions permits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from itertools import combinations
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import MAX_MARGIN, Mission, Problem, Registry, fill_defaults
+from star_core import (
+    CONTACT_RADIUS,
+    MAX_MARGIN,
+    Array,
+    Mask,
+    Mission,
+    Problem,
+    Registry,
+    fill_defaults,
+)
 from star_explain.tracks import PERIOD, Tracks
 
 MIN_SPEED: Final = 0.1  # m/s, relative: two agents that are slower do not pass each other
 MAX_RISK: Final = 0.01  # probability from which on there is a warning
+FENCE_TOLERANCE: Final = 0.2  # m, by which an agent may leave the fence: it is no wall
 
 
 def drift_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iterator[Problem]:
-    """Warn if agents probably come closer than the separation because their positions drift.
+    """Warn of collisions, and of flights out of the fence, that the drift of positions permits.
 
-    By their estimated positions, two agents whose goals are near to each other keep the separation,
-    or twice the radius of the avoider if that is more; while they pass each other, it is enlarged
-    by the margins for their uncertain positions. Their real distance is smaller than the separation
-    if the error along the line between them, which is normal with the variances of both, exceeds
-    the rest. The risk of a pair is that of its worst moment, and that of the mission at most the
-    sum over the pairs.
+    The risk of a pair, or of an agent and an obstacle, is that of its worst moment, and that of the
+    mission at most the sum over these.
 
     Args:
         mission: The mission.
         registry: Registry of its plugins.
         tracks: Where its agents are in the dry run.
     """
-    limits, scene = mission.scene.limits, mission.scene
-    localizer, avoider = mission.parts["localizer"], mission.parts["avoider"]
+    scene, localizer = mission.scene, mission.parts["localizer"]
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = tracks.sampled(PERIOD)
     std = offer.drift(scene, time, position, yaw, **fill_defaults(localizer.options, offer.options))
+    flight = DryFlight(time, position, airborne, std)
+    if mission.scene.limits.separation > 0:
+        yield from pair_problems(mission, registry, flight)
+    yield from obstacle_problems(mission, registry, flight)
+    yield from fence_problems(mission, flight)
+
+
+class DryFlight(NamedTuple):
+    """A dry run with the expected errors of the positions.
+
+    Attributes:
+        time: (T,) s.
+        position: (T, N, 3) planned positions, m.
+        airborne: (T, N) whether agents fly.
+        std: (T, N) standard deviations of the horizontal errors, m.
+    """
+
+    time: Array
+    position: Array
+    airborne: Mask
+    std: Array
+
+
+def pair_problems(mission: Mission, registry: Registry, flight: DryFlight) -> Iterator[Problem]:
+    """Warn if agents probably come closer than the separation because their positions drift.
+
+    By their estimated positions, two agents whose goals are near to each other keep the separation,
+    or twice the radius of the avoider if that is more; while they pass each other, it is enlarged
+    by the margins for their uncertain positions. Their real distance is smaller than the separation
+    if the error along the line between them, which is normal with the variances of both, exceeds
+    the rest.
+    """
+    limits, scene = mission.scene.limits, mission.scene
+    localizer = mission.parts["localizer"]
+    time, position, airborne, std = flight
+    avoider = mission.parts["avoider"]
     options = fill_defaults(avoider.options, registry.find("avoider", avoider.use).offer.options)
     radius = options.get("radius", 0.0)
     base = max(limits.separation, 2 * radius if isinstance(radius, int | float) else 0.0)
@@ -71,3 +112,85 @@ def drift_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iter
             "drift-exceeds-separation",
             warning=True,
         )
+
+
+def obstacle_problems(mission: Mission, registry: Registry, flight: DryFlight) -> Iterator[Problem]:
+    """Warn if agents probably touch obstacles because their positions drift.
+
+    By its estimated position an agent keeps the clearance of planner or avoider, or what the dry
+    run keeps if that is more; in motion, the clearance is enlarged by the margin for its uncertain
+    position. It touches the obstacle if the error towards it exceeds the rest.
+    """
+    scene, (_, position, airborne, std) = mission.scene, flight
+    base = _clearance(mission, registry)
+    margin = np.minimum(scene.limits.uncertainty_margin * std, MAX_MARGIN * base)
+    moving = np.linalg.norm(np.gradient(position, PERIOD, axis=0), axis=2) > MIN_SPEED
+    kept = base + np.where(moving, margin, 0.0)
+    total, worst, where = 0.0, 0.0, ""
+    for obstacle in scene.world.obstacles:
+        planned = obstacle.distances(position.reshape(-1, 3)).reshape(std.shape)
+        rest = (np.maximum(planned, kept) - CONTACT_RADIUS) / std
+        risk, greatest, text = _risk(mission, flight, np.where(airborne, rest, np.inf), planned)
+        total += risk
+        if greatest > worst:
+            worst, where = greatest, text.format(f"obstacle {obstacle.name!r}")
+    yield from _wall_problem(total, where, "agents touch obstacles")
+
+
+def fence_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
+    """Warn if agents probably leave the fence by more than `FENCE_TOLERANCE` by their drift."""
+    fence = mission.scene.world.fence
+    low, high = np.array(fence.low[:2]), np.array(fence.high[:2])
+    here = flight.position[..., :2]
+    room = np.minimum(here - low, high - here).min(axis=2)
+    rest = np.where(flight.airborne, (room + FENCE_TOLERANCE) / flight.std, np.inf)
+    total, _, where = _risk(mission, flight, rest, room)
+    leave = f"agents leave the fence by more than {FENCE_TOLERANCE:g} m"
+    yield from _wall_problem(total, where.format("the fence"), leave)
+
+
+def _risk(
+    mission: Mission, flight: DryFlight, rest: Array, distance: Array
+) -> tuple[float, float, str]:
+    """Return the sum of the agents' risks, the greatest one, and where that is.
+
+    Args:
+        mission: The mission.
+        flight: Its dry run.
+        rest: (T, N) errors that agents can afford, in standard deviations.
+        distance: (T, N) planned ones, for the text, m.
+    """
+    at = rest.argmin(axis=0)  # the worst moment of each agent
+    risks = [math.erfc(value / math.sqrt(2)) / 2 for value in rest.min(axis=0).tolist()]
+    row = int(np.argmax(risks))
+    k = int(at[row])
+    name, use = mission.scene.agents[row].name, mission.parts["localizer"].use
+    where = (
+        f"{name} is {distance[k, row]:.1f} m from {{}} after about {flight.time[k]:.0f} s of the "
+        f"dry run, when its position by {use!r} has a standard deviation of "
+        f"{flight.std[k, row]:.2f} m"
+    )
+    return math.fsum(risks), risks[row], where
+
+
+def _wall_problem(total: float, where: str, what: str) -> Iterator[Problem]:
+    if total > MAX_RISK:
+        yield Problem(
+            ("localizer",),
+            f"{where}; {what} with a probability of up to {100 * min(1.0, total):.0f} %: keep "
+            "farther away, shorten the mission, or locate agents by more landmarks",
+            "drift-exceeds-clearance",
+            warning=True,
+        )
+
+
+def _clearance(mission: Mission, registry: Registry) -> float:
+    """Return the distance that planner or avoider keep to obstacles, m; 0 if neither does."""
+    clearances = [0.0]
+    for kind, names in (("planner", ("clearance",)), ("avoider", ("clearance", "radius"))):
+        spec = registry.find(kind, mission.parts[kind].use).offer
+        options = fill_defaults(mission.parts[kind].options, spec.options)
+        if spec.avoids_obstacles:
+            values = [options.get(name) for name in names]
+            clearances += [value for value in values if isinstance(value, int | float)][:1]
+    return max(clearances)

@@ -15,8 +15,8 @@ def problems(
 ) -> Iterator[Problem]:
     """Yield what a dry run finds: timeouts, and obstacles in the way of agents or below them.
 
-    If positions drift, also agents that come too near to each other for that; if there are margins
-    for it, also agents that these leave no room to pass each other.
+    If positions drift, also agents that come too near to others, obstacles or fence for that; if
+    there are margins for it, also agents that these leave no room to pass each other.
     """
     avoider = registry.find("avoider", mission.parts["avoider"].use).offer
     others = [

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import LocalizerSpec, Problem, hookimpl
+from star_core import LocalizerSpec, Problem, deferred, hookimpl
 
 if TYPE_CHECKING:
     from star_core import Localizer, Scene
@@ -154,4 +154,5 @@ def star_localizers() -> Iterable[LocalizerSpec]:
         make=make,
         options=OPTIONS,
         check=check,
+        drift=deferred("star_apriltag.expected_std:expected_std"),
     )

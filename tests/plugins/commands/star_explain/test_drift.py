@@ -1,4 +1,4 @@
-"""Agents that come nearer to each other than the drift of their positions permits."""
+"""Agents that come nearer to others, obstacles or the fence than the drift of positions permits."""
 
 from __future__ import annotations
 
@@ -86,3 +86,39 @@ def test_a_track_is_repeated_and_between_its_points_an_agent_is_on_the_line() ->
     assert times[-1] >= 6.0
     assert position[:7, 0, 0] - start[0] == pytest.approx([0, 0.5, 1, 0.5, 0, 0.5, 1])
     assert airborne[2:, 0].all()
+
+
+ALONE = ("swarm={cf1: {start: [0, 0, 0]}}", "mission.1={hold: {at: [3, 0, 0.8], for: 40}}")
+PILLAR = "obstacles: {pillar: {box: {centre: [4.0, 0], size: [0.8, 0.8]}, height: [0, 2.2]}}\n"
+TAGS = "landmarks: {start: {tags: [1], at: [0.8, 0, 0]}, goal: {tags: [2], at: [3.45, 0, 0]}}\n"
+BY_TAGS = ("localizer=apriltag", "swarm.cf1.camera=aideck")
+
+
+def warned(folder: Path, world: str, *changes: str) -> list[str]:
+    """Return the warnings of a flight of one drone in a hall with something more in it."""
+    (folder / "hall.yaml").write_text(WORLD + world)
+    (folder / "hover.yaml").write_text(MISSION)
+    changes = ("planner=visibility", *ALONE, *changes)
+    return [*check_file(folder / "hover.yaml", changes, Registry())[1]]
+
+
+def test_one_agent_that_drifts_near_an_obstacle_is_warned_of(tmp_path: Path) -> None:
+    (found,) = warned(tmp_path, PILLAR)
+    assert found.split(": warning: ")[0].endswith("hover.yaml:8:12")
+    assert "cf1 is 0.6 m from obstacle 'pillar' after about" in found
+    assert found.endswith("[drift-exceeds-clearance]")
+    assert warned(tmp_path, PILLAR, "limits.uncertainty_margin=0") == []
+    assert warned(tmp_path, PILLAR, "mission.1.hold={at: [1.5, 0, 0.8], for: 5}") == []
+
+
+def test_one_agent_that_drifts_near_the_fence_is_warned_of(tmp_path: Path) -> None:
+    (found,) = warned(tmp_path, "", "mission.1.hold.at=[8.5, 0, 0.8]")
+    assert "cf1 is 0.5 m from the fence" in found
+    assert "leave the fence by more than 0.2 m" in found
+    assert found.endswith("[drift-exceeds-clearance]")
+
+
+def test_agents_that_see_landmarks_are_not_warned_of(tmp_path: Path) -> None:
+    assert warned(tmp_path, PILLAR + TAGS, *BY_TAGS) == []
+    (unseen,) = warned(tmp_path, PILLAR + TAGS, *BY_TAGS, "localizer.max_tags_per_landmark=0")
+    assert "when its position by 'apriltag' has a standard deviation" in unseen

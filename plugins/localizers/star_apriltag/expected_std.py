@@ -1,0 +1,110 @@
+"""Standard deviations to expect along paths: small where tags are seen, growing in between."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from star_apriltag.dead_reckoning import (
+    FLOOR_LENGTH,
+    FLOOR_STD,
+    POSITION_PER_TIME,
+    SCALE_STD,
+    SLIP_STD,
+    SLIP_TIME,
+    START_STD,
+    START_YAW_STD,
+    TURN_STD,
+    rotation_about_z,
+)
+from star_core import (
+    Array,
+    Camera,
+    CameraModel,
+    Mask,
+    Scene,
+    Tag,
+    rotation_from_quaternion,
+    square_corners,
+)
+
+SEEN_STD: Final = 0.03  # m, while a tag is in view
+MIN_EDGE: Final = 13.0  # px of a tag in the image: eight modules of those that are still detected
+BORDER: Final = 3.0  # px, of the image, in which no corner is detected
+
+PER_TIME: Final = 2 * SLIP_STD**2 * SLIP_TIME + POSITION_PER_TIME**2  # m²/s
+PER_LENGTH: Final = 2 * FLOOR_STD**2 * FLOOR_LENGTH  # m²/m
+PER_AREA: Final = SCALE_STD**2 + TURN_STD**2  # of the displacement, squared
+
+
+def expected_std(
+    scene: Scene,
+    time: Array,
+    position: Array,
+    yaw: Array,
+    *,
+    max_tags_per_landmark: int,
+    **_options: object,
+) -> Array:
+    """Return the greatest standard deviation in the plane along paths: (T, N) m.
+
+    While a level drone has a landmark's tag in its image, it is `SEEN_STD`. Since then, the errors
+    of dead reckoning grow: white noise with the time, the floor's texture with the length of the
+    path, and scale and heading, as uncertain as before they are calibrated in flight, with the
+    displacement. Obstacles hide no tags, and floor odometry, which needs texture, does not help.
+
+    Args:
+        scene: Agents with their cameras, and landmarks.
+        time: (T,) s.
+        position: (T, N, 3) m.
+        yaw: (T, N) rad.
+        max_tags_per_landmark: The option; with 0 no tag is used.
+    """
+    tags = scene.world.landmarks if max_tags_per_landmark else ()
+    std = np.empty(yaw.shape)
+    for row, agent in enumerate(scene.agents):
+        seen = np.zeros(len(time), np.bool_)
+        if agent.camera is not None:
+            seen = _sees(agent.camera, tags, position[:, row], yaw[:, row])
+        std[:, row] = _along(time, position[:, row, :2], seen)
+    return std
+
+
+def _along(time: Array, here: Array, seen: Mask) -> Array:
+    """Return the standard deviation at (T,) times and (T, 2) positions, by where tags are seen."""
+    step = np.hypot(*np.diff(here, axis=0, prepend=here[:1]).T)
+    std = np.empty(len(time))
+    base, since, area = START_STD**2, 0, PER_AREA + START_YAW_STD**2
+    length = np.cumsum(step)
+    for k in range(len(time)):
+        if seen[k]:
+            base, since, area = SEEN_STD**2, k, PER_AREA
+        away = float(((here[k] - here[since]) ** 2).sum())
+        grown = PER_TIME * (time[k] - time[since]) + PER_LENGTH * (length[k] - length[since])
+        std[k] = np.sqrt(base + grown + area * away)
+    return std
+
+
+def _sees(camera: Camera, tags: tuple[Tag, ...], position: Array, yaw: Array) -> Mask:
+    """Return at which of (T, 3) positions, with (T,) headings, a tag is in the image: (T,)."""
+    model = CameraModel(camera)
+    mount = model.mounting
+    seen = np.zeros(len(position), np.bool_)
+    if not tags:
+        return seen
+    rotations = np.array([rotation_from_quaternion(tag.rotation) for tag in tags])
+    centers = np.array([tag.position for tag in tags])
+    corners = np.array([square_corners(tag.size) for tag in tags])  # (K, 4, 3)
+    corners = np.einsum("kij,kcj->kci", rotations, corners) + centers[:, None]
+    for k, (here, heading) in enumerate(zip(position, yaw.tolist(), strict=True)):
+        body = rotation_about_z(heading)
+        eye = here + body @ mount.position
+        facing = ((eye - centers) * rotations[:, :, 2]).sum(axis=1) > 0.0
+        points = (corners[facing] - eye) @ (body @ mount.rotation)
+        ahead = points[(points[..., 2] > 0.0).all(axis=1)]
+        whole = ahead[model.sees(ahead, BORDER).all(axis=1)]
+        pixels = model.project(whole)
+        edges = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+        seen[k] = bool((edges >= MIN_EDGE).any())
+    return seen

@@ -1,0 +1,53 @@
+"""Standard deviations to expect of `apriltag` along paths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from star_apriltag.expected_std import SEEN_STD, expected_std
+from star_core import Array, Camera, Scene, Tag
+from star_core.testing import scene
+
+FLAT = (0.0, 0.0, 0.0, 1.0)
+
+
+def room(*tags: tuple[float, float]) -> Scene:
+    """One drone with a camera, and tags on the floor."""
+    base = scene(1)
+    landmarks = tuple(Tag(i, 0.168, (*at, 0.0), FLAT, f"l{i}") for i, at in enumerate(tags))
+    agents = (replace(base.agents[0], camera=Camera()),)
+    return replace(base, agents=agents, world=replace(base.world, landmarks=landmarks))
+
+
+def std(room: Scene, x: Array, yaw: float = 0.0, tags: int = 2) -> Array:
+    """Return the deviations along positions on the x axis, one each half second, m."""
+    n = len(x)
+    position = np.stack([x, np.zeros(n), np.full(n, 0.8)], axis=1)[:, None]
+    found = expected_std(
+        room, np.arange(0.0, n / 2, 0.5), position, np.full((n, 1), yaw), max_tags_per_landmark=tags
+    )
+    return found[:, 0]
+
+
+def test_a_tag_in_the_image_keeps_the_position_known() -> None:
+    assert std(room((0.8, 0.0)), np.zeros(20)) == pytest.approx(SEEN_STD)
+
+
+def test_what_is_behind_below_or_not_used_is_not_seen() -> None:
+    still = np.zeros(20)
+    assert std(room((0.8, 0.0)), still, yaw=np.pi)[-1] > 0.1
+    assert std(room((-0.1, 0.0)), still)[-1] > 0.1
+    assert std(room((3.0, 0.0)), still)[-1] > 0.1  # too small in the image
+    assert std(room((0.8, 0.0)), still, tags=0)[-1] > 0.1
+
+
+def test_errors_grow_between_landmarks_and_vanish_at_the_next() -> None:
+    found = std(room((0.8, 0.0), (4.6, 0.0)), np.linspace(0.0, 4.0, 20))
+    gap = found > SEEN_STD
+    assert gap.any()
+    assert found[0] == found[-1] == SEEN_STD
+    assert (np.diff(found[gap]) > 0).all()
+    assert 0.1 < found.max() < 0.3
