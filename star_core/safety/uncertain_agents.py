@@ -93,19 +93,19 @@ class UncertainAgents:
         self._std = std
         self._stage[~steered] = Stage.FLIES
         needed = np.where(steered, NEEDED * self._deviations * std, 0.0)
-        rows: Rows = np.flatnonzero((needed > LEAST) | (self._stage > Stage.FLIES))
+        rows: Rows = np.flatnonzero((needed > LEAST) | self.redirected)
         if not len(rows):
             return goals, []
         fence, wall, piece = self._room(estimate.position, rows)
+        room = np.minimum(fence, wall)
         lands = []
-        for row in rows.tolist():
-            room, distance, what = fence[row], fence[row] - FENCE_TOLERANCE, "the fence"
-            if wall[row] < room:
+        for row in rows[(needed > room)[rows] | self.redirected[rows]].tolist():
+            distance, what = fence[row] - FENCE_TOLERANCE, "the fence"
+            if wall[row] < fence[row]:
                 obstacle = self._scene.world.obstacles[self._walls.obstacle[piece[row]]]
-                room, distance = wall[row], wall[row] + CONTACT_RADIUS
-                what = f"obstacle {obstacle.name!r}"
+                distance, what = wall[row] + CONTACT_RADIUS, f"obstacle {obstacle.name!r}"
             reason = f"uncertain by {std[row]:.2f} m and {max(0.0, distance):.2f} m from {what}"
-            if text := self._advance(row, estimate, needed[row], room, reason):
+            if text := self._advance(row, estimate, needed[row], room[row], reason):
                 lands.append((row, text))
         return self._redirected(goals), lands
 
@@ -115,10 +115,9 @@ class UncertainAgents:
         """Change what an agent does; return why it must land, if so."""
         name, time = self._scene.agents[row].name, estimate.time
         if self._stage[row] == Stage.FLIES:
-            if needed > room:
-                self._stage[row], self._until[row] = Stage.BRAKES, time + BRAKE_TIME
-                self._goal[row] = estimate.position[row]
-                self._report(f"{name} is {reason}: it brakes", name)
+            self._stage[row], self._until[row] = Stage.BRAKES, time + BRAKE_TIME
+            self._goal[row] = estimate.position[row]
+            self._report(f"{name} is {reason}: it brakes", name)
             return None
         if self._stage[row] == Stage.BRAKES:
             if needed <= ENOUGH * room:
