@@ -43,7 +43,7 @@ class Corrected:
         fence: The agent would have left the fence.
         speed: It was faster than the limit.
         separation: It approached another agent faster than the two can brake.
-        obstacle: It came nearer to an obstacle than the margin for its uncertain position permits.
+        obstacle: It came nearer to an obstacle or the fence than its uncertain position permits.
     """
 
     fence: Mask

@@ -25,7 +25,7 @@ CORRECTIONS: Final = {
     "fence": "is held inside the fence",
     "speed": "is slowed to the speed limit",
     "separation": "brakes for another agent",
-    "obstacle": "brakes for an obstacle, since its position is uncertain",
+    "obstacle": "brakes early for an obstacle or the fence, since its position is uncertain",
 }
 """Texts of events about agents whose setpoints the safety filter corrects, by the reason."""
 

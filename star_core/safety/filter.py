@@ -20,7 +20,6 @@ from star_core.safety.braking import (
     YIELDING,
     approach_speed,
     slow_down,
-    yielding_room,
 )
 from star_core.safety.walls import brake_for_walls, walls
 from star_core.scene import Scene
@@ -110,7 +109,7 @@ class SafetyFilter:
         slowed = self._slowed(asked)
         margin = position_margin(estimate.covariance, self._uncertainty_margin, WALL_RADIUS)
         beside = self._beside_walls(slowed, estimate, active, margin)
-        inside, apart = self._limited(beside, estimate, active, near, margin)
+        inside, apart = self._limited(beside, estimate, active, near)
         sent = replace(
             safe, velocity=apart, yaw=np.where(given, safe.yaw, wanted.yaw), active=active
         )
@@ -124,9 +123,9 @@ class SafetyFilter:
     def _beside_walls(
         self, velocity: Array, estimate: Estimate, active: Mask, margin: Array
     ) -> Array:
-        """Return (N, 3) velocities with which uncertain agents can brake before obstacles."""
+        """Return (N, 3) velocities with which uncertain agents can brake before walls and fence."""
         rows: Rows = np.flatnonzero(active & (margin > 0.0))
-        if not len(rows) or not len(self._walls.edge):
+        if not len(rows):
             return velocity
         slower = velocity.copy()
         brake_for_walls(
@@ -136,6 +135,7 @@ class SafetyFilter:
             rows,
             margin,
             self._walls,
+            self._fence,
             self._speed,
             self._brakes,
             self._period,
@@ -143,7 +143,7 @@ class SafetyFilter:
         return slower
 
     def _limited(
-        self, velocity: Array, estimate: Estimate, active: Mask, near: Pairs, wall_margin: Array
+        self, velocity: Array, estimate: Estimate, active: Mask, near: Pairs
     ) -> tuple[Array, Array]:
         """Return (N, 3) velocities that stay inside the fence, and (N, 3) that keep apart too."""
         near = near.within(self.reach if self._separation > 0 else 0.0)
@@ -162,7 +162,6 @@ class SafetyFilter:
             self._separation,
             self._vertical_separation,
             position_margin(estimate.covariance, self._uncertainty_margin, self._separation / 2),
-            wall_margin,
             self._period,
         )
         return inside, np.where(active[:, None], apart, inside) if len(near.first) else inside
@@ -173,7 +172,7 @@ class SafetyFilter:
         frames, wanted = Transform(level, two), Setpoint(two, level, both)
         here = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
         self.filter(here, wanted, wanted, Pairs.of(two, self.reach))
-        if len(self._walls.edge) and self._uncertainty_margin:
+        if self._uncertainty_margin:
             self._beside_walls(two.copy(), here, both, both.astype(np.float64))
         warm_up(agents)
 
@@ -216,7 +215,6 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
     separation: float,
     vertical_separation: float,
     margin: Array,
-    wall_margin: Array,
     period: float,
 ) -> None:
     """Correct velocities so that agents can brake before the fence and before each other.
@@ -241,12 +239,11 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         separation: Horizontal semi-axes of the ellipsoid around an agent that others keep free, m.
         vertical_separation: Its vertical semi-axis, m.
         margin: (N,) for each agent's uncertain position, m.
-        wall_margin: (N,) the same for distances to the fence, m.
         period: Of the ticks, s.
     """
     for row in range(len(active)):
         if active[row]:
-            bound(inside, position, flown, row, fence, wall_margin[row], speed, brakes, period)
+            bound(inside, position, flown, row, fence, speed, brakes, period)
         for axis in range(3):
             apart[row, axis] = inside[row, axis] if active[row] else flown[row, axis]
     if len(first) == 0:
@@ -271,7 +268,7 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
         for row in range(len(active)):
             if times[row] > 0.0 and active[row]:
                 add_correction(apart, change, times, row, speed)
-                bound(apart, position, flown, row, fence, wall_margin[row], speed, brakes, period)
+                bound(apart, position, flown, row, fence, speed, brakes, period)
                 if iteration == MAX_ITERATIONS:
                     for axis in range(3):
                         apart[row, axis] = 0.0
@@ -376,28 +373,23 @@ def direct(
 
 
 @subroutine
-def bound(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+def bound(
     velocity: Array,
     position: Array,
     flown: Array,
     row: int,
     fence: Array,
-    margin: float,
     speed: float,
     brakes: float,
     period: float,
 ) -> None:
     """Change one velocity to one from which the agent can brake before the fence.
 
-    The margin is that in the plane. An agent that leaves the fence fast, as in a fall, returns
-    within the greatest speed too.
+    An agent that leaves the fence fast, as in a fall, returns within the greatest speed too.
     """
     for axis in range(3):
         here, fast = position[row, axis], flown[row, axis]
-        above, below = fence[1, axis] - here, here - fence[0, axis]
-        if margin > 0.0 and axis < 2:  # noqa: PLR2004 -- x and y
-            above, below = yielding_room(above, margin), yielding_room(below, margin)
-        up = approach_speed(above, fast, brakes, period)
-        down = approach_speed(below, -fast, brakes, period)
+        up = approach_speed(fence[1, axis] - here, fast, brakes, period)
+        down = approach_speed(here - fence[0, axis], -fast, brakes, period)
         velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
     slow_down(velocity, row, speed)

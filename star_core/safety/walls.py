@@ -88,13 +88,15 @@ def brake_for_walls(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments ap
     rows: Rows,
     margin: Array,
     wall: Walls,
+    fence: Array,
     speed: float,
     brakes: float,
     period: float,
 ) -> None:
-    """Change velocities to ones with which agents can brake before obstacles beside them.
+    """Change velocities to ones with which agents can brake before obstacles and fence beside them.
 
-    The law is that of `SafetyFilter`, with the distance to contact less the margin, which yields.
+    The law is that of `SafetyFilter`, with the distance to contact, or to a side of the fence, less
+    the margin, which yields.
 
     Args:
         velocity: (N, 3) m/s; changed.
@@ -103,6 +105,7 @@ def brake_for_walls(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments ap
         rows: (K,) agents whose velocities are changed.
         margin: (N,) for each agent's uncertain position, m.
         wall: The pieces of the obstacles.
+        fence: (2, 3) its lowest and its highest corner, m.
         speed: Greatest speed, m/s.
         brakes: Greatest deceleration, m/s².
         period: Of the ticks, s.
@@ -124,6 +127,13 @@ def brake_for_walls(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments ap
                     changed = True
         if changed:
             slow_down(velocity, row, speed)
+        for axis in range(2):
+            here, fast = position[row, axis], flown[row, axis]
+            above = yielding_room(fence[1, axis] - here, margin[row])
+            below = yielding_room(here - fence[0, axis], margin[row])
+            up = approach_speed(above, fast, brakes, period)
+            down = approach_speed(below, -fast, brakes, period)
+            velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
 
 
 @subroutine
