@@ -137,14 +137,13 @@ class Shutdown:
         """
         ground, time = self._vehicles.ground, self._vehicles.time
         aloft = up & ~ground.down(time)
-        for kind, rows, words in (
-            ("airborne", aloft, "may be in the air"),
-            ("landing", up & ground.assumed_down(time), "counts as landed"),
-        ):
-            for row in np.flatnonzero(rows).tolist():
-                name = self._scene.agents[row].name
-                text = f"{name} {words}: {ground.describe(row, time)}"
-                self._observers.event(kind, text, name)
+        names = self._scene.names
+        for row in np.flatnonzero(aloft).tolist():
+            text = f"{names[row]} may be in the air: {ground.describe(row, time)}"
+            self._observers.event("airborne", text, names[row])
+        for row in np.flatnonzero(up & ground.assumed_down(time)).tolist():
+            text = f"{names[row]} counts as landed: {ground.describe(row, time)}"
+            self._observers.event("landing", text, names[row])
         fails = aloft | (up & ~self._loop.unassigned())
         if not fails.any():
             return ""

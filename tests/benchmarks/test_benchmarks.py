@@ -98,6 +98,7 @@ SCRIPTS = {
     "tick": Small("--json --agents 40"),
     "tick_files": Small("--json"),
     "top_view": Small("{tmp}/run {tmp}/out.png", needs=("matplotlib",), prints=""),
+    "touchdowns": Small("--flights 1 --ways radio --cases normal", prints="normal"),
     "view": Small("--json --rounds 1", campaign="real time"),
 }
 PARTS = {"fault_cells", "fault_flight", "flight_models", "recorded_flights", "small_tags"}

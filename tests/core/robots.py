@@ -77,7 +77,7 @@ class Robots:
         self._over[rows] = np.inf if order is Order.STOP else self._time + command.duration
         self._after[rows] = done if order is Order.LAND else up | done
         self._target[rows] = self._position[rows]
-        self._target[rows, 2] = command.position[:, 2]
+        self._target[rows, 2] = np.maximum(command.position[:, 2], 0.0)  # the floor
         if order is Order.GOTO:
             self._target[rows] = command.position
             self._yaw[rows] = command.yaw

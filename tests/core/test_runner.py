@@ -22,7 +22,13 @@ from star_core import (
     fly,
     hookimpl,
 )
-from star_core.execution.landing import CONTROLLER_LAG, LAG_ALLOWANCE, LAND_SPEED, MIN_LAND_TIME
+from star_core.execution.landing import (
+    CONTROLLER_LAG,
+    LAND_DEPTH,
+    LAND_SPEED,
+    MIN_LAND_TIME,
+    MIN_LAND_TIME_PER_HEIGHT,
+)
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import outcome_of
@@ -133,14 +139,14 @@ def test_agents_that_a_mission_leaves_in_the_air_are_landed(lab: Lab) -> None:
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
 
 
-LANDING = 1.0 / LAND_SPEED + LAG_ALLOWANCE  # s, from 1 m
+LANDING = MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT  # s, from 1 m
 
 
 def test_the_core_lands_at_its_own_speed(lab: Lab) -> None:
     lab.fly(IN_THE_AIR)
     _, landing = lab.robots.commands[-1]
     assert landing.duration == pytest.approx([LANDING] * 2)
-    assert landing.position[:, 2] == pytest.approx([0.0, 0.0])
+    assert landing.position[:, 2] == pytest.approx([-LAND_DEPTH] * 2)
 
 
 def seen(height: float, climb: float) -> Callable[..., Estimate]:
@@ -160,7 +166,8 @@ def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
     lab.spoil("localizer", "locate", seen(height, 0.0), FLYING)
     lab.fly(IN_THE_AIR)
     landings = [c for _, c in lab.robots.commands if c.order is Order.LAND and 1 in c.agent]
-    assert [c.duration[c.agent == 1].tolist() for c in landings] == [[MIN_LAND_TIME]]
+    slow = MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT * height
+    assert [c.duration[c.agent == 1].tolist() for c in landings] == [[slow]]
 
 
 def test_a_landing_that_begins_in_a_climb_is_given_the_time_from_where_the_plan_is(
@@ -170,7 +177,9 @@ def test_a_landing_that_begins_in_a_climb_is_given_the_time_from_where_the_plan_
     lab.spoil("localizer", "locate", seen(1.0, 0.6), FLYING)
     lab.fly(IN_THE_AIR)
     (landing,) = (c for _, c in lab.robots.commands if c.order is Order.LAND)
-    assert landing.duration[1] == pytest.approx(LANDING + 0.6 * CONTROLLER_LAG / LAND_SPEED)
+    assert landing.duration[1] == pytest.approx(
+        LANDING + 0.6 * CONTROLLER_LAG * MIN_LAND_TIME_PER_HEIGHT
+    )
 
 
 def test_agents_that_never_left_the_ground_are_not_commanded_to_land(lab: Lab) -> None:
@@ -262,7 +271,7 @@ def test_the_end_of_a_landing_that_is_not_heard_is_soon_a_failure(lab: Lab) -> N
     summary = lab.fly()
     assert summary["reason"].startswith("cf2 is lost")
     (begun,) = {time for time, command in lab.robots.commands if command.order is Order.LAND}
-    assert lab.ticks[-1].time < begun + MIN_LAND_TIME + MAX_LOST_TIME + 1.0
+    assert lab.ticks[-1].time < begun + LANDING + MAX_LOST_TIME + 1.0
 
 
 LEAVES = "safety: {{link_lost: {{after: 0.6, then: {}}}}}"

@@ -85,7 +85,7 @@ mission:
     head = HEAD.replace("planner: straight", planner)
     summary = flown(tmp_path, mission, "none", head, ROOM + pillar)
     assert summary["reason"] == ""
-    assert landed(summary) == ["a lands 0.50 m aside: its position is not free"]
+    assert landed(summary) == ["a lands 0.45 m aside: its position is not free"]
 
 
 def test_an_agent_that_lands_over_one_on_the_ground_comes_down_beside_it(
@@ -100,7 +100,7 @@ mission:
 """
     summary = flown(tmp_path, mission)
     assert summary["collisions"]["agent_agent"] == 0
-    assert landed(summary) == ["a lands 0.60 m aside: its position is not free"]
+    assert landed(summary) == ["a lands 0.35 m aside: its position is not free"]
 
 
 def test_of_two_above_each_other_the_lower_lands_where_it_is(tmp_path: Path) -> None:
