@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tests.fuzz import files, images, links, records, vehicles
+from tests.fuzz import files, flights, images, links, records, vehicles
 
 TARGETS: Final = (
     *files.TARGETS,
@@ -12,4 +12,5 @@ TARGETS: Final = (
     *links.TARGETS,
     *images.TARGETS,
     *records.TARGETS,
+    *flights.TARGETS,
 )

@@ -1,0 +1,75 @@
+"""Targets: random valid missions, checked, flown, and judged on the ground truth.
+
+A mission that ``star check`` passes without a warning is completed: no drone touches another or an
+obstacle, leaves the fence, falls, or stands still away from its goal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import Final
+
+from star_core import InputError, Registry, fly, load
+from star_core.cli.check import check_file
+from star_core.errors import code_of
+from star_core.plugin_support.discovery import Source
+from tests.fuzz.ground_truth import Witness, judged
+from tests.fuzz.harness import Broken, Draw, Target, Try
+from tests.fuzz.random_missions import random_mission
+
+SIZES: Final[Mapping[str, Mapping[str, int]]] = {
+    "short flights": {"agents": 3, "steps": 1},
+    "flights": {"agents": 12, "steps": 5},
+}
+PATIENCE: Final = 50.0  # a flight takes up to a minute of processor time
+
+
+def flown(draw: Draw, folder: Path, size: str) -> str:
+    """Draw a mission, check it and, without a warning, fly it; return what became of it.
+
+    Args:
+        draw: Source of all that is random.
+        folder: For its files.
+        size: Key of `SIZES`.
+
+    Raises:
+        Broken: It was passed without a warning, and something went wrong.
+    """
+    drawn = random_mission(draw, **SIZES[size])
+    path = drawn.write(folder)
+    try:
+        _, warnings = check_file(path, (), Registry())
+    except InputError as error:
+        codes = sorted({str(code_of(line)) for line in error.problems})
+        return f"refused ({' '.join(codes)})"
+    if warnings:
+        return f"warned of ({' '.join(sorted({str(code_of(line)) for line in warnings}))})"
+    registry, witness = Registry(), Witness()
+    registry.add(witness, Source("test:witness", ""))
+    summary = fly(load(path, registry), registry)
+    witness.watch_on()
+    if found := judged(witness, drawn.world, summary):
+        raise Broken("; ".join(found))
+    return "completed"
+
+
+@contextmanager
+def _flights(folder: Path, size: str) -> Iterator[Try]:
+    numbers = count()
+
+    def attempt(draw: Draw) -> str:
+        own = folder / f"{size} {next(numbers)}"
+        own.mkdir()
+        return flown(draw, own, size)
+
+    yield attempt
+
+
+TARGETS: Final = (
+    Target("short flights", 20, 200, partial(_flights, size="short flights"), PATIENCE),
+    Target("flights", 0, 1000, partial(_flights, size="flights"), PATIENCE),
+)
