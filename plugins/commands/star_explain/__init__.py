@@ -39,9 +39,10 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         registry.find("localizer", mission.parts["localizer"].use).offer.drift is not None
         and limits.uncertainty_margin > 0
     )
-    drifts = uncertain and len(mission.scene.agents) <= MOST_COMPARED
+    few = len(mission.scene.agents) <= MOST_COMPARED
+    drifts = uncertain and few
     margins = uncertain and len(mission.scene.agents) > 1 and limits.separation > 0
-    if blocked or timed or drifts or margins or follows_surfaces(mission, registry):
+    if few or blocked or timed or margins or follows_surfaces(mission, registry):
         from star_explain.problems import problems
 
         yield from problems(mission, registry, drifts=drifts, margins=margins)

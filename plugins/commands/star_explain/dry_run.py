@@ -56,6 +56,11 @@ class StepResult:
         surfaces: Over which surface each agent flies that is not as high as that of its start, if
             heights are measured from there.
         late: Whether it fails by its timeout.
+        failed: Whether it fails for another reason, such as a goal where no agent can be.
+        certain: Whether its agents begin it where the dry run has them: after a step that a
+            condition ended, or of unknown duration, they may be elsewhere.
+        ends: Goals of its agents at its end, (n, 3) m, if the check of the mission could not know
+            them; empty otherwise.
         paths: For each agent, corners of its path, (K, 3) in the map, m; of several repetitions
             those of the first.
     """
@@ -70,6 +75,9 @@ class StepResult:
     blocked: tuple[str, ...] = ()
     surfaces: tuple[str, ...] = ()
     late: bool = False
+    failed: bool = False
+    certain: bool = True
+    ends: tuple[Array, ...] = ()
     paths: tuple[Array, ...] = ()
 
 
@@ -115,15 +123,33 @@ class Group:
 Part: TypeAlias = StepResult | Group
 
 
+@dataclass(frozen=True, slots=True)
+class Crowd:
+    """Two agents that hover too near to each other after a step.
+
+    Attributes:
+        path: Of the step in the document.
+        rows: Of the agents.
+        distance: Between them, m.
+    """
+
+    path: tuple[str | int, ...]
+    rows: tuple[int, int]
+    distance: float
+
+
 def dry_run(mission: Mission, registry: Registry) -> Group:
     """Return the dry-run results of a mission's steps."""
     return dry_run_with_tracks(mission, registry)[0]
 
 
-def dry_run_with_tracks(mission: Mission, registry: Registry) -> tuple[Group, Tracks]:
-    """Return the dry-run results of a mission's steps, and where its agents are meanwhile."""
+def dry_run_with_tracks(
+    mission: Mission, registry: Registry
+) -> tuple[Group, Tracks, tuple[Crowd, ...]]:
+    """Return the dry-run results of a mission's steps, where its agents are, and which crowd."""
     run = _DryRun(mission, registry)
-    return run.sequence(mission.steps, 1, 0.0), run.tracks
+    result = run.sequence(mission.steps, 1, 0.0)
+    return result, run.tracks, tuple(run.crowds.values())
 
 
 def corners(path: Array) -> Array:
@@ -152,21 +178,26 @@ class _DryRun:
 
     Attributes:
         tracks: Where the agents are.
+        crowds: Agents that hover too near to each other after a step of the mission, by their rows.
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
         # With `realtime` set, no plugin may wait for anything.
         self._scene = replace(mission.scene, realtime=True, period=TICK)
         self._registry = registry
+        self._outer = mission.steps  # between which all agents hover
         self._swarm = DryRunSwarm(self._scene)
         self.tracks = Tracks(self._scene)
+        self.crowds: dict[tuple[int, int], Crowd] = {}
         self._out = set(mission.reserve_rows)
         self._ignores_obstacles = not registry.find(
             "planner", mission.parts["planner"].use
         ).offer.avoids_obstacles
         self._surfaces_matter = follows_surfaces(mission, registry)
-        # Of the current step: whether it is flown on board or late, obstacles in its way, and path.
-        self._on_board = self._late = False
+        # Of the current step: whether it is flown on board, late or fails, obstacles in its way,
+        # and path.
+        self._on_board = self._late = self._failed = False
+        self._uncertain: set[int] = set()  # rows
         self._blocked: dict[tuple[int, str], str] = {}
         self._surfaces: dict[tuple[int, str], str] = {}
         self._track: list[Array] = []  # positions, (n, 3) m, of its n agents
@@ -179,6 +210,8 @@ class _DryRun:
             part = self._node(node, begun)
             begun += part.takes or 0.0
             parts.append(part)
+            if node in self._outer:
+                self._note_crowds(node)
         self.tracks.repeat(marks, times, begun - first)
         return Group(at_once=False, times=times, parts=tuple(parts))
 
@@ -198,7 +231,7 @@ class _DryRun:
         given = action.timeout is not None
         if not rows:
             return StepResult(action, agents, 0.0, 0.0, given, "no agents are left for it")
-        self._on_board = self._late = False
+        self._on_board = self._late = self._failed = False
         self._blocked, self._surfaces = {}, {}
         self._track = [self._swarm.position[[*rows]]]
         try:
@@ -210,6 +243,12 @@ class _DryRun:
             takes, limit, fault = None, action.timeout, what
         if action.verb == "leave":
             self._out |= set(rows)
+        relative = self._is_relative(action, rows)
+        certain = self._uncertain.isdisjoint(rows)
+        if takes is None or action.until is not None:
+            self._uncertain |= set(rows)
+        elif not relative and self._goals_of(action, rows):
+            self._uncertain -= set(rows)
         blocked = tuple(self._blocked.values())
         paths = tuple(corners(path) for path in np.array(self._track).swapaxes(0, 1))
         return StepResult(
@@ -223,8 +262,23 @@ class _DryRun:
             blocked=blocked,
             surfaces=tuple(self._surfaces.values()),
             late=self._late,
+            failed=self._failed,
+            certain=certain,
+            ends=tuple(self._swarm.position[[*rows]]) if relative and takes is not None else (),
             paths=paths,
         )
+
+    def _goals_of(self, action: Any, rows: tuple[int, ...]) -> bool:
+        """Return whether the check of a mission knows the goals of a step."""
+        offer: TaskSpec = self._registry.find("task", action.verb).offer
+        if offer.goals is None:
+            return False
+        return any(offer.goals(self._scene, rows, **fill_defaults(action.options, offer.options)))
+
+    def _is_relative(self, action: Any, rows: tuple[int, ...]) -> bool:
+        """Return whether a step leads to goals that depend on where it begins."""
+        offer: TaskSpec = self._registry.find("task", action.verb).offer
+        return (offer.before, offer.after) == ("air", "air") and not self._goals_of(action, rows)
 
     def _run(
         self, action: Any, rows: tuple[int, ...], begun: float
@@ -264,6 +318,7 @@ class _DryRun:
             now = begun + tick * TICK
             step = task.step(self._swarm.estimate(now), self._swarm.health())
             if step.status is Status.FAILURE:
+                self._failed = True
                 return None, step.reason or "failed and gave no reason"
             if step.status is Status.SUCCESS or tick * TICK >= end - NO_TIME:
                 self._late = tick * TICK > limit + TICK
@@ -296,6 +351,24 @@ class _DryRun:
                     where = f"at [{x:.2f}, {y:.2f}, {z:.2f}]"
                     text = f"obstacle {obstacle.name!r} is in the way of {name} {where}"
                     self._blocked.setdefault((row, obstacle.name), text)
+
+    def _note_crowds(self, node: Any) -> None:
+        """Note which agents in the air are so near to others that the core keeps them apart."""
+        limits, swarm = self._scene.limits, self._swarm
+        flying = swarm.phase == AgentPhase.FLYING
+        rows = [row for row in range(len(flying)) if flying[row] or row not in self._out]
+        rows = [row for row in rows if row not in self._uncertain]
+        semi_axes = np.array([limits.separation, limits.separation, limits.vertical_separation])
+        if not rows or not semi_axes.all():
+            return
+        offset = swarm.position[rows][:, None] - swarm.position[rows]  # (K, K, 3)
+        near = np.linalg.norm(offset / semi_axes, axis=2) < 1 - NO_DISTANCE
+        near &= flying[rows][:, None] | flying[rows]
+        for i, k in np.argwhere(np.triu(near, 1)).tolist():
+            pair = rows[i], rows[k]
+            path = node.at if hasattr(node, "at") else node.path
+            crowd = Crowd(tuple(path), pair, float(np.linalg.norm(offset[i, k])))
+            self.crowds.setdefault(pair, crowd)
 
     def _note_surfaces(self, rows: tuple[int, ...]) -> None:
         """Note over what the agents fly that is not as high as where they started."""

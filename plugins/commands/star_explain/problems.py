@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from star_core import Mission, Problem, Registry
 from star_explain.drift import drift_problems
 from star_explain.dry_run import Part, StepResult, dry_run_with_tracks
+from star_explain.goals import crowd_problems, goal_problems
 from star_explain.jam import jam_problems
 
 
 def problems(
     mission: Mission, registry: Registry, *, drifts: bool, margins: bool
 ) -> Iterator[Problem]:
-    """Yield what a dry run finds: timeouts, and obstacles in the way of agents or below them.
+    """Yield what a dry run finds: timeouts, goals, and obstacles in the way of agents or below.
 
     If positions drift, also agents that come too near to others, obstacles or fence for that; if
     there are margins for it, also agents that these leave no room to pass each other.
@@ -25,7 +26,7 @@ def problems(
         if registry.find("planner", name).offer.avoids_obstacles
     ]
     hint = f"; use planner {' or '.join(others)}, or waypoints around it" if others else ""
-    result, tracks = dry_run_with_tracks(mission, registry)
+    result, tracks, crowds = dry_run_with_tracks(mission, registry)
     for step in _steps(result):
         path = (*step.action.path, step.action.verb)
         if step.late and step.given:
@@ -36,6 +37,9 @@ def problems(
             yield Problem(path, text, "path-blocked", warning=avoider.avoids_obstacles)
         for surface in step.surfaces:
             yield Problem(path, surface, "over-obstacle", warning=True)
+        yield from goal_problems(step, mission, registry)
+    for crowd in crowds:
+        yield from crowd_problems(crowd, mission)
     if drifts:
         yield from drift_problems(mission, registry, tracks)
     if margins:

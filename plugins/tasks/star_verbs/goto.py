@@ -13,7 +13,7 @@ from star_verbs.positions import spread
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
 
 TOLERANCE: Final = 0.1  # m: distance from its position at which an agent has arrived
-MAX_SAG: Final = 0.25  # m: an agent that flies nearer to the height of its goal has that height
+MAX_GOAL_ERROR: Final = 0.25  # m: an agent that flies nearer to its goal continues from the goal
 CONDITION_TIMEOUT: Final = 60.0  # s
 
 
@@ -54,9 +54,10 @@ class Approach:
         self._before: Goals | None = None
 
     def continue_from(self, goals: Goals) -> None:
-        """Take the heights that follow from the position from these goals, where they are near.
+        """Continue from these goals, not from the positions, where agents are near to them.
 
-        Otherwise a swarm that sags, as drones do, would sink from step to step.
+        Otherwise their errors would add up from step to step: a swarm that sags, as drones do,
+        would sink, and offsets would lead elsewhere than the check of the mission expects.
         """
         self._before = goals
 
@@ -92,9 +93,10 @@ class Approach:
         rows = self.agents.rows
         here = estimate.position[rows]
         if self._before is not None:
-            height = self._before.position[rows, 2]
-            near = self._before.active[rows] & (abs(here[:, 2] - height) <= MAX_SAG)
-            here[:, 2] = np.where(near, height, here[:, 2])
+            goal = self._before.position[rows]
+            error = np.linalg.norm(here - goal, axis=1)
+            near = self._before.active[rows] & (error <= MAX_GOAL_ERROR)
+            here = np.where(near[:, None], goal, here)
         self._target = self.target(here)
         yaw = self._yaw_deg
         self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), math.radians(yaw))
@@ -128,7 +130,7 @@ class Approach:
     def travel_timeout(self, estimate: Estimate, extra: float = 0.0) -> float:
         """Return the timeout of the flight and `extra` seconds, s."""
         travel = self.agents.travel_distance(estimate, self._target)
-        return timeout(travel / self._speed + extra)
+        return self.agents.timeout(travel / self._speed + extra)
 
 
 class Goto(Approach):

@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Rows, Scene
+from star_core import Array, Estimate, Goals, Rows, Scene, timeout
 
 MAX_REST_SPEED = 0.15  # m/s: a slower agent has stopped, within the accuracy of its estimate
 TIE_BREAK = 1e-6  # 1/m: cost of squared distances, which decides between equal totals
@@ -67,6 +67,17 @@ class StepAgents:
         fence = self.scene.world.fence
         far = math.inf if point is None else self.max_distance(estimate, point)
         return min(far, math.dist(fence.low, fence.high))
+
+    def timeout(self, expected: float) -> float:
+        """Return the timeout of a flight that takes `expected` seconds if nothing delays it, s.
+
+        In a swarm an agent may also have to wait until another has crossed the room, however short
+        its own way is.
+        """
+        fence, limits = self.scene.world.fence, self.scene.limits
+        alone = len(self.scene.agents) == 1
+        crossing = 0.0 if alone else math.dist(fence.low, fence.high) / limits.speed
+        return timeout(expected) + crossing
 
     def goals(
         self, position: Array, yaw: Array, speed: float, velocity: Array | None = None

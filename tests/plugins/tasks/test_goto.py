@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import Fence, Goals, Obstacle, Status, World
+from star_core import Fence, Goals, Obstacle, Registry, Status, World, load
+from star_core import fly as fly_mission
 from star_core.testing import estimate, health, scene
 
 AIR = [[-0.5, 0.0, 0.8], [0.5, 0.0, 0.8], [1.5, 0.0, 0.8]]
@@ -42,12 +44,12 @@ def test_each_agent_goes_by_the_offset_from_where_it_is(make: Any, fly: Any) -> 
 
 
 @pytest.mark.parametrize(
-    ("goal", "known", "height"),
-    [(0.8, 1, 0.8), (0.8, 0, 0.65), (1.2, 1, 0.65)],
+    ("goal", "known", "start"),
+    [(0.8, 1, [0.0, 0.0, 0.8]), (0.8, 0, [0.1, 0.0, 0.65]), (1.2, 1, [0.1, 0.0, 0.65])],
     ids=["the agent sags", "without a goal", "the agent was on its way"],
 )
-def test_an_offset_counts_from_the_height_of_the_last_goal(
-    make: Any, goal: float, known: int, height: float
+def test_an_offset_counts_from_the_last_goal_nearby(
+    make: Any, goal: float, known: int, start: list[float]
 ) -> None:
     room = scene(1)
     here = np.array([[0.1, 0.0, 0.65]])
@@ -57,7 +59,7 @@ def test_an_offset_counts_from_the_height_of_the_last_goal(
     task = make("goto", room, (0,), by=[1.0, 0.0, 0.1])
     task.continue_from(last)
     task.begin(estimate(here), health(1))
-    assert task.goals.position[0] == pytest.approx([1.1, 0.0, height + 0.1])
+    assert task.goals.position[0] == pytest.approx(np.add(start, [1.0, 0.0, 0.1]))
 
 
 def test_agents_keep_their_heading_by_default(make: Any, fly: Any) -> None:
@@ -148,3 +150,33 @@ def test_neither_a_point_nor_an_offset_is_a_problem(problems: Any) -> None:
 def test_both_a_point_and_an_offset_is_a_problem(problems: Any) -> None:
     found = problems("goto", scene(1), (0,), to=[0.0, 0.0, 0.8], by=[0.0, 0.0, 0.1])
     assert found == [(("by",), "'by' does not go with 'to', expected one of them")]
+
+
+HOP = """\
+star: 1
+name: hop
+world: hall.yaml
+swarm:
+  cf1: {start: [0, 0.5, 0]}
+  cf2: {start: [-0.35, 0, 0]}
+transport: {use: sim, noise: false}
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.8, speed: 0.5}
+  - parallel:
+      - goto: {agents: cf1, to: [0, 0.1, 0.8]}
+      - goto: {agents: cf2, to: [0.5, 0, 0.8], speed: 0.08}
+"""
+
+
+def test_a_short_flight_waits_until_a_slow_agent_has_passed(tmp_path: Path) -> None:
+    world = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+    (tmp_path / "hall.yaml").write_text(world)
+    (tmp_path / "hop.yaml").write_text(HOP)
+    registry = Registry()
+    summary = fly_mission(load(tmp_path / "hop.yaml", registry), registry)
+    assert summary["outcome"] == "completed", summary["reason"]
+    begun, ended = (summary["steps"][1][key] for key in ("begun_s", "ended_s"))
+    assert ended - begun > 7.4  # three times 0.8 s, and 5 s: its timeout if it were alone

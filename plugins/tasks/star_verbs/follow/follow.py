@@ -20,7 +20,6 @@ from star_core import (
     TaskOutput,
     Trajectory,
     shortlist,
-    timeout,
     wrap_angle,
 )
 from star_verbs.follow.files import read_trajectory
@@ -150,7 +149,8 @@ class Follow:
         self._line_up(estimate)
         reference = self._reference
         travel = self._agents.travel_distance(estimate, self._point)
-        return timeout(travel / reference.approach_speed + reference.length / reference.pace)
+        takes = travel / reference.approach_speed + reference.length / reference.pace
+        return self._agents.timeout(takes)
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._point is None:

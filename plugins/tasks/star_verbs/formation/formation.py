@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Health, Scene, Status, TaskOutput, shortlist, timeout
+from star_core import Array, Estimate, Health, Scene, Status, TaskOutput, shortlist
 from star_verbs.formation.shapes import position_faults, shape
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign, lag_factor
 
@@ -51,7 +51,7 @@ class Formation:
         self._assign(estimate)
         travel = self._agents.travel_distance(estimate, self._position)
         takes = travel / self._speed + self._shape.move_distance / self._move_speed
-        return timeout(takes + self._options["for"])
+        return self._agents.timeout(takes + self._options["for"])
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         if self._fault:

@@ -134,14 +134,15 @@ def test_an_agent_that_is_stuck_lets_it_not_be_formed(fly: Any) -> None:
     assert stuck.status is Status.RUNNING
 
 
-def test_it_may_take_three_times_its_ways_and_its_time_and_5_s(fly: Any) -> None:
+def test_its_timeout_is_by_its_ways_its_time_and_a_crossing(fly: Any) -> None:
     near: dict[str, Any] = {
         **MOVED,
         "centre": [0.0, 0.0, 0.8],
         "move": {"to": [3.0, 0.0, 0.8], "speed": 0.3},
     }
     limit = fly(task(**near, **TWO_SECONDS), ROOM, AIR).limit
-    assert limit == pytest.approx(3 * (0.5 / 0.5 + 3.0 / 0.3 + 2.0) + 5)
+    crossing = math.dist(ROOM.world.fence.low, ROOM.world.fence.high) / ROOM.limits.speed
+    assert limit == pytest.approx(3 * (0.5 / 0.5 + 3.0 / 0.3 + 2.0) + 5 + crossing)
 
 
 def test_a_formation_that_fewer_agents_cannot_fly_fails(fly: Any) -> None:

@@ -1,0 +1,77 @@
+"""Goals that depend on where agents are: where none can be, or too near to those of others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from star_core import Mission, Problem, Registry, fill_defaults
+from star_explain.dry_run import Crowd, StepResult
+
+ERROR: Final = 0.1  # m, by which a flight differs from the dry run: agents arrive within it
+AROUND: Final = ((0.0, 0.0), (ERROR, 0.0), (-ERROR, 0.0), (0.0, ERROR), (0.0, -ERROR))
+
+
+def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Iterator[Problem]:
+    """Yield why the agents of a step cannot fly to goals that only the dry run knows.
+
+    It is a warning if the agents may begin elsewhere than in the dry run, if the step may end
+    before, or if the mission continues after its failure. A goal that a flight may miss by `ERROR`,
+    and that no agent could fly to then, is a warning too.
+
+    Args:
+        step: Of the dry run.
+        mission: The mission.
+        registry: Registry of its plugins.
+    """
+    action = step.action
+    path = (*action.path, action.verb)
+    sure = step.certain and action.until is None and action.on_failure == "abort"
+    if step.failed:
+        text = f"{action.verb} fails in the dry run: {step.fault}"
+        yield Problem(path, text, "unreachable-goal", warning=not sure)
+        return
+    for name, (x, y, z) in zip(step.agents, step.ends, strict=False):
+        around = [(float(x) + dx, float(y) + dy, float(z)) for dx, dy in AROUND]
+        faults = _faults(around, mission, registry)
+        if not any(faults):
+            continue
+        first = next(filter(None, faults))
+        if faults[0]:
+            text = f"{action.verb} leads {name} to a goal that it cannot reach: {first}"
+        else:
+            text = (
+                f"{action.verb} leads {name} to [{x:.2f}, {y:.2f}, {z:.2f}]; it fails {ERROR:g} m "
+                f"beside it, and positions are not more exact: {first}"
+            )
+        yield Problem(path, text, "unreachable-goal", warning=not (sure and faults[0]))
+        return
+
+
+def crowd_problems(crowd: Crowd, mission: Mission) -> Iterator[Problem]:
+    """Warn of agents that are to hover nearer to each other than the core lets them."""
+    scene, limits = mission.scene, mission.scene.limits
+    first, second = (scene.agents[row].name for row in crowd.rows)
+    yield Problem(
+        crowd.path,
+        f"{first} and {second} have goals {crowd.distance:.2f} m from each other after this step, "
+        f"less than limits.separation, {limits.separation:g} m: they keep each other from them",
+        "too-close",
+        warning=True,
+    )
+
+
+def _faults(
+    goals: Sequence[tuple[float, float, float]], mission: Mission, registry: Registry
+) -> list[str]:
+    """Return why agents cannot fly to goals, empty where they can, one each."""
+    planner = mission.parts["planner"]
+    offer = registry.find("planner", planner.use).offer
+    faults = [mission.scene.position_fault(goal) or "" for goal in goals]
+    if offer.check_goals is not None:
+        options = fill_defaults(planner.options, offer.options)
+        for problem in offer.check_goals(mission.scene, goals, **options):
+            i = int(problem.path[0])
+            x, y, z = goals[i]
+            faults[i] = faults[i] or f"[{x:.2f}, {y:.2f}, {z:.2f}] {problem.message}"
+    return faults

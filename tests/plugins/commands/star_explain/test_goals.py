@@ -1,0 +1,74 @@
+"""Warnings of goals that only the dry run knows; what certainly fails is in tests/corpus."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from star_core import Registry
+from star_core.cli.check import check_file
+from star_core.errors import code_of
+
+WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2.2]}\n"
+MISSION = """\
+star: 1
+name: hops
+world: hall.yaml
+swarm:
+  cf1: {start: [0, 0, 0]}
+  cf2: {start: [1.2, 0, 0]}
+transport: {use: sim, noise: false}
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.8}
+"""
+
+
+def warnings(folder: Path, *steps: str) -> list[str]:
+    """Return line and code of each warning of a mission with these steps after a take-off."""
+    (folder / "hall.yaml").write_text(WORLD)
+    text = MISSION + "".join(f"  - {step}\n" for step in steps)
+    (folder / "hops.yaml").write_text(text)
+    found = check_file(folder / "hops.yaml", (), Registry())[1]
+    return [f"{one.split(':')[1]} {code_of(one)}" for one in found]
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        "goto: {agents: cf1, by: [1.95, 1, 0]}",  # within the error of a position
+        "goto: {agents: cf1, by: [3, 0, 0], until: {elapsed: 2}}",
+        "goto: {agents: cf1, by: [3, 0, 0], on_failure: continue}",
+    ],
+)
+def test_offsets_that_may_fail_are_warned_of(tmp_path: Path, step: str) -> None:
+    assert warnings(tmp_path, "goto: {agents: cf1, by: [1.8, 0, 0]}") == []
+    assert warnings(tmp_path, step) == ["13 unreachable-goal"]
+
+
+def test_an_offset_from_an_uncertain_position_is_warned_of(tmp_path: Path) -> None:
+    ended = "goto: {agents: cf1, to: [1, 1, 0.8], until: {elapsed: 1}}"
+    offset = "goto: {agents: cf1, by: [0, -3.5, 0]}"
+    assert warnings(tmp_path, ended, offset) == ["14 unreachable-goal"]
+    known = "goto: {agents: cf1, to: [-1, 1, 0.8]}"
+    assert warnings(tmp_path, ended, known, "goto: {agents: cf1, by: [0, -2, 0]}") == []
+
+
+def test_goals_within_the_separation_of_another_agent_are_warned_of(tmp_path: Path) -> None:
+    assert warnings(tmp_path, "goto: {agents: cf1, to: [1.1, 0, 0.8]}") == ["13 too-close"]
+    above = "goto: {agents: cf1, to: [1.2, 0, 1.7]}"
+    assert warnings(tmp_path, above) == []
+    landed = "land: {agents: cf2}"
+    low = "goto: {agents: cf1, to: [1.1, 0, 0.4]}"
+    assert warnings(tmp_path, landed, low) == ["14 too-close"]
+    assert warnings(tmp_path, "leave: {agents: cf2}", low) == []
+
+
+def test_agents_that_swap_positions_at_once_are_not_warned_of(tmp_path: Path) -> None:
+    there, back = ({"agents": f"cf{i}", "by": [by, 0, 0]} for i, by in ((1, 1.2), (2, -1.2)))
+    swap = json.dumps({"parallel": [{"goto": there}, {"goto": back}]})
+    assert warnings(tmp_path, swap) == []
