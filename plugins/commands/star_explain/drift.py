@@ -19,6 +19,7 @@ from star_core import (
     Registry,
     fill_defaults,
 )
+from star_explain.separation import kept_distance
 from star_explain.tracks import PERIOD, Tracks
 
 MIN_SPEED: Final = 0.1  # m/s, relative: two agents that are slower do not pass each other
@@ -76,10 +77,7 @@ def pair_problems(mission: Mission, registry: Registry, flight: DryFlight) -> It
     limits, scene = mission.scene.limits, mission.scene
     localizer = mission.parts["localizer"]
     time, position, airborne, std = flight
-    avoider = mission.parts["avoider"]
-    options = fill_defaults(avoider.options, registry.find("avoider", avoider.use).offer.options)
-    radius = options.get("radius", 0.0)
-    base = max(limits.separation, 2 * radius if isinstance(radius, int | float) else 0.0)
+    base = kept_distance(mission, registry)
     total, worst, where = 0.0, 0.0, ""
     for first, second in combinations(range(len(scene.agents)), 2):
         offset = position[:, first] - position[:, second]

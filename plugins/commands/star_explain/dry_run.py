@@ -31,11 +31,13 @@ from star_core import (
 )
 from star_explain import follows_surfaces
 from star_explain.dry_run_swarm import NO_TIME, DryRunSwarm
+from star_explain.separation import kept_distance
 from star_explain.tracks import Tracks
 from star_explain.words import seconds
 
 TICK: Final = 0.1  # s, of the dry run: a smaller one does not change points that fly straight
 NO_DISTANCE: Final = 1e-6  # m, rounding error of a position
+ARRIVED: Final = 0.1  # m, from its goal, at which an agent has arrived
 STRAIGHT: Final = 0.9999  # cosine of a change of direction that is no corner
 LONGEST: Final = 600.0  # s, greatest simulated duration of one step
 
@@ -59,6 +61,8 @@ class StepResult:
         failed: Whether it fails for another reason, such as a goal where no agent can be.
         certain: Whether its agents begin it where the dry run has them: after a step that a
             condition ended, or of unknown duration, they may be elsewhere.
+        anchored: Whether its agents begin it at goals that the mission names, and not above where
+            they took off, which is known less exactly.
         ends: Goals of its agents at its end, (n, 3) m, if the check of the mission could not know
             them; empty otherwise.
         paths: For each agent, corners of its path, (K, 3) in the map, m; of several repetitions
@@ -77,6 +81,7 @@ class StepResult:
     late: bool = False
     failed: bool = False
     certain: bool = True
+    anchored: bool = False
     ends: tuple[Array, ...] = ()
     paths: tuple[Array, ...] = ()
 
@@ -131,11 +136,13 @@ class Crowd:
         path: Of the step in the document.
         rows: Of the agents.
         distance: Between them, m.
+        kept: Horizontal distance that they keep, m.
     """
 
     path: tuple[str | int, ...]
     rows: tuple[int, int]
     distance: float
+    kept: float
 
 
 def dry_run(mission: Mission, registry: Registry) -> Group:
@@ -185,6 +192,7 @@ class _DryRun:
         # With `realtime` set, no plugin may wait for anything.
         self._scene = replace(mission.scene, realtime=True, period=TICK)
         self._registry = registry
+        self._kept = kept_distance(mission, registry)
         self._outer = mission.steps  # between which all agents hover
         self._swarm = DryRunSwarm(self._scene)
         self.tracks = Tracks(self._scene)
@@ -198,6 +206,7 @@ class _DryRun:
         # and path.
         self._on_board = self._late = self._failed = False
         self._uncertain: set[int] = set()  # rows
+        self._anchored: set[int] = set()  # rows
         self._blocked: dict[tuple[int, str], str] = {}
         self._surfaces: dict[tuple[int, str], str] = {}
         self._track: list[Array] = []  # positions, (n, 3) m, of its n agents
@@ -243,12 +252,9 @@ class _DryRun:
             takes, limit, fault = None, action.timeout, what
         if action.verb == "leave":
             self._out |= set(rows)
-        relative = self._is_relative(action, rows)
-        certain = self._uncertain.isdisjoint(rows)
-        if takes is None or action.until is not None:
-            self._uncertain |= set(rows)
-        elif not relative and self._goals_of(action, rows):
-            self._uncertain -= set(rows)
+        ends = self._swarm.position[[*rows]] if self._is_relative(action, rows) else ()
+        certain, anchored = self._uncertain.isdisjoint(rows), self._anchored.issuperset(rows)
+        self._note_origins(action, rows, sure=takes is not None and action.until is None)
         blocked = tuple(self._blocked.values())
         paths = tuple(corners(path) for path in np.array(self._track).swapaxes(0, 1))
         return StepResult(
@@ -264,7 +270,8 @@ class _DryRun:
             late=self._late,
             failed=self._failed,
             certain=certain,
-            ends=tuple(self._swarm.position[[*rows]]) if relative and takes is not None else (),
+            anchored=anchored,
+            ends=tuple(ends) if takes is not None else (),
             paths=paths,
         )
 
@@ -274,6 +281,19 @@ class _DryRun:
         if offer.goals is None:
             return False
         return any(offer.goals(self._scene, rows, **fill_defaults(action.options, offer.options)))
+
+    def _note_origins(self, action: Any, rows: tuple[int, ...], *, sure: bool) -> None:
+        """Note which agents are where the dry run has them after a step, and how exactly."""
+        offer: TaskSpec = self._registry.find("task", action.verb).offer
+        named = self._goals_of(action, rows)
+        if not sure:
+            self._uncertain |= set(rows)
+        elif named:
+            self._uncertain -= set(rows)
+        if named and sure:
+            self._anchored |= set(rows)
+        elif "ground" in {offer.before, offer.after}:
+            self._anchored -= set(rows)
 
     def _is_relative(self, action: Any, rows: tuple[int, ...]) -> bool:
         """Return whether a step leads to goals that depend on where it begins."""
@@ -358,7 +378,8 @@ class _DryRun:
         flying = swarm.phase == AgentPhase.FLYING
         rows = [row for row in range(len(flying)) if flying[row] or row not in self._out]
         rows = [row for row in rows if row not in self._uncertain]
-        semi_axes = np.array([limits.separation, limits.separation, limits.vertical_separation])
+        beside = max(limits.separation, self._kept - ARRIVED)
+        semi_axes = np.array([beside, beside, limits.vertical_separation])
         if not rows or not semi_axes.all():
             return
         offset = swarm.position[rows][:, None] - swarm.position[rows]  # (K, K, 3)
@@ -367,7 +388,8 @@ class _DryRun:
         for i, k in np.argwhere(np.triu(near, 1)).tolist():
             pair = rows[i], rows[k]
             path = node.at if hasattr(node, "at") else node.path
-            crowd = Crowd(tuple(path), pair, float(np.linalg.norm(offset[i, k])))
+            apart = float(np.linalg.norm(offset[i, k]))
+            crowd = Crowd(tuple(path), pair, apart, self._kept)
             self.crowds.setdefault(pair, crowd)
 
     def _note_surfaces(self, rows: tuple[int, ...]) -> None:

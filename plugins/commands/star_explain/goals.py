@@ -8,7 +8,7 @@ from typing import Final
 from star_core import Mission, Problem, Registry, fill_defaults
 from star_explain.dry_run import Crowd, StepResult
 
-ERROR: Final = 0.1  # m, by which a flight differs from the dry run: agents arrive within it
+ERROR: Final = 0.1  # m, by which a take-off differs from the dry run
 AROUND: Final = ((0.0, 0.0), (ERROR, 0.0), (-ERROR, 0.0), (0.0, ERROR), (0.0, -ERROR))
 
 
@@ -16,8 +16,8 @@ def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Ite
     """Yield why the agents of a step cannot fly to goals that only the dry run knows.
 
     It is a warning if the agents may begin elsewhere than in the dry run, if the step may end
-    before, or if the mission continues after its failure. A goal that a flight may miss by `ERROR`,
-    and that no agent could fly to then, is a warning too.
+    before, or if the mission continues after its failure. A goal that follows from where an agent
+    took off may be off by `ERROR`: that no agent could fly to it then is a warning too.
 
     Args:
         step: Of the dry run.
@@ -32,7 +32,8 @@ def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Ite
         yield Problem(path, text, "unreachable-goal", warning=not sure)
         return
     for name, (x, y, z) in zip(step.agents, step.ends, strict=False):
-        around = [(float(x) + dx, float(y) + dy, float(z)) for dx, dy in AROUND]
+        beside = AROUND[:1] if step.anchored else AROUND
+        around = [(float(x) + dx, float(y) + dy, float(z)) for dx, dy in beside]
         faults = _faults(around, mission, registry)
         if not any(faults):
             continue
@@ -49,13 +50,12 @@ def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Ite
 
 
 def crowd_problems(crowd: Crowd, mission: Mission) -> Iterator[Problem]:
-    """Warn of agents that are to hover nearer to each other than the core lets them."""
-    scene, limits = mission.scene, mission.scene.limits
-    first, second = (scene.agents[row].name for row in crowd.rows)
+    """Warn of agents that are to hover nearer to each other than core and avoider let them."""
+    first, second = (mission.scene.agents[row].name for row in crowd.rows)
     yield Problem(
         crowd.path,
-        f"{first} and {second} have goals {crowd.distance:.2f} m from each other after this step, "
-        f"less than limits.separation, {limits.separation:g} m: they keep each other from them",
+        f"{first} and {second} have goals {crowd.distance:.2f} m from each other after this step; "
+        f"core and avoider keep agents at one height {crowd.kept:g} m apart",
         "too-close",
         warning=True,
     )

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from star_core import MAX_MARGIN, Array, Mask, Mission, Problem, Registry, fill_defaults
+from star_explain.separation import kept_distance
 from star_explain.tracks import Tracks
 
 PERIOD: Final = 1.0  # s
@@ -32,13 +33,11 @@ def jam_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iterat
         tracks: Where its agents are in the dry run.
     """
     limits, scene = mission.scene.limits, mission.scene
-    localizer, avoider = mission.parts["localizer"], mission.parts["avoider"]
+    localizer = mission.parts["localizer"]
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = tracks.sampled(PERIOD)
     std = offer.drift(scene, time, position, yaw, **fill_defaults(localizer.options, offer.options))
-    options = fill_defaults(avoider.options, registry.find("avoider", avoider.use).offer.options)
-    radius = options.get("radius", 0.0)
-    base = max(limits.separation, 2 * radius if isinstance(radius, int | float) else 0.0)
+    base = kept_distance(mission, registry)
     margin = np.minimum(limits.uncertainty_margin * std, MAX_MARGIN * base / 2)
     if 2 * margin.max() < MIN_MARGIN * base:
         return

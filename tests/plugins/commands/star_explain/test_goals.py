@@ -50,6 +50,11 @@ def test_offsets_that_may_fail_are_warned_of(tmp_path: Path, step: str) -> None:
     assert warnings(tmp_path, step) == ["13 unreachable-goal"]
 
 
+def test_an_offset_from_a_named_goal_is_exact(tmp_path: Path) -> None:
+    named = "goto: {agents: cf1, to: [1, 1, 0.8]}"
+    assert warnings(tmp_path, named, "goto: {agents: cf1, by: [0.95, 0, 0]}") == []
+
+
 def test_an_offset_from_an_uncertain_position_is_warned_of(tmp_path: Path) -> None:
     ended = "goto: {agents: cf1, to: [1, 1, 0.8], until: {elapsed: 1}}"
     offset = "goto: {agents: cf1, by: [0, -3.5, 0]}"
@@ -58,8 +63,10 @@ def test_an_offset_from_an_uncertain_position_is_warned_of(tmp_path: Path) -> No
     assert warnings(tmp_path, ended, known, "goto: {agents: cf1, by: [0, -2, 0]}") == []
 
 
-def test_goals_within_the_separation_of_another_agent_are_warned_of(tmp_path: Path) -> None:
+def test_goals_too_near_to_another_agent_are_warned_of(tmp_path: Path) -> None:
     assert warnings(tmp_path, "goto: {agents: cf1, to: [1.1, 0, 0.8]}") == ["13 too-close"]
+    assert warnings(tmp_path, "goto: {agents: cf1, to: [0.95, 0, 0.8]}") == ["13 too-close"]
+    assert warnings(tmp_path, "goto: {agents: cf1, to: [0.85, 0, 0.8]}") == []
     above = "goto: {agents: cf1, to: [1.2, 0, 1.7]}"
     assert warnings(tmp_path, above) == []
     landed = "land: {agents: cf2}"
