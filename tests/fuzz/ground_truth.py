@@ -189,7 +189,8 @@ def judged(witness: Witness, world: Mapping[str, Any], summary: Mapping[str, Any
             found.append(f"{what}: {name}, {sink[k]:.2f} m/s at {time[k]:.1f} s")
         if high[-1]:
             found.append(f"aloft: {name}, at {path[-1, 2]:.2f} m after the end")
-        if (begun := _stuck(time, path, np.array(witness.away)[:, i])) is not None:
+        away = np.where(high, np.array(witness.away)[:, i], np.nan)
+        if (begun := _stuck(time, path, away)) is not None:
             found.append(f"deadlock: {name}, from {begun:.1f} s on")
     return found
 

@@ -119,12 +119,12 @@ class Author:
             "speed": round(draw.uniform(0.2, 0.5), 2), "yaw_deg": draw.randrange(-180, 180, 15)
         })  # fmt: skip
 
-    def _until(self) -> Data:
+    def _until(self, movers: Sequence[str]) -> Data:
         """Return a condition that may end a step early."""
         draw = self._draw
         at: Data = {"point": list(self._free_point([]))}
-        if draw.random() < 0.5:
-            at = {"agent": draw.choice(self.names)}
+        if others := [name for name in self.names if name not in movers]:
+            at = draw.choice([at, {"agent": draw.choice(others)}])
         kinds: list[Data] = [
             {"elapsed": round(draw.uniform(1, 8), 1)},
             {"near": {**at, "within": 0.6}},
@@ -133,8 +133,8 @@ class Author:
         condition = draw.choice(kinds)
         return draw.choice([condition, {"any": [condition, kinds[0]]}, {"all": [condition]}])
 
-    def _maybe_until(self) -> Data:
-        return {"until": self._until()} if self._draw.random() < 0.1 else {}
+    def _maybe_until(self, movers: Sequence[str]) -> Data:
+        return {"until": self._until(movers)} if self._draw.random() < 0.1 else {}
 
     def _agents(self, names: Sequence[str]) -> Any:
         if [*names] == self.names and not self.reserve:
@@ -225,7 +225,11 @@ class Author:
                 raise Infeasible
         self._position |= goals
         steps = [
-            {"goto": {"agents": name, "to": list(goal)} | self._travel() | self._maybe_until()}
+            {
+                "goto": {"agents": name, "to": list(goal)}
+                | self._travel()
+                | self._maybe_until([name])
+            }
             for name, goal in goals.items()
         ]
         return [{"parallel": steps}] if len(steps) > 1 else steps
@@ -269,7 +273,10 @@ class Author:
         seconds = round(self._draw.uniform(0, 3), 1)
         if self._draw.random() < 0.5:
             return [
-                {"hold": {"agents": self._agents(movers), "for": seconds} | self._maybe_until()}
+                {
+                    "hold": {"agents": self._agents(movers), "for": seconds}
+                    | self._maybe_until(movers)
+                }
             ]
 
         def made() -> Data:
