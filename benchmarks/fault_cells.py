@@ -73,6 +73,34 @@ JOINING: Final[dict[str, Any]] = {
         {"land": {}},
     ],
 }
+STACKED: Final[dict[str, Any]] = {  # cf2 above cf1, and cf4 above cf3
+    "mission": [
+        {"takeoff": {"height": 0.6, "speed": 0.5}},
+        {
+            "parallel": [
+                {"goto": {"agents": "cf1", "to": [-0.8, 0.0, 0.5]}},
+                {"goto": {"agents": "cf2", "to": [-0.8, 0.0, 1.3]}},
+                {"goto": {"agents": "cf3", "to": [0.8, 0.0, 0.5]}},
+                {"goto": {"agents": "cf4", "to": [0.8, 0.0, 1.3]}},
+            ]
+        },
+        {"hold": {"for": 6}},
+        {
+            "parallel": [
+                {"goto": {"agents": "cf2", "to": [-0.8, 0.8, 0.8]}},
+                {"goto": {"agents": "cf4", "to": [0.8, -0.8, 0.8]}},
+            ]
+        },
+        {"land": {}},
+    ],
+}
+FOLLOWING: Final[dict[str, Any]] = {  # all on one circle, 0.4 m from the fence
+    "mission": [
+        {"takeoff": {"height": 0.6, "speed": 0.5}},
+        {"follow": {"path": "circle", "size": 3.2, "centre": [0.0, 0.0, 0.6], "speed": 0.4}},
+        {"land": {}},
+    ],
+}
 
 
 @dataclass(frozen=True)
@@ -87,6 +115,7 @@ class Cell:
         status: Exit statuses that are right.
         act: Called in the tick of the drawn time, with the operator.
         spoofed: Whether the agent that has the fault is not judged, only the others.
+        pairs: Whether flights take turns with the pairs of `RULED`.
         most: Flights, where fewer than asked for suffice or many take too long.
     """
 
@@ -97,6 +126,7 @@ class Cell:
     status: tuple[int, ...] = (0,)
     act: Callable[[Any], None] | None = None
     spoofed: bool = False
+    pairs: bool = False
     most: int = 10**6
 
 
@@ -224,7 +254,7 @@ CELLS: Final = (
     Cell("16", "clock jumps back by an hour", act=_jump(-3600.0)),
     Cell("16", "program stalls for 2 s", [every("ground_program", "delayed", delay=2.0)], most=5),
     Cell("17", "disk full", act=_fill_disk),
-    Cell("18", "pairs of rows 1 to 9", status=EITHER),
+    Cell("18", "pairs of rows 1 to 9", status=EITHER, pairs=True),
     Cell("19", "Ctrl-C", act=_signal(signal.SIGINT), status=(1,)),
     Cell("19", "SIGTERM", act=_signal(signal.SIGTERM), status=(1,)),
     Cell("19", "terminal closed (SIGHUP)", act=_signal(signal.SIGHUP), status=(1,)),
@@ -234,4 +264,16 @@ CELLS: Final = (
     Cell("20", "join of a drone that is not heard", [
         {"component": "link", "mode": "off", "agents": "cf4", "at": 1.0}
     ], JOINING, (1,)),
+    Cell("21", "upper one of a stacked pair +0.7 m in z", [
+        plugin("localizer", "wrong", agents="cf2", offset=[0, 0, 0.7], at=8.0)
+    ], STACKED, EITHER),
+    Cell("21", "thrust of one drone -20 % while following", [
+        one("motor", "wrong", motors=[1, 2, 3, 4])
+    ], FOLLOWING, EITHER),
+    Cell("21", "flow sensor of one drone x 0.7 while following", [
+        one("flow", "wrong", factor=0.7)
+    ], FOLLOWING, EITHER),
+    Cell("21", "flow sensor of one drone stuck while following", [one("flow", "stuck")], FOLLOWING,
+         EITHER),
+    Cell("21", "pairs of rows 1 to 9 while following", (), FOLLOWING, EITHER, pairs=True),
 )  # fmt: skip

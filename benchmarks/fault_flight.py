@@ -116,7 +116,7 @@ def flown(cell: Cell, seed: int, world: str) -> dict[str, Any]:
     random = np.random.default_rng([seed, crc32(cell.name.encode())])
     at, victim = round(float(random.uniform(*CROSSING_TIME)), 2), f"cf{random.integers(1, 5)}"
     given = list(cell.faults)
-    if cell.row == "18":
+    if cell.pairs:
         pairs = list(combinations(RULED, 2))
         given = [fault for _, fault in pairs[seed % len(pairs)]]
     faults = [
