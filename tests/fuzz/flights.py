@@ -15,7 +15,6 @@ from typing import Final
 
 from star_core import InputError, Registry, fly, load
 from star_core.cli.check import check_file
-from star_core.errors import code_of
 from star_core.plugin_support.discovery import Source
 from tests.fuzz.ground_truth import Witness, judged
 from tests.fuzz.harness import Broken, Draw, Target, Try
@@ -43,11 +42,10 @@ def flown(draw: Draw, folder: Path, size: str) -> str:
     path = drawn.write(folder)
     try:
         _, warnings = check_file(path, (), Registry())
-    except InputError as error:
-        codes = sorted({str(code_of(line)) for line in error.problems})
-        return f"refused ({' '.join(codes)})"
+    except InputError:
+        return "refused"
     if warnings:
-        return f"warned of ({' '.join(sorted({str(code_of(line)) for line in warnings}))})"
+        return "warned of"
     registry, witness = Registry(), Witness()
     registry.add(witness, Source("test:witness", ""))
     summary = fly(load(path, registry), registry)
