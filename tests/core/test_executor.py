@@ -111,7 +111,7 @@ def test_an_agent_that_is_found_again_goes_on_when_no_step_needed_it_meanwhile(l
 
 
 def test_an_agent_that_stays_lost_while_no_step_needs_it_ends_the_mission(lab: Lab) -> None:
-    lab.spoil("transport", "receive", silent(1, 1.5, 8.0))
+    lab.spoil("transport", "receive", silent(1, 1.5, 7.0))
     summary = lab.fly("\n  - climb: {}\n  - wait: {agents: cf1, seconds: 20}\n  - descend: {}")
     assert (summary["outcome"], summary["reason"]) == ("failed", "cf2 is lost")
     (landed,) = {time for time, c in lab.robots.commands if c.order is Order.LAND and 1 in c.agent}
@@ -119,7 +119,7 @@ def test_an_agent_that_stays_lost_while_no_step_needs_it_ends_the_mission(lab: L
 
 
 def test_a_step_for_an_agent_that_is_lost_fails_at_once(lab: Lab) -> None:
-    lab.spoil("transport", "receive", silent(1, 1.5, 8.0))
+    lab.spoil("transport", "receive", silent(1, 1.5, 7.0))
     summary = lab.fly(
         "\n  - climb: {}\n  - wait: {agents: cf1, seconds: 1}\n  - wait: {agents: cf2, seconds: 1}"
     )
