@@ -16,6 +16,7 @@ from typing import Final
 from star_core import InputError, Registry, fly, load
 from star_core.cli.check import check_file
 from star_core.plugin_support.discovery import Source
+from tests.fuzz.files import registry
 from tests.fuzz.ground_truth import Witness, judged
 from tests.fuzz.harness import Broken, Draw, Target, Try
 from tests.fuzz.random_missions import random_mission
@@ -41,14 +42,14 @@ def flown(draw: Draw, folder: Path, size: str) -> str:
     drawn = random_mission(draw, **SIZES[size])
     path = drawn.write(folder)
     try:
-        _, warnings = check_file(path, (), Registry())
+        _, warnings = check_file(path, (), registry())
     except InputError:
         return "refused"
     if warnings:
         return "warned of"
-    registry, witness = Registry(), Witness()
-    registry.add(witness, Source("test:witness", ""))
-    summary = fly(load(path, registry), registry)
+    flight, witness = Registry(), Witness()
+    flight.add(witness, Source("test:witness", ""))
+    summary = fly(load(path, flight), flight)
     witness.watch_on()
     if found := judged(witness, drawn.world, summary):
         raise Broken("; ".join(found))
