@@ -4,10 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/first_flight.yaml
 TIMES ?= 1
+FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check docs air bench campaign faults guardian safe-defaults mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check docs air bench campaign faults link-cuts guardian safe-defaults mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -62,6 +63,9 @@ guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose progra
 
 faults: $(VENV)/.ready  ## the fault matrix of docs/reliability.md; long
 	$(BIN)/python benchmarks/faults.py --page docs/reliability.md
+
+link-cuts: $(VENV)/.ready  ## the table of cut links in docs/reliability.md; long; FLIGHTS=10 flies fewer of each
+	$(BIN)/python -m tests.end_to_end.link_cuts --flights $(FLIGHTS)
 
 fuzz: $(VENV)/.ready  ## spoiled inputs of every kind (docs/fuzzing.md); long; TIMES=0.1 tries fewer, SKIP=flights leaves one out
 	$(BIN)/python -m tests.fuzz --times $(TIMES) $(addprefix --skip ,$(SKIP))

@@ -18,9 +18,11 @@ import numpy as np
 from star_core import Array, Mask, Operator, Registry, Scene, fly, load
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
 from star_fleet.packet import NULL, Port
+from star_radio.profiles import NUMBER as TAKE_OFF_PROFILE
 from tests.plugins.transports.star_radio.virtual import EPOCH, VirtualTime, virtual
 from tests.simulators import ideal_fleet
 
+TAKEOFF, LAND, START_TRAJECTORY = 7, 8, 13  # commands to the high-level commander
 TAKEN_OFF = 0.4  # m
 ON_FLOOR = 0.05  # m
 STILL_TIME = 0.5  # s, for which drones on the floor are watched
@@ -44,7 +46,7 @@ class Air(VirtualTime):
         watch: Called after each cycle of 10 ms.
         impact: (N,) greatest speed at which each drone hit the floor, m/s.
         ordered: When the client first sent each command to a high-level commander, s of the
-            fleet's time, by the number of the command.
+            fleet's time, by the number of the command; the trajectory of a take-off is one.
     """
 
     def __init__(self, scene: Scene, *, seed: int = 0, polls: bool = True, **options: Any) -> None:
@@ -88,7 +90,8 @@ class Air(VirtualTime):
     def carry(self, uri: str, packet: bytes) -> None:
         if uri in self.uris:
             if packet[0] >> 4 == Port.HIGH_LEVEL:
-                self.ordered.setdefault(packet[1], self.fleet.time)
+                climbs = packet[1] == START_TRAJECTORY and packet[5] == TAKE_OFF_PROFILE
+                self.ordered.setdefault(TAKEOFF if climbs else packet[1], self.fleet.time)
             row = self.uris.index(uri)
             deliver = partial(self._to_vehicle, row, packet)
             self.links.send(row, Direction.TO_VEHICLE, self.fleet.time, deliver)

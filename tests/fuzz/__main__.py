@@ -1,6 +1,7 @@
 """Fuzzing of everything that STAR reads: ``python -m tests.fuzz`` prints the table of the results.
 
-Names of targets select some, ``--skip`` leaves one out; ``--times 10`` tries ten times as many inputs, ``--seed`` others.
+Names of targets select some, ``--skip`` leaves one out; ``--times 10`` tries ten times as many
+inputs, ``--seed`` others.
 ``--only NUMBER`` repeats one input of a target, with its traceback. The exit status is 1 if there
 is a defect.
 """
