@@ -85,13 +85,23 @@ class Jams:
         who = f"{len(rows)} of {number} agents with far goals have stood for {WINDOW:g} s"
         details: dict[str, Any] = {"agents": [names[row] for row in rows], "time_s": tick.time}
         between = np.isin(near.first, rows) & np.isin(near.second, rows)
+        deviations = position_margin(tick.estimate.covariance, 1.0, np.inf)
+        alone = float(np.median(deviations[rows]))
+        clearance = limits.uncertainty_margin * alone
         if not between.any():
             cause, text = "unknown", "no two of them are near each other"
+            if clearance > NARROW * limits.separation:
+                cause = "uncertainty_margin"
+                details |= {"position_std_m": alone, "margin_m": clearance}
+                text += (
+                    f", and limits.uncertainty_margin adds up to {clearance:.2f} m to the clearance "
+                    "from obstacles and the fence, since positions have a standard deviation of "
+                    f"{alone:.2f} m"
+                )
         else:
             first, second = near.first[between], near.second[between]
             apart = float(np.median(near.distance[between]))
-            deviation = position_margin(tick.estimate.covariance, 1.0, np.inf)
-            std = float(np.median(np.concatenate([deviation[first], deviation[second]])))
+            std = float(np.median(np.concatenate([deviations[first], deviations[second]])))
             margin = 2 * limits.uncertainty_margin * std
             details |= {"distance_m": apart, "position_std_m": std, "margin_m": margin}
             where = f"those near each other are {apart:.2f} m apart"

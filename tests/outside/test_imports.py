@@ -32,9 +32,6 @@ print(json.dumps([status, sorted(asked)]))
 """
 
 
-EXACT = ["--set", "limits.uncertainty_margin=0"]
-
-
 def imported(run: Run, *arguments: str) -> set[str]:
     """Return what ``star`` with these arguments imports, given that it exits with 0."""
     done = run("python", "-c", WATCH, *arguments)
@@ -50,12 +47,11 @@ def test_help_imports_neither_numpy_nor_a_plugin(run: Run) -> None:
     assert names & {"numpy", "star_gentle", "star_sim", "pluggy", "jsonschema"} == set()
 
 
-@pytest.mark.parametrize("arguments", [["plugins"], ["schema"], ["check", "nod.yaml", *EXACT]])
+@pytest.mark.parametrize("arguments", [["plugins"], ["schema"]])
 def test_what_does_not_fly_imports_plugins_but_no_numpy(
     run: Run, mission: Path, arguments: list[str]
 ) -> None:
-    # a step with a timeout would be rehearsed, and agents whose positions drift
-    mission.write_text(mission.read_text().replace(", timeout: 20", ""))
+    assert mission.exists()
     names = imported(run, *arguments)
     assert "star_gentle" in names
     assert "numpy" not in names

@@ -87,7 +87,8 @@ def test_noise_of_velocities_does_not_hide_a_jam() -> None:
     [
         (0.75, 0.25, "uncertainty_margin", "adds up to 1.00 m .* standard deviation of 0.25 m"),
         (0.4, 0.005, "separation", "0.40 m apart: limits.separation"),
-        (5.0, 0.25, "unknown", "no two of them are near"),
+        (5.0, 0.0, "unknown", "no two of them are near"),
+        (5.0, 0.25, "uncertainty_margin", "no two of them are near"),
     ],
 )
 def test_an_event_names_the_cause(pitch: float, std: float, cause: str, words: str) -> None:

@@ -54,6 +54,7 @@ transport: sim
 localizer: flow
 planner: visibility
 avoider: {use: orca, radius: 0.2}
+limits: {uncertainty_margin: 0}  # with margins, uncertain agents beside obstacles are landed
 mission:
   - takeoff: {height: 0.8}
 """

@@ -177,8 +177,8 @@ def test_an_agent_with_random_reports_stays_where_it_was_last_located(tmp_path: 
 
 
 def test_a_planner_that_is_stuck_fails_as_one_that_raises(tmp_path: Path) -> None:
-    there = {"goto": {"agents": "cf4", "to": [3.5, 0, 0.6], "timeout": 60}}
-    stuck = {"component": "plugin", "plugin": "planner", "mode": "stuck", "at": 4.0}
+    there = {"goto": {"agents": "cf4", "to": [2.0, 0, 0.6], "timeout": 60}}  # far from the fence
+    stuck = {"component": "plugin", "plugin": "planner", "mode": "stuck", "at": 3.0}
     flight = flown(tmp_path, stuck, mission=[{"takeoff": {"height": 0.6}}, there, {"land": {}}])
     assert flight.summary["reason"].endswith(
         "repeats a setpoint that leads cf4 past the goal [plugin-failed]"
