@@ -131,15 +131,16 @@ def cut_flight(phase: str, length: float, *, whole: bool, seed: int) -> Outcome:
     return Outcome.of(flight)
 
 
+def spoil_links(air: Air, _operator: Operator) -> None:
+    """Let the links lose and delay packets from the take-off on."""
+    if TAKEOFF in air.ordered and air.links.faults[0] != BAD_LINK:
+        air.links.faults[:] = [BAD_LINK] * len(air.links.faults)
+
+
 def bad_link_flight(seed: int) -> Outcome:
-    """Fly over links that lose and delay packets from the start to the end."""
-
-    def spoil(air: Air, _operator: Operator) -> None:
-        if TAKEOFF in air.ordered and air.links.faults[0] != BAD_LINK:
-            air.links.faults[:] = [BAD_LINK] * N
-
+    """Fly over links that lose and delay packets."""
     with TemporaryDirectory() as folder:
-        return Outcome.of(flown(Path(folder), n=N, seed=seed, watch=spoil, after=AFTER))
+        return Outcome.of(flown(Path(folder), n=N, seed=seed, watch=spoil_links, after=AFTER))
 
 
 def excused(phase: str, length: float) -> bool:

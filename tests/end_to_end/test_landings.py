@@ -13,7 +13,7 @@ import pytest
 
 from star_core import Operator
 from star_fleet.link_faults import LinkFaults
-from tests.end_to_end.link_cuts import bad_link_flight
+from tests.end_to_end.link_cuts import bad_link_flight, spoil_links
 from tests.end_to_end.virtual_air import TAKEN_OFF, Air, Flown, flown
 
 pytest.importorskip("cflib")
@@ -109,6 +109,14 @@ def test_no_drone_falls_over_links_that_lose_and_delay_packets(seed: int) -> Non
     assert outcome.completed
     assert not outcome.fell
     assert not outcome.aloft
+
+
+@pytest.mark.parametrize("seed", [2, 3, 6])
+def test_no_report_ends_over_udp_links_that_lose_packets(tmp_path: Path, seed: int) -> None:
+    """No dongle polls: without any packet for 1 s the firmware deletes its log blocks."""
+    flight = flown(tmp_path, seed=seed, polls=False, watch=spoil_links)
+    assert flight.fallen == []
+    assert flight.summary["outcome"] == "completed"
 
 
 class _CutInTakeOff:

@@ -25,6 +25,8 @@ log = logging.getLogger(__name__)
 MIN_QUALITY: Final = 70.0  # %: three of ten transmissions fail; chosen, not measured
 MIN_DURATION: Final = 2.0  # s below it, before the warning
 ECHO_PERIOD: Final = 0.5  # s without a sent packet, after which an echo keeps the link alive
+UDP_ECHO_PERIOD: Final = 0.09  # s, likewise over UDP, where no dongle polls: without any packet for
+# 1 s the firmware deletes its log blocks, and at 20 % loss two echoes a second are too few
 WINDOW: Final = 12  # simultaneously open requests; the firmware queues 16 packets per port
 
 
@@ -172,7 +174,8 @@ class Link:
             log.debug("%s: console: %r", self._name, payload.decode("utf-8", "replace"))
 
     def idle(self, now: float) -> None:
-        if now - self._last > ECHO_PERIOD:
+        period = UDP_ECHO_PERIOD if self.uri.startswith(SCHEME) else ECHO_PERIOD
+        if now - self._last > period:
             self.post(packets.echo(now))
 
     def complain(self, message: str) -> None:

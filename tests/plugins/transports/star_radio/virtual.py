@@ -16,6 +16,7 @@ from typing import Self, TypeVar
 
 import pytest
 
+from star_radio.connection import link
 from star_radio.connection.packets import LinkListener
 
 T = TypeVar("T")
@@ -36,11 +37,12 @@ class VirtualTime:
 
     Attributes:
         now: The virtual clock, s.
+        polls: As given.
     """
 
     def __init__(self, *, polls: bool = True) -> None:
         self.now = EPOCH
-        self._polls, self._polled = polls, 0.0
+        self.polls, self._polled = polls, 0.0
         self._steps = 0
         self.lock = threading.RLock()
         self._listeners: dict[str, LinkListener] = {}
@@ -82,7 +84,7 @@ class VirtualTime:
             self.now = self.simulate()
             while self._calls and self._calls[0][0] <= self.now:
                 heapq.heappop(self._calls)[2]()
-            if self._polls and self.now - self._polled >= POLL_PERIOD - 1e-6:
+            if self.polls and self.now - self._polled >= POLL_PERIOD - 1e-6:
                 self._polled = self.now
                 for uri in list(self._listeners):
                     self.poll(uri)
@@ -158,4 +160,6 @@ def virtual(clock: VirtualTime) -> Iterator[None]:
         patch.setattr("star_radio.connection.link.Event", Event)
         patch.setattr("star_radio.connection.udp_links.UdpLinks", lambda: clock)
         patch.setattr("star_radio.transport.ThreadPoolExecutor", _OneByOne)
+        if clock.polls:  # so that echoes are as rare as those over a Crazyradio
+            patch.setattr(link, "UDP_ECHO_PERIOD", link.ECHO_PERIOD)
         yield
