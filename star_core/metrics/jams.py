@@ -94,8 +94,8 @@ class Jams:
                 cause = "uncertainty_margin"
                 details |= {"position_std_m": alone, "margin_m": clearance}
                 text += (
-                    f", and limits.uncertainty_margin adds up to {clearance:.2f} m to the clearance "
-                    "from obstacles and the fence, since positions have a standard deviation of "
+                    f", and limits.uncertainty_margin adds up to {clearance:.2f} m to "
+                    "the clearance from obstacles and fence, since positions have a deviation of "
                     f"{alone:.2f} m"
                 )
         else:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from subprocess import CompletedProcess
 from typing import TypeAlias
 
@@ -47,11 +46,9 @@ def test_help_imports_neither_numpy_nor_a_plugin(run: Run) -> None:
     assert names & {"numpy", "star_gentle", "star_sim", "pluggy", "jsonschema"} == set()
 
 
+@pytest.mark.usefixtures("mission")
 @pytest.mark.parametrize("arguments", [["plugins"], ["schema"]])
-def test_what_does_not_fly_imports_plugins_but_no_numpy(
-    run: Run, mission: Path, arguments: list[str]
-) -> None:
-    assert mission.exists()
+def test_what_does_not_fly_imports_plugins_but_no_numpy(run: Run, arguments: list[str]) -> None:
     names = imported(run, *arguments)
     assert "star_gentle" in names
     assert "numpy" not in names
