@@ -90,7 +90,7 @@ class Air(VirtualTime):
     def carry(self, uri: str, packet: bytes) -> None:
         if uri in self.uris:
             if packet[0] >> 4 == Port.HIGH_LEVEL:
-                climbs = packet[1] == START_TRAJECTORY and packet[5] == TAKE_OFF_PROFILE
+                climbs = packet[1] == START_TRAJECTORY and packet[6] == TAKE_OFF_PROFILE
                 self.ordered.setdefault(TAKEOFF if climbs else packet[1], self.fleet.time)
             row = self.uris.index(uri)
             deliver = partial(self._to_vehicle, row, packet)
