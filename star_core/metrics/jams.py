@@ -82,7 +82,7 @@ class Jams:
 
     def _event(self, tick: Tick, rows: Rows, number: int, near: Pairs) -> Event:
         limits, names = self._scene.limits, self._scene.names
-        who = f"{len(rows)} of {number} agents with far goals have stood for {WINDOW:g} s"
+        standing = f"{len(rows)} of {number} agents with far goals have stood for {WINDOW:g} s"
         details: dict[str, Any] = {"agents": [names[row] for row in rows], "time_s": tick.time}
         between = np.isin(near.first, rows) & np.isin(near.second, rows)
         deviations = position_margin(tick.estimate.covariance, 1.0, np.inf)
@@ -116,4 +116,4 @@ class Jams:
                 text = f"{where}: limits.separation and the avoider's distances leave no way"
         details["cause"] = cause
         names_of = self._scene.named(rows.tolist())
-        return Event(tick.time, "jam", f"jam: {who}: {names_of}; {text}", details=details)
+        return Event(tick.time, "jam", f"jam: {standing}: {names_of}; {text}", details=details)

@@ -24,7 +24,7 @@ deviation. Within the whole margin it still reaches goals, slowly."""
 FENCE_TOLERANCE: Final = 0.2
 """Distance by which an agent may leave the fence, m: it is no wall."""
 
-LEAST: Final = 0.05  # m: who needs less room than this is not near to anything
+MIN_ROOM: Final = 0.05  # m; an agent that needs less room is never too near
 ENOUGH: Final = 0.8  # share of the room that an agent may need when it flies on
 CORRECTED: Final = 0.9  # times the standard deviation of the tick before: a landmark corrected it
 LOCATED: Final = 0.5  # times the standard deviation for which it returned: it is located again
@@ -93,7 +93,7 @@ class UncertainAgents:
         self._std = std
         self._stage[~steered] = Stage.FLIES
         needed = np.where(steered, NEEDED * self._deviations * std, 0.0)
-        rows: Rows = np.flatnonzero((needed > LEAST) | self.redirected)
+        rows: Rows = np.flatnonzero((needed > MIN_ROOM) | self.redirected)
         if not len(rows):
             return goals, []
         fence, wall, piece = self._room(estimate.position, rows)

@@ -23,6 +23,7 @@ from star_core import (
     add_set_option,
     fill_defaults,
     load,
+    shortlist,
 )
 from star_radio import budget
 from star_radio.address import drone, fault
@@ -158,7 +159,7 @@ class Rescue:
     def detail(self) -> str:
         """Return what is waited for, for the display of progress."""
         missing = [name for name, ok in zip(self._names, self._reached, strict=True) if not ok]
-        return f"not reached yet: {', '.join(missing)}" if missing else ""
+        return f"not reached yet: {shortlist(missing)}" if missing else ""
 
     def step(self) -> bool:
         """Command what is due; return whether all drones are down."""

@@ -19,6 +19,7 @@ log = logging.getLogger(__name__)
 OPEN_TIMEOUT: Final = 1.0  # s
 REPEAT_TIME: Final = 1.0  # s, for which the commands are repeated
 REPEAT_PERIOD: Final = 0.1  # s
+ORDERS_FIRST: Final = 3  # landings sent before a notification, one of which arrives
 
 
 class Airborne(NamedTuple):
@@ -32,8 +33,9 @@ class Airborne(NamedTuple):
 def land(drones: Sequence[Airborne], udp: str) -> None:
     """Command drones to land in place; log those whose links cannot be opened.
 
-    A landing that is repeated while the drone executes it changes nothing. A drone that rebooted
-    is in no group and ignores it.
+    A landing that is repeated while the drone executes it changes nothing. The notification that
+    setpoints stop follows `ORDERS_FIRST` of them: without a plan to fly it would stop the motors. A
+    drone that rebooted is in no group and ignores the landings.
     """
     udp_links = UdpLinks() if udp == "sockets" else None
 
@@ -48,11 +50,12 @@ def land(drones: Sequence[Airborne], udp: str) -> None:
 
     with ThreadPoolExecutor(len(drones)) as pool:
         links = list(pool.map(opened, drones))
-        for _time in range(round(REPEAT_TIME / REPEAT_PERIOD)):
+        for sent in range(round(REPEAT_TIME / REPEAT_PERIOD)):
             for drone, link in links:
                 if link is not None:
                     link.post(orders.only_for(orders.MISSION, landing(drone.height)))
-                    link.post(orders.no_more_setpoints())
+                    if sent + 1 >= ORDERS_FIRST:
+                        link.post(orders.no_more_setpoints())
             time.sleep(REPEAT_PERIOD)
         list(pool.map(Link.close, [link for _drone, link in links if link is not None]))
     if udp_links is not None:

@@ -20,7 +20,7 @@ from tests.plugins.transports.star_radio.conftest import options, reached
 from tests.simulators import ideal_fleet
 
 PATIENCE = 60.0  # s, on a busy machine
-NOBODY = "udp://127.0.0.1:9"
+UNREACHABLE = "udp://127.0.0.1:9"
 HIGH_LEVEL, SET_GROUPS, LAND = 8, 0, 8
 PARAMETER, PLATFORM, SUPERVISOR, SETPOINT = 2, 13, 9, 7
 WRITE = 2  # channel of the port PARAMETER
@@ -79,10 +79,10 @@ def test_drones_that_were_abandoned_in_their_take_off_are_landed(
 def test_a_drone_that_is_not_reached_is_named(
     fleet: Fleet, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run([fleet.addresses[0], NOBODY, "--timeout", "4"]) == 1
+    assert run([fleet.addresses[0], UNREACHABLE, "--timeout", "4"]) == 1
     first, second = capsys.readouterr().out.splitlines()
     assert first == f"{fleet.addresses[0]}  on the floor"
-    assert second.startswith(f"{NOBODY}  not reached: no answer about ")
+    assert second.startswith(f"{UNREACHABLE}  not reached: no answer about ")
 
 
 def test_the_links_of_a_mission_are_those_of_its_agents(
