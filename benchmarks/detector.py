@@ -26,19 +26,8 @@ from small_tags import photographs, scenes
 from star_apriltag.vision.body_pose import Motion, Prediction
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.image_analysis import ImageAnalyzer
-from star_core import (
-    Array,
-    Camera,
-    CameraModel,
-    Fence,
-    Image,
-    Pose,
-    Rows,
-    Tag,
-    World,
-    rotation_from_quaternion,
-    square_corners,
-)
+from star_core import Array, Camera, Fence, Image, Pose, Rows, Tag, World
+from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 from star_core.world.quaternions import turned
 from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.floor_texture import floor

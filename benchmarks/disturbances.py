@@ -18,8 +18,9 @@ import cv2
 import numpy as np
 
 from star_apriltag.vision.detector import Detector
-from star_core import Camera, CameraModel, Fence, Tag, World
+from star_core import Camera, Fence, Tag, World
 from star_core.testing import scene
+from star_core.toolkit import CameraModel
 from star_sim.camera_sim.cameras import Cameras
 from star_sim.camera_sim.options import camera_options
 from star_sim.drone import standing

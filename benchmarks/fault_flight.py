@@ -18,7 +18,7 @@ import numpy as np
 from fault_cells import CROSSING, ROOM, RULED, Cell
 
 from star_core import Event, InputError, PluginError, Registry, Tick, hookimpl, read_run
-from star_core.cli.run import run_mission
+from star_core.commands.run import run_mission
 from star_core.plugin_support.discovery import Source
 
 CROSSING_TIME: Final = (3.3, 6.3)  # s, in which the drones cross: none takes off or lands

@@ -29,7 +29,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import star_radio
-from star_core import Registry, Scene, Setpoint, fill_defaults, load
+from star_core import Registry, Scene, Setpoint, load
+from star_core.toolkit import fill_defaults
 from star_fleet.server import Fleet
 from star_radio.options import OPTIONS
 from star_sim import ideal_world
@@ -67,7 +68,7 @@ KINDS = ("sigkill", "sigstop", *INSIDE, *OUTSIDE[2:])
 
 PROGRAM = """
 import pathlib, sys
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_straight.planner import Straight
 plan, flag = Straight.plan, pathlib.Path(sys.argv[1])
 def faulty(self, estimate, goals):

@@ -2,7 +2,7 @@
 
 Scenes of small tags (`small_tags`) are seen through a Bayer filter whose red and blue pixels
 respond less than the green ones; on a colorful ground the colors vary by a quarter. ``gray`` is a
-gray sensor; ``star`` is `star_core.gray_from_mosaic`.
+gray sensor; ``star`` is `star_core.toolkit.gray_from_mosaic`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 from small_tags import CONDITIONS, Sighting, ours, scene
 
-from star_core import Camera, Image, gray_from_mosaic
+from star_core import Camera, Image
+from star_core.toolkit import gray_from_mosaic
 from star_sim.camera_sim.sensor import color_response
 
 NOISE = 3.0  # gray values, standard deviation

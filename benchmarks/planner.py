@@ -24,7 +24,8 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from star_core import Agent, Array, Fence, Obstacle, Scene, World, footprint
+from star_core import Agent, Array, Fence, Obstacle, Scene, World
+from star_core.toolkit import footprint
 from star_visibility.network import Work
 from star_visibility.planner import WORK
 from star_visibility.routes import Routes

@@ -23,7 +23,7 @@ from scipy.stats import beta
 
 from star_ablate.command import main as ablate
 from star_core import Registry
-from star_core.cli.check import check_file
+from star_core.commands.check import check_file
 
 SAFE: Final = 0.2  # m
 AGENTS: Final = (5, 10)

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from star_apriltag.vision.detector import Detector
-from star_core import Array, Camera, CameraModel, Image
+from star_core import Array, Camera, Image
+from star_core.toolkit import CameraModel
 
 FAMILY: Final = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 MODULES: Final = 8

@@ -154,7 +154,7 @@ def descendants(pid: int) -> Iterator[int]:
 
 def star(command: str, *arguments: str) -> list[str]:
     """Return the command line of a command, which warns of resources that are not closed."""
-    code = "import sys; from star_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    code = "import sys; from star_core.commands.main import main; sys.exit(main(sys.argv[1:]))"
     return [sys.executable, "-W", "always::ResourceWarning", "-c", code + f"  # '{command}'",
             command, *arguments]  # fmt: skip
 

@@ -1,16 +1,12 @@
-"""What authors of plugins and of scripts need, and nothing else.
+"""What authors of plugins and of scripts need first.
 
-The names are those of `__init__.pyi`. They are imported when they are first used (PEP 562, SPEC 1),
-so that a plugin that only announces itself costs no numpy.
+`star_core.toolkit` has what plugins share, `star_core.commands` what commands share, and
+`star_core.testing` checks plugins. The names of each package are those of its `__init__.pyi`.
 """
 
-from importlib import import_module
+from star_core.lazy_names import lazy_names
 
-with open(f"{__file__}i", encoding="utf-8") as _stub:  # noqa: PTH123 -- `pathlib` is slow
-    _lines = [line.split() for line in _stub if line.startswith("from ")]
-_home = {name: module for _, module, _, name, *_ in _lines}
-
-__all__ = sorted(_home)  # noqa: PLE0605 -- of strings
+__all__, _get, _names = lazy_names(__name__, __file__)
 
 
 def __getattr__(name: str) -> object:
@@ -18,10 +14,8 @@ def __getattr__(name: str) -> object:
         from importlib.metadata import version
 
         return version("star-swarm")
-    if name not in _home:
-        raise AttributeError(f"module 'star_core' has no attribute {name!r}")
-    return getattr(import_module(_home[name]), name)
+    return _get(name)
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*_names(), "__version__"]

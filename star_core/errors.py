@@ -17,7 +17,7 @@ MAX_LISTED = 10  # names of agents in a message
 def coded(message: str, code: str) -> str:
     """Return a message that ends with a stable code; one that ends with a code keeps it.
 
-    Every code has a hyphen and an entry in `star_core.cli.error_codes`.
+    Every code has a hyphen and an entry in `star_core.commands.error_codes`.
 
     >>> coded("no such file", "file-not-found")
     'no such file [file-not-found]'
@@ -55,8 +55,8 @@ class StarError(Exception):
 
     Args:
         message: What is wrong, and what to do.
-        code: Identifies the kind of error, see `star_core.cli.error_codes`; the last words of the
-            text.
+        code: Identifies the kind of error, see `star_core.commands.error_codes`; the last
+            words of the text.
             If the message already ends with a code, such as that of another error, it is kept.
     """
 

@@ -20,9 +20,9 @@ import pytest
 from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
-from star_core.cli.commands import parser
-from star_core.cli.error_codes import catalogue
-from star_core.cli.main import main
+from star_core.commands.commands import parser
+from star_core.commands.error_codes import catalogue
+from star_core.commands.main import main
 from star_core.registry import Registry
 
 pytestmark = pytest.mark.shipped_world

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from star_core import Detections
-from star_core.cli.main import main
+from star_core.commands.main import main
 
 PAGE = Path(__file__).parents[1] / "docs" / "record.md"
 

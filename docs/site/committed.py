@@ -24,7 +24,7 @@ from typing import Any, Final
 from tick_diagram import diagram
 
 import star_core
-from star_core.cli.main import main
+from star_core.commands.main import main
 
 DOCS: Final = Path(__file__).parents[1]
 PICTURE: Final = DOCS / "pictures" / "tick.svg"

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import Registry
-from star_core.cli.describe_plugin import MAX_DEPTH, allowed, resolved
+from star_core.commands.describe_plugin import MAX_DEPTH, allowed, resolved
 from star_core.mission_file.error_messages import flow
 
 ROOT: Final = Path(__file__).parents[2]
@@ -30,21 +30,17 @@ KINDS: Final = {
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
     "flights": (
         "Flights and records",
-        (
-            "cli",
-            "runner",
-            "operator",
-            "registry",
-            "mission",
-            "mission_file.mission_loader",
-            "metrics",
-        ),
+        ("runner", "operator", "registry", "mission", "mission_file", "metrics"),
     ),
     "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_support")),
     "messages": ("Tables", ("messages",)),
     "scene": ("Scene and world", ("scene", "world")),
-    "toolkit": ("Toolkit", ("toolkit", "geometry", "safety")),
-    "files": ("Files, options and errors", ("mission_file", "errors")),
+    "errors": ("Errors", ("errors",)),
+}
+
+PACKAGES: Final = {  # pages of all public names of a package
+    "toolkit": "What plugins share",
+    "commands": "What commands share",
 }
 
 MODULES: Final = {  # pages of whole modules
@@ -132,23 +128,31 @@ def _help(offer: Any, arguments: list[str]) -> str:
 
 
 def _api_pages() -> Iterator[tuple[str, str]]:
-    """Yield the pages of all public names, by `GROUPS`, and of whole modules."""
-    text = (ROOT / "star_core" / "__init__.pyi").read_text("utf-8")
-    names = re.findall(r"^from (star_core\.\S+) import (\w+) as", text, re.MULTILINE)
+    """Yield the pages of all public names, by `GROUPS` and `PACKAGES`, and of whole modules."""
     pages: dict[str, list[str]] = {page: [] for page in GROUPS}
     specs = "star_core.plugin_support.specs"
     pages["contracts"] += [f"{specs}.Spec", f"{specs}.MissionSpec"]
     of = {prefix: page for page, (_, prefixes) in GROUPS.items() for prefix in prefixes}
-    for module, name in names:
-        inner = module.removeprefix("star_core.")
-        page = of.get(inner) or of[inner.partition(".")[0]]
-        pages[page].append(f"{module}.{name}")
+    for name in _public_names("star_core"):
+        pages[of[name.split(".")[1]]].append(name)
     for page, (title, _) in GROUPS.items():
-        blocks = "".join(f"\n::: {name}\n" for name in pages[page] if not name.endswith("hookimpl"))
-        yield f"reference/api/{page}.md", f"# {title}\n\nImport these from `star_core`.\n{blocks}"
+        yield _api_page(page, title, "star_core", pages[page])
+    for page, title in PACKAGES.items():
+        yield _api_page(page, title, f"star_core.{page}", _public_names(f"star_core.{page}"))
     for page, (title, modules) in MODULES.items():
         blocks = "".join(f"\n::: {module}\n" for module in modules)
         yield f"reference/api/{page}.md", f"# {title}\n{blocks}"
+
+
+def _public_names(package: str) -> list[str]:
+    text = ROOT.joinpath(*package.split("."), "__init__.pyi").read_text("utf-8")
+    rows = re.findall(r"^from (star_core\.\S+) import (\w+) as", text, re.MULTILINE)
+    return [f"{module}.{name}" for module, name in rows]
+
+
+def _api_page(page: str, title: str, package: str, names: list[str]) -> tuple[str, str]:
+    blocks = "".join(f"\n::: {name}\n" for name in names if not name.endswith("hookimpl"))
+    return f"reference/api/{page}.md", f"# {title}\n\nImport these from `{package}`.\n{blocks}"
 
 
 def _plural(kind: str) -> str:

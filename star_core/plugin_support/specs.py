@@ -21,7 +21,7 @@ class Problem(NamedTuple):
     Attributes:
         path: Keys and indices from the plugin's options to the value; empty for the whole.
         message: What is wrong and what was expected.
-        code: Identifies the kind of mistake, see `star_core.cli.error_codes`.
+        code: Identifies the kind of mistake, see `star_core.commands.error_codes`.
         warning: Whether the mission can be flown all the same.
     """
 

@@ -41,7 +41,7 @@ class SafetyFilter:
     within x. Agents outside the fence or too close to another are therefore moved away.
 
     The horizontal separation of two agents grows by the margins for their uncertain positions,
-    which yield: see `star_core.yielding_margin`. So do the distances to the sides of the fence; and
+    which yield: see `yielding_margin`. So do the distances to the sides of the fence; and
     to obstacles, which are left to planner and avoider where positions are exact. Setpoints are
     corrected by as little as possible; if the corrections for several neighbors do not converge,
     agents stop.

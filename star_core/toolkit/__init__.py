@@ -1,1 +1,5 @@
-"""What plugins share: position control, camera model, poses of squares, trajectories, timeouts."""
+"""What plugins share: compiled functions, geometry, margins, cameras, control and options."""
+
+from star_core.lazy_names import lazy_names
+
+__all__, __getattr__, __dir__ = lazy_names(__name__, __file__)

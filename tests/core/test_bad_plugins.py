@@ -239,7 +239,7 @@ def in_python(*lines: str) -> subprocess.CompletedProcess[str]:
 def test_threads_that_a_plugin_leaves_behind_do_not_keep_the_command_from_its_end() -> None:
     done = in_python(
         "import sys, threading",
-        "from star_core.cli.main import main",
+        "from star_core.commands.main import main",
         "threading.Thread(target=threading.Event().wait).start()",
         "sys.argv = ['star', '--version']",
         "sys.exit(main())",

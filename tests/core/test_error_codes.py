@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from star_core.cli.error_codes import catalogue, page
-from star_core.cli.main import main
+from star_core.commands.error_codes import catalogue, page
+from star_core.commands.main import main
 from star_core.errors import ContractError, InputError, PluginError, StarError, code_of, coded
 from star_core.plugin_support.specs import Problem
 

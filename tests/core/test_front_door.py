@@ -8,6 +8,8 @@ import sys
 import pytest
 
 import star_core
+import star_core.commands
+import star_core.toolkit
 
 HEAVY = ("numpy", "scipy", "numba", "transitions", "jsonschema", "rich", "ruamel")
 DECKS = ("gtsam", "cv2", "cflib")  # vision and radio
@@ -23,7 +25,8 @@ def imported_after(statement: str) -> set[str]:
 
 
 def test_every_name_resolves_and_a_class_is_called_that() -> None:
-    found = {name: getattr(star_core, name) for name in star_core.__all__}
+    packages = (star_core, star_core.toolkit, star_core.commands)
+    found = {name: getattr(package, name) for package in packages for name in package.__all__}
     assert [n for n, one in found.items() if isinstance(one, type) and one.__name__ != n] == []
 
 
@@ -59,7 +62,7 @@ def test_a_table_brings_numpy() -> None:
 
 @pytest.mark.usefixtures("hop")
 def test_a_simulated_flight_imports_no_vision_no_radio_and_no_signal_processing() -> None:
-    flight = "from star_core.cli.main import run\nrun(['hop.yaml', '--no-record'])"
+    flight = "from star_core.commands.main import run\nrun(['hop.yaml', '--no-record'])"
     names = imported_after(flight)
     assert "numpy" in names
     assert not names & {*DECKS, *SLOW}

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import star_sim
-from star_core import AgentPhase, Registry, fill_defaults, fly, load
-from star_core.cli.main import main, run
+from star_core import AgentPhase, Registry, fly, load
+from star_core.commands.main import main, run
+from star_core.toolkit import fill_defaults
 
 pytestmark = pytest.mark.shipped_world
 

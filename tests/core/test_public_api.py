@@ -18,6 +18,10 @@ ROOT = Path(__file__).parents[2]
     [
         ("from star_core.testing import scene", True),
         ("from star_core import Scene", True),
+        ("from star_core.toolkit import compiled", True),
+        ("from star_core.toolkit.jit import compiled", False),
+        ("from star_core.commands import writing", True),
+        ("from star_core.commands.output import writing", False),
         ("from star_core.vehicle_interface import VehicleInterface", False),
         ("from star_core.messages.state import Setpoint", False),
         ("from star_core import tick", False),

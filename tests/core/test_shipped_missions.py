@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from star_core import InputError, load
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_core.mission_file import schema
 from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps
@@ -65,7 +65,7 @@ def test_checking_the_missions_imports_nothing_heavy() -> None:
     """
     paths = [str(path) for path in FILES if path.stem not in {"search", "search_flow"}]
     ask = (
-        "import sys; from star_core.cli.main import main\n"
+        "import sys; from star_core.commands.main import main\n"
         "exact = ['--set', 'limits.uncertainty_margin=0']\n"
         f"assert [main(['check', path, *exact]) for path in sys.argv[1:]] == [0] * {len(paths)}\n"
         f"assert not {{*{HEAVY!r}}} & {{*sys.modules}}"
@@ -75,7 +75,7 @@ def test_checking_the_missions_imports_nothing_heavy() -> None:
 
 def test_rehearsing_three_agents_for_a_check_imports_no_scipy() -> None:
     ask = (
-        "import sys; from star_core.cli.main import main; main(['check', sys.argv[1]])\n"
+        "import sys; from star_core.commands.main import main; main(['check', sys.argv[1]])\n"
         "assert 'star_explain.drift' in sys.modules\n"
         "assert 'scipy' not in sys.modules"
     )

@@ -28,9 +28,9 @@ from star_core import (
     Tag,
     TaskOutput,
     Transform,
-    fill_defaults,
 )
 from star_core import testing as kit
+from star_core.toolkit import fill_defaults
 from tests.core.conftest import Dash, Seer
 from tests.core.robots import Robots
 

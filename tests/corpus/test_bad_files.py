@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from star_ablate.reading import read as read_study
-from star_core.cli import main as cli
+from star_core.commands import main as cli
 from star_core.mission_file import schema
 from star_core.registry import Registry
 from tests.corpus import cases
@@ -98,7 +98,7 @@ def test_there_are_many_files_and_none_is_there_twice() -> None:
 def test_a_command_of_its_own_ends_with_status_2_and_no_traceback(case: Case) -> None:
     case.write(Path())
     ended = subprocess.run(
-        [sys.executable, "-c", "from star_core.cli.main import main; raise SystemExit(main())",
+        [sys.executable, "-c", "from star_core.commands.main import main; raise SystemExit(main())",
          *case.command],
         capture_output=True, text=True, check=False, timeout=60,
     )  # fmt: skip

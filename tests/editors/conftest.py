@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core.cli.main import main
+from star_core.commands.main import main
 from tests.editors.language_server import LanguageServer
 
 PACKAGE = "yaml-language-server"

@@ -62,7 +62,7 @@ def recorded(folder: Path) -> Flown:
 
 
 def star(*arguments: object) -> subprocess.Popen[str]:
-    program = "import sys; from star_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    program = "import sys; from star_core.commands.main import main; sys.exit(main(sys.argv[1:]))"
     return subprocess.Popen(
         [sys.executable, "-c", program, *map(str, arguments)],
         stdout=subprocess.PIPE,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from star_core.cli.main import main
+from star_core.commands.main import main
 
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "missions/studies/paper-table-1-realistic.yaml"

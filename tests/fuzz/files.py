@@ -202,7 +202,7 @@ def legacy(folder: Path) -> Iterator[Try]:
 
 def _assert_no_command_is_dropped(source: Path, made: Path) -> None:
     """Every command names its line in the mission that came out."""
-    from star_core import read_yaml
+    from star_core.commands import read_yaml
 
     fields = read_yaml(source, text_keys=True).need("command_sequence").list()
     lines = {field.mark.line for field in fields[::5]}

@@ -22,7 +22,7 @@ class Watch:
 
 asked = set()
 sys.meta_path.insert(0, Watch)
-from star_core.cli.main import main
+from star_core.commands.main import main
 try:
     status = main()
 except SystemExit as end:

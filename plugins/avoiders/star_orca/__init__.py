@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import AvoiderSpec, deferred, hookimpl, number, positive
+from star_core import AvoiderSpec, deferred, hookimpl
+from star_core.toolkit import number, positive
 
 if TYPE_CHECKING:
     from star_core import Problem, Scene
@@ -77,7 +78,8 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
 
 def _check(scene: Scene, **options: Any) -> Iterable[Problem]:
     """Require neighbours to be detected before they are too near."""
-    from star_core import MAX_MARGIN, Problem
+    from star_core import Problem
+    from star_core.toolkit import MAX_MARGIN
 
     margin = options["uncertainty_margin"]
     margin = scene.limits.uncertainty_margin if margin is None else margin

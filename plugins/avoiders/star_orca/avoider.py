@@ -7,18 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core import (
-    Array,
-    Estimate,
-    Mask,
-    Rows,
-    Scene,
-    Setpoint,
-    Transform,
-    position_margin,
-    with_possible_positions,
-    yielding_margin,
-)
+from star_core import Array, Estimate, Mask, Rows, Scene, Setpoint, Transform
+from star_core.toolkit import position_margin, with_possible_positions, yielding_margin
 from star_orca.kernel import orca
 from star_orca.obstacle_planes import MAX_EDGES, add_obstacles
 from star_orca.outlines import Outlines, outlines
@@ -57,7 +47,7 @@ class Orca:
             separate, and setpoints respect the scene's horizontal acceleration limit.
         uncertainty_margin: Number of standard deviations of its position by which an agent's radius
             is enlarged, at most tripled, and so are the distances to obstacles and fence; the
-            scene's if None. The margin yields: see `star_core.yielding_margin`.
+            scene's if None. The margin yields: see `star_core.toolkit.yielding_margin`.
     """
 
     def __init__(  # noqa: PLR0913 -- one for each option

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from star_core import YIELD_TIME, Array, Rows, subroutine
+from star_core import Array, Rows
+from star_core.toolkit import YIELD_TIME, subroutine
 from star_orca.neighbours import AVOIDS, CLIMB, MARGIN, RADIUS, ROW, VX, VY, X, Y, Z
 
 COLUMN = 1.0  # s, in which two agents one above the other must be apart horizontally
@@ -31,7 +32,7 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
     all of it for one that does not. The velocity obstacle is that of the section of an ellipsoid,
     `vertical` high, at the least difference in height within the horizon. Two agents that already
     overlap must be apart after one period, or after `COLUMN` if one is above the other. The margins
-    for uncertain positions yield: see `star_core.yielding_margin`.
+    for uncertain positions yield: see `star_core.toolkit.yielding_margin`.
 
     Two agents at the same point with the same velocity have no direction to separate along: they
     separate along x, the earlier row forwards.

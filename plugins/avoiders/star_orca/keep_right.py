@@ -25,7 +25,8 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, Rows, subroutine
+from star_core import Array, Rows
+from star_core.toolkit import subroutine
 from star_orca.neighbours import AVOIDS, RADIUS, REACH, VX, VY, WISH_X, WISH_Y, X, Y, Z
 
 BLOCKED = 0.05  # share of the preferred speed: an agent that achieves less is blocked

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, compiled, subroutine
+from star_core import Array, Mask, Rows
+from star_core.toolkit import compiled, subroutine
 from star_orca.half_planes import half_planes
 from star_orca.keep_right import BLOCKED, QUARTER, lane_turn, side_to_take, turned_right
 from star_orca.linear_program import solve

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from star_core import Array, subroutine
+from star_core import Array
+from star_core.toolkit import subroutine
 
 # Sine of the angle below which two lines count as parallel. Far above the rounding error of equal
 # lines (1e-16); the error it causes stays below a nanometre per second at flying speeds.

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, subroutine
+from star_core import Array, Mask, Rows
+from star_core.toolkit import subroutine
 
 # Columns of the table of `sort_into_cells`: one row per agent, in the order of the cells.
 X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB, WISH_X, WISH_Y, WISH_Z, SPEED, MARGIN = range(14)

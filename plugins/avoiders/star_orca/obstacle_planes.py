@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import YIELD_TIME, Array, Mask, Rows, compiled, subroutine
+from star_core import Array, Mask, Rows
+from star_core.toolkit import YIELD_TIME, compiled, subroutine
 from star_orca.half_planes import NOTHING, way_out
 from star_orca.outlines import (
     A_JUTS,
@@ -46,7 +47,7 @@ def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apar
 ) -> None:
     """Add the half-planes of obstacles, `edges`, `first` and `height`, as `hard_planes` does.
 
-    The margin of an agent that is near to an obstacle yields: see `star_core.yielding_margin`.
+    The margin of an agent that is near to an obstacle yields: see `yielding_margin`.
     """
     firm = max(1.0 - horizon / YIELD_TIME, 0.0)
     room = planes.shape[1] - 4

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Rows, World, subroutine
+from star_core import Array, Rows, World
+from star_core.toolkit import subroutine
 
 if TYPE_CHECKING:
     from star_core import Obstacle

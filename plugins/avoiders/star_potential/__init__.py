@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from star_core import AvoiderSpec, deferred, hookimpl, positive
+from star_core import AvoiderSpec, deferred, hookimpl
+from star_core.toolkit import positive
 
 _OPTIONS = {
     "radius": positive(

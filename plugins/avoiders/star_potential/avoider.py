@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import (
-    Array,
-    Estimate,
-    Mask,
-    Scene,
-    Setpoint,
-    position_margin,
-    with_possible_positions,
-    yielding_margin,
-)
+from star_core import Array, Estimate, Mask, Scene, Setpoint
+from star_core.toolkit import position_margin, with_possible_positions, yielding_margin
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
 HORIZON = 1.0  # s, in which repulsion stops an approach, about

@@ -4,17 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import (
-    Array,
-    Estimate,
-    Mask,
-    Scene,
-    Setpoint,
-    compiled,
-    position_margin,
-    with_possible_positions,
-    yielding_margin,
-)
+from star_core import Array, Estimate, Mask, Scene, Setpoint
+from star_core.toolkit import compiled, position_margin, with_possible_positions, yielding_margin
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
 MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height

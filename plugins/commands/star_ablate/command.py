@@ -19,15 +19,9 @@ from star_ablate.journal import Journal, StudyProgress
 from star_ablate.reading import read
 from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all
-from star_core import (
-    Progress,
-    Registry,
-    output_folder,
-    positive_integer,
-    suggestion,
-    write_report,
-    writing,
-)
+from star_core import Registry
+from star_core.commands import output_folder, positive_integer, write_report, writing
+from star_core.toolkit import Progress, suggestion
 
 JOURNAL: Final = "runs.jsonl"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command

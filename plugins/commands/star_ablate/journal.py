@@ -10,7 +10,7 @@ from pathlib import Path
 
 from star_ablate.flight import Result
 from star_ablate.study import Run
-from star_core import Progress, duration, log, on_terminal
+from star_core.toolkit import Progress, duration, log, on_terminal
 
 WARM_FLIGHTS = 2  # for each worker, after its first; then the time of the study is estimated
 

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from star_ablate.study import COLUMNS, Condition, Study
-from star_core import InputError, Mission, Problem, Progress, Registry, load, read_as, suggestion
+from star_core import InputError, Mission, Problem, Registry, load
+from star_core.commands import read_as
+from star_core.toolkit import Progress, suggestion
 
 MEASURES: Final = (
     "collisions.agent_agent",

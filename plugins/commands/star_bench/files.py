@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from star_bench.scenario import CEILING, HIGH, LOW, Scenario
 from star_bench.scenarios import Case
-from star_core import Progress
+from star_core.toolkit import Progress
 
 IDEAL: Final = {"use": "sim", "noise": False, "profile": "ideal", "controller": "ideal"}
 

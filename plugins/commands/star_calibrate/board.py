@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core import Array, Image, InputError, Progress, gray_from_mosaic
+from star_core import Array, Image, InputError
+from star_core.toolkit import Progress, gray_from_mosaic
 
 Corners = NDArray[np.float32]
 """(K, 2) px."""

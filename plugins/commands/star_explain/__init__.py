@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from star_core import CommandSpec, Problem, actions, deferred, fill_defaults, hookimpl
+from star_core import Problem, deferred, hookimpl
+from star_core.commands import CommandSpec
+from star_core.toolkit import actions, fill_defaults
 
 if TYPE_CHECKING:
     from star_core import Mission, Registry

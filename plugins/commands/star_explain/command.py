@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from star_core import Progress, Registry, add_set_option, load
+from star_core import Registry, load
+from star_core.commands import add_set_option
+from star_core.toolkit import Progress
 from star_explain.dry_run import Group, Part, StepResult, dry_run
 from star_explain.mermaid import mermaid
 from star_explain.plan import plan

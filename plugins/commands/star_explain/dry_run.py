@@ -14,21 +14,8 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from star_core import (
-    AgentPhase,
-    Array,
-    Goals,
-    Mission,
-    Registry,
-    StarError,
-    Status,
-    Task,
-    TaskSpec,
-    fill_defaults,
-    holds_from,
-    longest_wait,
-    step_timeout,
-)
+from star_core import AgentPhase, Array, Goals, Mission, Registry, StarError, Status, Task, TaskSpec
+from star_core.toolkit import fill_defaults, holds_from, longest_wait, step_timeout
 from star_explain import follows_surfaces
 from star_explain.dry_run_swarm import NO_TIME, DryRunSwarm
 from star_explain.separation import kept_distance

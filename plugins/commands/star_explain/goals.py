@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from star_core import Mission, Problem, Registry, fill_defaults
+from star_core import Mission, Problem, Registry
+from star_core.toolkit import fill_defaults
 from star_explain.dry_run import Crowd, StepResult
 
 ERROR: Final = 0.1  # m, by which a take-off differs from the dry run

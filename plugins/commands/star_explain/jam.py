@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import MAX_MARGIN, Array, Mask, Mission, Problem, Registry, fill_defaults
+from star_core import Array, Mask, Mission, Problem, Registry
+from star_core.toolkit import MAX_MARGIN, fill_defaults
 from star_explain.separation import kept_distance
 from star_explain.tracks import Tracks
 

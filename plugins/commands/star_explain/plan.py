@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from star_core import Registry, TaskSpec, in_words, shortlist
+from star_core import Registry, TaskSpec
+from star_core.toolkit import in_words, shortlist
 from star_explain.dry_run import Group, Part, StepResult
 from star_explain.words import left_out, options, seconds
 

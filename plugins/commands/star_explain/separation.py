@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from star_core import Mission, Registry, fill_defaults
+from star_core import Mission, Registry
+from star_core.toolkit import fill_defaults
 
 
 def kept_distance(mission: Mission, registry: Registry) -> float:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from star_core import Mission, Registry, shortlist
+from star_core import Mission, Registry
+from star_core.toolkit import shortlist
 
 MINUTE: Final = 60.0
 LONG: Final = 120.0  # s: longer times are given in minutes

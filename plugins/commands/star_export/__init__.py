@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from star_core import CommandSpec, deferred, hookimpl
+from star_core import deferred, hookimpl
+from star_core.commands import CommandSpec
 
 
 @hookimpl

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from star_core import Progress, read_run, writing
+from star_core import read_run
+from star_core.commands import writing
+from star_core.toolkit import Progress
 from star_export.tables import csv_files, tum_files
 
 FORMATS: Final = {"csv": csv_files, "tum": tum_files}

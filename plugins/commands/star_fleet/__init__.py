@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from star_core import CommandSpec, hookimpl
+from star_core import hookimpl
+from star_core.commands import CommandSpec
 
 
 @hookimpl

@@ -14,7 +14,9 @@ from socket import gaierror
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, Mission, PluginError, Registry, fill_defaults, load, read_faults
+from star_core import InputError, Mission, PluginError, Registry, load
+from star_core.commands import read_faults
+from star_core.toolkit import fill_defaults
 from star_sim import OPTIONS, simulator_arguments
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, transformed, wrap_angle
+from star_core import Array
+from star_core.toolkit import transformed, wrap_angle
 from star_fleet.craft import Craft
 from star_fleet.memory import compressed, plain
 from star_fleet.packet import read, sound

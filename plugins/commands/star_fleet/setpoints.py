@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from star_core import yaw_from_quaternion
+from star_core.toolkit import yaw_from_quaternion
 from star_fleet.packet import expand, read, sound
 from star_sim.airframe import THRUST_MAX
 from star_sim.drone import FREE, PLACE, SPEED

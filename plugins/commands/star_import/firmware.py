@@ -6,7 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from star_core import Value, shortlist
+from star_core.commands import Value
+from star_core.toolkit import shortlist
 from star_import.import_log import ImportLog
 
 KEY: Final = "firmware_params"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from star_core import shortlist
+from star_core.toolkit import shortlist
 from star_import.firmware import CONTROLLER, MELLINGER, plain
 from star_import.import_log import ImportLog, show
 from star_import.robots import Robot

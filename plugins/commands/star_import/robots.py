@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from star_core import InputError, Value
+from star_core import InputError
+from star_core.commands import Value
 from star_import import firmware
 from star_import.import_log import NOT_SUPPORTED, ImportLog, show
 

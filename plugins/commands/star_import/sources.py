@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from star_core import InputError, Value, read_yaml
+from star_core import InputError
+from star_core.commands import Value, read_yaml
 
 
 @dataclass(slots=True)

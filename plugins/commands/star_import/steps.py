@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from star_core import shortlist
+from star_core.toolkit import shortlist
 from star_import.import_log import ImportLog, show
 from star_import.records import Record, groups
 from star_import.text import Line

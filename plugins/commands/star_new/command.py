@@ -11,7 +11,8 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from star_core import InputError, writing
+from star_core import InputError
+from star_core.commands import writing
 
 KINDS: Final = (
     "avoider", "planner", "localizer", "transport", "task",

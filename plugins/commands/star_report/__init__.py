@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from star_core import CommandSpec, RunOptionSpec, hookimpl
+from star_core import hookimpl
+from star_core.commands import CommandSpec, RunOptionSpec
 
 if TYPE_CHECKING:
     from star_core import Mission, Registry

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from star_core import InputError, Progress, read_run
+from star_core import InputError, read_run
+from star_core.toolkit import Progress
 from star_report import study
 
 

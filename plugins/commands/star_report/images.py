@@ -11,7 +11,8 @@ from typing import Final, TypeVar
 import cv2
 import numpy as np
 
-from star_core import Detections, Run, image_with_tags
+from star_core import Detections, Run
+from star_core.toolkit import image_with_tags
 
 MAX_IMAGES: Final = 12
 WIDTH: Final = 324  # px

@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 import shapely
 
-from star_core import AgentPhase, Array, Obstacle, Run, Tag, box_edges, obstacle_meshes
+from star_core import AgentPhase, Array, Obstacle, Run, Tag
+from star_core.toolkit import box_edges, obstacle_meshes
 from star_report.figures import ALARM, Figure, colour, crosses, dotted, line
 from star_report.series import airborne, clearance, positions, separation
 

@@ -7,7 +7,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from star_core import InputError, Progress, writing
+from star_core import InputError
+from star_core.commands import writing
+from star_core.toolkit import Progress
 from star_tags.page import Page, pdf, svg
 from star_tags.sheet import PAPERS
 from star_tags.world import pages

@@ -5,7 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from star_core import TAG_RIM, InputError
+from star_core import InputError
+from star_core.toolkit import TAG_RIM
 from star_tags.page import Fill, Outline, Page, Point, Text, rectangle
 
 PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}

@@ -6,7 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from star_core import TAG_RIM, TAG_SIZE, InputError, read_as
+from star_core import InputError
+from star_core.commands import read_as
+from star_core.toolkit import TAG_RIM, TAG_SIZE
 from star_tags.page import Page
 from star_tags.sheet import Sheet, lay_out
 

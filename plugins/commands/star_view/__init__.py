@@ -6,7 +6,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 
-from star_core import CommandSpec, InputError, Mission, Progress, Registry, RunOptionSpec, hookimpl
+from star_core import InputError, Mission, Registry, hookimpl
+from star_core.commands import CommandSpec, RunOptionSpec
+from star_core.toolkit import Progress
 
 
 @hookimpl

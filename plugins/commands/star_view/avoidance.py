@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from star_core import PluginError, Registry, fill_defaults
+from star_core import PluginError, Registry
+from star_core.toolkit import fill_defaults
 
 
 def radius(avoider: str, options: Mapping[str, Any], registry: Registry) -> float | None:

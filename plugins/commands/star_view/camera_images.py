@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from star_core import Detections, Image, image_with_tags
+from star_core import Detections, Image
+from star_core.toolkit import image_with_tags
 
 WHITE: Final = (255, 255, 255)
 TILE: Final = 480  # px, width of a camera's image among several

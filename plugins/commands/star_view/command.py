@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from star_core import Mission, Progress, Registry, Run, add_set_option, fly, load, read_run
+from star_core import Mission, Registry, Run, fly, load, read_run
+from star_core.commands import add_set_option
+from star_core.toolkit import Progress
 from star_view import require_viser
 from star_view.avoidance import radius
 from star_view.messages import PORT

@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Camera, CameraModel, rotation_from_quaternion
+from star_core import Array, Camera
+from star_core.toolkit import CameraModel, rotation_from_quaternion
 
 MIN_HEIGHT: Final = 0.1  # m, of a camera whose footprint is drawn
 SIDE: Final = 8  # segments along each edge of an image: the lens distorts it

@@ -13,7 +13,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import viser
 
-from star_core import Agent, Array, Registry, shortlist
+from star_core import Agent, Array, Registry
+from star_core.toolkit import shortlist
 from star_view.footprints import footprint
 from star_view.markdown import escaped
 from star_view.swarm_scene import color_of, segments, switch

@@ -8,7 +8,8 @@ from typing import Final, Self
 
 import numpy as np
 
-from star_core import AgentPhase, Array, Rows, Run, Tick, shortlist
+from star_core import AgentPhase, Array, Rows, Run, Tick
+from star_core.toolkit import shortlist
 from star_view.markdown import escaped
 
 PURSUING: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING)

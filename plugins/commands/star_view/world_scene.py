@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import shapely
 
-from star_core import Tag, World, box_edges, obstacle_meshes
+from star_core import Tag, World
+from star_core.toolkit import box_edges, obstacle_meshes
 
 if TYPE_CHECKING:
     from viser import SceneApi

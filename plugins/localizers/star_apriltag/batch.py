@@ -27,7 +27,8 @@ from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.image_analysis import ImageAnalysis
 from star_apriltag.vision.tag_poses import MapTag
-from star_core import Agent, Array, CameraModel, Odometry, Pose, Rows, Tag, square_corners
+from star_core import Agent, Array, Odometry, Pose, Rows, Tag
+from star_core.toolkit import CameraModel, square_corners
 
 PERIOD: Final = 1 / 6  # s between nodes, at least
 STD: Final = 0.03  # m and rad, of every factor

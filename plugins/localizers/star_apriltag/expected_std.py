@@ -18,16 +18,8 @@ from star_apriltag.dead_reckoning import (
     TURN_STD,
     rotation_about_z,
 )
-from star_core import (
-    Array,
-    Camera,
-    CameraModel,
-    Mask,
-    Scene,
-    Tag,
-    rotation_from_quaternion,
-    square_corners,
-)
+from star_core import Array, Camera, Mask, Scene, Tag
+from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 
 SEEN_STD: Final = 0.03  # m, while a tag is in view
 MIN_EDGE: Final = 13.0  # px of a tag in the image: eight modules of those that are still detected

@@ -14,7 +14,8 @@ from star_apriltag.dead_reckoning import level_rotation
 from star_apriltag.odometry_track import Motion, OdometrySample, OdometryTrack
 from star_apriltag.vision.body_pose import MIN_DEPTH
 from star_apriltag.vision.detector import checked
-from star_core import Array, CameraModel, Image
+from star_core import Array, Image
+from star_core.toolkit import CameraModel
 
 COLUMNS, ROWS = 10, 8  # of the points that are tracked, over the whole image
 COARSE: Final = 16  # px between the points whose previous pixels are computed

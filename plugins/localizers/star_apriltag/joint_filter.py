@@ -32,7 +32,8 @@ from star_apriltag.dead_reckoning import (
 )
 from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.vision.body_pose import Motion, View, reproject
-from star_core import Array, Pose, Tag, rotation_from_vector, skew
+from star_core import Array, Pose, Tag
+from star_core.toolkit import rotation_from_vector, skew
 
 # State beyond that of dead reckoning, then six numbers for each landmark that was seen: rotation
 # about its center, rad, and shift, m, in the map.

@@ -24,8 +24,8 @@ from star_core import (
     Supervisor,
     Telemetry,
     Transform,
-    quaternion_from_euler,
 )
+from star_core.toolkit import quaternion_from_euler
 
 CLOCK_TOLERANCE: Final = 0.02  # s, by which an image may be newer than the newest report
 

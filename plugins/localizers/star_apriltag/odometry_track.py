@@ -7,7 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Odometry, Rows, Telemetry, Transform, wrap_angle
+from star_core import Array, Odometry, Rows, Telemetry, Transform
+from star_core.toolkit import wrap_angle
 
 CAPACITY: Final = 1 << 13  # samples: 82 s at 100 Hz, well beyond the longest gap between fixes
 COLUMNS: Final = 10  # time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Scene, position_margin
+from star_core import Array, Scene
+from star_core.toolkit import position_margin
 
 YAW_BIAS = math.radians(0.2)  # rad/s, gyro bias that remains after calibration, per flight
 SCALE = 0.05  # relative error of a displacement by height and focal length, per flight

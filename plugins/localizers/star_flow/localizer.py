@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import Estimate, Scene, Telemetry, Transform, wrap_angle
+from star_core import Estimate, Scene, Telemetry, Transform
+from star_core.toolkit import wrap_angle
 from star_flow.drift import ArtificialError, drift_of
 from star_flow.target_sightings import TargetSightings
 

@@ -10,14 +10,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from star_core import (
-    Array,
+from star_core import Array, Pose, Scene, Sightings, Telemetry, Transform
+from star_core.toolkit import (
     CameraModel,
-    Pose,
-    Scene,
-    Sightings,
-    Telemetry,
-    Transform,
     rotation_from_quaternion,
     rotation_from_vector,
     square_corners,
@@ -132,7 +127,9 @@ def square_fix(rays: Array, size: float, up: Array, deviation: float) -> SquareF
         up: (3,) unit vector against gravity in the camera's frame.
         deviation: Standard deviation of each coordinate of the rays.
     """
-    from star_core import square_poses  # OpenCV, which a flight without targets does not need
+    from star_core.toolkit import (
+        square_poses,  # OpenCV, which a flight without targets does not need
+    )
 
     guesses = square_poses(rays, size) + square_poses(rays + _NUDGES, size)
     fixes = [fix for pose, _ in guesses if (fix := _refined(pose, rays, size, deviation))]

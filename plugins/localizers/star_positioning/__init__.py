@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from star_core import LocalizerSpec, Problem, Scene, deferred, hookimpl, positive
+from star_core import LocalizerSpec, Problem, Scene, deferred, hookimpl
+from star_core.toolkit import positive
 
 OPTIONS: dict[str, Any] = {
     "type": "object",

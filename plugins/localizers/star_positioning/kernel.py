@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, Rows, compiled, subroutine
+from star_core import Array, Rows
+from star_core.toolkit import compiled, subroutine
 
 # The state, and columns of the history of reports.
 X, Y, Z, YAW, SLIP_X, SLIP_Y, ERROR = range(7)  # m, m, m, rad, m/s, m/s, and from there 3 x m

@@ -6,16 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import (
-    Array,
-    Estimate,
-    PoseFixes,
-    Scene,
-    Telemetry,
-    Transform,
-    wrap_angle,
-    yaw_from_quaternion,
-)
+from star_core import Array, Estimate, PoseFixes, Scene, Telemetry, Transform
+from star_core.toolkit import wrap_angle, yaw_from_quaternion
 from star_positioning.kernel import COLUMNS, HISTORY, STATES, YAW, fuse
 
 START = 0.05  # m, std of an agent's manual placement

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from star_core import Mission, Registry, RunOptionSpec, hookimpl
+from star_core import Mission, Registry, hookimpl
+from star_core.commands import RunOptionSpec
 
 
 @hookimpl
@@ -20,7 +21,7 @@ def star_run_options() -> Iterator[RunOptionSpec]:
 def _make(mission: Mission, _registry: Registry, file: str) -> object:
     from pathlib import Path
 
-    from star_core import read_faults
+    from star_core.commands import read_faults
     from star_faults.injector import FaultInjector
 
     path = Path(file)

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Fault, Flight, Operator, PluginError, Scene, World, hookimpl
+from star_core import Flight, Operator, PluginError, Scene, World, hookimpl
+from star_core.commands import Fault
 from star_faults.links import ReportFaults, SendFaults
 from star_faults.outputs import OutputFaults
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Fault, TaskOutput
+from star_core import TaskOutput
+from star_core.commands import Fault
 from star_faults.tables import Passing, spoiled
 
 

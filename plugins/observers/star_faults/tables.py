@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Array, Fault, Goals, Mask, Plan, Setpoint, TaskOutput, Transform
+from star_core import Array, Goals, Mask, Plan, Setpoint, TaskOutput, Transform
+from star_core.commands import Fault
 
 
 class Passing:

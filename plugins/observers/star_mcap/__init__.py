@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from star_core import CommandSpec, InputError, hookimpl
+from star_core import InputError, hookimpl
+from star_core.commands import CommandSpec
 
 if TYPE_CHECKING:
     from star_core import Event, Flight, Tick

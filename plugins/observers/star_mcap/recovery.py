@@ -15,7 +15,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import Writer
 from zstandard import ZstdError
 
-from star_core import InputError, Progress
+from star_core import InputError
+from star_core.toolkit import Progress
 from star_mcap.messages import FILE
 from star_mcap.writer import begin
 

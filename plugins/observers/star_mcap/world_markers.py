@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Array, Obstacle, Scene, box_edges, obstacle_meshes
+from star_core import Array, Obstacle, Scene
+from star_core.toolkit import box_edges, obstacle_meshes
 from star_mcap.messages import header, kind, point, pose, vector
 
 GREY, GREEN, BLUE, ORANGE = (0.5, 0.5, 0.5), (0.2, 0.6, 0.2), (0.1, 0.3, 0.8), (0.9, 0.5, 0.1)

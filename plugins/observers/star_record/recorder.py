@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Detections, Flight, Frames, Image, Paths, Tick, split_timing
+from star_core import Detections, Flight, Frames, Image, Paths, Tick
+from star_core.commands import split_timing
 from star_record.spool import Spool
 from star_record.text_log import TextLog
 

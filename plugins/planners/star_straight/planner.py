@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import Estimate, Goals, Paths, Plan, PositionController, Scene, Setpoint
+from star_core import Estimate, Goals, Paths, Plan, Scene, Setpoint
+from star_core.toolkit import PositionController
 
 
 class Straight:

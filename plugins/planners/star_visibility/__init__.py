@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import PlannerSpec, deferred, hookimpl, number, positive
+from star_core import PlannerSpec, deferred, hookimpl
+from star_core.toolkit import number, positive
 
 if TYPE_CHECKING:
     from star_core import Problem, Scene

@@ -8,7 +8,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from star_core import MAX_MARGIN, Array, Estimate, Mask, Rows, Scene, position_margin
+from star_core import Array, Estimate, Mask, Rows, Scene
+from star_core.toolkit import MAX_MARGIN, position_margin
 from star_visibility.network import Work
 from star_visibility.routes import Routes
 

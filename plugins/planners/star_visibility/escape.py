@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, compiled, subroutine
+from star_core import Array, Mask
+from star_core.toolkit import compiled, subroutine
 from star_visibility.line_of_sight import band_of, covered, nearest_on, sees, within
 from star_visibility.regions import Regions
 

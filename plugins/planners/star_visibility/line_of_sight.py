@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, compiled, subroutine
+from star_core import Array, Mask, Rows
+from star_core.toolkit import compiled, subroutine
 from star_visibility.regions import Regions
 
 TOUCH = 1e-10  # m; nearer than this is on the line

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import shapely
 
-from star_core import Array, Fence, Rows, compiled
+from star_core import Array, Fence, Rows
+from star_core.toolkit import compiled
 from star_visibility.openings import openings
 from star_visibility.regions import Block, Regions
 from star_visibility.search import Nodes

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, compiled, subroutine
+from star_core import Array
+from star_core.toolkit import compiled, subroutine
 from star_visibility.line_of_sight import LEVEL, meeting, meets, on_outline, within
 from star_visibility.regions import Regions
 

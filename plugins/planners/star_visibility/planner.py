@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Mask, Plan, PositionController, Rows, Scene, Setpoint
+from star_core import Array, Estimate, Goals, Mask, Plan, Rows, Scene, Setpoint
+from star_core.toolkit import PositionController
 from star_visibility.clearances import Clearances, WidePath
 from star_visibility.line_of_sight import all_see
 from star_visibility.network import Work

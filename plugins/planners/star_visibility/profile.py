@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, compiled
+from star_core import Array
+from star_core.toolkit import compiled
 from star_visibility.openings import entered
 from star_visibility.regions import Regions
 

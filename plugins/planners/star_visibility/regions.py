@@ -11,7 +11,8 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from star_core import Array, Obstacle, Rows, World, footprint
+from star_core import Array, Obstacle, Rows, World
+from star_core.toolkit import footprint
 
 THIN = 1e-9  # m: a smaller height difference is not a band
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from star_core import Array, Mask, Rows, compiled, subroutine
+from star_core import Array, Mask, Rows
+from star_core.toolkit import compiled, subroutine
 from star_visibility.openings import openings
 from star_visibility.regions import Regions
 from star_visibility.tangents import Corners, Graph, passes

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from star_core import Array, Fence, Rows, compiled, subroutine
+from star_core import Array, Fence, Rows
+from star_core.toolkit import compiled, subroutine
 from star_visibility.line_of_sight import TOUCH
 from star_visibility.openings import openings
 from star_visibility.regions import Regions

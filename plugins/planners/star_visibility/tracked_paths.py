@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from star_core import Array, Mask, Paths, Rows, compiled, subroutine
+from star_core import Array, Mask, Paths, Rows
+from star_core.toolkit import compiled, subroutine
 from star_visibility.line_of_sight import covered, sees
 from star_visibility.regions import Regions
 

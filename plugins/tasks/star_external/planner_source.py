@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
-from star_core import ContractError, PluginError, PluginGuard, permitted_entry_points
+from star_core import ContractError, PluginError
+from star_core.toolkit import PluginGuard, permitted_entry_points
 from star_external.planner import Answer, Done, ExternalPlanner, Failed, Goal
 from star_external.protocol import GOAL_KEYS, checked_goals, quoted, shortened, ticks_between
 

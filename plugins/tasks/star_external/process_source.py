@@ -20,7 +20,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Final, Literal, TypeVar
 
-from star_core import Estimate, Health, InputError, Scene, shortlist
+from star_core import Estimate, Health, InputError, Scene
+from star_core.toolkit import shortlist
 from star_external.external import Hold
 from star_external.planner import Answer, Done, Failed
 from star_external.protocol import greeting, read, refusal, state, ticks_between

@@ -20,7 +20,8 @@ from numbers import Real
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from star_core import InputError, shortlist
+from star_core import InputError
+from star_core.toolkit import shortlist
 from star_external.planner import Answer, Done, Failed, Goal, Point
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from functools import partial
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Exclusive, PluginError, Problem, TaskSpec, number, positive
+from star_core import PluginError, Problem, TaskSpec
+from star_core.toolkit import Exclusive, number, positive
 from star_external.planner_source import GROUP, find_planner, planner_names
 from star_external.protocol import DEFAULT_TIMEOUT, ticks_between
 

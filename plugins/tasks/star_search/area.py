@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
-from star_core import TAG_SIZE, Problem, outline_fault
+from star_core import Problem
+from star_core.toolkit import TAG_SIZE, outline_fault
 
 if TYPE_CHECKING:
     from star_core import Camera, Scene
@@ -118,7 +119,7 @@ def field_of_view(camera: Camera, height: float, size: float, cell: float) -> Fi
     """
     import numpy as np
 
-    from star_core import CameraModel
+    from star_core.toolkit import CameraModel
 
     model = CameraModel(camera)
     x, y, z = camera.position

@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from star_core import Array, Mask, Obstacle, Rows, footprint
+from star_core import Array, Mask, Obstacle, Rows
+from star_core.toolkit import footprint
 from star_search.area import MIN_IMAGES, FieldOfView
 
 OCCLUSION_PAD: Final = 0.5  # of a cell's diagonal, by which obstacles that hide cells are enlarged

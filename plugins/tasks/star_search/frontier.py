@@ -13,7 +13,8 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from star_core import Array, Estimate, Mask, Rows, timeout, wrap_angle
+from star_core import Array, Estimate, Mask, Rows
+from star_core.toolkit import timeout, wrap_angle
 from star_search.area import MIN_IMAGES, FieldOfView
 from star_search.pattern import TOLERANCE, TURN_RATE, Waypoint
 from star_search.search_space import SearchSpace

@@ -8,7 +8,8 @@ from functools import cache
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, runtime_checkable
 
-from star_core import PluginError, permitted_entry_points
+from star_core import PluginError
+from star_core.toolkit import permitted_entry_points
 
 if TYPE_CHECKING:
     from star_core import Estimate

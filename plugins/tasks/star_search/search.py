@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from star_core import AgentPhase, Estimate, Health, Status, TaskOutput, timeout
+from star_core import AgentPhase, Estimate, Health, Status, TaskOutput
+from star_core.toolkit import timeout
 from star_search.pattern import Pattern
 from star_search.search_space import SearchSpace
 from star_search.target_visits import TargetVisits

@@ -11,7 +11,8 @@ import shapely
 from shapely import Point, Polygon
 from shapely.ops import nearest_points
 
-from star_core import Array, Estimate, Goals, Mask, Scene, footprint
+from star_core import Array, Estimate, Goals, Mask, Scene
+from star_core.toolkit import footprint
 from star_search.area import Area, area_corners, field_of_view, smallest_target, swaths
 from star_search.coverage_map import CoverageMap
 from star_search.pattern import Waypoint

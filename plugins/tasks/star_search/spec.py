@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import PluginError, Problem, TaskSpec, number, positive, suggestion
+from star_core import PluginError, Problem, TaskSpec
+from star_core.toolkit import number, positive, suggestion
 from star_search.area import Area, area_corners, area_problems, swaths
 from star_search.pattern import make_pattern, pattern_names
 

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Rows, timeout
+from star_core import Array, Estimate, Mask, Rows
+from star_core.toolkit import timeout
 from star_search.frontier import Frontier
 from star_search.lanes import (
     Lane,

@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import AgentPhase, Array, Command, Estimate, Health, Order, timeout
+from star_core import AgentPhase, Array, Command, Estimate, Health, Order
+from star_core.toolkit import timeout
 from star_search.pattern import TOLERANCE, Waypoint
 from star_search.search_space import SearchSpace
 

@@ -8,7 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Health, Scene, Status, TaskOutput, shortlist, timeout
+from star_core import Array, Estimate, Goals, Health, Scene, Status, TaskOutput
+from star_core.toolkit import shortlist, timeout
 from star_verbs.positions import spread
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
 

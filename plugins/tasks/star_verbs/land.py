@@ -6,18 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import (
-    AgentPhase,
-    Array,
-    Command,
-    Estimate,
-    Health,
-    Order,
-    Scene,
-    Status,
-    TaskOutput,
-    timeout,
-)
+from star_core import AgentPhase, Array, Command, Estimate, Health, Order, Scene, Status, TaskOutput
+from star_core.toolkit import timeout
 from star_verbs.goto import Approach
 from star_verbs.step_agents import StepAgents
 

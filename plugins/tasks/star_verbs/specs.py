@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Problem, TaskSpec, deferred, number
+from star_core import Problem, TaskSpec, deferred
+from star_core.toolkit import number
 from star_verbs.follow.spec import SPEC as FOLLOW
 from star_verbs.formation.spec import SPEC as FORMATION
 from star_verbs.positions import (

@@ -7,7 +7,8 @@ from itertools import permutations
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Rows, Scene, timeout
+from star_core import Array, Estimate, Goals, Rows, Scene
+from star_core.toolkit import timeout
 
 MAX_REST_SPEED = 0.15  # m/s: a slower agent has stopped, within the accuracy of its estimate
 TIE_BREAK = 1e-6  # 1/m: cost of squared distances, which decides between equal totals

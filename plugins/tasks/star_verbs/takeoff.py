@@ -7,19 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import (
-    AgentPhase,
-    Command,
-    Estimate,
-    Goals,
-    Health,
-    Order,
-    Scene,
-    Status,
-    TaskOutput,
-    shortlist,
-    timeout,
-)
+from star_core import AgentPhase, Command, Estimate, Goals, Health, Order, Scene, Status, TaskOutput
+from star_core.toolkit import shortlist, timeout
 from star_verbs.step_agents import StepAgents, import_assignment
 
 MIN_DURATION: Final = 1.0  # s

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from star_core import CommandSpec, Problem, TransportSpec, hookimpl
+from star_core import Problem, TransportSpec, hookimpl
+from star_core.commands import CommandSpec
 from star_radio import budget
 from star_radio.address import RadioAddress, camera_faults, faults
 from star_radio.options import OPTIONS

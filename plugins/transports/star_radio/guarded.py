@@ -22,7 +22,6 @@ from star_core import (
     Corrections,
     Order,
     PluginError,
-    Progress,
     Scene,
     Setpoint,
     Supervisor,
@@ -30,10 +29,9 @@ from star_core import (
     Trajectory,
     Transform,
     Truth,
-    on_terminal,
-    shortlist,
 )
-from star_core import log as write
+from star_core.toolkit import Progress, on_terminal, shortlist
+from star_core.toolkit import log as write
 from star_radio import rescue
 from star_radio.options import RadioOptions
 from star_radio.sensors import Sensors, connecting

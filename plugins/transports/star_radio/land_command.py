@@ -13,18 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from star_core import (
-    Frames,
-    GroundEvidence,
-    InputError,
-    PluginError,
-    Progress,
-    Registry,
-    add_set_option,
-    fill_defaults,
-    load,
-    shortlist,
-)
+from star_core import Frames, InputError, PluginError, Registry, load
+from star_core.commands import add_set_option
+from star_core.toolkit import GroundEvidence, Progress, fill_defaults, shortlist
 from star_radio import budget
 from star_radio.address import drone, fault
 from star_radio.connection import udp_links

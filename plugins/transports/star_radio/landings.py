@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import GroundEvidence, Mask, Order, Telemetry
+from star_core import Mask, Order, Telemetry
+from star_core.toolkit import GroundEvidence
 from star_radio import orders
 from star_radio.vehicle import LANDED_HEIGHT, Vehicle, landing_time
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from star_core import Frames, Progress, Scene, Truth
+from star_core import Frames, Scene, Truth
+from star_core.toolkit import Progress
 from star_radio.mocap import MotionCapture
 from star_radio.options import RadioOptions
 

@@ -9,7 +9,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from star_core import Array, Mask, Setpoint, wrap_angle
+from star_core import Array, Mask, Setpoint
+from star_core.toolkit import wrap_angle
 from star_radio import orders, report
 from star_radio.connection.packets import MAX_COORDINATE
 

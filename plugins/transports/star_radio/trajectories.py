@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import ContractError, PluginError, Trajectory, transformed, wrap_angle
+from star_core import ContractError, PluginError, Trajectory
+from star_core.toolkit import transformed, wrap_angle
 from star_radio import orders
 from star_radio.connection import packets
 from star_radio.connection.questions import Ask, Question

@@ -17,7 +17,6 @@ from star_core import (
     Command,
     ContractError,
     Corrections,
-    GroundEvidence,
     Mask,
     Order,
     PluginError,
@@ -28,8 +27,8 @@ from star_core import (
     Telemetry,
     Trajectory,
     Truth,
-    shortlist,
 )
+from star_core.toolkit import GroundEvidence, shortlist
 from star_radio import budget, orders, profiles, report
 from star_radio.broadcast import BroadcastCommands
 from star_radio.connection import udp_links

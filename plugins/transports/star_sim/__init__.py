@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from star_core import Problem, TransportSpec, fill_defaults, hookimpl
+from star_core import Problem, TransportSpec, hookimpl
+from star_core.toolkit import fill_defaults
 from star_sim import positioning_options
 from star_sim.camera_sim import options as camera_options
 from star_sim.error_profile import PROFILES

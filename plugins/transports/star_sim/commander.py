@@ -26,7 +26,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from star_core import Array, Command, Order, Rows, Setpoint, polynomial, wrap_angle
+from star_core import Array, Command, Order, Rows, Setpoint
+from star_core.toolkit import polynomial, wrap_angle
 from star_sim.airframe import CYCLE
 from star_sim.compiled import Record, compiled
 from star_sim.drone import DEMAND, OFF, TRAJECTORY, VELOCITY, Drones

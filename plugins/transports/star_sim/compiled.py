@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeAlias, TypeVar
 
-from star_core import compiled as compiled_by_star
-from star_core import subroutine
+from star_core.toolkit import compiled as compiled_by_star
+from star_core.toolkit import subroutine
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

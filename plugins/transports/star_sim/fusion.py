@@ -15,7 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Corrections, wrap_angle, yaw_from_quaternion
+from star_core import Array, Corrections
+from star_core.toolkit import wrap_angle, yaw_from_quaternion
 from star_sim.airframe import CYCLE
 from star_sim.drone import Drones
 from star_sim.estimator import FLOW_GAIN

@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Mask, Rows, Trajectory, polynomial, transformed
+from star_core import Array, Mask, Rows, Trajectory
+from star_core.toolkit import polynomial, transformed
 from star_sim.airframe import NEVER, STEP, STEPS_PER_CYCLE
 from star_sim.compiled import Record
 from star_sim.drone import TRAJECTORY, Drones

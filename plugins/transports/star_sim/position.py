@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from star_core import wrap_angle
+from star_core.toolkit import wrap_angle
 from star_sim.airframe import CYCLE, GRAVITY, MASS
 from star_sim.compiled import Record, compiled
 from star_sim.drone import DEMAND, FREE, OFF, PLACE, TRAJECTORY

@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import PoseFixes, quaternion_from_euler, yaw_from_quaternion
+from star_core import PoseFixes
+from star_core.toolkit import quaternion_from_euler, yaw_from_quaternion
 from star_sim.airframe import STEP
 from star_sim.drone import Drones
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from star_core import number, positive
+from star_core.toolkit import number, positive
 
 OPTIONS: dict[str, Any] = {
     "type": "object",

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Mask, quaternion_from_euler
+from star_core import Array, Mask
+from star_core.toolkit import quaternion_from_euler
 from star_sim.airframe import CYCLE, NEVER, STEP
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Command, Limits, Obstacle, Supervisor
-from star_core.cli.main import run
+from star_core.commands.main import run
 from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
 from star_core.messages.state import among

@@ -103,6 +103,6 @@ def test_without_obstacles_the_ground_is_free() -> None:
 
 
 def test_the_front_door_gives_the_function() -> None:
-    import star_core
+    from star_core import toolkit
 
-    assert np.isclose(star_core.footprint([thing(SQUARE)], 1.0, 1.0).area, 4.0)
+    assert np.isclose(toolkit.footprint([thing(SQUARE)], 1.0, 1.0).area, 4.0)

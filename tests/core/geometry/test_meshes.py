@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from star_core import Obstacle, box_edges, obstacle_meshes
+from star_core import Obstacle
+from star_core.toolkit import box_edges, obstacle_meshes
 
 
 def test_an_obstacle_has_its_sides_and_its_top() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from star_core import Array, position_margin, yielding_margin
+from star_core import Array
+from star_core.toolkit import position_margin, yielding_margin
 
 
 def unsure(spread: Array, turn: float = 0.0) -> Array:

@@ -4,9 +4,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from star_core import (
-    Array,
-    Pose,
+from star_core import Array, Pose
+from star_core.toolkit import (
     quaternion_from_euler,
     rotation_from_quaternion,
     rotation_from_vector,

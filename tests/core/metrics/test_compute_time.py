@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 
-from star_core import Tick, compiled, hookimpl
+from star_core import Tick, hookimpl
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.timing import ComputeTime, compile_time
 from star_core.registry import Registry
+from star_core.toolkit import compiled
 from tests.core.conftest import Lab
 
 NAMED = {

@@ -13,7 +13,7 @@ from typing import Any, cast
 import pytest
 
 from star_core import TaskSpec, hookimpl
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_core.metrics.manifest import manifest, packages
 from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source

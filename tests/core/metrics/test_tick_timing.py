@@ -19,7 +19,7 @@ from star_core import (
     hookimpl,
     load,
 )
-from star_core.cli.run import format_summary
+from star_core.commands.run import format_summary
 from star_core.plugin_support.timing import REPORT_INTERVAL, TickTiming
 from star_sim import ideal_world
 from star_sim.airframe import STEP

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from star_core import Camera, InputError, Registry, load
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_core.metrics.manifest import manifest
 from star_core.mission_file import schema
 from star_core.mission_file.editor_schema import for_editors

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from star_core import Registry, load
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_core.mission_file.input_file import read, shipped
 
 

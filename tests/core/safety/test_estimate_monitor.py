@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from star_core import Array, Telemetry, quaternion_from_euler
+from star_core import Array, Telemetry
 from star_core.safety.estimate_monitor import DRAG, GRAVITY, MotionCheck
+from star_core.toolkit import quaternion_from_euler
 
 PERIOD = 0.05  # s
 BEGUN = 2.0  # s, when something goes wrong

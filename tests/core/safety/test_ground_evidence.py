@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from star_core import GroundEvidence, Order, Supervisor, Telemetry
+from star_core import Order, Supervisor, Telemetry
+from star_core.toolkit import GroundEvidence
 
 FLYING, FINISHED = Supervisor.FLYING, Supervisor.COMMANDER_FINISHED
 BY_COMMANDER = FLYING | Supervisor.COMMANDER_ACTIVE

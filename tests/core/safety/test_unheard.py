@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Estimate, Limits, Registry, Setpoint, fill_defaults
+from star_core import AgentPhase, Array, Estimate, Limits, Registry, Setpoint
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
 from star_core.safety.agents_in_the_way import (
@@ -19,6 +19,7 @@ from star_core.safety.agents_in_the_way import (
 )
 from star_core.safety.filter import SafetyFilter
 from star_core.testing import estimate, scene
+from star_core.toolkit import fill_defaults
 
 LIMITS = Limits(separation=0.2, vertical_separation=0.6)
 DOWN = LIMITS.separation - LIMITS.vertical_separation  # m, as others keep only `separation` above

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import Array, Camera, CameraModel, perspective
+from star_core import Array, Camera
+from star_core.toolkit import CameraModel, perspective
 
 LENS = CameraModel(Camera())
 columns, rows = st.floats(30, 323), st.floats(30, 243)

@@ -14,12 +14,12 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from star_core import compiled, subroutine
+from star_core.toolkit import compiled, subroutine
 
 ROOT = Path(__file__).parents[3]
 KERNEL = """\
 import sys
-from star_core import compiled
+from star_core.toolkit import compiled
 from functions import add
 
 
@@ -31,7 +31,7 @@ def kernel(x):
 sys.stdout.write(f"{kernel(1.0)} {sum(kernel.stats.cache_hits.values())}")
 """
 FUNCTIONS = '''\
-from star_core import subroutine
+from star_core.toolkit import subroutine
 from constants import OFFSET
 
 
@@ -104,7 +104,7 @@ def test_compilation_is_reported_on_stderr_and_loading_is_not(runs: Runs) -> Non
 
 def test_machine_code_whose_types_were_in_another_module_is_compiled_again(tmp_path: Path) -> None:
     kernel = (
-        "import sys\nfrom star_core import compiled\nfrom before import Pair\n\n\n"
+        "import sys\nfrom star_core.toolkit import compiled\nfrom before import Pair\n\n\n"
         "@compiled\ndef first(pair):\n    return pair.one\n\n\n"
         "sys.stdout.write(str(first(Pair(1.0))))"
     )

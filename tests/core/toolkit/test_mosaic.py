@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from star_core import Image, gray_from_mosaic
+from star_core import Image
+from star_core.toolkit import gray_from_mosaic
 
 KINDS = ["bayer_rggb", "bayer_bggr", "bayer_grbg", "bayer_gbrg"]
 RESPONSE = {"r": 0.5, "g": 1.0, "b": 0.4}

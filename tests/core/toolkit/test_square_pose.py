@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from star_core import square_corners, square_poses
+from star_core.toolkit import square_corners, square_poses
 
 SIZE = 0.168
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from star_core import Array, compiled, polynomial, transformed
+from star_core import Array
+from star_core.toolkit import compiled, polynomial, transformed
 
 coefficients = arrays(np.float64, (4, 8), elements=st.floats(-2, 2, allow_subnormal=False))
 

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from star_core import Array, Avoider, Limits, Obstacle, Scene, Setpoint, fill_defaults
+from star_core import Array, Avoider, Limits, Obstacle, Scene, Setpoint
 from star_core.testing import estimate, scene
+from star_core.toolkit import fill_defaults
 
 SPEED, LAG, CONTACT = 0.5, 0.25, 0.12  # m/s, s, m
 Polygon = tuple[tuple[float, float], ...]

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from star_core import YIELD_TIME, Array
+from star_core import Array
+from star_core.toolkit import YIELD_TIME
 from star_orca.half_planes import half_planes
 from star_orca.neighbours import CLIMB, COLUMNS, MARGIN
 

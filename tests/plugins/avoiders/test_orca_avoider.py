@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import star_orca
-from star_core import Array, Avoider, AvoiderSpec, Limits, Problem, Scene, Setpoint, fill_defaults
+from star_core import Array, Avoider, AvoiderSpec, Limits, Problem, Scene, Setpoint
 from star_core.testing import estimate, scene
+from star_core.toolkit import fill_defaults
 from star_orca.avoider import Orca
 
 SPEED = 0.5

@@ -13,8 +13,9 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 import star_flow
-from star_core import Agent, Array, Localizer, Scene, Telemetry, fill_defaults
+from star_core import Agent, Array, Localizer, Scene, Telemetry
 from star_core.testing import scene
+from star_core.toolkit import fill_defaults
 from star_flow.drift import Drift
 
 angles = st.floats(-np.pi, np.pi)

@@ -27,10 +27,9 @@ from star_core import (
     Scene,
     Tag,
     Telemetry,
-    fill_defaults,
-    square_corners,
 )
 from star_core.testing import scene
+from star_core.toolkit import fill_defaults, square_corners
 from star_flow.drift import heading_variance
 from star_flow.target_sightings import square_fix
 

@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from star_core import Flight, hookimpl, split_timing
-from star_core.cli.main import main
+from star_core import Flight, hookimpl
+from star_core.commands import split_timing
+from star_core.commands.main import main
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import Flight, Frames, Image, Registry, load
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_record.recorder import Recorder
 
 WORLD = """\

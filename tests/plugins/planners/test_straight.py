@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import star_straight
-from star_core import Array, Goals, Limits, Planner, Scene, fill_defaults
+from star_core import Array, Goals, Limits, Planner, Scene
 from star_core.testing import estimate, scene
+from star_core.toolkit import fill_defaults
 
 N = 3
 tables = arrays(np.float64, (N, 3), elements=st.floats(-9, 9))

@@ -22,20 +22,9 @@ from jsonschema import Draft202012Validator
 
 import star_straight
 import star_visibility
-from star_core import (
-    Array,
-    Estimate,
-    Fence,
-    Goals,
-    Limits,
-    Obstacle,
-    Plan,
-    Planner,
-    Scene,
-    World,
-    fill_defaults,
-)
+from star_core import Array, Estimate, Fence, Goals, Limits, Obstacle, Plan, Planner, Scene, World
 from star_core.testing import estimate, scene
+from star_core.toolkit import fill_defaults
 from star_core.world.outlines import box, wall
 
 N = 3

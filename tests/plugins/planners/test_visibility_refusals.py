@@ -13,21 +13,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import star_visibility
-from star_core import (
-    Agent,
-    Array,
-    Fence,
-    Goals,
-    Obstacle,
-    Planner,
-    Scene,
-    World,
-    fill_defaults,
-    load,
-)
+from star_core import Agent, Array, Fence, Goals, Obstacle, Planner, Scene, World, load
 from star_core import fly as fly_mission
 from star_core.registry import Registry
 from star_core.testing import estimate, scene
+from star_core.toolkit import fill_defaults
 from star_core.world.outlines import box
 from star_core.world.world import CONTACT_RADIUS
 

@@ -14,8 +14,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import shortest_path
 
-from star_core import Array, Fence, Obstacle, Scene, World, footprint
+from star_core import Array, Fence, Obstacle, Scene, World
 from star_core.testing import scene
+from star_core.toolkit import footprint
 from star_core.world.outlines import box, wall
 from star_visibility.routes import Routes
 

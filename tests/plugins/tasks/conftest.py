@@ -22,9 +22,9 @@ from star_core import (
     Scene,
     Status,
     Task,
-    fill_defaults,
 )
 from star_core.testing import estimate, health
+from star_core.toolkit import fill_defaults
 from star_straight import star_planners
 from star_verbs.specs import SPECS
 

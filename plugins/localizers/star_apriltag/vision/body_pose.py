@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Pose, perspective, skew
+from star_core import Array, Pose
+from star_core.toolkit import perspective, skew
 
 LEVEL_STD: Final = math.radians(2.0)
 """Of the on-board estimator's roll and pitch, rad; large, because their errors last."""

@@ -11,7 +11,8 @@ import numpy as np
 
 from star_apriltag.vision.quads import dark_quads, pyramid
 from star_apriltag.vision.tag_code import MIN_CORRELATION, bordered, module_grid, read_codes
-from star_core import Array, CameraModel, Image, Rows
+from star_core import Array, Image, Rows
+from star_core.toolkit import CameraModel
 
 MIN_SEPARATION: Final = 0.4  # of a tag's diagonal, between the centers of two tags
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from star_apriltag.vision.body_pose import MIN_DEPTH, View
 from star_apriltag.vision.expected_tags import ExpectedTag
 from star_apriltag.vision.tag_poses import CELLS, MODULES, USUAL_SIZE
-from star_core import Array, CameraModel, Image, Mask, Pose, square_corners
+from star_core import Array, Image, Mask, Pose
+from star_core.toolkit import CameraModel, square_corners
 
 SEARCH_STDS: Final = 3.0  # standard deviations of the expected pixel that are searched
 MARGIN: Final = 3.0  # px, beyond that

@@ -17,7 +17,8 @@ from star_apriltag.vision.tag_poses import (
     seen_landmark,
     seen_target,
 )
-from star_core import Array, Camera, CameraModel, Image, Rows, Tag
+from star_core import Array, Camera, Image, Rows, Tag
+from star_core.toolkit import CameraModel
 
 
 @dataclass(frozen=True, slots=True)

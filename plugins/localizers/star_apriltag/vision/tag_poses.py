@@ -21,11 +21,9 @@ from star_apriltag.vision.body_pose import (
     surprise,
     tilt,
 )
-from star_core import (
-    Array,
+from star_core import Array, Pose, Tag
+from star_core.toolkit import (
     CameraModel,
-    Pose,
-    Tag,
     rotation_from_quaternion,
     skew,
     square_corners,

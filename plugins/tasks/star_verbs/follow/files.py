@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from star_core import InputError, polynomial
+from star_core import InputError
+from star_core.toolkit import polynomial
 from star_verbs.follow.trajectory import PolynomialPath
 from star_verbs.positions import Point
 

@@ -9,19 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import (
-    Array,
-    Command,
-    Estimate,
-    Health,
-    Order,
-    Scene,
-    Status,
-    TaskOutput,
-    Trajectory,
-    shortlist,
-    wrap_angle,
-)
+from star_core import Array, Command, Estimate, Health, Order, Scene, Status, TaskOutput, Trajectory
+from star_core.toolkit import shortlist, wrap_angle
 from star_verbs.follow.files import read_trajectory
 from star_verbs.follow.routes import Polyline, route, route_faults
 from star_verbs.follow.trajectory import PolynomialPath, Samples, position_faults

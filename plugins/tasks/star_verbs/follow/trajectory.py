@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from star_core import Array, Rows, Trajectory, polynomial
+from star_core import Array, Rows, Trajectory
+from star_core.toolkit import polynomial
 from star_verbs.positions import Point, extents, offset_label, points_between, shifted
 
 if TYPE_CHECKING:

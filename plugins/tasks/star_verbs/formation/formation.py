@@ -8,7 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Health, Scene, Status, TaskOutput, shortlist
+from star_core import Array, Estimate, Health, Scene, Status, TaskOutput
+from star_core.toolkit import shortlist
 from star_verbs.formation.shapes import position_faults, shape
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign, lag_factor
 

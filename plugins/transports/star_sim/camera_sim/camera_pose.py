@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from star_core import Array, Camera, CameraModel, distort
+from star_core import Array, Camera
+from star_core.toolkit import CameraModel, distort
 from star_sim.compiled import Record, compiled, kernel
 
 POSE = 12

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from star_core import Array, Camera, Mask, Pose, Rows, Tag, World, rotation_from_quaternion
+from star_core import Array, Camera, Mask, Pose, Rows, Tag, World
+from star_core.toolkit import rotation_from_quaternion
 from star_sim.camera_sim.camera_pose import Shot, mounting, optics
 from star_sim.camera_sim.obstacle_rasterizer import Prisms, blocked
 from star_sim.camera_sim.projection import project

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from star_core import fill_defaults
+from star_core.toolkit import fill_defaults
 from star_sim.error_profile import IDEAL, ErrorProfile
 
 MODES = ("rendered", "geometric", "off")

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from star_core import Array, Tag, rotation_from_quaternion, square_corners
+from star_core import Array, Tag
+from star_core.toolkit import rotation_from_quaternion, square_corners
 from star_sim.camera_sim.camera_pose import Canvas, Exposure
 from star_sim.camera_sim.projection import plane_homography, touch
 from star_sim.compiled import Record, compiled, kernel
@@ -201,7 +202,7 @@ def tag_frames(tags: Sequence[Tag]) -> Array:
 
 
 def corners(frames: Array, scale: float = 1.0) -> Array:
-    """Return the corners of tags in the map, in the order of `star_core.square_corners`.
+    """Return the corners of tags in the map, in the order of `star_core.toolkit.square_corners`.
 
     Args:
         frames: (M, 13) of `tag_frames`.

@@ -13,8 +13,9 @@ import pytest
 import star_bench
 from star_bench.command import label_of, main, named
 from star_bench.files import POSITIONS, SETTINGS, WORLDS
-from star_core import AvoiderSpec, CommandSpec, InputError, Registry, hookimpl, load
-from star_core.cli.main import main as star
+from star_core import AvoiderSpec, InputError, Registry, hookimpl, load
+from star_core.commands import CommandSpec
+from star_core.commands.main import main as star
 
 QUICK = ("--scenarios", "stack", "--agents", "2", "--seeds", "1", "--workers", "1")
 

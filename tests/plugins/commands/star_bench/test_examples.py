@@ -13,7 +13,7 @@ import pytest
 
 from star_bench.files import mission_lines, text, world_lines
 from star_bench.scenarios import CATALOGUE, Case
-from star_core.cli.main import main, run
+from star_core.commands.main import main, run
 
 AGENTS = 6
 

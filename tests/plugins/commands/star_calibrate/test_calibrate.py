@@ -16,7 +16,7 @@ from star_calibrate.board import Board, View, Views, find_views
 from star_calibrate.command import as_lines, as_text, main
 from star_calibrate.lens import Lens, deviations, solve
 from star_core import Camera, InputError, Registry, fly, load
-from star_core.cli import main as cli
+from star_core.commands import main as cli
 
 Take: TypeAlias = Callable[[int, float], list[str]]
 

@@ -13,19 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import (
-    Exclusive,
-    InputError,
-    Registry,
-    Status,
-    TaskOutput,
-    TaskSpec,
-    fly,
-    hookimpl,
-    load,
-)
-from star_core.cli.main import main as star
+from star_core import InputError, Registry, Status, TaskOutput, TaskSpec, fly, hookimpl, load
+from star_core.commands.main import main as star
 from star_core.mission_file.conditions import KINDS, holds_from, in_words, longest_wait
+from star_core.toolkit import Exclusive
 from star_explain.command import main
 from star_explain.dry_run import Group, StepResult, dry_run
 from star_explain.plan import plan

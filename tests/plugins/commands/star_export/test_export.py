@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from star_core import Progress, Run, read_run
-from star_core.cli.main import main
+from star_core import Run, read_run
+from star_core.commands.main import main
+from star_core.toolkit import Progress
 
 ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
 HOP = """\

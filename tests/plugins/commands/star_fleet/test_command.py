@@ -54,7 +54,7 @@ def test_an_interrupt_ends_it_well() -> None:
     command = [
         sys.executable,
         "-c",
-        "from star_core.cli.main import main; raise SystemExit(main())",
+        "from star_core.commands.main import main; raise SystemExit(main())",
     ]
     command += ["fleet", FIRST, "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served:

@@ -10,9 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from star_core import InputError, Mission, Value, actions
-from star_core.cli.main import main as star
+from star_core import InputError, Mission
+from star_core.commands import Value
+from star_core.commands.main import main as star
 from star_core.mission_file.located import Data, Mark
+from star_core.toolkit import actions
 from star_import.import_log import ImportLog
 from star_import.records import records
 from tests.plugins.commands.star_import.conftest import ROBOTS, Import

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from star_core import InputError, Registry, actions, fly, load
+from star_core import InputError, Registry, fly, load
+from star_core.toolkit import actions
 from star_import.command import main
 from tests.plugins.commands.star_import.conftest import ROBOTS, Import
 

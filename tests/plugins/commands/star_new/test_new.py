@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_new.command import KINDS
 
 

@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Registry, Run, read_run, write_report
-from star_core.cli.main import main
+from star_core import AgentPhase, Registry, Run, read_run
+from star_core.commands import write_report
+from star_core.commands.main import main
 from star_report.charts import series, tick_times
 from star_report.series import clearance, errors, separation
 from star_report.views import replay, top_view

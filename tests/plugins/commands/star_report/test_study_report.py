@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_report.study import FILE, differences, figure, interval, read
 
 TABLE = """\

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import star_tags
-from star_core import TAG_RIM, TAG_SIZE, InputError, Registry
+from star_core import InputError, Registry
 from star_core.mission_file import schema as schemas
+from star_core.toolkit import TAG_RIM, TAG_SIZE
 from star_tags.command import main
 from star_tags.page import Fill, Text, number, rectangle
 from star_tags.sheet import BAR, PAPERS, STRIP, Sheet, lay_out

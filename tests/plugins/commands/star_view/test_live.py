@@ -16,7 +16,7 @@ import pytest
 
 import star_view
 from star_core import Detections, Operator, Registry, Telemetry, Tick, fly, hookimpl, load
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_core.plugin_support.discovery import Source
 from star_core.testing import estimate
 from star_view.camera_images import CameraStream, Picture, mosaic
@@ -148,7 +148,7 @@ def test_without_viser_the_run_ends_before_the_flight_with_the_command_to_instal
 
 
 def test_a_flight_that_is_not_watched_does_not_import_the_view(hop: Path) -> None:
-    program = "import sys; from star_core.cli.main import main; main(); print(*sys.modules)"
+    program = "import sys; from star_core.commands.main import main; main(); print(*sys.modules)"
     command = [sys.executable, "-c", program, "run", "hop.yaml", "--no-record"]
     modules = subprocess.run(command, capture_output=True, check=True, text=True, cwd=hop).stdout
     assert "star_view" in modules.split()

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from star_core import Agent, Camera, Detections, Registry, load, read_run
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_view.command import simulate
 from star_view.footprints import MAX_DISTANCE, footprint
 from star_view.page import LOOPBACK, open_page

@@ -19,7 +19,6 @@ from star_core import (
     Agent,
     Array,
     Camera,
-    CameraModel,
     Detections,
     Estimate,
     Fence,
@@ -31,10 +30,8 @@ from star_core import (
     Tag,
     Telemetry,
     World,
-    fill_defaults,
-    rotation_from_quaternion,
-    square_corners,
 )
+from star_core.toolkit import CameraModel, fill_defaults, rotation_from_quaternion, square_corners
 from star_core.world.quaternions import Quaternion, turned
 from tests.plugins.localizers.vision.conftest import seen
 

@@ -10,7 +10,8 @@ import pytest
 
 from star_apriltag.agent_estimator import ADVANCE_DELAY, ADVANCE_PERIOD, FilterEstimator
 from star_apriltag.dead_reckoning import AgentState
-from star_core import Odometry, Pose, Tag, rotation_from_vector
+from star_core import Odometry, Pose, Tag
+from star_core.toolkit import rotation_from_vector
 from star_sim.camera_sim.ground_truth import SurveyError, real_tags
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,

@@ -11,7 +11,8 @@ import pytest
 
 from star_apriltag.floor_odometry import MAX_INTERVAL, FloorOdometry, MeasuredMotion
 from star_apriltag.odometry_track import OdometryTrack
-from star_core import Array, Camera, CameraModel, Image, Odometry, rotation_from_vector
+from star_core import Array, Camera, Image, Odometry
+from star_core.toolkit import CameraModel, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import turned_model
 
 CAMERA = Camera(readout=0.0)

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_apriltag.batch import homography_pose
-from star_core import Array, Pose, rotation_from_vector, square_corners
+from star_core import Array, Pose
+from star_core.toolkit import rotation_from_vector, square_corners
 
 FACING = np.diag([1.0, -1.0, -1.0])  # the square's z axis towards the camera
 angle = st.floats(-0.9, 0.9)

@@ -37,7 +37,8 @@ from star_apriltag.joint_filter import (
 )
 from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.vision.body_pose import View
-from star_core import Array, Pose, Tag, rotation_from_vector
+from star_core import Array, Pose, Tag
+from star_core.toolkit import rotation_from_vector
 from tests.plugins.localizers.apriltag.conftest import HEIGHT, LENS, SPEED, Circle, sheets, views
 
 EVERY = 0.1  # s

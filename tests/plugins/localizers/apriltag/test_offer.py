@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import star_apriltag
-from star_core import Localizer, Problem, Scene, fill_defaults
+from star_core import Localizer, Problem, Scene
 from star_core.registry import Registry
+from star_core.toolkit import fill_defaults
 from tests.plugins.localizers.apriltag.conftest import Circle, localizer, room, sheets
 
 SCENE = room([Circle(1)], sheets())

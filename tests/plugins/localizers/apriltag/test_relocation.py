@@ -15,7 +15,8 @@ from star_apriltag.agent_estimator import (
     Relocation,
 )
 from star_apriltag.odometry_track import OdometryTrack
-from star_core import Pose, rotation_from_vector
+from star_core import Pose
+from star_core.toolkit import rotation_from_vector
 from tests.plugins.localizers.apriltag.conftest import Circle
 
 CIRCLE = Circle(20)

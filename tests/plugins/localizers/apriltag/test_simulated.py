@@ -10,19 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import star_sim
-from star_core import (
-    Agent,
-    Array,
-    Camera,
-    Command,
-    Fence,
-    Order,
-    Scene,
-    Setpoint,
-    World,
-    fill_defaults,
-)
-from star_core.cli.main import run
+from star_core import Agent, Array, Camera, Command, Fence, Order, Scene, Setpoint, World
+from star_core.commands.main import run
+from star_core.toolkit import fill_defaults
 from tests.plugins.localizers.apriltag.conftest import TICK, sheets
 from tests.plugins.localizers.apriltag.conftest import localizer as apriltag
 

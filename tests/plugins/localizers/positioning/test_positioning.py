@@ -22,9 +22,9 @@ from star_core import (
     fly,
     hookimpl,
     load,
-    quaternion_from_euler,
 )
 from star_core.testing import scene
+from star_core.toolkit import quaternion_from_euler
 from tests.plugins.localizers.test_flow import report
 
 pytestmark = pytest.mark.shipped_world

@@ -12,16 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from star_apriltag.vision.body_pose import Prediction
-from star_core import (
-    Array,
-    Camera,
-    CameraModel,
-    Image,
-    Pose,
-    Tag,
-    rotation_from_quaternion,
-    square_corners,
-)
+from star_core import Array, Camera, Image, Pose, Tag
+from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 from star_core.world.quaternions import turned
 
 FINE = 4  # by which images are painted larger than they are, along each side

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from star_apriltag.vision.body_pose import AT_REST, Motion, View, refine
-from star_core import Array, Camera, CameraModel, Pose, Tag, square_corners
+from star_core import Array, Camera, Pose, Tag
+from star_core.toolkit import CameraModel, square_corners
 from tests.plugins.localizers.vision.conftest import hovering, in_map, on_floor
 
 LENS = CameraModel(Camera())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from star_apriltag.vision.detector import Detector, refine
-from star_core import CameraModel
+from star_core.toolkit import CameraModel
 from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, seen
 
 SHAPE = (244, 324)

@@ -12,7 +12,8 @@ import pytest
 from star_apriltag.vision.body_pose import HEIGHT_STD, Motion, Prediction
 from star_apriltag.vision.expected_tags import MAX_TAGS, TURN_STD, ExpectedTag, ExpectedTags
 from star_apriltag.vision.tag_poses import MapTag
-from star_core import Array, CameraModel, Pose, Tag, rotation_from_vector
+from star_core import Array, Pose, Tag
+from star_core.toolkit import CameraModel, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import hovering, on_floor, on_wall, predicted
 
 BODY = hovering(yaw=0.2, pitch=0.02)

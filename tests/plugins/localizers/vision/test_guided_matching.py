@@ -16,7 +16,8 @@ from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.expected_tags import ExpectedTags
 from star_apriltag.vision.guided_matching import TagMatch, _peak, match_tag
 from star_apriltag.vision.tag_poses import MapTag
-from star_core import Array, Camera, CameraModel, Image, Pose, Tag, rotation_from_vector
+from star_core import Array, Camera, Image, Pose, Tag
+from star_core.toolkit import CameraModel, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, predicted
 
 LENS = CameraModel(Camera())

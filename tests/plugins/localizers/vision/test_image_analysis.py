@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from star_apriltag.vision.body_pose import Prediction, Verdict
 from star_apriltag.vision.image_analysis import ImageAnalysis, ImageAnalyzer
 from star_apriltag.vision.tag_poses import corner_std
-from star_core import Array, Camera, CameraModel, Pose, Rows, Tag, rotation_from_vector
+from star_core import Array, Camera, Pose, Rows, Tag
+from star_core.toolkit import CameraModel, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import (
     Paint,
     hovering,

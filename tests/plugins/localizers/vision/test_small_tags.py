@@ -14,7 +14,8 @@ import pytest
 from star_apriltag.vision.detector import Detector, Found
 from star_apriltag.vision.quads import dark_quads
 from star_apriltag.vision.tag_code import MIN_CORRELATION, module_grid, read_codes
-from star_core import Array, Camera, CameraModel, Image, Tag
+from star_core import Array, Camera, Image, Tag
+from star_core.toolkit import CameraModel
 from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, seen
 
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from star_apriltag.vision.tag_poses import corner_std, solve
-from star_core import Array, CameraModel
+from star_core import Array
+from star_core.toolkit import CameraModel
 from tests.plugins.localizers.vision.conftest import hovering, in_map, on_floor, seen
 
 SIZE = 0.168

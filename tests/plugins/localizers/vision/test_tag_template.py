@@ -10,7 +10,8 @@ import pytest
 
 from star_apriltag.vision.guided_matching import Region, Template, template
 from star_apriltag.vision.tag_poses import MapTag
-from star_core import Array, CameraModel, Pose, Tag
+from star_core import Array, Pose, Tag
+from star_core.toolkit import CameraModel
 from tests.plugins.localizers.vision.conftest import Paint, hovering, in_map, on_floor
 
 BODY = hovering(pitch=0.03, yaw=0.1)

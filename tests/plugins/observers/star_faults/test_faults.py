@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Event, Registry, Tick, faults_of, fly, hookimpl, load
-from star_core.cli.main import main
+from star_core import AgentPhase, Event, Registry, Tick, fly, hookimpl, load
+from star_core.commands import faults_of
+from star_core.commands.main import main
 from star_faults.injector import FaultInjector
 
 ROOM = {

@@ -25,8 +25,9 @@ from mcap.records import ChunkIndex
 from rosbags.highlevel import AnyReader
 
 import star_mcap
-from star_core import Camera, Progress, read_run
-from star_core.cli.main import main
+from star_core import Camera, read_run
+from star_core.commands.main import main
+from star_core.toolkit import Progress
 from star_mcap import writer
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover

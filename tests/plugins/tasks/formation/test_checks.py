@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from star_core import Limits, Obstacle, Scene, fill_defaults
+from star_core import Limits, Obstacle, Scene
 from star_core.testing import scene
+from star_core.toolkit import fill_defaults
 from star_verbs.formation.spec import OPTIONS, check
 
 ROOM = scene(3)

@@ -9,18 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import (
-    AgentPhase,
-    Array,
-    Estimate,
-    Health,
-    Scene,
-    Status,
-    Task,
-    TaskOutput,
-    fill_defaults,
-)
+from star_core import AgentPhase, Array, Estimate, Health, Scene, Status, Task, TaskOutput
 from star_core.testing import estimate, health, scene
+from star_core.toolkit import fill_defaults
 from star_verbs.formation.spec import OPTIONS, make
 
 AIR = [[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import fill_defaults
+from star_core.toolkit import fill_defaults
 from star_verbs.formation.shapes import Shape, shape
 from star_verbs.formation.spec import OPTIONS
 from star_verbs.positions import Point

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
-from star_core import Scene, fill_defaults
+from star_core import Scene
 from star_core.testing import scene
+from star_core.toolkit import fill_defaults
 from star_external import planner_source
 from star_external.external import External
 from star_external.process_source import ProcessSource

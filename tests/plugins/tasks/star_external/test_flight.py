@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from star_core import Estimate, Scene
-from star_core.cli.main import run
+from star_core.commands.main import run
 from star_external.planner import Answer, Done, Goal
 
 FLIGHT = """\

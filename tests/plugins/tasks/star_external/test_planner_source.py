@@ -14,17 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import star_external
-from star_core import (
-    Estimate,
-    Goals,
-    PluginError,
-    Scene,
-    Status,
-    Task,
-    TaskOutput,
-    fill_defaults,
-)
+from star_core import Estimate, Goals, PluginError, Scene, Status, Task, TaskOutput
 from star_core.testing import estimate, health, scene
+from star_core.toolkit import fill_defaults
 from star_external.planner import Done, ExternalPlanner, Failed, Goal
 from star_external.planner_source import GROUP, PlannerSource
 

@@ -12,9 +12,10 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import star_external
-from star_core import Task, TaskSpec, fill_defaults
+from star_core import Task, TaskSpec
 from star_core.plugin_support.option_schema import held
 from star_core.testing import scene
+from star_core.toolkit import fill_defaults
 from star_external.planner_source import GROUP
 from star_external.spec import check
 

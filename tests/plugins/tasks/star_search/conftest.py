@@ -31,9 +31,9 @@ from star_core import (
     Tag,
     Task,
     World,
-    fill_defaults,
 )
 from star_core.testing import estimate, health
+from star_core.toolkit import fill_defaults
 from star_search.area import FieldOfView, field_of_view
 from star_search.search_space import SearchSpace
 from star_search.spec import make, spec

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from star_core import Obstacle, Status, fill_defaults
+from star_core import Obstacle, Status
+from star_core.toolkit import fill_defaults
 from star_search.frontier import Frontier, Viewpoints
 from star_search.pattern import Pattern
 from star_search.search_space import SearchSpace

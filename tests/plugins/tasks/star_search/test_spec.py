@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from star_core import PluginError, Task, fill_defaults
+from star_core import PluginError, Task
+from star_core.toolkit import fill_defaults
 from star_search import pattern
 from star_search.spec import make, spec
 

@@ -11,7 +11,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import star_sim
-from star_core import Paced, Setpoint
+from star_core import Setpoint
+from star_core.toolkit import Paced
 from star_sim.battery import HOVER_TIME
 
 Flying = Callable[..., Any]

@@ -10,19 +10,9 @@ import numpy as np
 import pytest
 
 import star_sim
-from star_core import (
-    Agent,
-    Array,
-    Camera,
-    Command,
-    Order,
-    Rows,
-    Scene,
-    Tag,
-    fill_defaults,
-    gray_from_mosaic,
-)
+from star_core import Agent, Array, Camera, Command, Order, Rows, Scene, Tag
 from star_core.testing import scene
+from star_core.toolkit import fill_defaults, gray_from_mosaic
 from star_core.world.quaternions import turned
 from star_sim.airframe import NEVER, STEP
 from star_sim.camera_sim.camera_pose import Shot

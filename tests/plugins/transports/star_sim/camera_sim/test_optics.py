@@ -8,7 +8,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from star_core import Array, Camera, CameraModel
+from star_core import Array, Camera
+from star_core.toolkit import CameraModel
 from star_sim.camera_sim.camera_pose import optics, rays
 
 LENSES = st.builds(

@@ -16,14 +16,15 @@ from typing import Any, TypeAlias
 import pytest
 
 import star_core
-from star_core import InputError, Mission, RunOptionSpec, Tick, hookimpl
-from star_core.cli.main import main, run
+from star_core import InputError, Mission, Tick, hookimpl
+from star_core.commands import RunOptionSpec
+from star_core.commands.main import main, run
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 
 LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # no agent is up by then
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
-ENTER = "import sys; from star_core.cli.main import main; sys.exit(main())"
+ENTER = "import sys; from star_core.commands.main import main; sys.exit(main())"
 Said: TypeAlias = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("hop")
 

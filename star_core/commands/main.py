@@ -1,4 +1,4 @@
-"""The command line: all commands are plugins, those of STAR in `star_core.cli.commands`.
+"""The command line: all commands are plugins, those of STAR in `star_core.commands.commands`.
 
 A command imports what it needs when it runs; ``star --help`` reads the list of commands from a
 cache and imports no plugin.
@@ -58,7 +58,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def _main(arguments: list[str]) -> int:
     match arguments:
         case ["-h" | "--help", *_]:
-            from star_core.cli.overview import overview
+            from star_core.commands.overview import overview
 
             print(f"{USAGE}\n\n{overview(_loaded)}")
         case ["--version", *_]:

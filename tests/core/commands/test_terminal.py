@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core.cli.main import main
+from star_core.commands.main import main
 
 STAR = str(Path(sys.executable).with_name("star"))
 ESCAPE = "\x1b]0;title\x07\x1b[2J"

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from star_core.cli.land_requests import (
+from star_core.commands.land_requests import (
     ANSWER_TIMEOUT,
     FOLDER,
     LAND,

@@ -16,10 +16,10 @@ from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any
 
-from star_core.cli.land_requests import listening
-from star_core.cli.live_view import FlightProgress
-from star_core.cli.main import make
-from star_core.cli.output import LatestRun, new_folder
+from star_core.commands.land_requests import listening
+from star_core.commands.live_view import FlightProgress
+from star_core.commands.main import make
+from star_core.commands.output import LatestRun, new_folder
 from star_core.errors import InputError, printable
 from star_core.mission import Mission
 from star_core.mission_file.mission_loader import load

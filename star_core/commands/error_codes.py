@@ -25,7 +25,7 @@ def catalogue() -> dict[str, Entry]:
     import tomllib
     from importlib.resources import files
 
-    text = (files("star_core.cli") / "error_codes.toml").read_text(encoding="utf-8")
+    text = (files("star_core.commands") / "error_codes.toml").read_text(encoding="utf-8")
     return {code: Entry(**entry) for code, entry in tomllib.loads(text).items()}
 
 

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 from star_core import hookspecs
-from star_core.cli.columns import columns
+from star_core.commands.columns import columns
 from star_core.errors import PluginError, suggestion
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.hook_calls import KINDS, Found, plugin_calls

@@ -53,7 +53,7 @@ def parser(command: str, registry: Registry | None = None) -> argparse.ArgumentP
     """
     import argparse
 
-    from star_core.cli.output import add_set_option
+    from star_core.commands.output import add_set_option
 
     line = argparse.ArgumentParser(prog=f"star {command}", allow_abbrev=False)
     if command in {"run", "check"}:
@@ -135,7 +135,7 @@ def _run(arguments: Sequence[str]) -> int:
     from star_core.toolkit.progress import Progress
 
     with Progress("loading plugins"):
-        from star_core.cli.run import log_to_stderr, run_mission
+        from star_core.commands.run import log_to_stderr, run_mission
         from star_core.operator import Operator
         from star_core.registry import Registry
 
@@ -166,7 +166,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _stop(arguments: Sequence[str]) -> int:
-    from star_core.cli.stop_flights import stop_flights
+    from star_core.commands.stop_flights import stop_flights
 
     options = _parse("stop", arguments)
     status, lines = stop_flights(options.name, list_only=options.list)
@@ -177,7 +177,7 @@ def _stop(arguments: Sequence[str]) -> int:
 def _check(arguments: Sequence[str]) -> int:
     from pathlib import Path
 
-    from star_core.cli.check import check_file
+    from star_core.commands.check import check_file
     from star_core.errors import printable
     from star_core.registry import Registry
     from star_core.toolkit.progress import Progress, log
@@ -192,7 +192,7 @@ def _check(arguments: Sequence[str]) -> int:
 
 
 def _errors(arguments: Sequence[str]) -> int:
-    from star_core.cli import error_codes
+    from star_core.commands import error_codes
 
     options = _parse("errors", arguments)
     print(error_codes.explain(options.code) if options.code else error_codes.page())
@@ -200,7 +200,7 @@ def _errors(arguments: Sequence[str]) -> int:
 
 
 def _missions(arguments: Sequence[str]) -> int:
-    from star_core.cli.list_missions import as_text
+    from star_core.commands.list_missions import as_text
 
     _parse("missions", arguments)
     print(as_text())
@@ -208,7 +208,7 @@ def _missions(arguments: Sequence[str]) -> int:
 
 
 def _plugins(arguments: Sequence[str]) -> int:
-    from star_core.cli.list_plugins import as_json, as_text, chosen
+    from star_core.commands.list_plugins import as_json, as_text, chosen
     from star_core.registry import Registry
 
     options, registry = _parse("plugins", arguments), Registry()
@@ -218,7 +218,7 @@ def _plugins(arguments: Sequence[str]) -> int:
     elif options.name is None:
         print(as_text(found, registry.broken))
     else:
-        from star_core.cli.describe_plugin import describe
+        from star_core.commands.describe_plugin import describe
 
         print("\n\n".join(describe(kind, one) for kind, one in found))
     return 0
@@ -228,7 +228,7 @@ def _schema(arguments: Sequence[str]) -> int:
     import json
     from pathlib import Path
 
-    from star_core.cli.output import writing
+    from star_core.commands.output import writing
     from star_core.mission_file import schema
     from star_core.mission_file.editor_schema import for_editors
     from star_core.registry import Registry

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from star_core.cli.columns import columns
+from star_core.commands.columns import columns
 from star_core.mission_file.input_file import description, shipped
 
 

@@ -11,13 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from star_core.cli.main import main
+from star_core.commands.main import main
 from star_core.registry import Registry
 
-ENTER = "import sys; from star_core.cli.main import main; main()"
+ENTER = "import sys; from star_core.commands.main import main; main()"
 LOADED = f"{ENTER}; print(*sys.modules, file=sys.stderr)"
 GREET = """
-from star_core import CommandSpec, hookimpl
+from star_core import hookimpl
+from star_core.commands import CommandSpec
 
 @hookimpl
 def star_commands():

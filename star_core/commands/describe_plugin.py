@@ -6,8 +6,8 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from star_core.cli.columns import text_width
-from star_core.cli.list_plugins import options
+from star_core.commands.columns import text_width
+from star_core.commands.list_plugins import options
 from star_core.mission_file.error_messages import flow
 from star_core.plugin_support.hook_calls import Found
 from star_core.plugin_support.option_schema import PARTS, SHARED

@@ -14,10 +14,11 @@ from typing import Any, TypeAlias, cast
 
 import pytest
 
-from star_core import AvoiderSpec, CommandSpec, InputError, TaskSpec, hookimpl
-from star_core.cli.describe_plugin import describe
-from star_core.cli.list_plugins import as_json, as_text, chosen
-from star_core.cli.main import main
+from star_core import AvoiderSpec, InputError, TaskSpec, hookimpl
+from star_core.commands import CommandSpec
+from star_core.commands.describe_plugin import describe
+from star_core.commands.list_plugins import as_json, as_text, chosen
+from star_core.commands.main import main
 from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.plugin_support.discovery import Source
@@ -401,7 +402,7 @@ def test_an_unknown_command_is_refused_with_those_that_plugins_add(
 
 # Readers that go away
 
-ENTER = "import sys; from star_core.cli.main import main; sys.exit(main())"
+ENTER = "import sys; from star_core.commands.main import main; sys.exit(main())"
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from star_core import Localizer, LocalizerSpec, Mission, Problem, Registry, hookimpl
-from star_core.cli.check import check_file
+from star_core.commands.check import check_file
 from star_core.errors import InputError, PluginError
 
 MISSION = """\

@@ -1,1 +1,0 @@
-"""The command `star` and its built-in subcommands."""

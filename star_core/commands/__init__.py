@@ -1,0 +1,5 @@
+"""The command `star`, its built-in subcommands, and what commands share."""
+
+from star_core.lazy_names import lazy_names
+
+__all__, __getattr__, __dir__ = lazy_names(__name__, __file__)

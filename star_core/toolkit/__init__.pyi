@@ -1,0 +1,57 @@
+# The public names of `star_core.toolkit` and their modules, listed once.
+
+from star_core.contracts import Paced as Paced
+from star_core.errors import shortlist as shortlist
+from star_core.errors import suggestion as suggestion
+from star_core.geometry.obstacles import box_edges as box_edges
+from star_core.geometry.obstacles import footprint as footprint
+from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
+from star_core.messages.position_margin import MAX_MARGIN as MAX_MARGIN
+from star_core.messages.position_margin import YIELD_TIME as YIELD_TIME
+from star_core.messages.position_margin import position_margin as position_margin
+from star_core.messages.position_margin import yielding_margin as yielding_margin
+from star_core.messages.rotations import quaternion_from_euler as quaternion_from_euler
+from star_core.messages.rotations import rotation_from_quaternion as rotation_from_quaternion
+from star_core.messages.rotations import rotation_from_vector as rotation_from_vector
+from star_core.messages.rotations import skew as skew
+from star_core.messages.rotations import wrap_angle as wrap_angle
+from star_core.messages.rotations import yaw_from_quaternion as yaw_from_quaternion
+from star_core.messages.state import with_possible_positions as with_possible_positions
+from star_core.mission_file.conditions import holds_from as holds_from
+from star_core.mission_file.conditions import in_words as in_words
+from star_core.mission_file.conditions import longest_wait as longest_wait
+from star_core.mission_file.inner_plugin import check_inner as check_inner
+from star_core.mission_file.inner_plugin import make_inner as make_inner
+from star_core.mission_file.step_tree import actions as actions
+from star_core.plugin_support.discovery import permitted_entry_points as permitted_entry_points
+from star_core.plugin_support.guard import PluginGuard as PluginGuard
+from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
+from star_core.plugin_support.specs import Exclusive as Exclusive
+from star_core.safety.ground_evidence import GroundEvidence as GroundEvidence
+from star_core.toolkit.camera_model import CameraModel as CameraModel
+from star_core.toolkit.camera_model import distort as distort
+from star_core.toolkit.camera_model import perspective as perspective
+from star_core.toolkit.camera_model import square_corners as square_corners
+from star_core.toolkit.camera_model import square_poses as square_poses
+from star_core.toolkit.camera_model import upright_misfit as upright_misfit
+from star_core.toolkit.jit import compiled as compiled
+from star_core.toolkit.jit import subroutine as subroutine
+from star_core.toolkit.mosaic import gray_from_mosaic as gray_from_mosaic
+from star_core.toolkit.options import number as number
+from star_core.toolkit.options import positive as positive
+from star_core.toolkit.position_control import PositionController as PositionController
+from star_core.toolkit.progress import Progress as Progress
+from star_core.toolkit.progress import duration as duration
+from star_core.toolkit.progress import log as log
+from star_core.toolkit.progress import on_terminal as on_terminal
+from star_core.toolkit.tag_overlay import image_with_tags as image_with_tags
+from star_core.toolkit.timeouts import step_timeout as step_timeout
+from star_core.toolkit.timeouts import timeout as timeout
+from star_core.toolkit.trajectory import polynomial as polynomial
+from star_core.toolkit.trajectory import transformed as transformed
+from star_core.world.outlines import outline_fault as outline_fault
+from star_core.world.world import CONTACT_RADIUS as CONTACT_RADIUS
+from star_core.world.world import TAG_RIM as TAG_RIM
+from star_core.world.world import TAG_SIZE as TAG_SIZE
+
+__all__: list[str]  # noqa: PYI035 -- of all names above
