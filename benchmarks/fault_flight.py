@@ -202,9 +202,10 @@ def judged(
     removed = [e for e in witness.events if e.kind in {"safety", "failure", "plugin", "interrupt"}]
     ended = [i for i in (rows if status == 0 else range(len(up))) if status or removed]
     late = 0.0
-    for i in ended:  # from when the agent left, or from the last failure before it landed
+    for i in ended:  # from when the agent left, or from when the mission failed
         own = [e.time for e in removed if i in rows and e.time >= at and witness.names[i] in e.text]
-        last = max((e.time for e in removed if e.time <= down[i]), default=down[i])
+        failed = [e.time for e in removed if e.agent is None and e.time <= down[i]]
+        last = max(failed, default=down[i])
         late = max(late, down[i] - min(own, default=last))
     falls: Any = climb[1:].min(axis=0) < -MAX_IMPACT
     innocent = [i for i in judged_rows if i not in rows]

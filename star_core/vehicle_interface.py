@@ -19,12 +19,12 @@ from star_core.pipeline import PluginPipeline, renewed
 from star_core.plugin_support.timing import TickTiming
 from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.safety.estimate_monitor import EstimateMonitor
-from star_core.safety.ground_evidence import GroundEvidence
+from star_core.safety.ground_evidence import ON_BOARD, GroundEvidence
 from star_core.scene import Scene
 
 log = logging.getLogger(__name__)
 
-FLOWN_ON_BOARD = (Order.GOTO, Order.FOLLOW)  # no setpoints are sent until these are over
+UNSTEERED = (Order.GOTO, Order.FOLLOW)  # no setpoints are sent until these are over
 SETTLED_SPEED = 0.1  # m/s, vertical, below which a climb has come to rest
 MAX_SETTLING_TIME = 2.0  # s that it has for that
 
@@ -111,7 +111,9 @@ class VehicleInterface:
             for name, text in reports:
                 self._observers.event("estimate", text, name)
         self._heard = telemetry.age <= MAX_REPORT_AGE
-        self.estimate = self._unheard.mark(estimate, telemetry.age, airborne)
+        self.estimate = self._unheard.mark(
+            estimate, telemetry.age, airborne, self.ground.steered_seen, telemetry.lands_by
+        )
         return self.estimate
 
     def track(self, telemetry: Telemetry, estimate: Estimate) -> Health:
@@ -184,11 +186,12 @@ class VehicleInterface:
         until = self.time + command.duration
         self.ground.commanded(self.time, command.order, command.agent, until)
         if command.order is not Order.ARM:
-            self._commanded[command.agent] = command.order in FLOWN_ON_BOARD
+            self._commanded[command.agent] = command.order in UNSTEERED
         heard = self._heard[command.agent]
+        if command.order in ON_BOARD:
+            self._unheard.flies_on_board(command.agent, command.end(), until)
         match command.order:
             case Order.TAKEOFF:
-                self._unheard.flies_on_board(command.agent)
                 self.climb_top[command.agent] = command.position[:, 2]
                 self.phases.fire("take_off", command.agent)
             case Order.LAND:
@@ -201,7 +204,6 @@ class VehicleInterface:
                 self._unheard.lands(command.agent, fallen, heard)
                 self.phases.fire("fail", command.agent, "its motors were stopped")
             case Order.GOTO | Order.FOLLOW:
-                self._unheard.flies_on_board(command.agent)
                 self._until[command.agent] = self.time + command.duration
         self.report_phases()
 

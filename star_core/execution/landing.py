@@ -278,7 +278,8 @@ class LandingManager:
         phases = self._vehicles.phases.of_agents()
         position = estimate.position
         flies = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
-        others = ~flies | (position[:, 2] < position[row, 2])
+        lowest = position[:, 2] + np.minimum(estimate.possible_travel[:, 2], 0.0)
+        others = ~flies | (lowest < position[row, 2])
         others[row] = False
         chosen = {
             agent: one.position for agent, one in self._waiting.items() if one.position is not None

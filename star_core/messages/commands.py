@@ -58,6 +58,13 @@ class Trajectory:
         return hash(self._numbers)
 
     @property
+    def end(self) -> Array:
+        """(4,) x, y and z, m, and yaw, rad, at its end."""
+        powers = self.duration[-1] ** np.arange(PIECE[1])
+        end: Array = self.coefficients[-1] @ powers
+        return end
+
+    @property
     def _numbers(self) -> bytes:
         return self.duration.tobytes() + self.coefficients.tobytes()
 
@@ -109,6 +116,17 @@ class Command:
         if turns:
             self._expect("position", self.position, "numbers", np.isfinite(self.position))
             self._expect("yaw", self.yaw, "numbers", np.isfinite(self.yaw))
+
+    def end(self) -> Array:
+        """Return (K, 3) where a flight on board ends, m; x and y of take-offs are NaN."""
+        end = self.position.copy()
+        if self.order is Order.TAKEOFF:
+            end[:, :2] = np.nan
+        elif self.trajectory is not None:
+            x, y, z, _yaw = self.trajectory.end
+            cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+            end += np.column_stack([cos * x - sin * y, sin * x + cos * y, np.full(len(end), z)])
+        return end
 
     def _expect(self, name: str, given: Array, what: str, so: Mask) -> None:
         if not so.all():

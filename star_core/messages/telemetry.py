@@ -366,6 +366,9 @@ class Telemetry:
         signal: (N,) signal strength at each agent, as last reported, dBm; None without a radio.
         rebooted: (N,) whether each agent's firmware restarted since it was connected; None if
             that cannot happen. Such an agent receives no more commands.
+        lands_by: (N,) mission time by which the last climb or trajectory that each agent was
+            commanded to fly on board ends on the ground if nothing takes over from it, s: infinite
+            if it hovers instead. None if no such flight ends on the ground.
     """
 
     time: float
@@ -382,11 +385,11 @@ class Telemetry:
     refusals: tuple[Refusal, ...] = ()
     signal: Array | None = None
     rebooted: Mask | None = None
+    lands_by: Array | None = None
 
     def __post_init__(self) -> None:
         numbers = {"position": (3,), "velocity": (3,), "attitude": (4,), "battery": (), "age": ()}
-        if self.signal is not None:
-            numbers["signal"] = ()
+        numbers |= {name: () for name in ("signal", "lands_by") if getattr(self, name) is not None}
         flags = () if self.rebooted is None else ("rebooted",)
         freeze_arrays(self, numbers, flags=flags, integers=("state",))
         n = len(self.position)

@@ -77,6 +77,11 @@ class UnheardAgents:
     not disturb it: it is marked so far below the ground that agents above keep `Limits.separation`
     rather than `Limits.vertical_separation`.
 
+    An agent whose last command is flown on board ends that without a link. After its planned end,
+    in a climb from the beginning, it is marked at the end of that flight, from which it either
+    hovers or, if `star_core.Telemetry.lands_by` is finite, descends: then its possible positions
+    are the whole column down to the ground, and from that time on it is on the ground.
+
     An agent that is heard but no longer located in flight brakes, by `BRAKING_TIME` at its last
     velocity. It stays at all of these positions, also on the ground, until it is located.
 
@@ -90,14 +95,24 @@ class UnheardAgents:
         self._astray = np.zeros(n, np.bool_)  # heard, but not located since they were in the air
         self._velocity: Array = np.zeros((n, 3))  # m/s, when last heard and located
         self._down_by = np.full(n, np.inf)  # s, mission time
+        self._on_board = np.zeros(n, np.bool_)  # whether it may fly what follows
+        self._end = np.full((n, 3), np.nan)  # m, where that ends; x and y of a climb are NaN
+        self._ends_at = np.full(n, np.inf)  # s, planned
 
     def steered(self, time: float, rows: Mask | Rows) -> None:
         """Note that setpoints were sent to agents: without another one their motors stop."""
         self._down_by[rows] = time + WATCHDOG_TIME + FALL_TIME
 
-    def flies_on_board(self, rows: Rows) -> None:
-        """Note that agents fly a command, after which they hover until they hear another one."""
-        self._down_by[rows] = np.inf
+    def flies_on_board(self, rows: Rows, end: Array, until: Array) -> None:
+        """Note that agents fly a command, after which they hover or land.
+
+        Args:
+            rows: (K,) the agents.
+            end: (K, 3) where it ends, m; x and y are NaN if it is a climb.
+            until: (K,) when it ends, s.
+        """
+        self._down_by[rows] = -np.inf
+        self._on_board[rows], self._end[rows], self._ends_at[rows] = True, end, until
 
     def lands(self, rows: Rows, until: Array, heard: Mask) -> None:
         """Note that agents were commanded to land or to stop.
@@ -109,25 +124,45 @@ class UnheardAgents:
                 these flew them.
         """
         self._down_by[rows] = np.where(heard, until, np.maximum(until, self._down_by[rows]))
+        self._on_board[rows] &= ~heard
 
-    def mark(self, estimate: Estimate, age: Array, airborne: Mask) -> Estimate:
+    def mark(
+        self,
+        estimate: Estimate,
+        age: Array,
+        airborne: Mask,
+        taken_over: Mask | None = None,
+        lands_by: Array | None = None,
+    ) -> Estimate:
         """Return the estimate with the agents marked that are not heard or not located.
 
         Args:
             estimate: Of the tick.
             age: (N,) age of each agent's newest report, s.
             airborne: (N,) agents that are in the air.
+            taken_over: (N,) agents that setpoints have flown, by their reports, since their last
+                command; None is none.
+            lands_by: (N,) as in `star_core.Telemetry`.
         """
+        if taken_over is not None:
+            self._on_board &= ~taken_over
         heard = age <= MAX_REPORT_AGE
         known = heard & estimate.valid & np.isfinite(estimate.velocity).all(axis=1)
         self._velocity = np.where(known[:, None], estimate.velocity, self._velocity)
         self._astray = heard & ~estimate.valid & (airborne | self._astray)
         if heard.all() and not self._astray.any():
             return estimate
-        down = ~heard & (estimate.time >= self._down_by)
         position = estimate.position.copy()
         flies_on = np.where(self._astray, BRAKING_TIME, np.where(heard, 0.0, WATCHDOG_TIME))
         travel = flies_on[:, None] * self._velocity
+        down_by = self._down_by
+        if (on_board := ~heard & self._on_board).any():
+            # one that was announced before the command is not of it
+            later = np.full(len(heard), np.inf) if lands_by is None else lands_by
+            later = np.where(later >= self._ends_at, later, np.inf)
+            down_by = np.where(on_board, np.maximum(down_by, later), down_by)
+            self._add_columns(position, travel, on_board, estimate.time, np.isfinite(later))
+        down = ~heard & (estimate.time >= down_by)
         position[down, 2], travel[down, 2] = -self._depth, 0.0
         return replace(
             estimate,
@@ -135,3 +170,17 @@ class UnheardAgents:
             velocity=np.where(heard[:, None], estimate.velocity, 0.0),
             possible_travel=travel,
         )
+
+    def _add_columns(
+        self, position: Array, travel: Array, on_board: Mask, time: float, descends: Mask
+    ) -> None:
+        """Change positions and travel, (N, 3) m, of agents that fly on board to where that ends."""
+        climbs = on_board & np.isnan(self._end[:, 0])
+        arrived = on_board & ~climbs & (time >= self._ends_at)
+        lowest = np.where(descends, 0.0, position[:, 2])
+        position[climbs, 2] = np.fmax(position[climbs, 2], self._end[climbs, 2])
+        position[arrived] = self._end[arrived]
+        lowest[arrived & ~descends] = self._end[arrived & ~descends, 2]
+        column = climbs | arrived
+        travel[column] = 0.0
+        travel[column, 2] = np.fmin(lowest - position[:, 2], 0.0)[column]

@@ -41,11 +41,18 @@ class GroundEvidence:
     * Its reports showed that a landing had begun, and `LANDING_DELAY` has passed since the planned
       end of that.
 
-    In all other cases it may be in the air: after a take-off, a go-to or a trajectory, the firmware
-    hovers until the battery is empty.
+    In all other cases it may be in the air: after a take-off, a go-to or a trajectory, a drone
+    hovers until its battery is empty, or until its own descent. The announced end of that,
+    `Telemetry.lands_by`, is no evidence: a drone that has come down so stands with its motors on,
+    which is a danger until they are stopped, and that it heard the command is not known if the link
+    was lost at the beginning.
 
     Args:
         n: Number of agents.
+
+    Attributes:
+        steered_seen: (N,) whether a report showed that setpoints flew each agent, since it was last
+            commanded to fly on board.
     """
 
     def __init__(self, n: int) -> None:
@@ -61,7 +68,7 @@ class GroundEvidence:
         self._landing_seen = np.zeros(n, np.bool_)
         self._steered_since = np.full(n, np.inf)  # s, first setpoint since the last command
         self._steered_at = np.full(n, -np.inf)  # s, last setpoint
-        self._steered_seen = np.zeros(n, np.bool_)
+        self.steered_seen = np.zeros(n, np.bool_)
 
     def steered(self, time: float, active: Mask) -> None:
         """Note at a time, s, which agents setpoints are sent to: (N,)."""
@@ -79,7 +86,7 @@ class GroundEvidence:
         self._steered_since[rows] = np.inf
         if order in ON_BOARD:
             self._flew[rows] = True
-            self._steered_seen[rows] = False
+            self.steered_seen[rows] = False
             self._valid_from[rows] = time + TAKEOFF_DELAY
         elif order is Order.LAND:
             self._top[rows] = self._height[rows]
@@ -95,7 +102,7 @@ class GroundEvidence:
         flies = new & (self._state & FLYING != 0)
         active = self._state & ACTIVE != 0
         self._flew |= flies
-        self._steered_seen |= flies & ~active & (reported > self._steered_since + JITTER)
+        self.steered_seen |= flies & ~active & (reported > self._steered_since + JITTER)
         self._top = np.fmax(self._top, self._height)
         descends = active & (self._state & FINISHED == 0) & (self._height < self._top - MIN_DESCENT)
         self._landing_seen |= flies & self._lands & descends
@@ -138,7 +145,7 @@ class GroundEvidence:
 
     def _stopped(self, time: float) -> Mask:
         """Return which agents' watchdogs have stopped their motors if they hear nothing: (N,)."""
-        stopped = self._steered_seen & (time >= self._steered_at + WATCHDOG_TIME + FALL_TIME)
+        stopped = self.steered_seen & (time >= self._steered_at + WATCHDOG_TIME + FALL_TIME)
         over: Mask = stopped & (~self._lands | (time >= self._land_until))
         return over
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -105,6 +106,20 @@ def test_every_policy_can_be_broken(
     assert flight.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == ["status"]
     breaks(seen)
     assert flight.judged(*judge, readable=True)["broken"] == [policy]
+
+
+@pytest.mark.parametrize(("agent", "broken"), [("cf1", []), (None, ["down"])])
+def test_the_loss_of_one_agent_does_not_fail_the_mission(
+    matrix: Any, flight: Any, agent: str | None, broken: list[str]
+) -> None:
+    """The other lands 17 s later, and the mission fails after that for want of a report."""
+    seen = witness(matrix, flight)
+    linger(seen)
+    seen.events.insert(0, Event(3.0, "failure", "cf1 is lost", agent))
+    seen.events.append(Event(40.0, "failure", "cf1 did not report to be on the ground"))
+    seen.truth[2][0, 2] = seen.truth[1][0, 2] = 0.0
+    failing = replace(seen._cell, status=(1,))
+    assert flight.judged(failing, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == broken
 
 
 def test_a_file_of_results_is_continued_at_its_commit_only(matrix: Any, tmp_path: Path) -> None:

@@ -40,12 +40,14 @@ class TelemetryBuffer:
         last: (N, 13) values of the newest reports; columns of `star_radio.report`.
         over_at: (N,) when the climb or trajectory of each drone is over, to which a descent has
             been added, s of the computer's clock.
+        lands_by: (N,) when that ends on the ground, s of the computer's clock.
     """
 
     def __init__(self, vehicles: Sequence[Vehicle]) -> None:
         self._vehicles = vehicles
         self.last = np.full((len(vehicles), len(report.SOURCES)), np.nan)
         self.over_at = np.full(len(vehicles), np.inf)
+        self.lands_by = np.full(len(vehicles), np.inf)
         self._newest = 0.0  # mission time, s
 
     def gather(self, began: float, frames: Frames, refusals: tuple[Refusal, ...] = ()) -> Telemetry:
@@ -74,6 +76,7 @@ class TelemetryBuffer:
             refusals=refusals,
             signal=self.last[:, report.SIGNAL],
             rebooted=np.array([vehicle.rebooted for vehicle in self._vehicles]),
+            lands_by=self.lands_by - began,
         )
 
     def _read(self) -> Samples:

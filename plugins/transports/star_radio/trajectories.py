@@ -92,12 +92,25 @@ class TrajectoryMemory:
         number = self._numbers[trajectory]
         return orders.start_trajectory(number, version, stretch=stretch, relative=True)
 
+    def descent_time(self, trajectory: Trajectory, duration: float) -> float:
+        """Return how long after a trajectory of `duration`, s, a drone is down, s.
+
+        The hover and the descent are stretched as the trajectory is. Infinite without them.
+        """
+        if self.depth is None:
+            return math.inf
+        return duration / float(trajectory.duration.sum()) * come_down_time(self.depth)
+
+
+def come_down_time(depth: float) -> float:
+    """Return how long a hover and a descent by `depth`, m, take, s."""
+    return HOVER_TIME + depth / DESCENT_SPEED
+
 
 def with_descent(trajectory: Trajectory, depth: float) -> Trajectory:
     """Return a trajectory with a hover of `HOVER_TIME` and a straight descent by `depth`, m."""
-    powers = trajectory.duration[-1] ** np.arange(trajectory.coefficients.shape[2])
     pieces = np.zeros((_DESCENT_PIECES, *trajectory.coefficients.shape[1:]))
-    pieces[:, :, 0] = trajectory.coefficients[-1] @ powers
+    pieces[:, :, 0] = trajectory.end
     pieces[-1, 2, 1] = -DESCENT_SPEED
     times = [HOVER_TIME, depth / DESCENT_SPEED]
     return Trajectory(

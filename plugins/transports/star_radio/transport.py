@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -42,7 +42,12 @@ from star_radio.sensors import Sensors, connecting
 from star_radio.steering import Steering, Velocities, WholeStates
 from star_radio.takeoffs import Climb, Takeoffs
 from star_radio.telemetry import TelemetryBuffer
-from star_radio.trajectories import DESCENT_MARGIN, TrajectoryMemory, rotation_error
+from star_radio.trajectories import (
+    DESCENT_MARGIN,
+    TrajectoryMemory,
+    come_down_time,
+    rotation_error,
+)
 from star_radio.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -62,6 +67,23 @@ COMMANDS: Final = {
     Order.FOLLOW: "follow a trajectory",
     Order.STOP: "stop",
 }
+
+
+class _OnBoard(NamedTuple):
+    """A climb or a trajectory that comes down at its end.
+
+    Attributes:
+        lasts: Until its end, s; infinite if it does not come down.
+        after: From there to the ground, s.
+    """
+
+    lasts: float
+    after: float
+
+    @property
+    def total(self) -> float:
+        """From its start to the ground, s."""
+        return self.lasts + self.after
 
 
 class Radio:
@@ -105,7 +127,7 @@ class Radio:
         )
         self._memory = TrajectoryMemory()
         self._takeoffs = Takeoffs(self.vehicles)
-        self._lasts: dict[int, float] = {}  # s, of what comes down at its end, by row
+        self._on_board: dict[int, _OnBoard] = {}  # what comes down at its end, by row
         self._awaiting_start: set[int] = set()  # rows commanded to follow, not yet reported active
         self.connected = np.zeros(len(self.vehicles), np.bool_)
         self._refusals: list[Refusal] = []
@@ -185,11 +207,8 @@ class Radio:
         for row, vehicle in enumerate(self.vehicles):
             if not (self.connected[row] or vehicle.rebooted):
                 continue
-            if row in self._awaiting_start and self._follows(row):
-                self._awaiting_start.discard(row)
-                vehicle.confirm()  # a repeated command would restart it from here
-                self._takeoffs.drop([row])
-                self._telemetry.over_at[row] = now + self._lasts[row]
+            if row in self._awaiting_start:
+                self._note_start(row, vehicle, now)
             for failure in vehicle.retry(now):
                 log.warning("radio: %s %s", vehicle.name, failure.text)
                 if failure.refused:
@@ -251,15 +270,12 @@ class Radio:
         self._awaiting_start.difference_update(command.agent.tolist())
         self._takeoffs.drop(command.agent.tolist())
         self._telemetry.over_at[command.agent] = np.inf
+        if command.order in {Order.TAKEOFF, Order.GOTO, Order.FOLLOW}:
+            self._telemetry.lands_by[command.agent] = np.inf
         if command.trajectory is not None:
             rows = [(i, row) for i, row in rows if self._can_follow(row, float(command.yaw[i]))]
             for i, row in rows:
-                descends = self._memory.depth is not None
-                self._lasts[row] = float(command.duration[i]) if descends else np.inf
-                if self._follows(row):
-                    self._telemetry.over_at[row] = time.monotonic() + self._lasts[row]
-                else:
-                    self._awaiting_start.add(row)
+                self._await_trajectory(row, command.trajectory, float(command.duration[i]))
         packets = {row: self._packet(command, i, self.vehicles[row].version) for i, row in rows}
         now = time.monotonic()
         for i, row in rows:
@@ -273,6 +289,27 @@ class Radio:
                 self._takeoffs.prepare(climbs, now)
                 return
         self._give(command.order, packets)
+
+    def _await_trajectory(self, row: int, trajectory: Trajectory, duration: float) -> None:
+        """Expect a drone to start a trajectory of `duration`, s."""
+        now, after = time.monotonic(), self._memory.descent_time(trajectory, duration)
+        flight = _OnBoard(duration if np.isfinite(after) else np.inf, after)
+        self._on_board[row] = flight
+        self._telemetry.lands_by[row] = now + flight.total
+        if self._follows(row):
+            self._telemetry.over_at[row] = now + flight.lasts
+        else:
+            self._awaiting_start.add(row)
+
+    def _note_start(self, row: int, vehicle: Vehicle, now: float) -> None:
+        """Note at `now`, s, whether a drone has started what comes down, or may start it yet."""
+        if self._follows(row):
+            self._awaiting_start.discard(row)
+            vehicle.confirm()  # a repeated command would restart it from here
+            self._takeoffs.drop([row])
+            self._telemetry.over_at[row] = now + self._on_board[row].lasts
+        elif vehicle.repeats:
+            self._telemetry.lands_by[row] = now + self._on_board[row].total
 
     def _give(self, order: Order, packets: Mapping[int, bytes]) -> None:
         """Send a command to drones, with the packet of each row."""
@@ -297,8 +334,9 @@ class Radio:
         state = int(np.nan_to_num(last[report.STATE]))
         if memory is None or state & Supervisor.FLYING:  # it may fly what is in its memory
             return Climb(packet)
-        duration = self._lasts[row] = float(command.duration[i])
+        duration = float(command.duration[i])
         rise = float(command.position[i, 2] - last[report.Z])
+        self._on_board[row] = _OnBoard(duration, come_down_time(rise + DESCENT_MARGIN))
         return Climb(packet, profiles.profile(rise, float(last[report.YAW]), duration), memory)
 
     def _take_off(self, now: float) -> None:
@@ -306,6 +344,8 @@ class Radio:
         climbs = self._takeoffs.due(now)
         bounded = {row for row, climb in climbs.items() if climb.profile is not None}
         self._awaiting_start |= bounded
+        for row in bounded:
+            self._telemetry.lands_by[row] = now + self._on_board[row].total
         starts = {row: profiles.start(self.vehicles[row].version) for row in bounded}
         if climbs:
             packets = {row: starts.get(row, climb.order) for row, climb in climbs.items()}

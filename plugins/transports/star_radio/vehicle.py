@@ -255,6 +255,11 @@ class Vehicle:
         return self._stopped
 
     @property
+    def repeats(self) -> bool:
+        """Whether the last command may still be sent again by the link."""
+        return self._order is not None
+
+    @property
     def lands(self) -> bool:
         """Whether the last command was to land."""
         return self._handover is not None and self._handover.lands

@@ -128,7 +128,7 @@ class Queue:
         if waiting:
             self.next_step = min(self.next_step, _step(waiting[0].begins))
 
-    def come_down(self, row: int, pose: Array, over: float, depth: float) -> None:
+    def come_down(self, row: int, pose: Array, over: float, depth: float) -> float:
         """Let a drone descend `HOVER_TIME` after its last piece, if nothing takes over before.
 
         Args:
@@ -136,20 +136,28 @@ class Queue:
             pose: (4,) at the end of its last piece, m and rad.
             over: When that ends, s.
             depth: Height of the pose above the floor, at most, m.
+
+        Returns:
+            When the descent ends, s.
         """
         cycle = STEP * STEPS_PER_CYCLE  # a kernel is not to be called in the middle of one
         begins = math.ceil((over + HOVER_TIME) / cycle - 1e-6) * cycle
         waiting = self._waiting.setdefault(row, deque())
-        waiting.append(_Waiting(begins, descent(pose, depth + DESCENT_MARGIN), comes_down=True))
+        piece = descent(pose, depth + DESCENT_MARGIN)
+        waiting.append(_Waiting(begins, piece, comes_down=True))
         self.next_step = min(self.next_step, _step(waiting[0].begins))
+        return begins + piece.duration
 
-    def come_down_from_climbs(self, rows: Rows, now: float) -> None:
-        """Let drones descend `HOVER_TIME` after the climbs that they began at `now`, s."""
-        for row in rows.tolist():
-            drone = self._drones[row]
-            climb = Piece(drone["trajectory"], float(drone["trajectory_duration"]))
-            start, top = climb.at(0.0)[0], climb.at(math.inf)[0]
-            self.come_down(row, top, now + climb.duration, max(top[2] - start[2], 0.0))
+    def come_down_from_climb(self, row: int, now: float) -> float:
+        """Let a drone descend `HOVER_TIME` after the climb that it began at `now`, s.
+
+        Returns:
+            When the descent ends, s.
+        """
+        drone = self._drones[row]
+        climb = Piece(drone["trajectory"], float(drone["trajectory_duration"]))
+        start, top = climb.at(0.0)[0], climb.at(math.inf)[0]
+        return self.come_down(row, top, now + climb.duration, max(top[2] - start[2], 0.0))
 
     def drop(self, rows: Rows) -> None:
         """Drop the remaining pieces of some drones."""

@@ -151,6 +151,7 @@ class Simulator:
         self._air = None if wind is None and self._near is None else still  # of the current block
         self._uploaded: dict[Trajectory, tuple[Piece, ...]] = {}
         self._queue = Queue(self.drones)
+        self._lands_by = np.full(n, np.inf)  # s, of what was commanded last to be flown on board
         self._faults: DroneFaults | None = None
 
     @property
@@ -243,6 +244,7 @@ class Simulator:
             frames=frames,
             detections=detections,
             fixes=fixes,
+            lands_by=self._lands_by.copy(),
         )
 
     def command(self, command: Command) -> None:
@@ -267,7 +269,10 @@ class Simulator:
         commander.obey(self.drones, command, now)
         if command.order is Order.TAKEOFF:
             able = commander.can_fly(self.drones, command.agent)
-            self._queue.come_down_from_climbs(command.agent[able], now)
+            for row in command.agent[able].tolist():
+                self._lands_by[row] = self._queue.come_down_from_climb(row, now)
+        elif command.order is Order.GOTO:
+            self._lands_by[command.agent] = np.inf
 
     def correct(self, corrections: Corrections) -> None:
         """Pass poses to the on-board estimators; without noise they are ignored."""
@@ -310,7 +315,7 @@ class Simulator:
             row, now = int(command.agent[i]), self._step * STEP
             self._queue.fly(row, pieces, now)
             over = now + float(command.duration[i])
-            self._queue.come_down(
+            self._lands_by[row] = self._queue.come_down(
                 row, pieces[-1].at(math.inf)[0], over, self._scene.limits.height[1]
             )
 

@@ -222,6 +222,16 @@ def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() 
     assert landings.reported == ["cf1 lands 0.60 m aside: its position is not free"]
 
 
+@pytest.mark.parametrize("depth", [0.0, 1.0])
+def test_no_agent_lands_below_one_that_may_descend(depth: float) -> None:
+    landings = Landings([AgentPhase.FLYING, AgentPhase.LOST])
+    level = estimate(np.array([[0.1, 0.0, 1.0], [0.0, 0.0, 1.0]]))
+    travel = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -depth]])
+    landings.manager.land([0])
+    landings.manager.step(replace(level, possible_travel=travel), GoalBuffer(2, 0.5))
+    assert bool(landings.reported) == (depth > 0)
+
+
 @pytest.mark.parametrize(
     ("stds", "margin", "aside"),
     [

@@ -82,14 +82,16 @@ def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
 def test_an_agent_that_is_not_heard_is_on_the_ground_when_it_has_fallen_or_landed() -> None:
     heard, every = np.array([True, False, False, True]), np.arange(4)
     tracker = UnheardAgents(4, LIMITS)
-    tracker.flies_on_board(every)
+    tracker.flies_on_board(every, np.tile([np.nan, np.nan, 0.7], (4, 1)), np.full(4, 1.0))
     tracker.steered(1.0, np.array([False, True, False, False]))
     tracker.lands(np.array([1, 2, 3]), np.array([6.0, 6.0, 3.0]), heard[1:])
     ages = np.array([9.0, 9.0, 9.0, 9.0])
 
     def heights(time: float) -> list[float]:
         now = estimate(np.tile([0.0, 0.0, 0.7], (4, 1)), time=time)
-        assert tracker.mark(now, 0 * ages, every >= 0).position[:, 2].tolist() == [0.7] * 4
+        taken_over = every == 1
+        seen = tracker.mark(now, 0 * ages, every >= 0, taken_over)
+        assert seen.position[:, 2].tolist() == [0.7] * 4
         return [float(z) for z in tracker.mark(now, ages, every >= 0).position[:, 2]]
 
     assert heights(2.9) == [0.7, 0.7, 0.7, 0.7]
@@ -123,6 +125,84 @@ def test_an_agent_that_is_not_located_brakes_and_stays_in_the_way_on_the_ground(
         assert not answer.possible_travel[0].any()
     assert not tracker.mark(flying, ages, grounded).possible_travel.any()
     assert not tracker.mark(lost, ages, grounded).possible_travel.any()
+
+
+# Agents that fly a command on board: a climb to 0.8 m, last heard at 0.3 m.
+
+TOP, LAST = 0.8, 0.3  # m
+CLIMBED_AT, LANDS_BY = 2.0, 9.0  # s
+
+
+def climbing() -> UnheardAgents:
+    """A tracker of an agent that takes off at 0 s."""
+    tracker = UnheardAgents(1, LIMITS)
+    tracker.flies_on_board(np.array([0]), np.array([[np.nan, np.nan, TOP]]), np.array([CLIMBED_AT]))
+    return tracker
+
+
+def column(
+    tracker: UnheardAgents, time: float, lands_by: float | None, *, taken_over: bool = False
+) -> tuple[float, float]:
+    """Highest and lowest z at which the agent may be, m, if it is not heard."""
+    now = estimate(np.array([[1.0, 2.0, LAST]]), velocity=np.array([[0.0, 0.0, 0.5]]), time=time)
+    announced = None if lands_by is None else np.array([lands_by])
+    tracker.mark(now, np.array([HEARD]), ONE)
+    seen = tracker.mark(now, np.array([UNHEARD]), ONE, np.array([taken_over]), announced)
+    assert seen.position[0, :2].tolist() == [1.0, 2.0]
+    ends = [float(seen.position[0, 2]), float((seen.position + seen.possible_travel)[0, 2])]
+    return max(ends), min(ends)
+
+
+@pytest.mark.parametrize("time", [0.5, CLIMBED_AT, LANDS_BY - 0.1])
+def test_an_unheard_climb_that_comes_down_takes_the_whole_column(time: float) -> None:
+    assert column(climbing(), time, LANDS_BY) == pytest.approx((TOP, 0.0))
+
+
+def test_an_unheard_climb_that_has_come_down_is_on_the_ground() -> None:
+    assert column(climbing(), LANDS_BY, LANDS_BY) == pytest.approx((DOWN, DOWN))
+
+
+@pytest.mark.parametrize("lands_by", [None, np.inf, CLIMBED_AT - 0.1])
+def test_an_unheard_climb_hovers_unless_its_own_descent_is_announced(
+    lands_by: float | None,
+) -> None:
+    """An end before that of the climb was announced for an earlier flight."""
+    assert column(climbing(), 99.0, lands_by) == pytest.approx((TOP, LAST))
+
+
+def test_a_landing_that_may_not_be_heard_does_not_end_a_column() -> None:
+    tracker = climbing()
+    tracker.lands(np.array([0]), np.array([4.0]), ~ONE)
+    assert column(tracker, LANDS_BY - 0.1, LANDS_BY) == pytest.approx((TOP, 0.0))
+    tracker.lands(np.array([0]), np.array([LANDS_BY + 3.0]), ~ONE)  # the next one may be
+    assert column(tracker, LANDS_BY + 2.9, LANDS_BY) == pytest.approx((TOP, 0.0))
+    assert column(tracker, LANDS_BY + 3.0, LANDS_BY) == pytest.approx((DOWN, DOWN))
+
+
+def test_setpoints_that_may_not_be_heard_do_not_end_a_column() -> None:
+    tracker = climbing()
+    tracker.steered(CLIMBED_AT, ONE)
+    assert column(tracker, LANDS_BY - 0.1, LANDS_BY) == pytest.approx((TOP, 0.0))
+    fallen = CLIMBED_AT + WATCHDOG_TIME + FALL_TIME
+    assert column(tracker, fallen, LANDS_BY, taken_over=True) == pytest.approx((DOWN, DOWN))
+
+
+@pytest.mark.parametrize(("lands_by", "lowest"), [(None, TOP), (LANDS_BY, 0.0)])
+def test_an_unheard_flight_on_board_is_at_its_end_later(
+    lands_by: float | None, lowest: float
+) -> None:
+    tracker, end = UnheardAgents(1, LIMITS), np.array([[1.0, 2.0, TOP]])
+    tracker.flies_on_board(np.array([0]), end, np.array([CLIMBED_AT]))
+    announced = None if lands_by is None else np.array([lands_by])
+    last = estimate(np.array([[0.5, 2.0, TOP]]), velocity=np.array([[0.2, 0.0, 0.0]]))
+    tracker.mark(last, np.array([HEARD]), ONE)
+    ages, away = np.array([UNHEARD]), np.array([0.5, 2.0, TOP])
+    before = tracker.mark(replace(last, time=1.0), ages, ONE, None, announced)
+    assert before.position[0] == pytest.approx(away)
+    assert before.possible_travel[0] == pytest.approx([WATCHDOG_TIME * 0.2, 0.0, 0.0])
+    later = tracker.mark(replace(last, time=3.0), ages, ONE, None, announced)
+    assert later.position[0] == pytest.approx(end[0])
+    assert later.possible_travel[0] == pytest.approx([0.0, 0.0, lowest - TOP])
 
 
 # Agents that stay on the ground.
@@ -194,6 +274,42 @@ def test_an_agent_that_is_not_heard_is_kept_clear_of_wherever_it_may_be(
 ) -> None:
     nearest = crossed(avoider, np.array([*start, 0.0]), np.array([*goal, 0.0]), stopped=stopped)
     assert nearest >= 0.93 * 2 * RADIUS
+
+
+def moved_aside(avoider: str, height: float) -> float:
+    """How far an agent is from a column after some seconds, m, if it hovers in it at a height."""
+    room = scene(2)
+    spec = Registry().find("avoider", avoider).offer
+    options = {} if avoider == "none" else {"radius": RADIUS}
+    made = spec.make(room, **fill_defaults(options, spec.options))
+    guard, tracker = SafetyFilter(room), UnheardAgents(2, LIMITS)
+    tracker.flies_on_board(np.array([1]), np.array([[np.nan, np.nan, TOP]]), np.array([0.1]))
+    velocity, position = np.zeros(3), np.array([0.1, 0.0, height])
+    rest = Setpoint(np.zeros((2, 3)), np.zeros(2), FIRST)
+    for k in range(round(5 / PERIOD)):
+        now = estimate(
+            np.array([position, [0.0, 0.0, LAST]]),
+            velocity=np.array([velocity, np.zeros(3)]),
+            time=k * PERIOD,
+        )
+        now = tracker.mark(now, np.array([HEARD, UNHEARD]), BOTH, ~BOTH, np.full(2, 99.0))
+        now = replace(now, valid=FIRST)
+        near = Pairs.of(now.position, guard.reach)
+        sent, _ = guard.filter(now, made.avoid(now, rest), rest, near)
+        velocity = velocity + PERIOD / 0.3 * (sent.velocity[0] - velocity)
+        position = position + PERIOD * velocity
+    return float(np.hypot(*position[:2]))
+
+
+@pytest.mark.parametrize("height", [0.1, 0.5, TOP])
+@pytest.mark.parametrize("avoider", ["orca", "voronoi", "potential"])
+def test_an_agent_in_the_way_of_a_descent_moves_aside(avoider: str, height: float) -> None:
+    assert moved_aside(avoider, height) >= 0.93 * 2 * RADIUS
+
+
+@pytest.mark.parametrize("height", [0.1, 0.5, TOP])
+def test_the_safety_filter_moves_agents_out_of_a_descent(height: float) -> None:
+    assert moved_aside("none", height) >= 0.95 * scene(1).limits.separation
 
 
 def test_the_safety_filter_keeps_clear_of_wherever_an_agent_may_be() -> None:

@@ -9,15 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from star_core import Command, Order
+from star_core import Command, Order, Telemetry
 from star_fleet.link_faults import LinkFaults
 from star_fleet.memory import compressed
 from star_radio import orders, profiles, trajectories
 from star_radio.transport import Radio
 from star_sim import pieces
 from star_sim.commander import ending_at_rest
-from tests.end_to_end.virtual_air import Air, flown
+from tests.end_to_end.link_cuts import FOLLOW, PATH
+from tests.end_to_end.virtual_air import START_TRAJECTORY, TAKEOFF, Air, flown
 from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.plugins.transports.star_radio.virtual import EPOCH
 
 CUT = LinkFaults(cuts=((0.0, math.inf),))
 RULES = "safety: {link_lost: {}}"
@@ -93,6 +95,41 @@ def test_a_drone_without_a_link_in_its_take_off_comes_down(tmp_path: Path, lengt
     assert flight.air.impact.max() < 0.4
     motors_on = flight.air.drones["mode"][0] != 0
     assert motors_on == (length == math.inf)  # whatever client returns stops them
+
+
+@pytest.mark.parametrize(
+    ("steps", "begins"),
+    [
+        (HOLD, TAKEOFF),
+        (FOLLOW.replace("on_board", "timescale: 1.5, on_board"), START_TRAJECTORY),
+    ],
+)
+def test_when_a_drone_comes_down_by_itself_is_announced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: str, begins: int
+) -> None:
+    (tmp_path / "path.csv").write_text(PATH)
+    times: list[float] = []
+    heights: list[float] = []
+    announced: list[float] = []
+    receive = Radio.receive
+
+    def cut(air: Air, _operator: object) -> None:
+        times.append(air.fleet.time)
+        heights.append(air.height[0])
+        if air.fleet.time >= air.ordered.get(begins, np.inf) + 0.6:
+            air.links.faults[0] = CUT
+
+    def record(radio: Radio) -> Telemetry:
+        telemetry = receive(radio)
+        if telemetry.lands_by is not None and radio.began is not None:
+            announced.append(telemetry.lands_by[0] + radio.began - EPOCH)
+        return telemetry
+
+    monkeypatch.setattr(Radio, "receive", record)
+    flown(tmp_path, n=2, steps=steps, rules=RULES, watch=cut)
+    down = times[np.flatnonzero(np.array(heights) > 0.02)[-1]]
+    assert math.isinf(announced[0])
+    assert down <= announced[-1] <= down + (1.5 if begins == TAKEOFF else 12.0)
 
 
 def test_take_offs_of_any_height_are_taken_over_before_they_come_down(tmp_path: Path) -> None:

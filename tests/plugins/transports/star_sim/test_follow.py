@@ -247,6 +247,23 @@ def test_a_drone_lands_by_itself_after_a_trajectory(start: Flying) -> None:
     assert flight.position[0] == pytest.approx([0.8, 0.6, 0.0], abs=0.02)
 
 
+def test_when_a_drone_comes_down_by_itself_is_announced(start: Flying) -> None:
+    flight = start()
+    flight.order(Order.TAKEOFF, (0, 0, 0.8))
+    heights, announced = zip(
+        *((one.position[0, 2], one.lands_by[0]) for one in flight.fly(12.0)), strict=True
+    )
+    down = flight.period * np.flatnonzero(np.array(heights) > 0.02)[-1]
+    assert down <= announced[-1] <= down + 1.5
+    flight.rise()
+    assert np.isinf(flight.telemetry.lands_by[0])  # a go-to ends in the air
+    upload(flight, CORNER)
+    follow(flight, CORNER, (0, 0, 0.8))
+    flight.fly(0.1)
+    over = flight.telemetry.time + CORNER.duration.sum()
+    assert over + HOVER_TIME < flight.telemetry.lands_by[0] < np.inf
+
+
 def test_one_that_was_not_uploaded_is_refused(start: Flying) -> None:
     flight = start()
     flight.rise()
