@@ -30,7 +30,10 @@ YAW_BIAS = 11  # subtracted from yaw rates, rad/s
 # Errors of the velocity over the yaw rate, m: the lever arm of the flow sensor, and a tilt error
 # that is constant in the body, with which the on-board estimator has to keep up as it turns.
 ARM_X, ARM_Y = 12, 13
-STATES: Final = 14
+# Errors of the on-board velocity that last for minutes, to be subtracted, m/s, in the level body
+# frame: by the bias of the gyro, with which the on-board estimator has to keep up, and of the flow.
+DRIFT_X, DRIFT_Y = 14, 15
+STATES: Final = 16
 
 # Standard deviations at the start, of an agent that is placed by hand.
 START_STD: Final = 0.05  # m
@@ -50,9 +53,12 @@ YAW_BIAS_PER_TIME: Final = math.radians(0.025)  # rad/s/√s
 YAW_PER_TIME: Final = math.radians(0.05)  # rad/√s
 POSITION_PER_TIME: Final = 0.005  # m/√s
 SEEN_PER_TIME: Final = 0.010  # m/√s, in addition while the camera measures motion by the floor
-SLIP_STD, SLIP_TIME = 0.045, 0.35  # m/s and s
+SLIP_RATE, SLIP_TIME = 0.056, 0.35  # 1/s, standard deviation per height, and s
 """A Kalman filter that smooths flow samples over `SLIP_TIME` has such an error with the firmware's
-2 counts of noise (``flowStdFixed``) at a height of 0.8 m, 0.33 m/s in each sample of 10 ms."""
+2 counts of noise (``flowStdFixed``): 0.41 m/s per metre of height in each sample of 10 ms."""
+LEAST_HEIGHT: Final = 0.1  # m, for that
+DRIFT_STD, DRIFT_TIME = 0.007, 60.0
+"""m/s and s; `star_flow.drift` has the two processes of which this is the sum."""
 
 
 class Anchor(NamedTuple):
@@ -140,6 +146,7 @@ def body_velocity(anchor: Anchor, sample: OdometrySample) -> complex:
     """Return the corrected velocity in the level body frame, x + iy, m/s."""
     vx, vy, _ = sample.velocity.tolist()
     slip_x, slip_y, arm_x, arm_y = anchor.mean[[SLIP_X, SLIP_Y, ARM_X, ARM_Y]].tolist()
+    slip_x, slip_y = slip_x + float(anchor.mean[DRIFT_X]), slip_y + float(anchor.mean[DRIFT_Y])
     turning = complex(-arm_y, arm_x) * (sample.yaw_rate - anchor.yaw_bias)
     return complex(vx, vy) * anchor.factor - complex(slip_x, slip_y) - turning
 
@@ -154,6 +161,7 @@ def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, 
     kept[[ROLL, PITCH]] = math.exp(-took / TILT_TIME)
     kept[[SLIP_X, SLIP_Y]] = slip_kept = math.exp(-took / SLIP_TIME)
     kept[FLOOR] = floor_kept = math.exp(-motion.length / FLOOR_LENGTH)
+    kept[[DRIFT_X, DRIFT_Y]] = math.exp(-took / DRIFT_TIME)
 
     # Derivatives of the displacement in the map, x + iy.
     along = heading * motion.blind_shift
@@ -168,10 +176,15 @@ def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, 
     by[ARM_X] = blind * heading - end
     by[ARM_Y] = 1j * by[ARM_X]
     by[YAW_BIAS] = 1j * (end * complex(arm_x, arm_y) * took - heading * motion.moment)
+    by[DRIFT_X] = -heading * motion.blind_duration * cmath.rect(1.0, motion.turn / 2)
+    by[DRIFT_Y] = 1j * by[DRIFT_X]
+    drift_x, drift_y = anchor.mean[[DRIFT_X, DRIFT_Y]].tolist()
+    by[YAW_BIAS] -= 1j * took / 2 * by[DRIFT_X] * complex(drift_x, drift_y)
     shift = (
         heading * motion.shift
         + by[SLIP_X] * complex(slip_x, slip_y)
         + by[ARM_X] * complex(arm_x, arm_y)
+        + by[DRIFT_X] * complex(drift_x, drift_y)
     )
     by[YAW] = 1j * shift
 
@@ -189,7 +202,8 @@ def _noise(motion: Motion, heading: complex, kept: Array) -> Array:
     """Return the (STATES, STATES) covariance of what a motion adds to the errors."""
     noise = np.diag(_PER_TIME**2 * motion.duration)
     # Slip and scale on the floor are first-order Gauss-Markov processes; positions integrate them.
-    variance, shared, left = _integrated(SLIP_STD, SLIP_TIME, motion.blind_duration)
+    slip_std = SLIP_RATE * max(motion.height, LEAST_HEIGHT)
+    variance, shared, left = _integrated(slip_std, SLIP_TIME, motion.blind_duration)
     noise[[X, Y], [X, Y]] += variance
     noise[[SLIP_X, SLIP_Y], [SLIP_X, SLIP_Y]] = left
     end = -shared * heading * cmath.rect(1.0, motion.turn)
@@ -203,6 +217,7 @@ def _noise(motion: Motion, heading: complex, kept: Array) -> Array:
     noise[FLOOR, :2] = noise[:2, FLOOR] = shared * ahead
     noise[FLOOR, FLOOR] = left
     noise[[ROLL, PITCH], [ROLL, PITCH]] = TILT_STD**2 * (1 - kept[ROLL] ** 2)
+    noise[[DRIFT_X, DRIFT_Y], [DRIFT_X, DRIFT_Y]] = DRIFT_STD**2 * (1 - kept[DRIFT_X] ** 2)
     return noise
 
 
@@ -237,8 +252,9 @@ SMALL: Final = 1e-3  # where the difference of the terms would be rounding error
 _START_STD = np.array(
     [
         *[START_STD, START_STD, HEIGHT_STD, START_YAW_STD],
-        *[TILT_STD, TILT_STD, SLIP_STD, SLIP_STD],
+        *[TILT_STD, TILT_STD, SLIP_RATE * LEAST_HEIGHT, SLIP_RATE * LEAST_HEIGHT],
         *[SCALE_STD, TURN_STD, FLOOR_STD, YAW_BIAS_STD, ARM_STD, ARM_STD],
+        *[DRIFT_STD, DRIFT_STD],
     ]
 )
 _PER_TIME = np.array(
@@ -246,5 +262,6 @@ _PER_TIME = np.array(
         *[POSITION_PER_TIME, POSITION_PER_TIME, HEIGHT_PER_TIME, YAW_PER_TIME],
         *[0.0, 0.0, 0.0, 0.0],
         *[SCALE_PER_TIME, SCALE_PER_TIME, 0.0, YAW_BIAS_PER_TIME, 0.0, 0.0],
+        *[0.0, 0.0],
     ]
 )

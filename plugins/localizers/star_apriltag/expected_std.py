@@ -7,11 +7,13 @@ from typing import Final
 import numpy as np
 
 from star_apriltag.dead_reckoning import (
+    DRIFT_STD,
     FLOOR_LENGTH,
     FLOOR_STD,
+    LEAST_HEIGHT,
     POSITION_PER_TIME,
     SCALE_STD,
-    SLIP_STD,
+    SLIP_RATE,
     SLIP_TIME,
     START_STD,
     START_YAW_STD,
@@ -25,7 +27,8 @@ SEEN_STD: Final = 0.03  # m, while a tag is in view
 MIN_EDGE: Final = 13.0  # px of a tag in the image: eight modules of those that are still detected
 BORDER: Final = 3.0  # px, of the image, in which no corner is detected
 
-PER_TIME: Final = 2 * SLIP_STD**2 * SLIP_TIME + POSITION_PER_TIME**2  # m²/s
+PER_TIME: Final = POSITION_PER_TIME**2  # m²/s
+PER_HEIGHT: Final = 2 * SLIP_RATE**2 * SLIP_TIME  # m²/s, and per height, squared
 PER_LENGTH: Final = 2 * FLOOR_STD**2 * FLOOR_LENGTH  # m²/m
 PER_AREA: Final = SCALE_STD**2 + TURN_STD**2  # of the displacement, squared
 
@@ -42,9 +45,10 @@ def expected_std(
     """Return the greatest standard deviation in the plane along paths: (T, N) m.
 
     While a level drone has a landmark's tag in its image, it is `SEEN_STD`. Since then, the errors
-    of dead reckoning grow: white noise with the time, the floor's texture with the length of the
-    path, and scale and heading, as uncertain as before they are calibrated in flight, with the
-    displacement. Obstacles hide no tags, and floor odometry, which needs texture, does not help.
+    of dead reckoning grow: white noise with the time and with the height, errors of the velocity
+    with the time, the floor's texture with the length of the path, and scale and heading, as
+    uncertain as before they are calibrated in flight, with the displacement. Obstacles hide no
+    tags, and floor odometry, which needs texture, does not help.
 
     Args:
         scene: Agents with their cameras, and landmarks.
@@ -59,21 +63,32 @@ def expected_std(
         seen = np.zeros(len(time), np.bool_)
         if agent.camera is not None:
             seen = _sees(agent.camera, tags, position[:, row], yaw[:, row])
-        std[:, row] = _along(time, position[:, row, :2], seen)
+        height = position[:, row, 2] - agent.start[2]
+        std[:, row] = _along(time, position[:, row, :2], height, seen)
     return std
 
 
-def _along(time: Array, here: Array, seen: Mask) -> Array:
-    """Return the standard deviation at (T,) times and (T, 2) positions, by where tags are seen."""
+def _along(time: Array, here: Array, height: Array, seen: Mask) -> Array:
+    """Return the standard deviation along a path, by where tags are seen: (T,) m.
+
+    Args:
+        time: (T,) s.
+        here: (T, 2) positions, m.
+        height: (T,) m.
+        seen: (T,) whether a tag is in the image.
+    """
     step = np.hypot(*np.diff(here, axis=0, prepend=here[:1]).T)
     std = np.empty(len(time))
     base, since, area = START_STD**2, 0, PER_AREA + START_YAW_STD**2
     length = np.cumsum(step)
+    noise = PER_TIME + PER_HEIGHT * np.maximum(height, LEAST_HEIGHT) ** 2
+    noise = np.cumsum(noise * np.diff(time, prepend=time[0]))
     for k in range(len(time)):
         if seen[k]:
             base, since, area = SEEN_STD**2, k, PER_AREA
         away = float(((here[k] - here[since]) ** 2).sum())
-        grown = PER_TIME * (time[k] - time[since]) + PER_LENGTH * (length[k] - length[since])
+        grown = noise[k] - noise[since] + PER_LENGTH * (length[k] - length[since])
+        grown += (DRIFT_STD * (time[k] - time[since])) ** 2
         std[k] = np.sqrt(base + grown + area * away)
     return std
 

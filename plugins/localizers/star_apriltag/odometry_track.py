@@ -30,6 +30,7 @@ class Motion(NamedTuple):
     blind_duration: float  # likewise, s
     blind_shift: complex = 0j  # share of the displacement that only the flow sensor measured, m
     moment: complex = 0j  # integral of the time since the start over the displacement, m s
+    height: float = 0.0  # z in the odometry frame, at the end, m
 
 
 class OdometrySample(NamedTuple):
@@ -126,6 +127,7 @@ class OdometryTrack:
             blind_duration=float(took @ blind),
             blind_shift=complex(turned @ blind),
             moment=complex((np.cumsum(took) - took / 2) @ turned),
+            height=float(rows[-1, 7]),
         )
 
     def correct(self, begin: float, end: float, shift: complex, *, yaw_bias: float) -> None:

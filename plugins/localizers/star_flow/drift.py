@@ -14,7 +14,8 @@ YAW_BIAS = math.radians(0.2)  # rad/s, gyro bias that remains after calibration,
 SCALE = 0.05  # relative error of a displacement by height and focal length, per flight
 FLOOR = 2 * 0.045**2 * 0.7  # m²/m: 4.5 % error of scale with the floor, correlated over 0.7 m
 TEXTURE = 3 * FLOOR  # three laps over one floor repeat its error, which triples the variance
-NOISE = 1.1e-3  # m²/s, white noise of two counts in each flow sample of 10 ms, at 0.8 m
+NOISE = 1.7e-3  # m²/s at 1 m, white noise of two counts in each flow sample of 10 ms
+LEAST_HEIGHT = 0.1  # m, for that: its variance grows with the square of the height
 START = 0.05  # m, std of an agent's manual placement, and while the estimated tilt settles
 START_YAW = math.radians(1.0)  # rad, std of its heading
 HEIGHT = 0.02  # m, std of z, which the range sensor measures without drift
@@ -33,14 +34,15 @@ class Drift:
     an initial heading error rotates, the displacement ``r``. Random walks are the floor's texture,
     along the path, and the sensor's noise, in all directions. The covariance in x and y is
 
-    ``START² I + (NOISE t + w) I + TEXTURE sum(dp dp' / |dp|) + YAW_BIAS² Jm (Jm)' + SCALE² r r'
-    + START_YAW² Jr (Jr)'``
+    ``START² I + (NOISE sum(h² dt) + w) I + TEXTURE sum(dp dp' / |dp|) + YAW_BIAS² Jm (Jm)'
+    + SCALE² r r' + START_YAW² Jr (Jr)'``
 
-    where ``J`` rotates by 90°, and ``w`` is the variance by errors of the velocity. These are
-    first-order Gauss-Markov processes along the axes of the body, which turn with it: with standard
-    deviation ``s``, rate ``a`` and heading ``psi``, the covariance ``c`` of position and velocity
-    follows ``dc/dt = s² - (a + i dpsi/dt) c`` in the complex plane, and ``dw/dt = 2 Re c``. So they
-    cancel over a turn, but not in a hover. z is independent, with ``HEIGHT²``.
+    where ``J`` rotates by 90°, ``h`` is the height above the start, and ``w`` is the variance by
+    errors of the velocity. These are first-order Gauss-Markov processes along the axes of the body,
+    which turn with it: with standard deviation ``s``, rate ``a`` and heading ``psi``, the
+    covariance ``c`` of position and velocity follows ``dc/dt = s² - (a + i dpsi/dt) c`` in the
+    complex plane, and ``dw/dt = 2 Re c``. So they cancel over a turn, but not in a hover. z is
+    independent, with ``HEIGHT²``.
 
     Args:
         start: (N, 3) initial positions, map frame, m.
@@ -49,6 +51,7 @@ class Drift:
 
     def __init__(self, start: Array, yaw: Array) -> None:
         self._start: Array = start[:, :2].copy()
+        self._ground = start[:, 2].copy()
         self._last = self._start
         self._time: float | None = None
         self._began = 0.0
@@ -56,7 +59,7 @@ class Drift:
         self._texture = np.zeros((len(start), 2, 2))  # m²
         self._moment = np.zeros((len(start), 2))  # m s
         self._coupling = np.zeros((len(start), 2), np.complex128)  # m²/s, of each velocity error
-        self._walked = np.zeros(len(start))  # m²
+        self._walked = np.zeros(len(start))  # m², by errors of the velocity and by noise
 
     def covariance(self, time: float, position: Array, yaw: Array) -> Array:
         """Return the (N, 3, 3) covariance, m², at a time after a move.
@@ -83,6 +86,8 @@ class Drift:
         )
         self._coupling += period * VELOCITY_STD**2
         self._walked += 2 * period * self._coupling.real.sum(axis=1)
+        height = np.maximum(position[:, 2] - self._ground, LEAST_HEIGHT)
+        self._walked += period * NOISE * height**2
         self._yaw = yaw
         away = here - self._start
         deviations = np.stack(
@@ -95,8 +100,7 @@ class Drift:
         )  # (N, 3, 2) m, of one standard deviation of each constant error
         covariance = np.zeros((len(position), 3, 3))
         covariance[:, :2, :2] = self._texture + deviations.swapaxes(1, 2) @ deviations
-        level = START**2 + NOISE * elapsed + self._walked
-        covariance[:, [0, 1], [0, 1]] += level[:, None]
+        covariance[:, [0, 1], [0, 1]] += (START**2 + self._walked)[:, None]
         covariance[:, 2, 2] = HEIGHT**2
         return covariance
 

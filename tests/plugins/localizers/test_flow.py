@@ -101,6 +101,9 @@ def test_what_is_not_reported_is_not_valid_and_stays_where_it_was(field: str) ->
     assert np.isfinite(found.covariance).all()
 
 
+HOVER = np.array([0.0, 0.0, 0.8])  # m
+
+
 def fly(start: Array, track: Array, yaw: Array | None = None, period: float = 0.05) -> Array:
     """(T, 3, 3) covariances along a (T, 3) track, with (T,) headings or without turning."""
     yaw = np.zeros(len(track)) if yaw is None else yaw
@@ -147,14 +150,23 @@ def test_a_yaw_bias_throws_off_across_the_way() -> None:
 def test_three_laps_of_a_circle_drift_as_much_as_in_the_default_world() -> None:
     turned = np.linspace(0, 6 * np.pi, round(135.0 / 0.05))
     track = 1.97 * np.stack([np.cos(turned), np.sin(turned), 0 * turned], axis=1)
-    covariance = fly(track[0], track, turned + np.pi / 2)
+    covariance = fly(track[0], track + HOVER, turned + np.pi / 2)
     expected = (covariance[:, 0, 0] + covariance[:, 1, 1]).mean()  # m², mean square error
     assert expected == pytest.approx(0.70, rel=0.2)  # Table 1 of docs/results.md
 
 
 def test_a_hover_drifts_as_much_as_in_the_default_world() -> None:
-    last = fly(np.zeros(3), np.zeros((round(115.0 / 0.05), 3)))[-1]
+    last = fly(np.zeros(3), np.zeros((round(115.0 / 0.05), 3)) + HOVER)[-1]
     assert np.sqrt(last[0, 0]) == pytest.approx(0.74, rel=0.1)  # of 32 drones, RMS of each axis
+
+
+@pytest.mark.parametrize(("height", "rms"), [(0.5, 0.234), (0.75, 0.272), (1.3, 0.373)])
+def test_drift_grows_with_the_height_as_in_the_default_world(height: float, rms: float) -> None:
+    track = np.zeros((round(30.0 / 0.05), 3))
+    track[:, 2] = height
+    covariance = fly(np.zeros(3), track)
+    grown = covariance[-1, 0, 0] - covariance[0, 0, 0]
+    assert np.sqrt(grown) == pytest.approx(rms, rel=0.15)  # of 72 drones, over 30 s, each axis
 
 
 def test_constant_velocity_errors_cancel_over_a_turn() -> None:

@@ -22,10 +22,10 @@ def room(*tags: tuple[float, float]) -> Scene:
     return replace(base, agents=agents, world=replace(base.world, landmarks=landmarks))
 
 
-def std(room: Scene, x: Array, yaw: float = 0.0, tags: int = 2) -> Array:
+def std(room: Scene, x: Array, yaw: float = 0.0, tags: int = 2, height: float = 0.8) -> Array:
     """Return the deviations along positions on the x axis, one each half second, m."""
     n = len(x)
-    position = np.stack([x, np.zeros(n), np.full(n, 0.8)], axis=1)[:, None]
+    position = np.stack([x, np.zeros(n), np.full(n, height)], axis=1)[:, None]
     found = expected_std(
         room, np.arange(0.0, n / 2, 0.5), position, np.full((n, 1), yaw), max_tags_per_landmark=tags
     )
@@ -51,3 +51,10 @@ def test_errors_grow_between_landmarks_and_vanish_at_the_next() -> None:
     assert found[0] == found[-1] == SEEN_STD
     assert (np.diff(found[gap]) > 0).all()
     assert 0.1 < found.max() < 0.3
+
+
+@pytest.mark.parametrize(("height", "rms"), [(0.5, 0.234), (0.75, 0.272), (1.3, 0.373)])
+def test_blind_hovers_drift_as_in_the_default_world(height: float, rms: float) -> None:
+    still = std(room(), np.zeros(61), height=height)
+    grown = still[-1] ** 2 - still[0] ** 2
+    assert np.sqrt(grown) == pytest.approx(rms, rel=0.15)  # of 72 drones, over 30 s, each axis

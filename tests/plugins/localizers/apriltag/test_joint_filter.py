@@ -37,7 +37,7 @@ from star_apriltag.joint_filter import (
 )
 from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.vision.body_pose import View
-from star_core import Array, Pose, Tag
+from star_core import Array, Odometry, Pose, Tag
 from star_core.toolkit import rotation_from_vector
 from tests.plugins.localizers.apriltag.conftest import HEIGHT, LENS, SPEED, Circle, sheets, views
 
@@ -388,3 +388,26 @@ def test_the_latency_of_images_without_timestamps_is_estimated(late: float) -> N
         flight.filter.update(flight.seen(arrived - late), flight.track, stamped=False)
     assert flight.filter.latency == pytest.approx(late, abs=0.006)
     assert np.abs(flight.off).max() < 0.005
+
+
+@pytest.mark.parametrize(("height", "rms"), [(0.5, 0.234), (0.75, 0.272), (1.3, 0.373)])
+def test_blind_hovers_drift_as_in_the_default_world(height: float, rms: float) -> None:
+    times = np.arange(0.0, 31.0, 0.1)
+    still = np.zeros(len(times))
+    stream = Odometry(
+        agent=still.astype(np.int64),
+        time=times,
+        velocity=np.zeros((len(times), 3)),
+        yaw_rate=still,
+        roll=still,
+        pitch=still,
+        height=still + height,
+    )
+    track = OdometryTrack()
+    track.add(stream, np.arange(len(times)))
+    anchor, variance = start(Circle(5.0).agent()), []
+    for time in np.arange(0.0, 30.5, 0.5):
+        anchor, _ = carried(anchor, time, track)
+        variance.append(anchor.covariance[X, X])
+    grown = variance[-1] - variance[0]
+    assert np.sqrt(grown) == pytest.approx(rms, rel=0.15)  # of 72 drones, over 30 s, each axis
