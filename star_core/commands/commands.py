@@ -178,7 +178,6 @@ def _check(arguments: Sequence[str]) -> int:
     from pathlib import Path
 
     from star_core.commands.check import check_file
-    from star_core.errors import printable
     from star_core.registry import Registry
     from star_core.toolkit.progress import Progress, log
 
@@ -187,7 +186,7 @@ def _check(arguments: Sequence[str]) -> int:
         text, warnings = check_file(Path(options.mission), _assignments(options), Registry())
     for warning in warnings:
         log(warning)
-    print(printable(text))
+    print(text)
     return 0
 
 

@@ -81,11 +81,17 @@ def _command(name: str, arguments: list[str]) -> int:
     Raises:
         StarError: There is none of that name.
     """
+    from contextlib import nullcontext
+
+    from star_core.toolkit.printable_output import printable_output
+
     registry = _loaded()
     known = registry.names("command")
     if name not in known:
         raise StarError(f"star has no command {name!r}{suggestion(name, known, 'there are')}")
-    status: int = make("command", registry.find("command", name), arguments)
+    found = registry.find("command", name)
+    with printable_output() if found.source.own else nullcontext():
+        status: int = make("command", found, arguments)
     return status
 
 

@@ -20,7 +20,7 @@ from star_core.commands.land_requests import listening
 from star_core.commands.live_view import FlightProgress
 from star_core.commands.main import make
 from star_core.commands.output import LatestRun, new_folder
-from star_core.errors import InputError, printable
+from star_core.errors import InputError
 from star_core.mission import Mission
 from star_core.mission_file.mission_loader import load
 from star_core.operator import Operator
@@ -133,7 +133,7 @@ def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
     ]
     head = f"{summary['mission']}: {summary['outcome']}"
     head += f": {summary['reason']}" if summary["reason"] else ""
-    return printable("\n".join([head, *(f"  {label:<18}{text}" for label, text in rows if text)]))
+    return "\n".join([head, *(f"  {label:<18}{text}" for label, text in rows if text)])
 
 
 def _slowest(summary: Mapping[str, Any]) -> str:

@@ -21,7 +21,7 @@ from star_core.commands.land_requests import (
     check_private,
     shared_folder,
 )
-from star_core.errors import InputError, printable
+from star_core.errors import InputError
 
 SOCKETS: Final = Path("/proc/net/unix")  # of the whole machine, on Linux; the last column is a path
 PARALLEL: Final = 32  # flights that are asked at once: one that hangs must not delay the others
@@ -68,11 +68,7 @@ def stop_flights(name: str | None = None, *, list_only: bool = False) -> tuple[i
     if refused:
         raise InputError("\n".join([*lines, *map(str, refused)]), "unwritable-file")
     if not lines:
-        what = (
-            "no flight is running"
-            if name is None
-            else f"no flight of {printable(name)!r} is running"
-        )
+        what = "no flight is running" if name is None else f"no flight of {name!r} is running"
         others = ", ".join(f"{reply.mission} (process {reply.process})" for reply in replies)
         searched = ", ".join(f"'{folder}'" for folder in folders) or "no folder"
         return 1, [f"{what}; running: {others}" if others else f"{what}; searched: {searched}"]
@@ -132,10 +128,10 @@ def _entries(folder: Path) -> list[Path]:
 
 def _ask(path: Path, name: str | None, *, list_only: bool) -> Answer | None:
     """Ask a flight for its name, and to land if it is meant; None if it has ended."""
-    process = printable(path.stem)
+    process = path.stem
     try:
         if not stat.S_ISSOCK(path.lstat().st_mode):
-            return Answer(process, "", f"has no socket: '{printable(str(path))}' is another file")
+            return Answer(process, "", f"has no socket: '{path}' is another file")
         if name is None and not list_only:
             return Answer(process, _request(path, LAND))
         mission = _request(path, NAME)
@@ -165,7 +161,7 @@ def _request(path: Path, request: bytes) -> str:
         answer = client.recv(MAX_MESSAGE)
     if not answer:
         raise ConnectionAbortedError
-    return printable(answer.decode(errors="replace"))
+    return answer.decode(errors="replace")
 
 
 def _alive(process: str) -> bool:

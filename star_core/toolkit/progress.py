@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from star_core.errors import printable
+from star_core.toolkit.printable_output import escape_below_bars, unescaped
 
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
@@ -206,7 +207,7 @@ class _Reporter:
         from rich.console import Console
         from rich.live import Live
 
-        console = Console(file=sys.stderr, force_terminal=True)
+        console = Console(file=unescaped(sys.stderr), force_terminal=True)
         live = Live(
             self._picture(),
             console=console,
@@ -215,6 +216,7 @@ class _Reporter:
             redirect_stdout=sys.stdout.isatty(),
         )
         live.start(refresh=True)
+        escape_below_bars()
         self._live = live
 
     def _picture(self) -> Group:

@@ -21,28 +21,10 @@ from star_core.scene import inside
 from star_external import planner_source
 from star_external.tcp_server import TcpServer
 from star_search import pattern
+from tests.conftest import HOP
 
 ROOT = Path(__file__).parents[2]
-MISSION = """\
-star: 1
-name: evil
-world: room.yaml
-swarm: {cf1: {start: [0, 0, 0]}}
-transport: {use: sim, profile: ideal, controller: ideal}
-localizer: flow
-planner: straight
-avoider: none
-mission: [takeoff: {height: 0.3}, land: {}]
-"""
-WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
 SCRIPT = "</script><script>alert(1)</script>"
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    (tmp_path / "room.yaml").write_text(WORLD)
-    (tmp_path / "evil.yaml").write_text(MISSION)
-    return tmp_path
 
 
 def test_each_claim_names_its_tests() -> None:
@@ -64,13 +46,13 @@ def test_yaml_makes_no_objects(text: str) -> None:
         parse(text, "m.yaml")
 
 
-def test_a_name_in_a_mission_is_not_imported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (folder / "evil_star.py").write_text("raise SystemExit('imported')")
-    monkeypatch.syspath_prepend(folder)
-    for old, new in [("avoider: none", "avoider: evil_star"), ("land:", "evil_star:")]:
-        (folder / "evil.yaml").write_text(MISSION.replace(old, new))
+def test_a_name_in_a_mission_is_not_imported(hop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (hop / "evil_star.py").write_text("raise SystemExit('imported')")
+    monkeypatch.syspath_prepend(hop)
+    for old, new in [("avoider: orca", "avoider: evil_star"), ("land:", "evil_star:")]:
+        (hop / "hop.yaml").write_text(HOP.replace(old, new))
         with pytest.raises(InputError, match="evil_star"):
-            load(folder / "evil.yaml", Registry())
+            load(hop / "hop.yaml", Registry())
     assert "evil_star" not in sys.modules
 
 
@@ -81,21 +63,21 @@ def test_small_files_stay_small() -> None:
             parse(text, "m.yaml")
 
 
-def test_files_are_inside_the_folder(folder: Path) -> None:
-    mission = folder / "mission"
+def test_files_are_inside_the_folder(hop: Path) -> None:
+    mission = hop / "mission"
     mission.mkdir()
-    (mission / "link.yaml").symlink_to(folder / "room.yaml")
-    for name in ["../room.yaml", "link.yaml", str(folder / "room.yaml")]:
+    (mission / "link.yaml").symlink_to(hop / "room.yaml")
+    for name in ["../room.yaml", "link.yaml", str(hop / "room.yaml")]:
         with pytest.raises(InputError):
             inside(mission, name)
 
 
-def test_records_are_not_unpickled(folder: Path) -> None:
-    assert main(["run", str(folder / "evil.yaml"), "--out", str(folder / "run")]) == 0
-    read_run(folder / "run")
-    np.savez(folder / "run/trajectory.npz", agents=np.array([object()], dtype=object))
+def test_records_are_not_unpickled(hop: Path) -> None:
+    assert main(["run", str(hop / "hop.yaml"), "--out", str(hop / "run")]) == 0
+    read_run(hop / "run")
+    np.savez(hop / "run/trajectory.npz", agents=np.array([object()], dtype=object))
     with pytest.raises(InputError, match="cannot be read"):
-        read_run(folder / "run")
+        read_run(hop / "run")
 
 
 def test_only_pipes_carry_pickles() -> None:
@@ -141,14 +123,14 @@ def test_other_hosts_need_the_token(first: str, *, obeyed: bool) -> None:
     server.close()
 
 
-def test_reports_escape_text(folder: Path) -> None:
+def test_reports_escape_text(hop: Path) -> None:
     pytest.importorskip("plotly")
-    assert main(["run", str(folder / "evil.yaml"), "--out", str(folder / "run")]) == 0
+    assert main(["run", str(hop / "hop.yaml"), "--out", str(hop / "run")]) == 0
     for name in ("summary.json", "manifest.json"):
-        file = folder / "run" / name
+        file = hop / "run" / name
         file.write_text(json.dumps(_poisoned(json.loads(file.read_text()))))
-    assert main(["report", str(folder / "run")]) == 0
-    page = (folder / "run/report.html").read_text()
+    assert main(["report", str(hop / "run")]) == 0
+    page = (hop / "run/report.html").read_text()
     assert SCRIPT not in page
     assert "alert(1)" in page
 
@@ -196,7 +178,7 @@ def test_plugins_are_allowed_and_blocked(tmp_path: Path, monkeypatch: pytest.Mon
     pattern._installed.cache_clear()
 
 
-def test_a_flight_opens_no_connection(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flight_opens_no_connection(hop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     opened = []
     original = socket.socket.connect
 
@@ -206,7 +188,7 @@ def test_a_flight_opens_no_connection(folder: Path, monkeypatch: pytest.MonkeyPa
         original(self, address)
 
     monkeypatch.setattr(socket.socket, "connect", connect)
-    assert main(["run", str(folder / "evil.yaml"), "--no-record"]) == 0
+    assert main(["run", str(hop / "hop.yaml"), "--no-record"]) == 0
     assert opened == []
 
 

@@ -28,21 +28,14 @@ from star_view.live_page import LivePage  # noqa: E402
 from star_view.messages import Watched  # noqa: E402
 from star_view.plan_scene import PlannedStep, add_plan  # noqa: E402
 from star_view.replay import Replay  # noqa: E402
+from tests.conftest import HOP, ROOM  # noqa: E402
 from tests.plugins.commands.star_view.browser import CAMERA, Browser  # noqa: E402
 from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium  # noqa: E402
 
 PRESS = "[...parent.document.querySelectorAll('button')].map(b=>b.click())"
 ATTACK = f'<iframe srcdoc="&lt;script&gt;{PRESS}&lt;&#47;script&gt;"></iframe>'
 FILE = ATTACK.replace("</iframe>", "") + ".yaml"  # a slash cannot be in a name
-MISSION = """\
-star: 1
-name: hostile
-world: room.yaml
-swarm: {cf1: {start: [0, 0, 0]}}
-transport: {use: sim, profile: ideal, controller: ideal}
-localizer: flow
-planner: straight
-avoider: none
+STEPS = """\
 mission:
   - takeoff: {height: 0.3}
   - include: {file: FILE}
@@ -54,14 +47,12 @@ mission:
 def hostile(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Record of a flight whose step file has a hostile name; an `external` client adds a reason."""
     folder = tmp_path_factory.mktemp("hostile")
-    (folder / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-    )
+    (folder / "room.yaml").write_text(ROOM)
     (folder / FILE).write_text("star: 1\nmission:\n  - hold: {for: 0.1}\n")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    mission = MISSION.replace("FILE", json.dumps(FILE)).replace("PORT", str(port))
-    (folder / "mission.yaml").write_text(mission)
+    steps = STEPS.replace("FILE", json.dumps(FILE)).replace("PORT", str(port))
+    (folder / "mission.yaml").write_text(HOP.partition("mission:")[0] + steps)
     threading.Thread(target=_fail, args=(port,), daemon=True).start()
     registry = Registry()
     fly(load(folder / "mission.yaml", registry), registry, folder=folder / "run")
