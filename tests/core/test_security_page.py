@@ -35,6 +35,7 @@ from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium  # noqa
 PRESS = "[...parent.document.querySelectorAll('button')].map(b=>b.click())"
 ATTACK = f'<iframe srcdoc="&lt;script&gt;{PRESS}&lt;&#47;script&gt;"></iframe>'
 FILE = ATTACK.replace("</iframe>", "") + ".yaml"  # a slash cannot be in a name
+ADDRESSES = "(https://foreign.example) Http://foreign.example WWW.foreign.example a@foreign.example"
 STEPS = """\
 mission:
   - takeoff: {height: 0.3}
@@ -114,6 +115,17 @@ def test_hostile_texts_are_shown_as_text(
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_in_chromium_texts_have_no_links(page: LivePage) -> None:
+    page._events.append(Event(0.0, "step", ADDRESSES))
+    page._log.content = page._log_text()
+    page.end({"outcome": "failed", "reason": ADDRESSES})
+    with Chromium(page.server.address) as chromium:
+        shown = "document.body.innerText.replaceAll('\\u2060', '')"
+        chromium.wait_for(f"{shown}.split({json.dumps(ADDRESSES)}).length == 3")
+        assert chromium.run("document.querySelectorAll('a').length") == 0
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 def test_in_chromium_only_the_operator_presses(
     hostile: Any, page: LivePage, commands: list[dict[str, Any]]
 ) -> None:
@@ -178,6 +190,27 @@ def test_dns_rebinding_does_not_load_the_page(page: LivePage) -> None:
         client.request("GET", "/", headers={"Host": host})
         assert client.getresponse().status == status, host
         client.close()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_in_chromium_a_rebound_name_reaches_nothing(page: LivePage) -> None:
+    port, address = page.server.get_port(), page.server.address
+    websocket = address.partition("websocket=")[2]
+    rebound = f"http://rebound.example:{port}"
+    with Chromium(rebound, "--host-resolver-rules=MAP rebound.example 127.0.0.1") as chromium:
+        chromium.wait_for("document.body.innerText.includes('foreign address')")
+        assert chromium.run("origin") == rebound
+        chromium.run(
+            "window.tried = [];"
+            "fetch('/').then(answer => tried.push(answer.status));"
+            f"for (const address of ['ws://' + location.host, {websocket!r}]) {{"
+            "  const socket = new WebSocket(address);"
+            "  socket.onopen = () => tried.push('open');"
+            "  socket.onerror = () => tried.push('refused');"
+            "}"
+        )
+        chromium.wait_for("tried.length == 3")
+        assert chromium.run("tried.sort()") == [403, "refused", "refused"]
 
 
 HOSTILE_UPDATES: list[dict[str, Any]] = [

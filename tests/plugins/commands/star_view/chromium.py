@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import time
+from base64 import b64decode
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,14 +29,15 @@ class Chromium:
 
     Args:
         address: Of the page.
+        arguments: Further ones of Chromium.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, *arguments: str) -> None:
         assert CHROMIUM is not None
         self._folder = TemporaryDirectory(ignore_cleanup_errors=True)
         profile = Path(self._folder.name)
         self._process = subprocess.Popen(
-            [CHROMIUM, f"--user-data-dir={profile}", *ARGUMENTS],
+            [CHROMIUM, f"--user-data-dir={profile}", *arguments, *ARGUMENTS],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
@@ -72,6 +74,12 @@ class Chromium:
         while not self.run(script):
             assert time.monotonic() < deadline, self.run("document.body.innerText")
             time.sleep(0.1)
+
+    def screenshot(self, width: int = 1400, height: int = 900) -> bytes:
+        """Return what the page shows, as PNG."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self._call("Emulation.setDeviceMetricsOverride", **size)
+        return b64decode(self._call("Page.captureScreenshot")["result"]["data"])
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1
