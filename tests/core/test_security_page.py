@@ -35,7 +35,10 @@ from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium  # noqa
 PRESS = "[...parent.document.querySelectorAll('button')].map(b=>b.click())"
 ATTACK = f'<iframe srcdoc="&lt;script&gt;{PRESS}&lt;&#47;script&gt;"></iframe>'
 FILE = ATTACK.replace("</iframe>", "") + ".yaml"  # a slash cannot be in a name
-ADDRESSES = "(https://foreign.example) Http://foreign.example WWW.foreign.example a@foreign.example"
+ADDRESSES = (
+    "(https://foreign.example) Http://foreign.example WWW.foreign.example a@foreign.example "
+)
+ADDRESSES += "x" * 80
 STEPS = """\
 mission:
   - takeoff: {height: 0.3}
@@ -120,9 +123,11 @@ def test_in_chromium_texts_have_no_links(page: LivePage) -> None:
     page._log.content = page._log_text()
     page.end({"outcome": "failed", "reason": ADDRESSES})
     with Chromium(page.server.address) as chromium:
-        shown = "document.body.innerText.replaceAll('\\u2060', '')"
+        shown = "document.body.innerText.replaceAll('\\u200b', '')"
         chromium.wait_for(f"{shown}.split({json.dumps(ADDRESSES)}).length == 3")
         assert chromium.run("document.querySelectorAll('a').length") == 0
+        wide = "[...document.querySelectorAll('li')].some(li => li.scrollWidth > li.clientWidth)"
+        assert chromium.run(wide) is False
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")

@@ -14,6 +14,8 @@ import zstandard
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from star_view.markdown import BREAK
+
 PATIENCE = 120.0  # s: kernels may be compiled first
 CAMERA = {
     "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (0.0, 0.0, 3.0), "look_at": (0.0, 0.0, 0.0),
@@ -85,6 +87,7 @@ class Browser:
             for key in "_markdown", "content", "body":
                 if key in properties:
                     self.markdown[message["uuid"]] = str(properties[key])
-                    self.texts[message["uuid"]] = unescape(str(properties[key]))
+                    shown = unescape(str(properties[key])).replace(BREAK, "")
+                    self.texts[message["uuid"]] = shown
             if "name" in message:
                 self.nodes.add(message["name"])
