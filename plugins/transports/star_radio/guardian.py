@@ -17,15 +17,17 @@ import time
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from star_core import Order, Scene, Setpoint, StarError, Transform
+from star_core import Command, ContractError, Order, Scene, Setpoint, StarError, Transform
 from star_radio.descent import Descent
 from star_radio.guarded import Answer
+from star_radio.mailbox import Mailbox
 from star_radio.transport import Radio
 
 log = logging.getLogger(__name__)
@@ -36,7 +38,9 @@ PERIOD: Final = 0.05  # s, between two steps without a message
 PROGRESS_PERIOD: Final = 0.2  # s, between two reports while connecting
 LANDING_TIME: Final = 30.0  # s, for which the end of the flight waits for landings
 MAX_LINES: Final = 100  # log messages that the flight has not received yet
+MAX_WAIT: Final = 1.0  # s, for a tick
 MOVING: Final = ("send", "command", "correct")  # refused once the guardian lands the agents
+SERVED: Final = (*MOVING, "connect", "upload", "wait", "record_in", "close")
 
 
 def serve(descriptor: int) -> None:
@@ -45,14 +49,14 @@ def serve(descriptor: int) -> None:
     Args:
         descriptor: File descriptor of the inherited end of the connection.
     """
-    connection, lines = Connection(descriptor), Lines()
+    connection, lines = Mailbox(Connection(descriptor)), Lines()
     logging.getLogger().addHandler(lines)
     try:
         scene, options = connection.recv()
         radio = Radio(scene, options)
         guardian = Guardian(scene, radio, connection, lines, options.landing_timeout)
     except StarError as error:
-        number, *_call = connection.recv()
+        number, _name, _argument = connection.recv()
         connection.send(Answer(number, (error.message, error.code)))
         return
     for caught in (signal.SIGINT, signal.SIGHUP):
@@ -91,7 +95,7 @@ class Guardian:
         self,
         scene: Scene,
         radio: Radio,
-        connection: Connection,
+        connection: Mailbox,
         lines: Lines,
         landing_timeout: float = np.inf,
     ) -> None:
@@ -126,7 +130,7 @@ class Guardian:
             if self._gone:
                 time.sleep(PERIOD)
             elif self._connection.poll(PERIOD):
-                self._handle(*self._connection.recv())
+                self._take(self._connection.recv())
         except (EOFError, OSError):
             self._gone = True
         self._watch(time.monotonic())
@@ -147,13 +151,21 @@ class Guardian:
             self._log(f"{reason}: landing {self._scene.named(flown)}")
             self._problem = (f"the guardian lands all agents: {reason}", "plugin-failed")
 
+    def _take(self, message: object) -> None:
+        """Act on a message of the flight; others are left out."""
+        match message:
+            case (int() | None as number, str(name), argument) if name in SERVED:
+                self._handle(number, name, argument)
+            case _:
+                log.warning("guardian: a message is none of the flight's")
+
     def _handle(self, number: int | None, name: str, argument: Any) -> None:
         """Act on a message; it is answered if it has a number."""
         self._heard = time.monotonic()
         if self._hovers and self._descent is None:
             self._hovers = False
             self._log("the flight answers again")
-        stops = name == "command" and argument.order is Order.STOP
+        stops = isinstance(argument, Command) and argument.order is Order.STOP
         if self._descent is not None and name in MOVING and not stops:
             return
         value = None
@@ -170,9 +182,13 @@ class Guardian:
             self._connection.send(Answer(number, problem, value, self._lines.take()))
 
     def _connect(self, _none: None) -> None:
+        if self._radio.began is not None:
+            raise ContractError("the links are open")
         self._working(self._radio.connect, shown=False)
 
     def _upload(self, trajectories: Any) -> None:
+        if self._remaining():  # it would not be flown meanwhile
+            raise ContractError("trajectories are uploaded before the flight")
         self._working(self._radio.upload, trajectories)
 
     def _working(self, work: Any, *arguments: Any, **how: Any) -> None:
@@ -185,21 +201,30 @@ class Guardian:
         working.result()
 
     def _wait(self, until: float) -> Any:
-        self._radio.wait(until)
+        began = self._radio.began
+        passed = 0.0 if began is None else time.monotonic() - began
+        self._radio.wait(min(passed + MAX_WAIT, until))
         return self._radio.began, self._radio.connected, self._radio.receive()
 
-    def _send(self, message: tuple[Setpoint, Transform]) -> None:
-        self._setpoint, self._to_map = message
-        self._radio.send(self._setpoint)
+    def _send(self, message: tuple[Setpoint, Transform | None]) -> None:
+        setpoint, to_map = message
+        self._radio.send(setpoint)
+        self._setpoint = setpoint
+        if to_map is not None:  # rows of agents that are not located are not finite
+            finite = np.isfinite(to_map.yaw) & np.isfinite(to_map.translation).all(axis=1)
+            self._to_map = Transform(
+                np.where(finite, to_map.yaw, self._to_map.yaw),
+                np.where(finite[:, None], to_map.translation, self._to_map.translation),
+            )
 
     def _command(self, command: Any) -> None:
-        self._radio.command(command)
+        self._radio.command(replace(command))  # which checks it again
 
     def _correct(self, corrections: Any) -> None:
         self._radio.correct(corrections)
 
     def _record_in(self, folder: Path) -> None:
-        self._folder = folder
+        self._folder = Path(folder)
 
     def _close(self, _none: None) -> list[int]:
         """Land all agents, and close the links if all are down.
