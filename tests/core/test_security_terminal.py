@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from star_core import Registry
-from star_core.cli.main import main
+from star_core.commands.main import main
 from tests.plugins.commands.conftest import in_process
 
 __all__ = ["in_process"]
