@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 import re
 import signal
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from star_ablate.flight import Job, fly_job
 from star_ablate.workers import Worker, fly_all
 from star_core import Mission, Registry, load
+from tests.waiting import eventually
 
 pytestmark = pytest.mark.usefixtures("wrecker")
 
@@ -47,14 +46,6 @@ def alive(process: int) -> bool:
     return state != "Z"
 
 
-def eventually(question: Callable[[], Any], patience: float = 20.0) -> Any:
-    """The answer to a question, asked until it is true."""
-    given_up = time.monotonic() + patience
-    while not (answer := question()) and time.monotonic() < given_up:
-        time.sleep(0.02)
-    return answer
-
-
 def test_a_worker_that_died_idle_is_replaced(worker: Worker, hop: Callable[[str], Mission]) -> None:
     worker.begin(0, Job(hop("raise")))
     assert worker.finish()[1].outcome == "failed"
@@ -74,7 +65,7 @@ def test_ending_a_worker_ends_what_its_plugins_started(
     log = tmp_path / "log.txt"
     worker.begin(0, Job(hop("breed")))
     (started,) = eventually(
-        lambda: log.exists() and re.findall(r"^\d+$", log.read_text(), re.MULTILINE)
+        lambda: re.findall(r"^\d+$", log.read_text() if log.exists() else "", re.MULTILINE)
     )
     assert alive(int(started))
     worker.end()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import pytest
 from star_core.testing import scene
 from star_fleet.server import Fleet
 from tests.simulators import ideal_fleet
+from tests.waiting import eventually
 
 crtp = pytest.importorskip("cflib.crtp")
 SPEED = 5.0  # simulated seconds per second
@@ -39,21 +39,13 @@ def link(fleet: Fleet, tmp_path: Path) -> Iterator[Callable[[int], Any]]:
         vehicle.connection_failed.add_callback(lambda _uri, _why: done.append(False))
         vehicle.open_link(fleet.addresses[row])
         opened.append(vehicle)
-        until(lambda: bool(done))
+        assert eventually(lambda: bool(done))
         assert done == [True]
         return vehicle
 
     yield connect
     for vehicle in opened:
         vehicle.close_link()
-
-
-def until(met: Callable[[], bool]) -> None:
-    """Wait for something to be so."""
-    end = time.monotonic() + PATIENCE
-    while not met():
-        assert time.monotonic() < end, "it was never so"
-        time.sleep(0.01)
 
 
 def logged(vehicle: Any, *names: str) -> dict[str, float]:
@@ -67,10 +59,10 @@ def logged(vehicle: Any, *names: str) -> dict[str, float]:
     vehicle.log.add_config(config)
     config.data_received_cb.add_callback(lambda _time, values, _config: seen.append(values))
     config.start()
-    until(lambda: len(seen) >= 2)
+    assert eventually(lambda: len(seen) >= 2)
     config.stop()
     config.delete()
-    until(lambda: not config.added)
+    assert eventually(lambda: not config.added)
     return seen[-1]
 
 
@@ -84,14 +76,14 @@ def test_it_takes_off_goes_and_lands(fleet: Fleet, link: Callable[[int], Any]) -
     vehicle.add_port_callback(8, lambda packet: acknowledged.append(bytes(packet.data)))
     vehicle.commander.send_notify_setpoint_stop()
     vehicle.high_level_commander.takeoff(0.7, 2.0)
-    until(lambda: height(fleet, 0) > 0.65)
+    assert eventually(lambda: height(fleet, 0) > 0.65)
     vehicle.high_level_commander.go_to(0.4, 0.2, 0.7, 0.0, 2.0)
     place = fleet.simulator.drones[0]["believed_position"]
-    until(lambda: abs(place[0] - 0.4) < 0.02 and abs(place[1] - 0.2) < 0.02)
+    assert eventually(lambda: abs(place[0] - 0.4) < 0.02 and abs(place[1] - 0.2) < 0.02)
     vehicle.high_level_commander.land(0.0, 2.0)
-    until(lambda: not fleet.simulator.drones["mode"][0])
+    assert eventually(lambda: not fleet.simulator.drones["mode"][0])
     assert height(fleet, 0) < 0.05
-    until(lambda: not vehicle.supervisor.is_flying)
+    assert eventually(lambda: not vehicle.supervisor.is_flying)
     assert [answer[3] for answer in acknowledged] == [0, 0, 0]
 
 
@@ -101,7 +93,7 @@ def test_it_writes_and_reads_a_parameter(link: Callable[[int], Any]) -> None:
     written: list[str] = []
     vehicle.param.add_update_callback("locSrv", "extPosStdDev", lambda _n, v: written.append(v))
     vehicle.param.set_value("locSrv.extPosStdDev", 0.5)
-    until(lambda: bool(written))
+    assert eventually(lambda: bool(written))
     assert float(written[-1]) == 0.5
     with pytest.raises(AttributeError, match="read-only"):
         vehicle.param.set_value("deck.bcFlow2", 0)
@@ -111,10 +103,10 @@ def test_it_reads_stores_and_clears_a_persistent_parameter(link: Callable[[int],
     vehicle = link(1)
     got: list[Any] = []
     vehicle.param.persistent_get_state("ring.effect", lambda _name, state: got.append(state))
-    until(lambda: len(got) == 1)
+    assert eventually(lambda: len(got) == 1)
     assert (got[0].is_stored, got[0].default_value) == (False, 6)
     vehicle.param.persistent_store("ring.effect", lambda _name, done: got.append(done))
-    until(lambda: len(got) == 2)
+    assert eventually(lambda: len(got) == 2)
     assert got[1] is True
 
 
@@ -137,7 +129,7 @@ def test_it_uploads_a_trajectory_and_starts_it(fleet: Fleet, link: Callable[[int
     vehicle = link(2)
     vehicle.commander.send_notify_setpoint_stop()
     vehicle.high_level_commander.takeoff(0.7, 1.5)
-    until(lambda: height(fleet, 2) > 0.65)
+    assert eventually(lambda: height(fleet, 2) > 0.65)
     (memory,) = vehicle.mem.get_mems(MemoryElement.TYPE_TRAJ)
     zero = [0.0] * 8
     memory.trajectory = [
@@ -153,27 +145,27 @@ def test_it_uploads_a_trajectory_and_starts_it(fleet: Fleet, link: Callable[[int
     vehicle.high_level_commander.define_trajectory(1, 0, 1)
     vehicle.high_level_commander.start_trajectory(1, 1.0)
     place = fleet.simulator.drones[2]["believed_position"]
-    until(lambda: abs(place[0] - 0.5) < 0.02)
+    assert eventually(lambda: abs(place[0] - 0.5) < 0.02)
     assert place[2] == pytest.approx(0.7, abs=0.05)
     vehicle.high_level_commander.land(0.0, 1.5)
-    until(lambda: not vehicle.supervisor.is_flying)
+    assert eventually(lambda: not vehicle.supervisor.is_flying)
 
 
 def test_it_flies_setpoints_and_hands_over(fleet: Fleet, link: Callable[[int], Any]) -> None:
     vehicle = link(2)
     vehicle.commander.send_notify_setpoint_stop()
     vehicle.high_level_commander.takeoff(0.7, 1.5)
-    until(lambda: height(fleet, 2) > 0.65)
+    assert eventually(lambda: height(fleet, 2) > 0.65)
     drone = fleet.simulator.drones[2]
 
     def push() -> bool:
         vehicle.commander.send_velocity_world_setpoint(0.0, 0.3, 0.0, 0.0)
         return bool(drone["believed_velocity"][1] > 0.25)
 
-    until(push)
+    assert eventually(push)
     vehicle.high_level_commander.land(0.0, 1.5)
     vehicle.commander.send_notify_setpoint_stop()
-    until(lambda: not vehicle.supervisor.is_flying)
+    assert eventually(lambda: not vehicle.supervisor.is_flying)
     assert not vehicle.supervisor.is_locked
 
 
@@ -183,11 +175,11 @@ def test_closing_the_link_after_a_landing_too_early_locks(
     vehicle = link(3)
     vehicle.commander.send_notify_setpoint_stop()
     vehicle.high_level_commander.takeoff(0.5, 1.0)
-    until(lambda: height(fleet, 3) > 0.45)
+    assert eventually(lambda: height(fleet, 3) > 0.45)
     vehicle.high_level_commander.land(0.0, 1.0)
-    until(lambda: not fleet.simulator.drones["mode"][3])
+    assert eventually(lambda: not fleet.simulator.drones["mode"][3])
     vehicle.close_link()
-    until(lambda: bool(fleet.simulator.drones["locked"][3]))
+    assert eventually(lambda: bool(fleet.simulator.drones["locked"][3]))
     assert link(3).supervisor.is_locked
 
 

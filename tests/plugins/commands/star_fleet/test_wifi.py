@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import socket
 import struct
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +16,7 @@ from star_fleet.packet import Port, join
 from star_sim.camera_sim.options import camera_options
 from star_sim.camera_sim.renderer import Renderer
 from tests.simulators import ideal_fleet
+from tests.waiting import eventually
 
 
 def eyes() -> Scene:
@@ -120,9 +119,9 @@ def test_no_image_is_made_without_a_client(monkeypatch: pytest.MonkeyPatch) -> N
 
     assert fly(100) == 0
     with socket.create_connection(place(wifi.cameras[1]), timeout=10):
-        until(lambda: fleet.watched(1))
+        assert eventually(lambda: fleet.watched(1))
         assert fly(100) >= 9
-    until(lambda: not fleet.watched(1))
+    assert eventually(lambda: not fleet.watched(1))
     assert fly(100) == 0
     assert there == [False, True, False]
     wifi.close()
@@ -145,10 +144,3 @@ def test_a_client_that_connects_later_gets_no_earlier_image() -> None:
     fleet.close()
     assert len(late) > 3
     assert max(late) < 0.11
-
-
-def until(holds: Callable[[], bool]) -> None:
-    end = time.monotonic() + 10
-    while not holds():
-        assert time.monotonic() < end, "nothing changes"
-        time.sleep(0.005)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -22,6 +21,7 @@ from star_core.testing import estimate
 from star_view.camera_images import CameraStream, Picture, mosaic
 from star_view.live_view import LiveView
 from tests.plugins.commands.star_view.browser import PATIENCE, Browser
+from tests.waiting import eventually
 
 FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
 STEPS = ["takeoff: {height: 0.5}", "goto: {agents: cf1, by: [0.2, 0, 0]}", "land: {speed: 0.5}"]
@@ -53,10 +53,7 @@ def watched(
     view = view or LiveView(0.3, port=PORT)
     with ThreadPoolExecutor() as pool:
         flight = pool.submit(flown, view, operator, "null")
-        deadline = time.monotonic() + PATIENCE
-        while not view.address:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        assert eventually(lambda: view.address)
         with Browser(view.address) as browser:
             act(browser)
             return flight.result(PATIENCE)

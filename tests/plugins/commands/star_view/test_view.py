@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
@@ -25,6 +24,7 @@ from star_view.page import LOOPBACK, open_page
 from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
 from tests.plugins.commands.star_view.browser import Browser
+from tests.waiting import eventually
 
 FIRST_FLIGHT = Path(__file__).parents[4] / "missions" / "first_flight.yaml"
 
@@ -51,10 +51,8 @@ def test_agents_are_where_they_were_at_the_time_of_the_slider(viewer: Replay) ->
             assert agent.position == pytest.approx(position[tick, i], abs=1e-6)
     viewer.timeline.value = 7.5
     expected = position[150, 0]
-    deadline = time.monotonic() + 5
-    while viewer.swarm.agents[0].position != pytest.approx(expected, abs=1e-6):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wanted = pytest.approx(expected, abs=1e-6)
+    assert eventually(lambda: viewer.swarm.agents[0].position == wanted)
     assert "flying" in viewer.status.content
     assert "goto cf1" in viewer.status.content
 

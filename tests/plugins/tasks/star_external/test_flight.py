@@ -19,6 +19,7 @@ import pytest
 from star_core import Estimate, Scene
 from star_core.commands.main import run
 from star_external.planner import Answer, Done, Goal
+from tests.waiting import free_port
 
 FLIGHT = """\
 star: 1
@@ -52,12 +53,6 @@ mission:
 ROOM = "star: 1\nname: room\nfence: {low: [-9, -9, 0], high: [9, 9, 3]}\n"
 STEPS = 4
 SOON = 30.0  # s
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port: int = server.getsockname()[1]
-        return port
 
 
 def connected(port: int) -> socket.socket:

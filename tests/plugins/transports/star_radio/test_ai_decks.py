@@ -17,6 +17,7 @@ from star_core.world.camera import Camera
 from star_fleet.aideck import AideckServer
 from star_radio.camera.ai_decks import AiDecks
 from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.waiting import free_port
 
 SHAPE = (32, 48)
 
@@ -55,9 +56,7 @@ SAID = "star_radio.camera.ai_decks"
 @pytest.fixture
 def free() -> int:
     """A port without a listener."""
-    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
-        port: int = taken.getsockname()[1]
-    return port
+    return free_port()
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import sys
 import threading
-import time
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -22,6 +21,7 @@ from star_radio.connection.tables import Entry
 from star_radio.orders import POSES, pose_entry
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import options, reached
+from tests.waiting import eventually
 
 
 class Dongle:
@@ -64,10 +64,7 @@ def dongles(monkeypatch: pytest.MonkeyPatch) -> list[Dongle]:
 
 
 def settled(dongle: Dongle, n: int) -> bool:
-    end = time.monotonic() + 3
-    while len(dongle.sent) < n and time.monotonic() < end:
-        time.sleep(0.002)
-    return len(dongle.sent) == n
+    return eventually(lambda: len(dongle.sent) == n)
 
 
 def test_a_packet_is_repeated_on_every_channel(dongles: list[Dongle]) -> None:

@@ -17,6 +17,7 @@ from star_radio.connection import packets
 from star_radio.connection.link import WINDOW, Link, Quality
 from star_radio.connection.questions import Question
 from star_radio.connection.udp_links import UdpLinks
+from tests.waiting import eventually
 
 
 class Driver:
@@ -69,13 +70,6 @@ def link(driver: Driver) -> Iterator[Link]:
         yield link
 
 
-def soon(done: Callable[[], bool]) -> bool:
-    end = time.monotonic() + 3
-    while not done() and time.monotonic() < end:
-        time.sleep(0.002)
-    return done()
-
-
 def order(number: int) -> bytes:
     return bytes([0x8C, number])
 
@@ -100,7 +94,7 @@ def test_the_latest_setpoint_is_sent_when_a_link_goes_on(driver: Driver, link: L
     for number in range(1, 4):
         link.steer(setpoint(number))
     driver.go.set()
-    assert soon(lambda: len(driver.sent) == 2)
+    assert eventually(lambda: len(driver.sent) == 2)
     assert driver.sent == [b"\x80\0", b"\x70\3"]
 
 
@@ -112,21 +106,21 @@ def test_a_setpoint_that_waits_is_void_after_an_order(driver: Driver, link: Link
     link.post(order(2))
     link.post(order(3))
     driver.go.set()
-    assert soon(lambda: len(driver.sent) == 3)
+    assert eventually(lambda: len(driver.sent) == 3)
     assert driver.sent == [b"\x80\0", b"\x80\2", b"\x80\3"]
 
 
 def test_a_driver_that_raises_is_noted(driver: Driver, link: Link) -> None:
     driver.fails = "unplugged"
     link.post(order(0))
-    assert soon(lambda: link.broken == "unplugged")
+    assert eventually(lambda: link.broken == "unplugged")
 
 
 def test_what_a_driver_complains_of_is_reported_with_what_is_not_answered(
     driver: Driver, link: Link
 ) -> None:
     threading.Thread(target=driver.error, args=("CommandFailure\nToo many packets lost",)).start()
-    assert soon(lambda: bool(link.broken))
+    assert eventually(lambda: bool(link.broken))
     with pytest.raises(
         PluginError, match=r"about it from usb://0 in 0.05 s \(Too many packets lost\)"
     ):
@@ -137,7 +131,7 @@ def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver
     driver.opening = 0.3
     with pytest.raises(PluginError, match=r"usb://0: not opened in 0.05 s"):
         Link("usb://0", "cf1", UdpLinks()).open(0.05)
-    assert soon(lambda: driver.closed)
+    assert eventually(lambda: driver.closed)
 
 
 def test_a_link_that_stays_weak_is_reported_once(
@@ -180,7 +174,7 @@ def test_an_answer_is_known_by_its_beginning(driver: Driver, link: Link) -> None
 def test_only_the_newest_question_of_a_topic_is_asked_again(driver: Driver, link: Link) -> None:
     for number in (1, 2):
         link.assure(Question(order(number), (8, 0), bytes([number]), "it", topic="order"))
-    assert soon(lambda: not link.retry(time.monotonic()) and len(driver.sent) == 3)
+    assert eventually(lambda: not link.retry(time.monotonic()) and len(driver.sent) == 3)
     assert driver.sent == [b"\x80\1", b"\x80\2", b"\x80\2"]
 
 
@@ -200,7 +194,7 @@ def test_a_slow_round_trip_delays_repetition(driver: Driver, link: Link) -> None
     link.assure(Question(order(1), (8, 0), b"\1", "it", topic="order"))
     for later, sent in ((0.5, 1), (1.0, 2), (1.5, 2), (2.0, 3)):
         link.retry(now + later)
-        assert soon(lambda sent=sent: driver.sent.count(b"\x80\1") == sent)  # type: ignore[misc]
+        assert eventually(lambda sent=sent: driver.sent.count(b"\x80\1") == sent)
     assert driver.sent.count(b"\x80\1") == 3
 
 
@@ -231,7 +225,7 @@ def test_questions_are_asked_together(driver: Driver, link: Link) -> None:
     questions = [Question.of(order(number), bytes([number]), "it") for number in range(30)]
     answered = threading.Thread(target=lambda: link.ask_all(questions, timeout=5.0))
     answered.start()
-    assert soon(lambda: sum(sent[0] == 0x80 for sent in driver.sent) == WINDOW)
+    assert eventually(lambda: sum(sent[0] == 0x80 for sent in driver.sent) == WINDOW)
     while answered.is_alive():
         sent = [packet[1:] for packet in driver.sent if packet[0] == 0x80]
         driver.inbox += [CRTPPacket(0x80, payload) for payload in reversed(sent)]

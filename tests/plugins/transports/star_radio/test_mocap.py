@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +16,7 @@ import star_radio
 from star_core import PluginError, Truth
 from star_radio.mocap import MotionCapture
 from tests.plugins.transports.star_radio.conftest import options, reached
+from tests.waiting import eventually
 
 URIS = ["udp://127.0.0.1:9", "udp://127.0.0.1:7"]
 PACKAGE = """
@@ -70,13 +70,6 @@ def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.syspath_prepend(tmp_path)
 
 
-def waited_for(found: Callable[[], object]) -> None:
-    end = time.monotonic() + 10
-    while not found() and time.monotonic() < end:
-        time.sleep(0.01)
-    assert found()
-
-
 def seen(capture: MotionCapture, began: float = 0.0) -> Truth:
     """Return the truth once it has a velocity: from two frames, of which the newest is not old."""
     end = time.monotonic() + 10
@@ -99,7 +92,7 @@ def test_bodies_are_the_truth() -> None:
     began = time.monotonic()
     capture = MotionCapture(reached(URIS), type="optitrack", hostname="host", names=names)
     with closing(capture):
-        waited_for(lambda: len(capture._frames) > 20)
+        assert eventually(lambda: len(capture._frames) > 20)
         truth = seen(capture, began)
     assert truth.time > 0.1
     assert np.allclose(truth.position[:, 1:], [[2, 3], [0, 1]])
@@ -111,7 +104,7 @@ def test_bodies_are_the_truth() -> None:
 def test_an_old_frame_is_not_the_truth(caplog: pytest.LogCaptureFixture) -> None:
     with closing(MotionCapture(reached(URIS), type="silent", hostname="host")) as capture:
         for _time in range(2):
-            waited_for(lambda: is_unknown(capture))
+            assert eventually(lambda: is_unknown(capture))
     assert caplog.messages == ["radio: mocap sends no frames: no ground truth until it does"]
 
 
@@ -125,7 +118,7 @@ def test_a_body_that_is_not_seen_is_not_a_number() -> None:
 @pytest.mark.usefixtures("package")
 def test_a_system_that_ends_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     with closing(MotionCapture(reached(URIS), type="ending", hostname="host")):
-        waited_for(lambda: "radio: mocap ended: gone" in caplog.text)
+        assert eventually(lambda: "radio: mocap ended: gone" in caplog.text)
 
 
 @pytest.mark.usefixtures("package")
@@ -144,7 +137,7 @@ def test_the_transport_reports_it() -> None:
     with closing(radio):
         assert radio.truth() is None
         radio.wait(0.0)
-        waited_for(radio.truth)
+        assert eventually(radio.truth)
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
@@ -14,6 +14,7 @@ from star_core import PluginError
 from star_radio.connection.link import Link
 from star_radio.connection.udp_links import UdpLinks
 from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.waiting import eventually
 
 
 class Listener:
@@ -57,13 +58,6 @@ def uri(drone: socket.socket) -> str:
     return f"udp://127.0.0.1:{drone.getsockname()[1]}"
 
 
-def soon(done: Callable[[], bool]) -> bool:
-    end = time.monotonic() + 3
-    while not done() and time.monotonic() < end:
-        time.sleep(0.002)
-    return done()
-
-
 def test_packets_go_and_come_as_they_are(datagrams: UdpLinks, drone: socket.socket) -> None:
     ear = Listener()
     line = datagrams.open(uri(drone), ear)
@@ -73,7 +67,7 @@ def test_packets_go_and_come_as_they_are(datagrams: UdpLinks, drone: socket.sock
     assert (packet, drone.recv(64)) == (b"\x80up", b"\x70set")
     for answer in (b"\x80one", b"", b"\x52two"):
         drone.sendto(answer, client)
-    assert soon(lambda: ear.heard == [b"\x80one", b"\x52two"])
+    assert eventually(lambda: ear.heard == [b"\x80one", b"\x52two"])
     assert ear.complaints == []
     line.close()
 
@@ -81,7 +75,7 @@ def test_packets_go_and_come_as_they_are(datagrams: UdpLinks, drone: socket.sock
 def test_an_agent_without_messages_is_polled(datagrams: UdpLinks, drone: socket.socket) -> None:
     ear = Listener()
     line = datagrams.open(uri(drone), ear)
-    assert soon(lambda: ear.looks > 2)
+    assert eventually(lambda: ear.looks > 2)
     line.close()
 
 
@@ -92,10 +86,10 @@ def test_an_address_without_an_answer_is_reported_and_not_the_end(
     gone = datagrams.open("udp://127.0.0.1:9", silent)
     line = datagrams.open(uri(drone), ear)
     gone.send(b"\x80")
-    assert soon(lambda: any("refused" in said for said in silent.complaints))
+    assert eventually(lambda: any("refused" in said for said in silent.complaints))
     line.send(b"\x80")
     drone.sendto(b"\x80", drone.recvfrom(64)[1])
-    assert soon(lambda: ear.heard == [b"\x80"])
+    assert eventually(lambda: ear.heard == [b"\x80"])
     line.close()
     gone.close()
 

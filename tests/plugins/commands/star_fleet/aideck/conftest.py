@@ -1,9 +1,8 @@
-"""Pictures to send, and waiting for what another thread does."""
+"""Pictures to send, and the switchboard of a deck."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -19,21 +18,6 @@ def picture() -> Image:
     """A smooth picture that is the same nowhere, which JPEG keeps well."""
     rows, columns = np.indices(SHAPE)
     return np.asarray(127 + 60 * np.sin(rows / 30) + 60 * np.cos(columns / 47), np.uint8)
-
-
-@pytest.fixture
-def until() -> Callable[[Callable[[], object]], bool]:
-    """Waits until something holds, and returns whether it did."""
-
-    def wait(holds: Callable[[], object], within: float = 5.0) -> bool:
-        deadline = time.monotonic() + within
-        while not holds():
-            if time.monotonic() > deadline:
-                return False
-            time.sleep(0.002)
-        return True
-
-    return wait
 
 
 @pytest.fixture

@@ -5,9 +5,8 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, suppress
-from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -16,8 +15,7 @@ from star_core import Image
 from star_fleet.aideck import AideckServer, framed
 from star_radio.camera.ai_decks import CameraClient
 from star_radio.camera.stream import Counts
-
-Until: TypeAlias = Callable[..., bool]
+from tests.waiting import eventually
 
 SHAPE = (244, 324)
 BLANK = np.zeros(SHAPE, np.uint8)
@@ -30,9 +28,9 @@ def server() -> Iterator[AideckServer]:
 
 
 @pytest.fixture
-def client(server: AideckServer, until: Until) -> Iterator[CameraClient]:
+def client(server: AideckServer) -> Iterator[CameraClient]:
     with CameraClient(*server.address) as client:
-        assert until(lambda: server.connected and client.fault is None)
+        assert eventually(lambda: server.connected and client.fault is None)
         yield client
 
 
@@ -40,18 +38,18 @@ def client(server: AideckServer, until: Until) -> Iterator[CameraClient]:
 
 
 @pytest.mark.parametrize("jpeg", [False, True])
-def test_images_arrive(*, jpeg: bool, picture: Image, until: Until) -> None:
+def test_images_arrive(*, jpeg: bool, picture: Image) -> None:
     with AideckServer(port=0, jpeg=jpeg) as server, CameraClient(*server.address) as client:
         assert client.reached(5.0)
-        assert until(lambda: server.connected)
+        assert eventually(lambda: server.connected)
         server.publish(picture, 0.0)
-        assert until(lambda: client.counts.images)
+        assert eventually(lambda: client.counts.images)
         (shot,) = client.arrived()
         assert abs(shot.image.astype(int) - picture).max() <= (4 if jpeg else 0)
         assert client.arrived() == []
 
 
-def test_the_transfer_of_an_image_is_timed(until: Until) -> None:
+def test_the_transfer_of_an_image_is_timed() -> None:
     now, read = 10.0, threading.Event()
 
     def clock() -> float:
@@ -69,19 +67,17 @@ def test_the_transfer_of_an_image_is_timed(until: Until) -> None:
                 assert read.wait(5)
                 now = 10.6
                 deck.sendall(whole[5000:])
-                assert until(lambda: client.counts.images)
+                assert eventually(lambda: client.counts.images)
             (shot,) = client.arrived()
     assert (shot.began, shot.arrived) == (10.0, 10.6)
 
 
-def test_images_that_are_not_read_are_dropped_oldest_first(
-    server: AideckServer, until: Until
-) -> None:
+def test_images_that_are_not_read_are_dropped_oldest_first(server: AideckServer) -> None:
     with CameraClient(*server.address, waiting=3) as client:
-        assert until(lambda: server.connected)
+        assert eventually(lambda: server.connected)
         for value in range(5):
             server.publish(BLANK + np.uint8(value), 0.0)
-            assert until(lambda wanted=value + 1: client.counts.images == wanted)
+            assert eventually(lambda wanted=value + 1: client.counts.images == wanted)
         assert [int(shot.image[0, 0]) for shot in client.arrived()] == [2, 3, 4]
         assert client.counts.dropped == 2
 
@@ -89,51 +85,49 @@ def test_images_that_are_not_read_are_dropped_oldest_first(
 # Connections
 
 
-def test_a_deck_that_was_away_is_read_again(picture: Image, until: Until) -> None:
+def test_a_deck_that_was_away_is_read_again(picture: Image) -> None:
     server = AideckServer(port=0)
     with CameraClient(*server.address) as client:
         assert client.reached(5.0)
         server.close()
-        assert until(lambda: client.fault is not None)
+        assert eventually(lambda: client.fault is not None)
         with AideckServer(port=server.address[1]) as again:
             assert client.reached(5.0)
-            assert until(lambda: again.connected)
+            assert eventually(lambda: again.connected)
             again.publish(picture, 0.0)
-            assert until(client.arrived)
+            assert eventually(client.arrived)
         assert client.counts.connections == 2
 
 
-def test_a_deck_that_hung_up_is_named(until: Until) -> None:
+def test_a_deck_that_hung_up_is_named() -> None:
     server = AideckServer(port=0)
     with CameraClient(*server.address) as client:
         assert client.reached(5.0)
         server.close()
-        assert until(lambda: client.fault is not None)
+        assert eventually(lambda: client.fault is not None)
         assert client.fault is not None
         assert client.fault.startswith(f"127.0.0.1:{server.address[1]}: ")
 
 
-def test_a_deck_that_is_not_there_is_named(until: Until) -> None:
+def test_a_deck_that_is_not_there_is_named() -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
     with CameraClient("127.0.0.1", port) as client:
         wanted = f"127.0.0.1:{port}: Connection refused"
-        assert until(lambda: client.fault == wanted)
+        assert eventually(lambda: client.fault == wanted)
         assert not client.reached(0.0)
 
 
 @pytest.mark.parametrize(("host", "port"), [("127.0.0.1", 70_000), ("a" * 64 + ".b", 5000)])
-def test_an_address_that_there_cannot_be_is_a_fault_like_another(
-    host: str, port: int, until: Until
-) -> None:
+def test_an_address_that_there_cannot_be_is_a_fault_like_another(host: str, port: int) -> None:
     with CameraClient(host, port) as client:
-        assert until(lambda: client.fault != f"{host}:{port}: not called yet")
+        assert eventually(lambda: client.fault != f"{host}:{port}: not called yet")
         assert client._thread.is_alive()
 
 
-def test_a_deck_that_falls_silent_is_called_anew(server: AideckServer, until: Until) -> None:
+def test_a_deck_that_falls_silent_is_called_anew(server: AideckServer) -> None:
     with CameraClient(*server.address, silence=0.3) as client:
-        assert until(lambda: client.counts.connections >= 2)
+        assert eventually(lambda: client.counts.connections >= 2)
 
 
 def test_a_deck_that_hangs_up_at_once_is_not_called_without_a_pause() -> None:
@@ -155,7 +149,7 @@ def test_a_deck_that_hangs_up_at_once_is_not_called_without_a_pause() -> None:
         thread.join()
 
 
-def test_a_thousand_malformed_frames_are_survived(picture: Image, until: Until) -> None:
+def test_a_thousand_malformed_frames_are_survived(picture: Image) -> None:
     random = np.random.default_rng(11)
     with (
         closing(socket.create_server(("127.0.0.1", 0))) as listener,
@@ -167,7 +161,7 @@ def test_a_thousand_malformed_frames_are_survived(picture: Image, until: Until) 
                 deck.sendall(random.bytes(int(random.integers(1, 400))))
             for _ in range(3):
                 deck.sendall(framed(picture))
-            assert until(lambda: client.counts.images >= 2)
+            assert eventually(lambda: client.counts.images >= 2)
         assert client.counts.malformed > 0
         assert client.counts.connections == 1
 

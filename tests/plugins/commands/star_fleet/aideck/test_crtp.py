@@ -5,16 +5,14 @@ from __future__ import annotations
 import logging
 import socket
 import time
-from collections.abc import Callable, Iterator
-from typing import TypeAlias
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from star_fleet.aideck import MAX_WAITING, CrtpOverTcp
 from star_fleet.cpx import Decoder, Function, Packet, Switchboard, Target, encode
-
-Until: TypeAlias = Callable[..., bool]
+from tests.waiting import eventually
 
 
 def unheard(packet: bytes) -> list[bytes]:
@@ -45,9 +43,9 @@ def link(switchboard: Switchboard) -> Iterator[CrtpOverTcp]:
 
 
 @pytest.fixture
-def client(link: CrtpOverTcp, until: Until) -> Iterator[socket.socket]:
+def client(link: CrtpOverTcp) -> Iterator[socket.socket]:
     with socket.create_connection(link.address, 5) as client:
-        assert until(lambda: link.connected)
+        assert eventually(lambda: link.connected)
         yield client
 
 
@@ -70,13 +68,13 @@ def test_what_is_no_crtp_is_not_answered(client: socket.socket) -> None:
 
 
 @pytest.mark.usefixtures("client")
-def test_a_client_that_leaves_too_much_unread_is_sent_away(link: CrtpOverTcp, until: Until) -> None:
+def test_a_client_that_leaves_too_much_unread_is_sent_away(link: CrtpOverTcp) -> None:
     def gone() -> bool:
         for _ in range(MAX_WAITING):
             link.push(bytes(31))
         return not link.connected
 
-    assert until(gone, within=20.0)
+    assert eventually(gone, within=20.0)
 
 
 def test_a_vehicle_that_fails_loses_its_client_only(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +17,7 @@ from star_fleet.server import Fleet
 from star_radio.camera.ai_decks import CameraClient
 from star_sim.camera_sim.options import camera_options
 from tests.simulators import ideal_fleet
-
-Until: TypeAlias = Callable[..., bool]
+from tests.waiting import eventually
 
 
 def scene() -> Scene:
@@ -32,31 +31,31 @@ def fleet() -> Iterator[Fleet]:
         yield fleet
 
 
-def test_what_a_simulated_camera_sees_arrives(fleet: Fleet, until: Until) -> None:
+def test_what_a_simulated_camera_sees_arrives(fleet: Fleet) -> None:
     published: list[Image] = []
     fleet.watch(0, lambda image, _taken: published.append(image), lambda: True)
     wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0)
     host, port = wifi.cameras[0].split(":")
     with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
-        assert until(lambda: client.counts.images >= 2, within=30.0)
+        assert eventually(lambda: client.counts.images >= 2, within=30.0)
         shots = client.arrived()
     assert any((shots[0].image == image).all() for image in list(published))
 
 
-def test_what_a_simulated_camera_sees_arrives_compressed(fleet: Fleet, until: Until) -> None:
+def test_what_a_simulated_camera_sees_arrives_compressed(fleet: Fleet) -> None:
     published: list[Image] = []
     fleet.watch(0, lambda image, _taken: published.append(image), lambda: True)
     wifi = Wifi(fleet, scene(), "127.0.0.1", links=None, cameras=0, jpeg=True)
     host, port = wifi.cameras[0].split(":")
     with contextlib.closing(wifi), CameraClient(host, int(port)) as client:
-        assert until(lambda: client.counts.images >= 2, within=30.0)
+        assert eventually(lambda: client.counts.images >= 2, within=30.0)
         shots = client.arrived()
     off = [np.abs(shots[0].image.astype(int) - image).mean() for image in list(published)]
     assert 0 < min(off) < 5  # grey values: JPEG keeps them nearly
 
 
 @pytest.mark.usefixtures("capfd")  # cflib prints
-def test_cflib_connects_over_tcp(fleet: Fleet, until: Until, tmp_path: Path) -> None:
+def test_cflib_connects_over_tcp(fleet: Fleet, tmp_path: Path) -> None:
     crazyflie: Any = pytest.importorskip("cflib.crazyflie")
     crtp = pytest.importorskip("cflib.crtp")
     crtp.init_drivers()
@@ -66,7 +65,7 @@ def test_cflib_connects_over_tcp(fleet: Fleet, until: Until, tmp_path: Path) -> 
         connected: list[str] = []
         cf.fully_connected.add_callback(connected.append)
         cf.open_link("tcp://{}:{}".format(*link.address))
-        assert until(lambda: connected, within=30.0)
+        assert eventually(lambda: connected, within=30.0)
         router = cf.link.cpx._router
         cf.close_link()
         router.join(5)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -14,8 +12,7 @@ from star_core import ContractError, Image, PluginError
 from star_fleet.aideck import AideckServer, framed
 from star_fleet.cpx import Switchboard
 from star_radio.camera.stream import Counts, Stream
-
-Until: TypeAlias = Callable[..., bool]
+from tests.waiting import eventually
 
 SHAPE = (244, 324)
 BLANK = np.zeros(SHAPE, np.uint8)
@@ -31,25 +28,23 @@ def received(client: socket.socket, size: int) -> bytes:
 
 
 @pytest.mark.parametrize("jpeg", [False, True])
-def test_a_client_gets_the_image_and_nothing_else(
-    *, jpeg: bool, picture: Image, until: Until
-) -> None:
+def test_a_client_gets_the_image_and_nothing_else(*, jpeg: bool, picture: Image) -> None:
     with (
         AideckServer(port=0, jpeg=jpeg) as server,
         socket.create_connection(server.address, 5) as client,
     ):
-        assert until(lambda: server.connected)
+        assert eventually(lambda: server.connected)
         server.publish(picture, 0.0)
         whole = framed(picture, jpeg=jpeg)
         assert received(client, len(whole)) == whole
     assert server.dropped == 0
 
 
-def test_a_client_that_does_not_read_misses_whole_images_and_delays_no_other(until: Until) -> None:
+def test_a_client_that_does_not_read_misses_whole_images_and_delays_no_other() -> None:
     counts = Counts()
     stream = Stream(SHAPE, counts)
     with AideckServer(port=0) as server, socket.create_connection(server.address, 5) as client:
-        assert until(lambda: server.connected)
+        assert eventually(lambda: server.connected)
         for value in range(200):
             server.publish(BLANK + np.uint8(value), 0.0)  # would not return if it waited
         assert server.dropped > 0
@@ -68,21 +63,21 @@ def test_images_without_a_client_are_lost_and_not_counted() -> None:
         assert server.dropped == 0
 
 
-def test_another_client_is_served_when_the_first_has_gone(picture: Image, until: Until) -> None:
+def test_another_client_is_served_when_the_first_has_gone(picture: Image) -> None:
     whole = framed(picture)
     with AideckServer(port=0) as server:
         for _ in range(3):
             with socket.create_connection(server.address, 5) as client:
-                assert until(lambda: server.connected)
+                assert eventually(lambda: server.connected)
                 server.publish(picture, 0.0)
                 assert received(client, len(whole)) == whole
-            assert until(lambda: not server.connected)
+            assert eventually(lambda: not server.connected)
 
 
-def test_a_second_client_waits_for_the_first_to_go(until: Until) -> None:
+def test_a_second_client_waits_for_the_first_to_go() -> None:
     with AideckServer(port=0) as server:
         first = socket.create_connection(server.address, 5)
-        assert until(lambda: server.connected)
+        assert eventually(lambda: server.connected)
         with socket.create_connection(server.address, 5) as second:
             server.publish(BLANK, 0.0)
             second.settimeout(0.1)
@@ -97,32 +92,28 @@ def test_a_second_client_waits_for_the_first_to_go(until: Until) -> None:
                 server.publish(BLANK, 0.0)
                 return not thread.is_alive()
 
-            assert until(served)
+            assert eventually(served)
 
 
-def test_a_client_that_breaks_off_in_an_image_leaves_the_next_one_a_whole(
-    picture: Image, until: Until
-) -> None:
+def test_a_client_that_breaks_off_in_an_image_leaves_the_next_one_a_whole(picture: Image) -> None:
     with AideckServer(port=0) as server:
         with socket.create_connection(server.address, 5) as client:
-            assert until(lambda: server.connected)
+            assert eventually(lambda: server.connected)
             for _ in range(60):
                 server.publish(BLANK, 0.0)
             received(client, 5000)
-        assert until(lambda: not server.connected)
+        assert eventually(lambda: not server.connected)
         with socket.create_connection(server.address, 5) as client:
-            assert until(lambda: server.connected)
+            assert eventually(lambda: server.connected)
             server.publish(picture, 0.0)
             assert received(client, 15) == framed(picture)[:15]
 
 
-def test_thirty_decks_share_one_thread(
-    switchboard: Switchboard, picture: Image, until: Until
-) -> None:
+def test_thirty_decks_share_one_thread(switchboard: Switchboard, picture: Image) -> None:
     before = threading.active_count()
     servers = [AideckServer(port=0, switchboard=switchboard) for _ in range(30)]
     clients = [socket.create_connection(server.address, 5) for server in servers]
-    assert until(lambda: all(server.connected for server in servers))
+    assert eventually(lambda: all(server.connected for server in servers))
     assert threading.active_count() == before
     whole = framed(picture)
     for server, client in zip(servers, clients, strict=True):
