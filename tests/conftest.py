@@ -6,12 +6,14 @@ from collections.abc import Generator, Iterator
 from functools import cache
 from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import pytest
 from hypothesis import settings
 
 import star_sim
+from star_core.commands import stop_flights
 from star_core.plugin_support import discovery
 from star_core.toolkit import progress
 
@@ -19,6 +21,12 @@ ROOT = Path(__file__).parents[1]
 
 # Recording to MCAP starts a process for each flight: only the tests of it do that.
 os.environ["STAR_BLOCK_PLUGINS"] = "mcap"
+
+# `star stop` lands every flight of this user: each process of tests has its own folder of sockets,
+# which no other one searches. A socket's path has about 100 characters at most.
+RUNTIME: Final = TemporaryDirectory(prefix="star-")
+os.environ["XDG_RUNTIME_DIR"] = RUNTIME.name
+vars(stop_flights)["SOCKETS"] = Path(os.devnull)
 
 # Tests of one process are no work that lasts: the progress of each counts from its own beginning.
 progress.MAX_PAUSE = -1.0  # type: ignore[misc]

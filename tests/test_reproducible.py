@@ -1,4 +1,4 @@
-"""A simulated flight is the same each time: summary.json, byte by byte."""
+"""A simulated flight is the same each time: summary.json byte by byte, and the trajectory."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from star_core import read_run
@@ -30,10 +31,12 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_two_flights_write_the_same_summary(flown: Path, tmp_path: Path) -> None:
-    assert main(["run", MISSION, *SETTINGS, "--out", str(tmp_path / "second")]) == 0
-    summary = (tmp_path / "second" / "summary.json").read_bytes()
-    assert summary == (flown / "summary.json").read_bytes()
+def test_two_flights_are_the_same(flown: Path, tmp_path: Path) -> None:
+    assert main(["run", MISSION, *SETTINGS, "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "summary.json").read_bytes() == (flown / "summary.json").read_bytes()
+    with np.load(flown / "trajectory.npz") as a, np.load(tmp_path / "trajectory.npz") as b:
+        for name in a:
+            np.testing.assert_array_equal(a[name], b[name], err_msg=name)
 
 
 def test_hash_seed_and_threads_do_not_change_the_summary(flown: Path, tmp_path: Path) -> None:
