@@ -167,7 +167,10 @@ def counted(outcomes: Sequence[Outcome]) -> tuple[int, int]:
 
 
 def main() -> int:
-    """Print the table; return 1 if a drone fell or stayed in the air that need not."""
+    """Print the table; return 1 if a drone fell or stayed in the air that need not.
+
+    Each cell is written to stderr as soon as it has been flown.
+    """
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0], allow_abbrev=False)
     parser.add_argument("--flights", type=int, default=100, help="per cell: %(default)s")
     parser.add_argument("--processes", type=int, default=1, help="%(default)s")
@@ -183,6 +186,8 @@ def main() -> int:
         nonlocal bad
         fell, aloft = counted(outcomes)
         bad |= bool(aloft or (fell and not may_fall))
+        sys.stderr.write(f"{name}: {fell} / {aloft} of {len(outcomes)} flights\n")
+        sys.stderr.flush()
         if options.verbose:
             for seed, one in enumerate(outcomes):
                 if one.aloft or (one.fell and not may_fall):

@@ -251,7 +251,8 @@ class Radio:
         """Return what is known of drones that may be in the air, for messages."""
         now = time.monotonic()
         names = self._scene.names
-        return "; ".join(f"{names[row]} {self._ground.describe(row, now)}" for row in rows)
+        texts = (f"{names[row]} {self._ground.describe(row, now)}" for row in rows)
+        return shortlist(texts, "; ")
 
     def command(self, command: Command) -> None:
         """Send a command to the connected agents and repeat it until it is confirmed.
