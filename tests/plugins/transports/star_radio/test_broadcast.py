@@ -281,7 +281,9 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tupl
 
         monkeypatch.setattr(Broadcaster, "order", order)
         monkeypatch.setattr(Broadcaster, "show", lambda *_pose: all_drones.send(b"\x61"))
-        radio = star_radio.make(reached([AIR[0], AIR[2]]), **options(broadcast=1))
+        radio = star_radio.make(
+            reached([AIR[0], AIR[2]]), **options(broadcast=1, landing_timeout=0.0)
+        )
         assert isinstance(radio, Radio)
         radio.connected[:] = True
         for vehicle in radio.vehicles:

@@ -586,3 +586,11 @@ def test_an_agent_that_flies_by_itself_at_the_end_is_commanded_to_land(
     connect([drone]).close()
     landings = [payload for payload in drone.sent_to(8, 0) if payload[0] == orders.land(0, 3)[1]]
     assert bool(landings) is told
+
+
+def test_of_many_drones_in_the_air_ten_are_named(make: Open) -> None:
+    radio = make([f"udp://127.0.0.1:{port}" for port in range(1, 13)])
+    text = radio.describe(range(12))
+    assert text.startswith("cf1 it was never heard; cf2 ")
+    assert text.endswith("cf10 it was never heard and 2 more")
+    assert "cf11" not in text

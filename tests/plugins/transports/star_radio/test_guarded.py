@@ -103,8 +103,8 @@ def test_the_flight_lands_its_agents_if_the_guardian_is_killed(flight: Flight) -
         flight.tick()
 
 
-def lose_in_take_off(flight: Flight) -> None:
-    """Cut the link of the second drone while both climb, and close."""
+def lose_in_take_off(flight: Flight, *rows: int) -> None:
+    """Cut the links of some drones while both climb, and close."""
     position, zero = np.tile([0.0, 0.0, 0.4], (2, 1)), np.zeros(2)
     flight.radio.connect()
     flight.radio.wait(0.0)
@@ -112,17 +112,21 @@ def lose_in_take_off(flight: Flight) -> None:
     end = time.monotonic() + PATIENCE
     while (flight.height < 0.1).any() and time.monotonic() < end:
         flight.now = flight.radio.wait(flight.now + PERIOD)
-    flight.fleet.links.faults[1] = LinkFaults(loss=1.0)
-    while flight.radio.receive().age[1] < 0.6:
+    for row in rows:
+        flight.fleet.links.faults[row] = LinkFaults(loss=1.0)
+    while flight.radio.receive().age[rows[0]] < 0.6:
         flight.now = flight.radio.wait(flight.now + PERIOD)
     flight.radio.close()
 
 
 @pytest.mark.parametrize(
     ("patience", "says"),
-    [(PATIENCE, "star: the guardian has landed cf2"), (0.0, "the guardian goes on landing cf2")],
+    [
+        (PATIENCE, "star: the guardian has landed cf1, cf2"),
+        (0.0, "the guardian goes on landing cf1, cf2"),
+    ],
 )
-def test_the_guardian_lands_a_drone_whose_link_returns_after_the_flight(
+def test_the_guardian_lands_drones_whose_links_return_after_the_flight(
     flight: Flight,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
@@ -130,11 +134,10 @@ def test_the_guardian_lands_a_drone_whose_link_returns_after_the_flight(
     says: str,
 ) -> None:
     monkeypatch.setattr("star_radio.guarded.UNATTENDED_TIME", patience)
-    lose_in_take_off(flight)
-    assert flight.height[0] <= ON_FLOOR
-    assert flight.height[1] > 0.2
+    lose_in_take_off(flight, 0, 1)
+    assert (flight.height > 0.2).all()
     assert flight.radio._process.poll() is None
-    flight.fleet.links.faults[1] = LinkFaults()
+    flight.fleet.links.faults[:] = [LinkFaults()] * 2
     flight.radio.await_landings()
     assert flight.has_landed()
     assert flight.radio._process.wait(PATIENCE) == 0
@@ -144,7 +147,8 @@ def test_the_guardian_lands_a_drone_whose_link_returns_after_the_flight(
 def test_ctrl_c_gives_up_a_drone_that_is_not_heard(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    lose_in_take_off(flight)
+    lose_in_take_off(flight, 1)
+    assert flight.height[0] <= ON_FLOOR
     monkeypatch.setattr(flight.radio, "_connection", Interrupted(flight.radio._connection))
     with pytest.raises(KeyboardInterrupt):
         flight.radio.await_landings()
