@@ -98,13 +98,23 @@ def _table(owner: Any) -> Iterator[str]:
         yield from (f"| `{one.name}` | {one.value} |" for one in owner)
         return
     described = dict(_attributes(rest))
-    yield "| field | type | content |"
-    yield "|---|---|---|"
+    shapes = dict(_shapes(owner))
+    yield "| field | type | shape | content |" if shapes else "| field | type | content |"
+    yield "|---|---|---|---|" if shapes else "|---|---|---|"
     hidden = {one.name for one in fields(owner) if not (one.init and one.repr)}  # for the core
     for name, annotation in owner.__annotations__.items():
         if name not in hidden:
             kind = annotation.replace("|", "or").removesuffix(" or None")
-            yield f"| `{name}` | `{kind}` | {described[name].replace('|', chr(92) + '|')} |"
+            shape = f" {shapes.get(name, '')} |" if shapes else ""
+            yield f"| `{name}` | `{kind}` |{shape} {described[name].replace('|', chr(92) + '|')} |"
+
+
+def _shapes(owner: Any) -> Iterator[tuple[str, str]]:
+    """Yield names and shapes of the columns of a table: ``(N, 3)``."""
+    for column in getattr(owner, "COLUMNS", ()):
+        rows = (column.per or owner.PER)[0]
+        size = ", ".join(map(str, column.row))
+        yield column.name, f"({ {'a': 'N', 't': 'T'}.get(rows, 'K') }, {size})".replace(", )", ",)")
 
 
 def _attributes(text: str) -> Iterator[tuple[str, str]]:

@@ -1,9 +1,21 @@
-"""Read-only arrays with one row per agent, sample or point: the columns of every table."""
+"""Tables of read-only arrays with one row per agent, sample or point, declared column by column."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TypeAlias, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields
+from functools import cache
+from typing import (
+    Any,
+    ClassVar,
+    Final,
+    NamedTuple,
+    Self,
+    TypeAlias,
+    TypeVar,
+    cast,
+    dataclass_transform,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +25,22 @@ from star_core.errors import ContractError, coded
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Rows: TypeAlias = NDArray[np.int64]
-Table = TypeVar("Table")
+AnyTable = TypeVar("AnyTable")
+Values = TypeVar("Values", bound=np.ndarray)
+
+DTYPES: Final = {
+    "Array": np.dtype(np.float64),
+    "Rows": np.dtype(np.int64),
+    "Mask": np.dtype(np.bool_),
+}
+"""Type of a column's elements, by the annotation of its field."""
+
+FROZEN: Final = frozenset({0x105, 0x107})
+"""`flags.num` of read-only arrays in C order that own their data: nothing can write to them. Those
+with one row or one axis are in Fortran's order as well."""
 
 
-def require_type(answer: object, table: type[Table]) -> Table:
+def require_type(answer: object, table: type[AnyTable]) -> AnyTable:
     """Return `answer` if it is a `table`; raise `ContractError`."""
     if not isinstance(answer, table):
         raise ContractError(f"returned {type(answer).__name__}, expected {table.__name__}")
@@ -32,65 +56,150 @@ def require_rows(table: object, rows: int, agents: int) -> None:
         )
 
 
-def freeze_arrays(
-    table: object,
-    numbers: Mapping[str, tuple[int, ...]],
-    /,
-    *,
-    integers: tuple[str, ...] = (),
-    flags: tuple[str, ...] = (),
-    others: Mapping[str, int] | None = None,
-    per: str = "agent",
-) -> None:
-    """Make each named field a read-only C array with one row per agent.
+class Column(NamedTuple):
+    """A field of a table that is an array.
+
+    Attributes:
+        name: Of the field.
+        row: Shape of one row.
+        dtype: Of its elements.
+        optional: Whether it may be None.
+        per: Item that has one row; empty for that of the table.
+    """
+
+    name: str
+    row: tuple[int, ...]
+    dtype: np.dtype[Any]
+    optional: bool
+    per: str
+
+
+def column(*row: int, per: str = "", **default: Any) -> Any:
+    """Declare a field that is an array with one row per agent, sample or point.
+
+    Its elements are floats, integers or truth values, as the annotation says: `Array`, `Rows` or
+    `Mask`. So ``position: Array = column(3)`` is an array (N, 3) of floats.
 
     Args:
-        table: An instance of a frozen dataclass.
-        numbers: Fields of float64, with the shape of one row.
-        integers: Fields with one integer per row.
-        flags: Fields with one truth value per row.
-        others: Number of rows of fields that are not arrays.
-        per: Item that has one row each, for messages.
-
-    Raises:
-        RowCountError: The fields differ in their number of rows.
-        ContractError: A row has another shape, or a field cannot be converted to its type.
+        row: Shape of one row.
+        per: Item that has one row, for messages, if it is not that of the table.
+        default: Of `dataclasses.field`.
     """
-    count = {name: _column(table, name, np.float64, row) for name, row in numbers.items()}
-    for name in integers:
-        count[name] = _column(table, name, np.int64, ())
-    for name in flags:
-        count[name] = _column(table, name, np.bool_, ())
-    if others:
-        count |= others
-    if len(set(count.values())) > 1:
-        raise RowCountError(type(table).__name__, count, per)
+    return field(**default, metadata={"row": row, "per": per})
 
 
-def _column(table: object, name: str, dtype: type[np.generic], row: tuple[int, ...]) -> int:
-    """Make a field a read-only C array of rows of one shape, and return the number of rows."""
-    given = getattr(table, name)
-    if not (
-        type(given) is np.ndarray
-        and given.dtype == dtype
-        and given.base is None
-        and not (flags := given.flags).writeable  # nothing can write to it: it is used as it is
-        and flags.c_contiguous
-    ):
-        try:
-            array = np.array(given, dtype=dtype, order="C")
-        except (TypeError, ValueError) as error:
-            raise ContractError(f"{type(table).__name__}.{name} is no array: {error}") from error
-        array.flags.writeable = False
-        object.__setattr__(table, name, array)
-        given = array
-    shape: tuple[int, ...] = given.shape
-    if not shape or shape[1:] != row:
-        expected = ", ".join(map(str, (*(shape[:1] or ("N",)), *row))) + "," * (not row)
-        raise ContractError(
-            f"{type(table).__name__}.{name} has shape {shape}, expected ({expected})"
-        )
-    return shape[0]
+def counted(**default: Any) -> Any:
+    """Declare another field that has one row per agent: a tuple or a table."""
+    return field(**default, metadata={"counted": True})
+
+
+class Table:
+    """A frozen table, which `table` makes of a class."""
+
+    __slots__: tuple[str, ...] = ()
+    COLUMNS: ClassVar[tuple[Column, ...]] = ()
+    COUNTED: ClassVar[tuple[str, ...]] = ()  # other fields with one row per agent
+    PER: ClassVar[str] = "agent"
+
+    def __post_init__(self) -> None:
+        """Make every column a read-only C array, and check the shapes.
+
+        An array that can be written to is copied.
+
+        Raises:
+            RowCountError: The fields differ in their number of rows.
+            ContractError: A row has another shape, or a field cannot be converted to its type.
+        """
+        rows, equal = -1, True
+        for name, row, dtype, optional, per in self.COLUMNS:
+            array = getattr(self, name)
+            if not (
+                type(array) is np.ndarray
+                and array.dtype is dtype
+                and array.flags.num in FROZEN  # it is used as it is
+            ):
+                if optional and array is None:
+                    continue
+                array = _freeze(self, name, dtype)
+            shape = array.shape
+            if not shape or shape[1:] != row:
+                raise _wrong_shape(self, name, shape, row)
+            if shape[0] != rows and not per:
+                equal = equal and rows < 0
+                rows = shape[0]
+        for name in self.COUNTED:
+            equal = equal and _rows_of(getattr(self, name)) == rows
+        if not equal:
+            raise RowCountError(type(self).__name__, self._counts(), self.PER)
+
+    def _counts(self) -> dict[str, int]:
+        names = [*(one.name for one in self.COLUMNS if not one.per), *self.COUNTED]
+        values = {name: getattr(self, name) for name in names}
+        return {name: _rows_of(values[name]) for name in names if values[name] is not None}
+
+    @classmethod
+    def none(cls, n: int = 0) -> Self:
+        """Return a table of `n` rows of zeros: without an item, or without an active one."""
+        return cast("Self", _none(cast("Any", cls), n))
+
+
+@cache  # tables are read-only
+def _none(cls: Any, n: int) -> Any:
+    return cls(*(np.zeros((n, *one.row), one.dtype) for one in cls.COLUMNS))
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(column, counted, field))
+def table(per: str = "agent", **options: bool) -> Callable[[type[AnyTable]], type[AnyTable]]:
+    """Make a subclass of `Table` a frozen dataclass of its columns.
+
+    Args:
+        per: Item that has one row each, for messages.
+        options: Of `dataclasses.dataclass`.
+    """
+
+    def decorated(cls: type[AnyTable]) -> type[AnyTable]:
+        made: Any = dataclass(frozen=True, slots=True, **options)(cls)
+        declared = fields(made)
+        made.COLUMNS = tuple(_column(one) for one in declared if "row" in one.metadata)
+        made.COUNTED = tuple(one.name for one in declared if "counted" in one.metadata)
+        made.PER = per
+        return cast("type[AnyTable]", made)
+
+    return decorated
+
+
+def _column(declared: Field[Any]) -> Column:
+    annotation, _, optional = str(declared.type).partition(" | ")
+    row, per = declared.metadata["row"], declared.metadata["per"]
+    return Column(declared.name, row, DTYPES[annotation], bool(optional), per)
+
+
+def frozen(array: Values) -> Values:
+    """Return an array that is not written to any more, read-only: a table takes it as it is."""
+    array.setflags(write=False)
+    return array
+
+
+def _freeze(owner: Table, name: str, dtype: np.dtype[Any]) -> np.ndarray:
+    """Replace a field by a read-only C array of a type, and return it."""
+    try:
+        array = np.array(getattr(owner, name), dtype=dtype, order="C")
+    except (TypeError, ValueError) as error:
+        raise ContractError(f"{type(owner).__name__}.{name} is no array: {error}") from error
+    object.__setattr__(owner, name, frozen(array))
+    return array
+
+
+def _wrong_shape(
+    owner: Table, name: str, shape: tuple[int, ...], row: tuple[int, ...]
+) -> ContractError:
+    expected = ", ".join(map(str, (*(shape[:1] or ("N",)), *row))) + "," * (not row)
+    return ContractError(f"{type(owner).__name__}.{name} has shape {shape}, expected ({expected})")
+
+
+def _rows_of(rows: Any) -> int:
+    """Return the number of rows of an array, a tuple or a table."""
+    return len(getattr(rows, rows.COLUMNS[0].name) if isinstance(rows, Table) else rows)
 
 
 class RowCountError(ContractError):

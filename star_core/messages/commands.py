@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
 
 from star_core.errors import ContractError
-from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
+from star_core.messages.arrays import Array, Mask, Rows, Table, column, table
 
 
 class Order(StrEnum):
@@ -26,21 +25,21 @@ class Order(StrEnum):
 PIECE: Final = (4, 8)  # axes of a trajectory: x, y, z and yaw; coefficients of each
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
+@table(per="piece", eq=False)
+class Trajectory(Table):
     """A trajectory of polynomial pieces, in a frame of its own; compared by value.
 
     Attributes:
-        duration: (P,) of each piece, s.
-        coefficients: (P, 4, 8) of x, y and z, m, and of yaw, rad, over the time since the piece
+        duration: Of each piece, s.
+        coefficients: Of x, y and z, m, and of yaw, rad, over the time since the piece
             began, s: the constant first.
     """
 
-    duration: Array
-    coefficients: Array
+    duration: Array = column()
+    coefficients: Array = column(*PIECE)
 
     def __post_init__(self) -> None:
-        freeze_arrays(self, {"duration": (), "coefficients": PIECE}, per="piece")
+        Table.__post_init__(self)  # `slots` makes another class, which breaks `super()`
         if not (
             len(self.duration) and np.isfinite(self.duration).all() and (self.duration > 0).all()
         ):
@@ -69,19 +68,19 @@ class Trajectory:
         return self.duration.tobytes() + self.coefficients.tobytes()
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+@table(per="agent commanded")
+class Command(Table):
     """A command to the on-board commanders of some agents: one row per agent.
 
     Attributes:
         order: Kind of the command.
-        agent: (K,) rows of the agents.
-        position: (K, 3) target, m: in the map when a task gives it, in each agent's odometry frame
+        agent: Rows of the agents.
+        position: Target, m: in the map when a task gives it, in each agent's odometry frame
             when a transport receives it. Take-off and landing use z only, x and y may be NaN.
             For FOLLOW it is the origin of the trajectory's frame.
-        yaw: (K,) heading at the end, rad, in the same frame. Take-off and landing keep theirs. For
+        yaw: Heading at the end, rad, in the same frame. Take-off and landing keep theirs. For
             FOLLOW it is the rotation of the trajectory's frame.
-        duration: (K,) s. A trajectory is flown as much slower as this is longer than its own.
+        duration: s. A trajectory is flown as much slower as this is longer than its own.
         trajectory: To FOLLOW: one of those that were uploaded. None with any other order.
 
     Raises:
@@ -89,15 +88,14 @@ class Command:
     """
 
     order: Order
-    agent: Rows
-    position: Array
-    yaw: Array
-    duration: Array
+    agent: Rows = column()
+    position: Array = column(3)
+    yaw: Array = column()
+    duration: Array = column()
     trajectory: Trajectory | None = None
 
     def __post_init__(self) -> None:
-        numbers = {"position": (3,), "yaw": (), "duration": ()}
-        freeze_arrays(self, numbers, integers=("agent",), per="agent commanded")
+        Table.__post_init__(self)
         if not isinstance(self.order, Order):
             raise ContractError(f"Command.order is {self.order!r}, expected an Order")
         follows = self.order is Order.FOLLOW

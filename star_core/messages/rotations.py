@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
+from star_core.messages.arrays import Array, Mask, Rows, Table, column, table
 
 TINY: Final = 1e-9  # rad: a rotation that small is its first-order term
 
@@ -55,20 +54,17 @@ class Pose(NamedTuple):
         return float(np.arctan2(self.rotation[1, 0], self.rotation[0, 0]))
 
 
-@dataclass(frozen=True, slots=True)
-class Transform:
+@table()
+class Transform(Table):
     """A transform for each agent: a rotation about z, then a translation.
 
     Attributes:
-        yaw: (N,) rad.
-        translation: (N, 3) m.
+        yaw: rad.
+        translation: m.
     """
 
-    yaw: Array
-    translation: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self, {"yaw": (), "translation": (3,)})
+    yaw: Array = column()
+    translation: Array = column(3)
 
     def turn(self, vectors: Array) -> Array:
         """Rotate (N, 3) vectors, one per agent, without the translation.

@@ -8,14 +8,14 @@ floats float64. Arrays are read-only: a stage that wants a changed table makes a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import IntEnum
 from functools import cache, partial
 from typing import Final, Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
+from star_core.messages.arrays import Array, Mask, Rows, Table, column, counted, frozen, table
 from star_core.messages.rotations import Transform
 from star_core.messages.telemetry import Corrections, Detections, Sightings
 
@@ -31,6 +31,8 @@ class AgentPhase(IntEnum):
     LOST = 5  # not heard from, or not located
     EMERGENCY = 6  # tumbled, locked, crashed, or its motors were stopped
 
+    __hash__ = int.__hash__  # that of `Enum` hashes the name, in Python
+
 
 AIRBORNE: Final = (
     AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING, AgentPhase.LOST,
@@ -44,26 +46,24 @@ UNFIT: Final = (AgentPhase.LOST, AgentPhase.EMERGENCY)
 @cache
 def _zeros(n: int) -> Array:
     """(N, 3) zeros that are read-only."""
-    zeros = np.zeros((n, 3))
-    zeros.flags.writeable = False
-    return zeros
+    return frozen(np.zeros((n, 3)))
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+@table()
+class Estimate(Table):
     """A localizer's estimate of the agents' states, in the map.
 
     Attributes:
         time: Mission time, s.
-        position: (N, 3) m.
-        velocity: (N, 3) m/s.
-        yaw: (N,) rad, anticlockwise from the map's x axis.
-        covariance: (N, 3, 3) covariance of the position, m².
-        valid: (N,) False if the row must not be used to fly.
+        position: m.
+        velocity: m/s.
+        yaw: rad, anticlockwise from the map's x axis.
+        covariance: Covariance of the position, m².
+        valid: False if the row must not be used to fly.
         map_from_odom: Pose of each agent's odometry frame in the map.
         sightings: Tags seen since the last tick that are not landmarks.
         corrections: For the on-board estimators.
-        possible_travel: (N, 3) m. An agent that is no longer heard, or no longer located in flight,
+        possible_travel: m. An agent that is no longer heard, or no longer located in flight,
             may have stopped at `position` or flown on, up to `position + possible_travel`. Set by
             the core, not by localizers; zero for other agents, which is the default.
         detections: All tags that the localizer detected in images since the last tick, also those
@@ -71,104 +71,86 @@ class Estimate:
     """
 
     time: float
-    position: Array
-    velocity: Array
-    yaw: Array
-    covariance: Array
-    valid: Mask
-    map_from_odom: Transform
+    position: Array = column(3)
+    velocity: Array = column(3)
+    yaw: Array = column()
+    covariance: Array = column(3, 3)
+    valid: Mask = column()
+    map_from_odom: Transform = counted()
     sightings: Sightings = field(default_factory=Sightings.none)
     corrections: Corrections = field(default_factory=Corrections.none)
-    possible_travel: Array = field(default_factory=partial(_zeros, 0))
+    possible_travel: Array = column(3, default_factory=partial(_zeros, 0))
     detections: Detections = field(default_factory=Detections.none)
 
     def __post_init__(self) -> None:
-        frames = {"map_from_odom": len(self.map_from_odom.yaw)}
         if not len(self.possible_travel):
-            object.__setattr__(self, "possible_travel", _zeros(frames["map_from_odom"]))
-        numbers = {
-            "position": (3,), "velocity": (3,), "yaw": (), "covariance": (3, 3),
-            "possible_travel": (3,),
-        }  # fmt: skip
-        freeze_arrays(self, numbers, flags=("valid",), others=frames)
+            object.__setattr__(self, "possible_travel", _zeros(len(self.map_from_odom.yaw)))
+        Table.__post_init__(self)
 
 
-@dataclass(frozen=True, slots=True)
-class Health:
+@table()
+class Health(Table):
     """The condition of the agents, for tasks, beside the estimate.
 
     Attributes:
-        phase: (N,) `AgentPhase`.
-        battery: (N,) V; NaN where not reported.
-        age: (N,) time since each agent was last heard, s.
-        finder: (T,) row of the agent that found each target of the world, in the world's order; -1
+        phase: `AgentPhase`.
+        battery: V; NaN where not reported.
+        age: Time since each agent was last heard, s.
+        finder: Row of the agent that found each target of the world, in the world's order; -1
             if it has not been found.
     """
 
-    phase: Rows
-    battery: Array
-    age: Array
-    finder: Rows = field(default_factory=lambda: np.zeros(0, np.int64))
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self, {"battery": (), "age": ()}, integers=("phase",))
-        freeze_arrays(self, {}, integers=("finder",), per="target")
+    phase: Rows = column()
+    battery: Array = column()
+    age: Array = column()
+    finder: Rows = column(per="target", default_factory=lambda: np.zeros(0, np.int64))
 
 
 def among(phase: Rows, *phases: AgentPhase) -> Mask:
     """Return which agents, with phases (N,), are in one of some phases: (N,)."""
-    answer: Mask = phase == phases[0]
-    for another in phases[1:]:
-        answer |= phase == another
-    return answer
+    among: Mask = _members(phases).take(phase)
+    return among
 
 
-@dataclass(frozen=True, slots=True)
-class Goals:
+@cache
+def _members(phases: tuple[AgentPhase, ...]) -> Mask:
+    """Whether each phase is one of some."""
+    return np.array([phase in phases for phase in AgentPhase])
+
+
+@table()
+class Goals(Table):
     """The tasks' goals for the agents, in the map.
 
     Attributes:
-        position: (N, 3) m.
-        velocity: (N, 3) velocity of a moving goal, m/s: feed-forward.
-        yaw: (N,) rad.
-        speed: (N,) greatest speed on the way, m/s.
-        active: (N,) False for agents without a goal.
+        position: m.
+        velocity: Velocity of a moving goal, m/s: feed-forward.
+        yaw: rad.
+        speed: Greatest speed on the way, m/s.
+        active: False for agents without a goal.
     """
 
-    position: Array
-    velocity: Array
-    yaw: Array
-    speed: Array
-    active: Mask
-
-    def __post_init__(self) -> None:
-        numbers = {"position": (3,), "velocity": (3,), "yaw": (), "speed": ()}
-        freeze_arrays(self, numbers, flags=("active",))
-
-    @classmethod
-    def none(cls, n: int) -> Self:
-        """Return a table without a goal for `n` agents."""
-        zero = np.zeros(n)
-        return cls(np.zeros((n, 3)), np.zeros((n, 3)), zero, zero, np.zeros(n, np.bool_))
+    position: Array = column(3)
+    velocity: Array = column(3)
+    yaw: Array = column()
+    speed: Array = column()
+    active: Mask = column()
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoint:
+@table()
+class Setpoint(Table):
     """The setpoints of the agents until the next tick, in the map.
 
     Attributes:
-        velocity: (N, 3) m/s.
-        yaw: (N,) rad, anticlockwise from the map's x axis.
-        active: (N,) False for agents without a setpoint (grounded, taking off, landing, not heard);
+        velocity: m/s.
+        yaw: rad, anticlockwise from the map's x axis.
+        active: False for agents without a setpoint (grounded, taking off, landing, not heard);
             an avoider leaves them inactive.
     """
 
-    velocity: Array
-    yaw: Array
-    active: Mask
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self, {"velocity": (3,), "yaw": ()}, flags=("active",))
+    velocity: Array = column(3)
+    yaw: Array = column()
+    active: Mask = column()
 
 
 def with_possible_positions(
@@ -218,20 +200,17 @@ def with_possible_positions(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Paths:
+@table(per="point")
+class Paths(Table):
     """Planned polylines of agents, in the map: a long table.
 
     Attributes:
-        agent: (K,) row of the agent; the points of one agent are consecutive, in order.
-        point: (K, 3) m.
+        agent: Row of the agent; the points of one agent are consecutive, in order.
+        point: m.
     """
 
-    agent: Rows
-    point: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self, {"point": (3,)}, integers=("agent",), per="point")
+    agent: Rows = column()
+    point: Array = column(3)
 
     def of(self, row: int) -> Array:
         """Return the points of an agent's path, (K, 3) m."""
@@ -259,55 +238,41 @@ class Paths:
         same = [np.array_equal(self.of(row), before.of(row)) for row in rows.tolist()]
         return rows[~np.array(same, np.bool_)]
 
-    @classmethod
-    @cache  # tables are read-only
-    def none(cls) -> Self:
-        """Return a table without a path."""
-        return cls(np.zeros(0, np.int64), np.zeros((0, 3)))
 
-
-@dataclass(frozen=True, slots=True)
-class Plan:
+@table()
+class Plan(Table):
     """A planner's output.
 
     Attributes:
         setpoint: Of this tick.
         paths: The rest of each agent's path.
-        unreachable: (N,) True for agents whose goals cannot be reached: their steps fail.
+        unreachable: True for agents whose goals cannot be reached: their steps fail.
         reasons: Why, by row, in words, if the planner can explain it.
     """
 
-    setpoint: Setpoint
+    setpoint: Setpoint = counted()
     paths: Paths
-    unreachable: Mask
+    unreachable: Mask = column()
     reasons: Mapping[int, str] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self, {}, flags=("unreachable",), others={"setpoint": len(self.setpoint.yaw)})
-
     @classmethod
-    def none(cls, n: int) -> Self:
+    def none(cls, n: int = 0) -> Self:
         """Return a plan without a setpoint for `n` agents."""
-        inactive = np.zeros(n, np.bool_)
-        setpoint = Setpoint(np.zeros((n, 3)), np.zeros(n), inactive)
-        return cls(setpoint, Paths.none(), inactive)
+        return cls(Setpoint.none(n), Paths.none(), np.zeros(n, np.bool_))
 
 
-@dataclass(frozen=True, slots=True)
-class Truth:
+@table()
+class Truth(Table):
     """Ground truth in the map, of a simulator or motion capture; for records only.
 
     Attributes:
         time: Mission time, s.
-        position: (N, 3) m.
-        velocity: (N, 3) m/s.
-        attitude: (N, 4) unit quaternion x, y, z, w from the body to the map.
+        position: m.
+        velocity: m/s.
+        attitude: Unit quaternion x, y, z, w from the body to the map.
     """
 
     time: float
-    position: Array
-    velocity: Array
-    attitude: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self, {"position": (3,), "velocity": (3,), "attitude": (4,)})
+    position: Array = column(3)
+    velocity: Array = column(3)
+    attitude: Array = column(4)

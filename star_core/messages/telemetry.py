@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from enum import IntFlag
-from functools import cache
 from typing import Any, Final, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from star_core.errors import ContractError
-from star_core.messages.arrays import Array, Mask, Rows, freeze_arrays
+from star_core.messages.arrays import (
+    Array,
+    Mask,
+    RowCountError,
+    Rows,
+    Table,
+    column,
+    counted,
+    table,
+)
 from star_core.messages.rotations import yaw_from_quaternion
 
 Image: TypeAlias = NDArray[np.uint8]
@@ -66,114 +74,80 @@ def merged(tables: Iterable[Any], none: Any) -> Any:
     return type(none)(*columns)
 
 
-@dataclass(frozen=True, slots=True)
-class Odometry:
+@table(per="sample")
+class Odometry(Table):
     """Samples of the on-board estimators since the last tick: one row each, up to 100 Hz.
 
     Attributes:
-        agent: (K,) row of the agent that sent the sample.
-        time: (K,) mission time of the sample, s.
-        velocity: (K, 3) velocity in the leveled body frame (x forward, z up), m/s.
-        yaw_rate: (K,) rad/s.
-        roll: (K,) rad.
-        pitch: (K,) rad, nose down positive (right-handed about y).
-        height: (K,) z in the agent's odometry frame, m.
+        agent: Row of the agent that sent the sample.
+        time: Mission time of the sample, s.
+        velocity: Velocity in the leveled body frame (x forward, z up), m/s.
+        yaw_rate: rad/s.
+        roll: rad.
+        pitch: rad, nose down positive (right-handed about y).
+        height: z in the agent's odometry frame, m.
     """
 
-    agent: Rows
-    time: Array
-    velocity: Array
-    yaw_rate: Array
-    roll: Array
-    pitch: Array
-    height: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(
-            self,
-            {
-                "time": (),
-                "velocity": (3,),
-                "yaw_rate": (),
-                "roll": (),
-                "pitch": (),
-                "height": (),
-            },
-            integers=("agent",),
-            per="sample",
-        )
-
-    @classmethod
-    @cache  # tables are read-only
-    def none(cls) -> Self:
-        """Return a table without a sample."""
-        nothing = np.zeros(0)
-        return cls(
-            np.zeros(0, np.int64), nothing, np.zeros((0, 3)), nothing, nothing, nothing, nothing
-        )
+    agent: Rows = column()
+    time: Array = column()
+    velocity: Array = column(3)
+    yaw_rate: Array = column()
+    roll: Array = column()
+    pitch: Array = column()
+    height: Array = column()
 
 
-@dataclass(frozen=True, slots=True)
-class Frames:
+@table(per="image")
+class Frames(Table):
     """Images that arrived since the last tick, in the order of their arrival.
 
     Attributes:
-        agent: (K,) row of the agent whose camera took it.
-        taken: (K,) mission time at the middle of the exposure of its middle row, s; NaN if unknown.
-        arrived: (K,) mission time of its arrival, s.
+        agent: Row of the agent whose camera took it.
+        taken: Mission time at the middle of the exposure of its middle row, s; NaN if unknown.
+        arrived: Mission time of its arrival, s.
         image: K images; each has the size of its camera.
     """
 
-    agent: Rows
-    taken: Array
-    arrived: Array
-    image: tuple[Image, ...]
-
-    def __post_init__(self) -> None:
-        images = {"image": len(self.image)}
-        numbers: dict[str, tuple[int, ...]] = {"taken": (), "arrived": ()}
-        freeze_arrays(self, numbers, integers=("agent",), others=images, per="image")
+    agent: Rows = column()
+    taken: Array = column()
+    arrived: Array = column()
+    image: tuple[Image, ...] = counted(default=())
 
     @property
     def time(self) -> Array:
         """(K,) `taken`, or `arrived` where that is unknown, s."""
         return np.where(np.isfinite(self.taken), self.taken, self.arrived)
 
-    @classmethod
-    @cache  # tables are read-only
-    def none(cls) -> Self:
-        """Return a table without an image."""
-        return cls(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), ())
 
-
-@dataclass(frozen=True, slots=True)
-class Detections:
+@table(per="tag")
+class Detections(Table):
     """Tags detected in images, by a camera's own processor or by the localizer.
 
     Attributes:
-        agent: (K,) row of the agent whose camera saw the tag.
-        tag: (K,) the tag's number.
-        corners: (K, 4, 2) its corners in the distorted image, px: bottom left, bottom right, top
+        agent: Row of the agent whose camera saw the tag.
+        tag: The tag's number.
+        corners: Its corners in the distorted image, px: bottom left, bottom right, top
             right and top left of the upright tag.
-        taken: (K,) of the image, as in `Frames`.
-        arrived: (K,) of the image, as in `Frames`.
+        taken: Of the image, as in `Frames`.
+        arrived: Of the image, as in `Frames`.
         rejected: K reasons for which the localizer did not use a tag; empty texts for those that it
             used, which is the default.
     """
 
-    agent: Rows
-    tag: Rows
-    corners: Array
-    taken: Array
-    arrived: Array
+    agent: Rows = column()
+    tag: Rows = column()
+    corners: Array = column(4, 2)
+    taken: Array = column()
+    arrived: Array = column()
     rejected: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        reasons = tuple(map(str, self.rejected))
-        others = {"rejected": len(reasons)} if reasons else {}
-        numbers = {"corners": (4, 2), "taken": (), "arrived": ()}
-        freeze_arrays(self, numbers, integers=("agent", "tag"), others=others, per="tag")
-        object.__setattr__(self, "rejected", reasons or ("",) * len(self.tag))
+        Table.__post_init__(self)  # `slots` makes another class, which breaks `super()`
+        reasons = tuple(map(str, self.rejected)) or ("",) * len(self.tag)
+        if len(reasons) != len(self.tag):
+            counts = {"tag": len(self.tag), "rejected": len(reasons)}
+            raise RowCountError("Detections", counts, "tag")
+        object.__setattr__(self, "rejected", reasons)
 
     @property
     def time(self) -> Array:
@@ -191,54 +165,31 @@ class Detections:
         columns: Any = (np.array(getattr(self, field.name))[rows] for field in fields(self))
         return type(self)(*columns)
 
-    @classmethod
-    @cache  # tables are read-only
-    def none(cls) -> Self:
-        """Return a table without a tag."""
-        none = np.zeros(0, np.int64)
-        return cls(none, none, np.zeros((0, 4, 2)), np.zeros(0), np.zeros(0))
 
-
-@dataclass(frozen=True, slots=True)
-class PoseFixes:
+@table(per="fix")
+class PoseFixes(Table):
     """Poses of agents in the map, as a positioning system measured them.
 
     Attributes:
-        agent: (K,) row of the agent.
-        taken: (K,) mission time of the measurement, s; NaN if unknown.
-        arrived: (K,) mission time of its arrival, s.
-        position: (K, 3) map frame, m.
-        attitude: (K, 4) unit quaternion x, y, z, w from the body to the map; NaN if not measured.
-        position_std: (K,) standard deviation along each axis, m.
-        attitude_std: (K,) standard deviation about each axis, rad.
-        correlation_time: (K,) time constant with which the error of the position changes, s; 0 if
+        agent: Row of the agent.
+        taken: Mission time of the measurement, s; NaN if unknown.
+        arrived: Mission time of its arrival, s.
+        position: Map frame, m.
+        attitude: Unit quaternion x, y, z, w from the body to the map; NaN if not measured.
+        position_std: Standard deviation along each axis, m.
+        attitude_std: Standard deviation about each axis, rad.
+        correlation_time: Time constant with which the error of the position changes, s; 0 if
             those of two measurements are independent.
     """
 
-    agent: Rows
-    taken: Array
-    arrived: Array
-    position: Array
-    attitude: Array
-    position_std: Array
-    attitude_std: Array
-    correlation_time: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(
-            self,
-            {
-                "taken": (),
-                "arrived": (),
-                "position": (3,),
-                "attitude": (4,),
-                "position_std": (),
-                "attitude_std": (),
-                "correlation_time": (),
-            },
-            integers=("agent",),
-            per="fix",
-        )
+    agent: Rows = column()
+    taken: Array = column()
+    arrived: Array = column()
+    position: Array = column(3)
+    attitude: Array = column(4)
+    position_std: Array = column()
+    attitude_std: Array = column()
+    correlation_time: Array = column()
 
     @property
     def time(self) -> Array:
@@ -251,84 +202,45 @@ class PoseFixes:
         table: Self = merged(tables, cls.none())
         return table
 
-    @classmethod
-    @cache  # tables are read-only
-    def none(cls) -> Self:
-        """Return a table without a fix."""
-        nothing = np.zeros(0)
-        vectors, turns = np.zeros((0, 3)), np.zeros((0, 4))
-        return cls(np.zeros(0, np.int64), nothing, nothing, vectors, turns, *[nothing] * 3)
 
-
-@dataclass(frozen=True, slots=True)
-class Sightings:
+@table(per="tag")
+class Sightings(Table):
     """Tags seen by agents that are not landmarks: targets.
 
     Attributes:
-        agent: (K,) row of the agent that saw the tag.
-        tag: (K,) the tag's number.
-        time: (K,) mission time of the sighting, s.
-        position: (K, 3) center of the tag in the map, m.
-        yaw: (K,) direction of the tag's x axis in the map's x-y plane, rad.
-        covariance: (K, 3, 3) of the position, including that of the agent's position, m².
+        agent: Row of the agent that saw the tag.
+        tag: The tag's number.
+        time: Mission time of the sighting, s.
+        position: Center of the tag in the map, m.
+        yaw: Direction of the tag's x axis in the map's x-y plane, rad.
+        covariance: Of the position, including that of the agent's position, m².
     """
 
-    agent: Rows
-    tag: Rows
-    time: Array
-    position: Array
-    yaw: Array
-    covariance: Array
-
-    def __post_init__(self) -> None:
-        numbers = {"time": (), "position": (3,), "yaw": (), "covariance": (3, 3)}
-        freeze_arrays(self, numbers, integers=("agent", "tag"), per="tag")
-
-    @classmethod
-    @cache  # tables are read-only
-    def none(cls) -> Self:
-        """Return a table without a tag."""
-        none, empty = np.zeros(0, np.int64), np.zeros(0)
-        return cls(none, none, empty, np.zeros((0, 3)), empty, np.zeros((0, 3, 3)))
+    agent: Rows = column()
+    tag: Rows = column()
+    time: Array = column()
+    position: Array = column(3)
+    yaw: Array = column()
+    covariance: Array = column(3, 3)
 
 
-@dataclass(frozen=True, slots=True)
-class Corrections:
+@table(per="correction")
+class Corrections(Table):
     """Poses of agents in their odometry frames, for their on-board estimators.
 
     Attributes:
-        agent: (K,) row of the agent.
-        position: (K, 3) m.
-        attitude: (K, 4) unit quaternion x, y, z, w from the body to the odometry frame.
-        position_deviation: (K,) along each axis, m.
-        attitude_deviation: (K,) about each axis, rad; infinite if only the position is corrected.
+        agent: Row of the agent.
+        position: m.
+        attitude: Unit quaternion x, y, z, w from the body to the odometry frame.
+        position_deviation: Along each axis, m.
+        attitude_deviation: About each axis, rad; infinite if only the position is corrected.
     """
 
-    agent: Rows
-    position: Array
-    attitude: Array
-    position_deviation: Array
-    attitude_deviation: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(
-            self,
-            {
-                "position": (3,),
-                "attitude": (4,),
-                "position_deviation": (),
-                "attitude_deviation": (),
-            },
-            integers=("agent",),
-            per="correction",
-        )
-
-    @classmethod
-    @cache  # tables are read-only
-    def none(cls) -> Self:
-        """Return a table without a correction."""
-        nothing = np.zeros(0)
-        return cls(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), nothing, nothing)
+    agent: Rows = column()
+    position: Array = column(3)
+    attitude: Array = column(4)
+    position_deviation: Array = column()
+    attitude_deviation: Array = column()
 
 
 class Refusal(NamedTuple):
@@ -343,8 +255,8 @@ class Refusal(NamedTuple):
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Telemetry:
+@table()
+class Telemetry(Table):
     """Telemetry of each agent in its own odometry frame. NaN means "not reported".
 
     An agent's odometry frame has its origin at the agent's position when its estimator was started,
@@ -352,46 +264,43 @@ class Telemetry:
 
     Attributes:
         time: Mission time of the newest row, s.
-        position: (N, 3) m.
-        velocity: (N, 3) m/s.
-        attitude: (N, 4) unit quaternion x, y, z, w from the body to the odometry frame.
-        battery: (N,) V.
-        state: (N,) bits of `Supervisor`.
-        age: (N,) time since each agent was last heard, s.
+        position: m.
+        velocity: m/s.
+        attitude: Unit quaternion x, y, z, w from the body to the odometry frame.
+        battery: V.
+        state: Bits of `Supervisor`.
+        age: Time since each agent was last heard, s.
         odometry: Samples since the last tick.
         frames: Images since the last tick.
         detections: Tags detected on board since the last tick.
         fixes: Poses measured by a positioning system since the last tick.
         refusals: Commands refused since the last tick; each fails the agent's step.
-        signal: (N,) signal strength at each agent, as last reported, dBm; None without a radio.
-        rebooted: (N,) whether each agent's firmware restarted since it was connected; None if
+        signal: Signal strength at each agent, as last reported, dBm; None without a radio.
+        rebooted: Whether each agent's firmware restarted since it was connected; None if
             that cannot happen. Such an agent receives no more commands.
-        lands_by: (N,) mission time by which the last climb or trajectory that each agent was
+        lands_by: Mission time by which the last climb or trajectory that each agent was
             commanded to fly on board ends on the ground if nothing takes over from it, s: infinite
             if it hovers instead. None if no such flight ends on the ground.
     """
 
     time: float
-    position: Array
-    velocity: Array
-    attitude: Array
-    battery: Array
-    state: Rows
-    age: Array
+    position: Array = column(3)
+    velocity: Array = column(3)
+    attitude: Array = column(4)
+    battery: Array = column()
+    state: Rows = column()
+    age: Array = column()
     odometry: Odometry = field(default_factory=Odometry.none)
     frames: Frames = field(default_factory=Frames.none)
     detections: Detections = field(default_factory=Detections.none)
     fixes: PoseFixes = field(default_factory=PoseFixes.none)
     refusals: tuple[Refusal, ...] = ()
-    signal: Array | None = None
-    rebooted: Mask | None = None
-    lands_by: Array | None = None
+    signal: Array | None = column(default=None)
+    rebooted: Mask | None = column(default=None)
+    lands_by: Array | None = column(default=None)
 
     def __post_init__(self) -> None:
-        numbers = {"position": (3,), "velocity": (3,), "attitude": (4,), "battery": (), "age": ()}
-        numbers |= {name: () for name in ("signal", "lands_by") if getattr(self, name) is not None}
-        flags = () if self.rebooted is None else ("rebooted",)
-        freeze_arrays(self, numbers, flags=flags, integers=("state",))
+        Table.__post_init__(self)
         n = len(self.position)
         for agent, _reason in self.refusals:
             if not 0 <= agent < n:

@@ -28,6 +28,7 @@ from star_core import (
     Transform,
     Truth,
 )
+from star_core.messages.arrays import frozen
 from star_core.plugin_support.guard import PluginGuard
 
 
@@ -65,7 +66,7 @@ INTEGERS = np.zeros(2, np.int64)
          "Setpoint.velocity has 1 row, yaw has 2 rows, but active has 3; expected one row per "
          "agent [wrong-shape]"),
         (lambda: estimate(1),
-         "Estimate.position has 1 row, but velocity, yaw, covariance, possible_travel, valid and "
+         "Estimate.position has 1 row, but velocity, yaw, covariance, valid, possible_travel and "
          "map_from_odom have 2; expected one row per agent [wrong-shape]"),
         (lambda: Goals(rows(2, 3), rows(2, 3), rows(2), rows(1), rows(2) > 0),
          "Goals.speed has 1 row, but position, velocity, yaw and active have 2; expected one row "
@@ -74,7 +75,7 @@ INTEGERS = np.zeros(2, np.int64)
          "Plan.unreachable has 3 rows, but setpoint has 2; expected one row per agent"
          " [wrong-shape]"),
         (lambda: Health(INTEGERS, rows(2), rows(0)),
-         "Health.age has 0 rows, but battery and phase have 2; expected one row per agent"
+         "Health.age has 0 rows, but phase and battery have 2; expected one row per agent"
          " [wrong-shape]"),
         (lambda: Transform(rows(2), rows(1, 3)),
          "Transform.yaw has 2 rows, but translation has 1; expected one row per agent"
@@ -83,30 +84,30 @@ INTEGERS = np.zeros(2, np.int64)
          "Truth.velocity has 1 row, but position and attitude have 2; expected one row per agent"
          " [wrong-shape]"),
         (lambda: telemetry(1),
-         "Telemetry.attitude has 1 row, but position, velocity, battery, age and state have 2; "
+         "Telemetry.attitude has 1 row, but position, velocity, battery, state and age have 2; "
          "expected one row per agent [wrong-shape]"),
         (lambda: telemetry(2, signal=rows(1)),
-         "Telemetry.signal has 1 row, but position, velocity, attitude, battery, age and state "
+         "Telemetry.signal has 1 row, but position, velocity, attitude, battery, state and age "
          "have 2; expected one row per agent [wrong-shape]"),
         (lambda: Paths(INTEGERS, rows(1, 3)),
-         "Paths.point has 1 row, but agent has 2; expected one row per point [wrong-shape]"),
+         "Paths.agent has 2 rows, but point has 1; expected one row per point [wrong-shape]"),
         (lambda: Odometry(INTEGERS, rows(2), rows(2, 3), rows(2), rows(2), rows(1), rows(2)),
-         "Odometry.pitch has 1 row, but time, velocity, yaw_rate, roll, height and agent have 2; "
+         "Odometry.pitch has 1 row, but agent, time, velocity, yaw_rate, roll and height have 2; "
          "expected one row per sample [wrong-shape]"),
         (lambda: Frames(INTEGERS, rows(2), rows(2), ()),
-         "Frames.image has 0 rows, but taken, arrived and agent have 2; expected one row per "
+         "Frames.image has 0 rows, but agent, taken and arrived have 2; expected one row per "
          "image [wrong-shape]"),
         (lambda: Detections(INTEGERS, INTEGERS, rows(1, 4, 2), rows(2), rows(2)),
-         "Detections.corners has 1 row, but taken, arrived, agent and tag have 2; expected one row "
+         "Detections.corners has 1 row, but agent, tag, taken and arrived have 2; expected one row "
          "per tag [wrong-shape]"),
         (lambda: Sightings(INTEGERS, INTEGERS, rows(2), rows(2, 3), rows(1), rows(2, 3, 3)),
-         "Sightings.yaw has 1 row, but time, position, covariance, agent and tag have 2; expected "
+         "Sightings.yaw has 1 row, but agent, tag, time, position and covariance have 2; expected "
          "one row per tag [wrong-shape]"),
         (lambda: Corrections(INTEGERS, rows(2, 3), rows(2, 4), rows(1), rows(2)),
-         "Corrections.position_deviation has 1 row, but position, attitude, attitude_deviation and "
-         "agent have 2; expected one row per correction [wrong-shape]"),
+         "Corrections.position_deviation has 1 row, but agent, position, attitude and "
+         "attitude_deviation have 2; expected one row per correction [wrong-shape]"),
         (lambda: Command(Order.LAND, INTEGERS, rows(1, 3), rows(2), rows(2) + 1),
-         "Command.position has 1 row, but yaw, duration and agent have 2; expected one row per "
+         "Command.position has 1 row, but agent, yaw and duration have 2; expected one row per "
          "agent commanded [wrong-shape]"),
         (lambda: Trajectory(rows(2) + 1, rows(1, 4, 8)),
          "Trajectory.duration has 2 rows, but coefficients has 1; expected one row per piece"
@@ -158,6 +159,30 @@ def test_rows_that_are_no_agents_are_not_compared_with_the_swarm() -> None:
     with pytest.raises(PluginError) as caught, PluginGuard("planner 'mine'", 5):
         Paths(INTEGERS, rows(1, 3))
     assert str(caught.value) == (
-        "planner 'mine': Paths.point has 1 row, but agent has 2; expected one row per point"
+        "planner 'mine': Paths.agent has 2 rows, but point has 1; expected one row per point"
         " [wrong-shape]"
     )
+
+
+def test_a_table_takes_a_frozen_array_as_it_is() -> None:
+    velocity, yaw = frozen(rows(2, 3)), rows(2)
+    made = Setpoint(velocity, yaw, rows(2) > 0)
+    assert made.velocity is velocity
+    assert made.yaw is not yaw
+
+
+@pytest.mark.parametrize("base", [np.zeros((4, 3)), np.zeros((2, 6))[:, ::2], np.zeros((3, 2)).T])
+def test_a_view_is_copied_since_its_base_can_be_written_to(base: np.ndarray) -> None:
+    view = base[:2]
+    view.flags.writeable = False
+    made = Setpoint(view, rows(2), rows(2) > 0)
+    assert made.velocity.base is None
+    assert made.velocity.flags.c_contiguous
+
+
+@pytest.mark.parametrize("kind", [Goals, Setpoint, Plan, Corrections, Sightings, Paths, Odometry])
+def test_a_table_of_no_rows_has_the_declared_shapes(kind: Any) -> None:
+    empty = kind.none(2)
+    for one in kind.COLUMNS:
+        assert getattr(empty, one.name).shape == (2, *one.row)
+        assert getattr(empty, one.name).dtype == one.dtype
