@@ -66,6 +66,7 @@ SCRIPTS = {
     "faults": Small(
         "--cells 'no fault' --seeds 1 --processes 1 --results {tmp}/faults.json", prints="|"
     ),
+    "flight_bits": Small("--missions first_flight", prints="first_flight"),
     "fleet": Small(sizes={"FLIGHT": 1.0, "FLEETS": ((2, 10),)}, campaign="real time"),
     "guardian": Small("--runs 1 --only sigkill", campaign="real time", prints="sigkill"),
     "guided_fuzzing": Small("yaml -runs=10", needs=("atheris",), prints=""),
@@ -96,6 +97,7 @@ SCRIPTS = {
     "soak": Small("--json --minutes 0.1 --drones 2", campaign="real time"),
     "startup": Small("--json --rounds 1", campaign="a cold start"),
     "tick": Small("--json --agents 40"),
+    "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1}),
     "tick_files": Small("--json"),
     "top_view": Small("{tmp}/run {tmp}/out.png", needs=("matplotlib",), prints=""),
     "touchdowns": Small("--flights 1 --ways radio --cases normal", prints="normal"),
