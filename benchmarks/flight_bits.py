@@ -77,7 +77,7 @@ def flight(path: Path, overrides: tuple[str, ...] = ()) -> str:
     registry = Registry(bits)
     summary = fly(load(path, registry, list(overrides)), registry)
     rest = {key: value for key, value in summary.items() if key not in TIMES}
-    text = json.dumps(rest, sort_keys=True, default=str)
+    text = json.dumps(rest, sort_keys=True, default=str).replace(str(path.parent), "")
     end = hashlib.sha256(text.encode()).hexdigest()
     return f"{summary['outcome']:10}{bits.ticks.hexdigest()[:16]} {end[:16]}"
 

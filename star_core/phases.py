@@ -147,7 +147,10 @@ class Phases:
             located: (N,) whether its estimate is valid.
             settled: (N,) whether a climb has come to rest once the commander has finished it.
         """
-        seen = tuple(one.tobytes() for one in (state, heard, located, settled, self._now))
+        seen = (
+            state.tobytes(), heard.tobytes(), located.tobytes(), settled.tobytes(),
+            self._now.tobytes(),
+        )  # fmt: skip
         if seen == self._seen:
             return  # no transition is possible
         self._seen = seen

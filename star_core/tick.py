@@ -16,7 +16,7 @@ from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TickContext
 from star_core.executor import StepExecutor
 from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Mask
+from star_core.messages.arrays import Mask, every, some
 from star_core.messages.commands import Order
 from star_core.messages.events import Corrected, Tick
 from star_core.messages.state import (
@@ -37,7 +37,7 @@ from star_core.registry import Registry
 from star_core.safety.agents_in_the_way import GroundedAgents
 from star_core.safety.filter import SafetyFilter
 from star_core.safety.rules import Rules, SafetyAction
-from star_core.safety.setpoint_monitor import FencePress, RepeatedSetpoints
+from star_core.safety.setpoint_monitor import SetpointMonitor
 from star_core.safety.uncertain_agents import UncertainAgents
 from star_core.vehicle_interface import VehicleInterface
 
@@ -84,9 +84,8 @@ class ControlLoop:
         self._assignments = Assignments(n, mission.reserve_rows)
         self._rules = Rules(scene, mission.safety)
         self._safety = SafetyFilter(scene)
-        self._fence_press = FencePress(scene)
+        self._setpoints = SetpointMonitor(scene)
         self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
-        self._repeated = RepeatedSetpoints(scene)
         self._grounded = GroundedAgents(n, scene.limits)
         self.vehicles = VehicleInterface(scene, pipeline, observers)
         self.executor = StepExecutor(
@@ -138,8 +137,7 @@ class ControlLoop:
         avoided = self._pipeline.avoid(seen, wanted)
         near = self._near(estimate)
         with self._pipeline.safety_time:
-            drawn_in, outward = self._fence_press.draw_in(estimate, avoided, wanted)
-            stuck = self._repeated.find(estimate, merged, avoided, wanted, outward)
+            drawn_in, stuck = self._setpoints.check(estimate, merged, avoided, wanted)
             self._pipeline.fail(stuck)
             if self._pipeline.strikes.pending:
                 drawn_in = replace(drawn_in, active=np.zeros_like(drawn_in.active))  # brake
@@ -151,9 +149,9 @@ class ControlLoop:
         self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
         return {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
-            for row in np.flatnonzero(
-                plan.unreachable & wanted.active & ~self._uncertain.redirected
-            ).tolist()
+            for row in (plan.unreachable & wanted.active & ~self._uncertain.redirected)
+            .nonzero()[0]
+            .tolist()
         }
 
     def watch(self, telemetry: Telemetry, estimate: Estimate, health: Health) -> None:
@@ -216,7 +214,7 @@ class ControlLoop:
 
     def _no_agent_left(self) -> str:
         """Return the reason to end if the safety rules have removed every agent."""
-        none_left = self._rules.action.any() and self.unassigned().all()
+        none_left = np.count_nonzero(self._rules.action) and every(self.unassigned())
         return "the safety rules left no agent" if none_left else ""
 
     def _unfit_to_start(self, health: Health) -> str:
@@ -236,9 +234,12 @@ class ControlLoop:
         lost = self.vehicles.phases.among(AgentPhase.LOST) | self.landing.unheard(health.age)
         lost &= ~excused
         time = self.vehicles.time
+        if not some(lost):
+            self._lost_since.fill(np.inf)
+            return ""
         self._lost_since = np.where(lost, np.fmin(self._lost_since, time), np.inf)
         late = (time - self._lost_since > MAX_LOST_TIME) & ~self.unassigned()
-        return f"{self._scene.named(np.flatnonzero(late))} is lost" if late.any() else ""
+        return f"{self._scene.named(np.flatnonzero(late))} is lost" if some(late) else ""
 
     def _context(
         self, telemetry: Telemetry, estimate: Estimate, health: Health, excused: Mask
@@ -247,7 +248,7 @@ class ControlLoop:
         for row, reason in telemetry.refusals:
             name = self._scene.agents[row].name
             self._observers.event("refused", f"{name} {reason}", name)
-        unfit = np.flatnonzero(among(health.phase, *UNFIT) & ~excused).tolist()
+        unfit = (among(health.phase, *UNFIT) & ~excused).nonzero()[0].tolist()
         disabled = {row: self.vehicles.phases.describe(row) for row in unfit}
         refusals = dict(telemetry.refusals)
         time = self.vehicles.time

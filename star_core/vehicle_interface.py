@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core.messages.arrays import Mask, Rows
+from star_core.messages.arrays import Mask, Rows, every, frozen, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint
 from star_core.messages.telemetry import Supervisor, Telemetry
@@ -25,6 +25,7 @@ from star_core.scene import Scene
 log = logging.getLogger(__name__)
 
 UNSTEERED = (Order.GOTO, Order.FOLLOW)  # no setpoints are sent until these are over
+COMMANDER_FINISHED = int(Supervisor.COMMANDER_FINISHED)
 SETTLED_SPEED = 0.1  # m/s, vertical, below which a climb has come to rest
 MAX_SETTLING_TIME = 2.0  # s that it has for that
 
@@ -88,7 +89,7 @@ class VehicleInterface:
         due = self._due * self._scene.period
         self.time = self._pipeline.wait(due)
         self._observers.begin_tick(self.time)
-        in_flight = bool(self.phases.among(*AIRBORNE).any())
+        in_flight = some(self.phases.among(*AIRBORNE))
         self._pipeline.strikes.begin_tick(in_flight=in_flight)
         if late := self.timing.note(due, self.time, self._pipeline.took()):
             self._observers.event("late", late)
@@ -120,7 +121,7 @@ class VehicleInterface:
         """Update the phases of the agents and the targets they found; return their health."""
         heard = telemetry.age <= MAX_REPORT_AGE
         self.ground.observe(self.time, telemetry)
-        finished = telemetry.state & int(Supervisor.COMMANDER_FINISHED) != 0
+        finished = telemetry.state & COMMANDER_FINISHED != 0
         settled = self._settled(finished, estimate)
         self.phases.observe(telemetry.state, heard, estimate.valid, settled)
         if telemetry.rebooted is not None and telemetry.rebooted.any():
@@ -146,12 +147,12 @@ class VehicleInterface:
         Rows that the planner leaves inactive get zero velocity; without a setpoint the drone would
         fall.
         """
-        given = planned.active
-        return Setpoint(
-            velocity=np.where(given[:, None], planned.velocity, 0.0),
-            yaw=np.where(given, planned.yaw, estimate.yaw),
-            active=self.steered(estimate),
-        )
+        active = frozen(self.steered(estimate))
+        if every(planned.active):
+            return Setpoint(planned.velocity, planned.yaw, active)
+        velocity = np.where(planned.active[:, None], planned.velocity, 0.0)
+        yaw = np.where(planned.active, planned.yaw, estimate.yaw)
+        return Setpoint(frozen(velocity), frozen(yaw), active)
 
     def steered(self, estimate: Estimate) -> Mask:
         """Return which agents setpoints fly: (N,)."""
@@ -161,10 +162,10 @@ class VehicleInterface:
         """Send a setpoint, with zero velocity for agents that must brake; return what was sent."""
         setpoint = self._with_brakes(setpoint, telemetry, estimate)
         to_map = estimate.map_from_odom
-        odom = replace(
-            setpoint,
-            velocity=to_map.turn_back(setpoint.velocity),
-            yaw=setpoint.yaw - to_map.yaw,
+        odom = Setpoint(
+            frozen(to_map.turn_back(setpoint.velocity)),
+            frozen(setpoint.yaw - to_map.yaw),
+            setpoint.active,
         )
         sent = self._pipeline.send(odom, to_map)
         self._unheard.steered(self.time, setpoint.active)
@@ -251,11 +252,14 @@ class VehicleInterface:
 
         It needs no position, and without setpoints such an agent would fly on for a while.
         """
-        heading = telemetry.heading + estimate.map_from_odom.yaw
         brakes = self._setpoints_sent & self.phases.among(AgentPhase.LOST) & ~self._commanded
+        if not some(brakes):
+            self._setpoints_sent = setpoint.active
+            return setpoint
+        heading = telemetry.heading + estimate.map_from_odom.yaw
         brakes &= (telemetry.age <= MAX_REPORT_AGE) & np.isfinite(heading)
         self._setpoints_sent = setpoint.active | brakes
-        if not brakes.any():
+        if not some(brakes):
             return setpoint
         rest = self._monitor.rest_velocity(estimate.map_from_odom)
         speed = np.linalg.norm(rest, axis=1, keepdims=True)

@@ -9,7 +9,15 @@ import numpy as np
 
 from star_core.contracts import Status, TaskOutput
 from star_core.errors import CommandError, ContractError
-from star_core.messages.arrays import Array, Mask, Rows, require_rows, require_type
+from star_core.messages.arrays import (
+    Array,
+    Mask,
+    Rows,
+    every,
+    require_rows,
+    require_type,
+    some,
+)
 from star_core.messages.commands import Command, Trajectory
 from star_core.messages.state import Estimate, Goals
 from star_core.scene import Scene
@@ -139,7 +147,7 @@ class GoalBuffer:
 
     def begin_tick(self) -> None:
         """Clear what is of one tick only; goals persist, at rest."""
-        self.velocity[:] = 0.0
+        self.velocity.fill(0.0)
         self.commands: list[Command] = []
         self.doing: list[str] = []
         self.leave: set[int] = set()
@@ -174,7 +182,7 @@ class GoalBuffer:
     def hold(self, flying: Mask, estimate: Estimate) -> None:
         """Set the goals of flying agents, (N,), without a goal to their positions."""
         rows = flying & ~self.active
-        if not rows.any():
+        if not some(rows):
             return
         self.position[rows] = estimate.position[rows]
         self.yaw[rows] = estimate.yaw[rows]
@@ -188,14 +196,14 @@ class GoalBuffer:
     def _check_goals(self, goals: Goals, own: Mask) -> Rows:
         """Return the rows of the agents that have goals."""
         require_rows(goals, len(goals.active), len(own))
-        if (goals.active > own).any():
+        if some(goals.active > own):
             raise ContractError("has goals for agents that are not its own")
         rows = np.flatnonzero(goals.active)
         for name in ("position", "velocity", "yaw", "speed"):
             values = getattr(goals, name)[rows]
-            if not np.isfinite(values).all():
+            if not every(np.isfinite(values)):
                 raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
-        if (goals.speed[rows] < 0).any():
+        if some(goals.speed[rows] < 0):
             raise ContractError(f"Goals.speed is {goals.speed.tolist()!r}, expected 0 or more")
         return rows
 

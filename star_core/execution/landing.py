@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from star_core.execution.assignments import GoalBuffer
-from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.position_margin import MAX_MARGIN, position_margin
 from star_core.messages.state import AgentPhase, Estimate, among
@@ -141,7 +141,7 @@ class LandingManager:
         Args:
             age: (N,) time since each agent was last heard, s.
         """
-        lands = self._vehicles.phases.among(AgentPhase.LANDING) & (age > MAX_REPORT_AGE)
+        lands = (age > MAX_REPORT_AGE) & self._vehicles.phases.among(AgentPhase.LANDING)
         unheard: Mask = lands & (self._vehicles.time > self._ends_at)
         return unheard
 
@@ -157,7 +157,7 @@ class LandingManager:
             estimate: Of the agents' positions.
         """
         landing = self._vehicles.phases.among(AgentPhase.LANDING) & (self._repeats < MAX_REPEATS)
-        if not landing.any():
+        if not some(landing):
             return
         reported = telemetry.time - telemetry.age
         hovers = landing & (telemetry.age <= MAX_REPORT_AGE) & (telemetry.state & HOVERS == HOVERS)

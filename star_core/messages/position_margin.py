@@ -30,12 +30,28 @@ def position_margin(covariance: Array, deviations: float, radius: float) -> Arra
     """
     if deviations == 0.0:
         return np.zeros(len(covariance))
-    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     with np.errstate(invalid="ignore"):  # some are not finite
-        variance = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
-        margin = deviations * np.sqrt(np.maximum(variance, 0.0))
-    limited: Array = np.fmin(margin, MAX_MARGIN * radius)
-    return limited
+        margin: Array = np.fmin(deviations * _deviation(covariance), MAX_MARGIN * radius)
+    return margin
+
+
+_last: tuple[Array, Array] | None = None  # a covariance that is read-only, and its deviations
+
+
+def _deviation(covariance: Array) -> Array:
+    """Return the standard deviation in the horizontal direction of the greatest one, (N,) m.
+
+    Several stages of a tick need it of the same table.
+    """
+    global _last  # noqa: PLW0603 -- a result that is used again
+    if _last is not None and _last[0] is covariance:
+        return _last[1]
+    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    variance = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
+    deviation = np.sqrt(np.maximum(variance, 0.0))
+    if not covariance.flags.writeable and covariance.base is None:
+        _last = covariance, deviation
+    return deviation
 
 
 WALL_RADIUS: Final = 0.2

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, Table, column, table
+from star_core.messages.arrays import Array, Mask, Rows, Table, column, every, frozen, table
 
 TINY: Final = 1e-9  # rad: a rotation that small is its first-order term
 
@@ -93,16 +93,19 @@ class Transform(Table):
 
     def where(self, mask: Mask, other: Transform) -> Transform:
         """Return these transforms where an (N,) mask is True, and the `other` ones elsewhere."""
-        return Transform(
-            np.where(mask, self.yaw, other.yaw),
-            np.where(mask[:, None], self.translation, other.translation),
-        )
+        translation = np.where(mask[:, None], self.translation, other.translation)
+        return Transform(frozen(np.where(mask, self.yaw, other.yaw)), frozen(translation))
 
     @property
     def known(self) -> Mask:
         """(N,) agents whose transform is finite."""
         finite: Mask = np.isfinite(self.yaw) & np.isfinite(self.translation).all(axis=1)
         return finite
+
+    @property
+    def all_known(self) -> bool:
+        """Whether every transform is finite."""
+        return every(np.isfinite(self.yaw)) and every(np.isfinite(self.translation))
 
 
 def wrap_angle(angle: Any) -> Any:
@@ -168,7 +171,8 @@ def yaw_from_quaternion(quaternion: Sequence[float] | Array) -> Any:
     >>> round(float(yaw_from_quaternion((0.0, 0.0, 1.0, 0.0))), 3)
     3.142
     """
-    x, y, z, w = np.moveaxis(np.asarray(quaternion), -1, 0)
+    quaternion = np.asarray(quaternion)
+    x, y, z, w = (quaternion[..., axis] for axis in range(4))
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 

@@ -175,6 +175,8 @@ def with_possible_positions(
         >>> with_possible_positions(now, still)[0].position[:, 0]
         array([0.  , 0.15, 0.3 ])
     """
+    if not np.count_nonzero(estimate.possible_travel):
+        return estimate, wanted
     length = np.linalg.norm(estimate.possible_travel, axis=1)
     steps = np.ceil(np.where(np.isfinite(length), length, 0.0) / spacing).astype(int)
     k = int(steps.sum())

@@ -86,9 +86,11 @@ class PluginGuard:
         self.plugin = plugin
         self._agents = agents
         self._stopwatch = stopwatch or nullcontext()
+        self.begin: Callable[[], object] = self._stopwatch.__enter__
+        self.end: Callable[..., object] = self._stopwatch.__exit__
 
     def __enter__(self) -> None:
-        self._stopwatch.__enter__()
+        self.begin()
 
     def __exit__(
         self,
@@ -96,7 +98,7 @@ class PluginGuard:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._stopwatch.__exit__(kind, error, trace)
+        self.end(kind, error, trace)
         if not isinstance(error, Exception | SystemExit | PluginTimeout):
             return
         log.debug("%s raised", self.plugin, exc_info=error)
@@ -123,9 +125,10 @@ class ToleratingGuard:
     def __init__(self, guard: PluginGuard, strikes: Strikes) -> None:
         self._guard = guard
         self._strikes = strikes
+        self._begin, self._end = guard.begin, guard.end
 
     def __enter__(self) -> None:
-        self._guard.__enter__()
+        self._begin()
 
     def __exit__(
         self,
@@ -133,6 +136,9 @@ class ToleratingGuard:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> bool:
+        if error is None:
+            self._end(None, None, None)
+            return False
         try:
             self._guard.__exit__(kind, error, trace)
         except PluginError as failure:

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.errors import ContractError
-from star_core.messages.arrays import Mask, Rows, require_rows, require_type
+from star_core.messages.arrays import Mask, Rows, every, require_rows, require_type
 from star_core.messages.state import Estimate, Plan, Setpoint, Truth
 from star_core.messages.telemetry import Telemetry
 
@@ -115,12 +115,12 @@ def checked_setpoint(answer: object, n: int) -> Setpoint:
 
 
 def _require_agents(field: str, rows: Rows, n: int) -> None:
-    if len(rows) and not 0 <= rows.min() <= rows.max() < n:
+    if len(rows) and not every(rows.view(np.uint64) < n):  # negative ones are large then
         raise ContractError(f"{field} is {rows.tolist()!r}, expected rows below {n}")
 
 
 def _require_finite(field: str, values: np.ndarray, where: Mask) -> None:
-    if np.isfinite(values).all():
+    if every(np.isfinite(values)):
         return
     bad = where & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     if bad.any():

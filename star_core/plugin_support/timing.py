@@ -17,7 +17,7 @@ from time import monotonic, perf_counter, thread_time
 from types import FrameType
 from typing import Any, Final, Self
 
-from numba.core.event import TimingListener, register
+from numba.core.event import Listener, register
 
 from star_core.plugin_support.guard import PluginTimeout
 
@@ -38,8 +38,32 @@ MIN_REPORTED_TIME: Final = 1e-3  # s, least computing time named in it
 REPORT_INTERVAL: Final = 10.0  # s, least time between two reports of late ticks
 LABELS: Final = {"safety": "safety filter"}
 
-_timer = TimingListener()  # type: ignore[no-untyped-call]
-register("numba:compiler_lock", _timer)  # type: ignore[no-untyped-call]
+
+class CompileTimer(Listener):
+    """Adds up the time that numba has compiled in this process.
+
+    Attributes:
+        elapsed: So far, s.
+    """
+
+    def __init__(self) -> None:
+        self.elapsed = 0.0
+        self._depth = 0
+        self._begun = 0.0
+
+    def on_start(self, _event: Any) -> None:
+        if not self._depth:
+            self._begun = perf_counter()
+        self._depth += 1
+
+    def on_end(self, _event: Any) -> None:
+        self._depth -= 1
+        if not self._depth:
+            self.elapsed += perf_counter() - self._begun
+
+
+compiling = CompileTimer()
+register("numba:compiler_lock", compiling)  # type: ignore[no-untyped-call]
 
 
 class Watchdog:
@@ -54,6 +78,10 @@ class Watchdog:
         period: From one tick to the next, s.
         realtime: Whether mission time advances by itself.
         brake: In real time it is called from the third period of a call on, once per period.
+
+    Attributes:
+        armed: Whether it has the main thread, so that calls can be interrupted.
+        calling: Whether a call is being watched.
     """
 
     def __init__(self, period: float, *, realtime: bool, brake: Callable[[], None]) -> None:
@@ -62,7 +90,7 @@ class Watchdog:
         self._timer = (2 * period, period) if realtime else (self._limit / 10, self._limit / 10)
         self._brake = brake if realtime else None
         self._native_time = MAX_NATIVE_TIME * (os.cpu_count() or 1)
-        self._armed = self._calling = False
+        self.armed = self.calling = False
         self._transport = self._first = False
         self._begun = 0.0
         self._late = 0  # times that the timer expired beyond the limit, in this call
@@ -70,7 +98,7 @@ class Watchdog:
     def __enter__(self) -> Self:
         main = threading.current_thread() is threading.main_thread()
         if main and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL:
-            self._armed = True
+            self.armed = True
             signal.signal(signal.SIGALRM, self._expire)
             with suppress(AttributeError, OSError, ValueError):  # there may be no stderr
                 faulthandler.register(signal.SIGVTALRM, sys.__stderr__, chain=True)  # type: ignore[arg-type]
@@ -78,8 +106,8 @@ class Watchdog:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        if self._armed:
-            self._armed = False
+        if self.armed:
+            self.armed = False
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
@@ -92,15 +120,10 @@ class Watchdog:
             first: Whether it is the plugin's first, which may take longer.
             transport: Whether the transport is called; it can then not brake.
         """
-        if self._armed:
-            self._first, self._transport, self._late = first, transport, 0
-            self._begun, self._calling = monotonic(), True
-            if self._brake is not None:
-                self._set_timers()
-
-    def end(self) -> None:
-        """End to watch the call; the timers go on."""
-        self._calling = False
+        self._first, self._transport, self._late = first, transport, 0
+        self._begun, self.calling = monotonic(), True
+        if self._brake is not None:
+            self._set_timers()
 
     def _set_timers(self) -> None:
         signal.setitimer(signal.ITIMER_REAL, *self._timer)
@@ -108,7 +131,7 @@ class Watchdog:
 
     def _expire(self, _number: int, _frame: FrameType | None) -> None:
         signal.setitimer(signal.ITIMER_VIRTUAL, self._native_time)
-        if not self._calling:
+        if not self.calling:
             return
         if self._brake is not None and not self._transport:
             self._brake()
@@ -123,11 +146,6 @@ def _debugged() -> bool:
     """Return whether a debugger is in use."""
     tracer = getattr(sys.gettrace(), "__self__", None)
     return isinstance(tracer, bdb.Bdb) or "pydevd" in sys.modules
-
-
-def compile_time() -> float:
-    """Return how long numba has compiled in this process so far, s."""
-    return _timer.duration if _timer.done else 0.0
 
 
 @dataclass(slots=True)
@@ -161,17 +179,19 @@ class Stopwatch:
     _compiled: float = field(init=False, default=0.0)
 
     def __enter__(self) -> None:
-        self._compiled = compile_time()
+        self._compiled = compiling.elapsed
         self._begun = self.clock()
-        if self.watchdog is not None:
+        if self.watchdog is not None and self.watchdog.armed:
             self.watchdog.begin(first=not self.ticks, transport=self.waits)
 
     def __exit__(self, *_error: object) -> None:
         if self.watchdog is not None:
-            self.watchdog.end()
+            self.watchdog.calling = False  # the timers go on
         elapsed = self.clock() - self._begun
         self.elapsed += elapsed
-        self.total += max(0.0, elapsed - (compile_time() - self._compiled))
+        if (compiled := compiling.elapsed - self._compiled) > 0.0:
+            elapsed = max(0.0, elapsed - compiled)
+        self.total += elapsed
         self.used = True
 
 

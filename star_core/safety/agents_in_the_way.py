@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.arrays import Array, Mask, Rows, every, some
 from star_core.messages.state import AgentPhase, Estimate
 from star_core.scene import Limits
 
@@ -20,6 +20,7 @@ WATCHDOG_TIME: Final = 2.0
 motors (the commander's watchdog)."""
 
 FALL_TIME: Final = 1.0  # s; from 3 m it is 0.8 s
+EMERGENCY, LANDED = int(AgentPhase.EMERGENCY), int(AgentPhase.LANDED)
 BRAKING_TIME: Final = 0.6  # s, by which the velocity of an agent that brakes leads it on
 
 
@@ -48,12 +49,12 @@ class GroundedAgents:
             phase: (N,) `AgentPhase` of each agent.
             gone: (N,) agents that have left the mission for good.
         """
-        fallen = phase == AgentPhase.EMERGENCY
+        fallen = phase == EMERGENCY
         since = np.fmin(self._fallen_at, estimate.time)
         self._fallen_at = np.where(fallen, since, np.inf)
-        down = (phase == AgentPhase.LANDED) & gone
+        down = (phase == LANDED) & gone
         down |= estimate.time - self._fallen_at >= FALL_TIME
-        if not down.any():
+        if not some(down):
             return estimate
         position, travel = estimate.position.copy(), estimate.possible_travel.copy()
         position[down, 2], travel[down, 2] = -self._depth, 0.0
@@ -147,10 +148,14 @@ class UnheardAgents:
         if taken_over is not None:
             self._on_board &= ~taken_over
         heard = age <= MAX_REPORT_AGE
-        known = heard & estimate.valid & np.isfinite(estimate.velocity).all(axis=1)
+        finite = np.isfinite(estimate.velocity)
+        if every(heard) and every(estimate.valid) and every(finite):
+            self._velocity, self._astray = estimate.velocity, ~heard
+            return estimate
+        known = heard & estimate.valid & finite.all(axis=1)
         self._velocity = np.where(known[:, None], estimate.velocity, self._velocity)
         self._astray = heard & ~estimate.valid & (airborne | self._astray)
-        if heard.all() and not self._astray.any():
+        if every(heard) and not some(self._astray):
             return estimate
         position = estimate.position.copy()
         flies_on = np.where(self._astray, BRAKING_TIME, np.where(heard, 0.0, WATCHDOG_TIME))

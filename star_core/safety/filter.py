@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs, warm_up
-from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.arrays import Array, Mask, Rows, every, frozen
 from star_core.messages.events import Corrected
 from star_core.messages.position_margin import MAX_MARGIN, WALL_RADIUS, position_margin
 from star_core.messages.rotations import Transform
@@ -101,7 +101,7 @@ class SafetyFilter:
     ) -> tuple[Setpoint, Corrected]:
         """Filter tables that list every position at which an agent may be."""
         active = wanted.active
-        if not np.isfinite(estimate.velocity).all():  # treated as stationary
+        if not every(np.isfinite(estimate.velocity)):  # treated as stationary
             known = np.nan_to_num(estimate.velocity, posinf=0.0, neginf=0.0)
             estimate = replace(estimate, velocity=known)
         given = safe.active & active
@@ -110,9 +110,8 @@ class SafetyFilter:
         margin = position_margin(estimate.covariance, self._uncertainty_margin, WALL_RADIUS)
         beside = self._beside_walls(slowed, estimate, active, margin)
         inside, apart = self._limited(beside, estimate, active, near)
-        sent = replace(
-            safe, velocity=apart, yaw=np.where(given, safe.yaw, wanted.yaw), active=active
-        )
+        yaw = np.where(given, safe.yaw, wanted.yaw)
+        sent = Setpoint(frozen(apart), frozen(yaw), active)
         return sent, Corrected(
             fence=_differ(inside, beside) & active,
             speed=_differ(slowed, asked) & active,
@@ -124,7 +123,7 @@ class SafetyFilter:
         self, velocity: Array, estimate: Estimate, active: Mask, margin: Array
     ) -> Array:
         """Return (N, 3) velocities with which uncertain agents can brake before walls and fence."""
-        rows: Rows = np.flatnonzero(active & (margin > 0.0))
+        rows: Rows = (active & (margin > 0.0)).nonzero()[0]
         if not len(rows):
             return velocity
         slower = velocity.copy()
@@ -147,7 +146,7 @@ class SafetyFilter:
     ) -> tuple[Array, Array]:
         """Return (N, 3) velocities that stay inside the fence, and (N, 3) that keep apart too."""
         near = near.within(self.reach if self._separation > 0 else 0.0)
-        inside, apart = velocity.copy(), np.empty_like(velocity)
+        inside, apart = velocity.copy(), np.empty(velocity.shape)
         limit_velocities(
             inside,
             apart,
@@ -187,7 +186,7 @@ class SafetyFilter:
 
 def _differ(one: Array, other: Array) -> Mask:
     """Return which rows differ by more than `MIN_CORRECTION`: (N,)."""
-    if one is other:
+    if one is other or not np.count_nonzero(one != other):
         return np.zeros(len(one), np.bool_)
     differ: Mask = np.abs(one - other).max(axis=1, initial=0.0) > MIN_CORRECTION
     return differ

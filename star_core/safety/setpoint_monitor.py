@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, frozen, some
 from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.safety.braking import BRAKING_GAIN, LAG, RETURN_SPEED
 from star_core.safety.filter import MIN_CORRECTION
 from star_core.scene import Scene
+from star_core.toolkit.jit import compiled
 
 PRESSED_TIME: Final = 0.5
 """Time after which an agent that the fence holds back is drawn in, s."""
@@ -46,6 +48,182 @@ CHECKS: Final = (
 )
 """Kind of plugin, time after which it is reported in s, and what is reported of which agents."""
 
+REPEATED_CHECKS: Final = 2  # of these, the first ones, after `REPEATED_TIME`
+MAX_FLOAT: Final = float(np.finfo(np.float64).max)
+
+
+class SetpointMonitor:
+    """Leads agents away from the fence, and finds planners and avoiders that are stuck.
+
+    A kernel, `nothing_wrong`, follows both in one pass; `FencePress` and `RepeatedSetpoints` run
+    only in a tick in which there is something to do or to report.
+
+    Args:
+        scene: Agents, fence and tick.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
+        self._period = scene.period
+        self.press = FencePress(scene)
+        self.repeated = RepeatedSetpoints(scene)
+        none = np.zeros((len(scene.agents), 3))
+        at_rest = Setpoint.none(len(none))
+        self._quiet(none, none, Goals.none(len(none)), at_rest, at_rest)  # before the flight
+        self.press, self.repeated = FencePress(scene), RepeatedSetpoints(scene)
+
+    def check(
+        self, estimate: Estimate, goals: Goals, avoided: Setpoint, wanted: Setpoint
+    ) -> tuple[Setpoint, dict[str, str]]:
+        """Return the avoider's setpoint, drawn in from the fence, and what is wrong, by plugin.
+
+        Args:
+            estimate: Of the agents' positions.
+            goals: The tasks'.
+            avoided: The avoider's setpoint.
+            wanted: The planner's.
+        """
+        if self._quiet(estimate.position, estimate.velocity, goals, avoided, wanted):
+            return avoided, {}
+        drawn_in, outward = self.press.draw_in(estimate, avoided, wanted)
+        return drawn_in, self.repeated.find(estimate, goals, avoided, wanted, outward)
+
+    def _quiet(
+        self, position: Array, flown: Array, goals: Goals, avoided: Setpoint, wanted: Setpoint
+    ) -> bool:
+        press, repeated = self.press, self.repeated
+        return nothing_wrong(
+            position,
+            flown,
+            goals.position,
+            goals.velocity,
+            goals.active,
+            avoided.velocity,
+            wanted.velocity,
+            wanted.active,
+            self._fence,
+            self._period,
+            press.pressed,
+            repeated.lasted,
+            repeated.before,
+            repeated.begun,
+            repeated.near,
+        )
+
+
+@compiled
+def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass over all agents
+    position: Array,
+    flown: Array,
+    goal: Array,
+    goal_velocity: Array,
+    has_goal: Mask,
+    avoided: Array,
+    wanted: Array,
+    steered: Mask,
+    fence: Array,
+    period: float,
+    pressed: Array,
+    lasted: Array,
+    before: Array,
+    begun: Array,
+    near: Mask,
+) -> bool:
+    """Follow the setpoints of a tick as `FencePress` and `RepeatedSetpoints` do.
+
+    Args:
+        position: (N, 3) m.
+        flown: (N, 3) current velocities, m/s.
+        goal: (N, 3) m.
+        goal_velocity: (N, 3) m/s.
+        has_goal: (N,) agents with a goal.
+        avoided: (N, 3) the avoider's velocities, m/s.
+        wanted: (N, 3) the planner's, m/s.
+        steered: (N,) agents that setpoints fly.
+        fence: (2, 3) its lowest and its highest corner, m.
+        period: Of the ticks, s.
+        pressed: (N,) state of `FencePress`.
+        lasted: (len(CHECKS), N) state of `RepeatedSetpoints`, as the next three.
+        before: (4, N, 3).
+        begun: (N, 3).
+        near: (N,).
+
+    Returns:
+        Whether there is nothing to do or to report. If not, the state is as it was.
+    """
+    n = len(steered)
+    press, last, close = np.empty(n), np.empty((4, n)), np.empty(n, np.bool_)
+    frozen_avoided = np.empty(n, np.bool_)
+    repeated = True  # the velocities of all agents that setpoints fly, by the avoider
+    for row in range(n):
+        if pressed[row] > PRESSED_TIME:
+            return False
+        frozen_avoided[row] = True
+        for axis in range(3):
+            if avoided[row, axis] != before[0, row, axis]:
+                frozen_avoided[row] = False
+        if steered[row] and not frozen_avoided[row]:
+            repeated = False
+    for row in range(n):
+        same_wanted, same_position, same_goal, rests, moves = True, True, True, True, False
+        outward, avoided_out, wanted_out = False, False, False
+        ignored = away = 0.0
+        for axis in range(3):
+            fast = flown[row, axis]
+            if math.isnan(fast):
+                fast = 0.0
+            elif math.isinf(fast):
+                fast = math.copysign(MAX_FLOAT, fast)
+            ahead = position[row, axis] + LAG * fast
+            most = BRAKING_GAIN * (fence[1, axis] - ahead)
+            most = max(most, -RETURN_SPEED) + MIN_CORRECTION
+            least = BRAKING_GAIN * (fence[0, axis] - ahead)
+            least = min(least, RETURN_SPEED) - MIN_CORRECTION
+            by_avoider, by_planner = avoided[row, axis], wanted[row, axis]
+            outward = outward or by_avoider > most or by_avoider < least
+            outward = outward or by_planner > most or by_planner < least
+            most = max(most, MIN_CORRECTION)
+            least = min(least, -MIN_CORRECTION)
+            avoided_out = avoided_out or by_avoider > most or by_avoider < least
+            wanted_out = wanted_out or by_planner > most or by_planner < least
+            same_wanted = same_wanted and by_planner == before[1, row, axis]
+            same_position = same_position and position[row, axis] == before[2, row, axis]
+            same_goal = same_goal and goal[row, axis] == before[3, row, axis]
+            rests = rests and goal_velocity[row, axis] == 0.0
+            moves = moves or by_avoider != 0.0
+            change = by_planner - (begun[row, axis] if frozen_avoided[row] else by_planner)
+            ignored += change * change
+            way = goal[row, axis] - position[row, axis]
+            away += way * way
+        distance = math.sqrt(away)
+        close[row] = (
+            same_wanted and same_goal and has_goal[row] and rests
+            and (near[row] or distance < ARRIVAL)
+        )  # fmt: skip
+        repeats = (
+            math.sqrt(ignored) > MIN_CHANGE and moves and repeated,
+            close[row] and distance > ARRIVAL,
+            frozen_avoided[row] and not same_wanted and avoided_out and not same_position,
+            same_wanted and wanted_out and not same_position,
+        )
+        press[row] = pressed[row] + period if outward and steered[row] else 0.0
+        for check in range(4):
+            last[check, row] = (
+                lasted[check, row] + period if repeats[check] and steered[row] else 0.0
+            )
+            if last[check, row] > (REPEATED_TIME if check < REPEATED_CHECKS else OUTWARD_TIME):
+                return False
+    for row in range(n):
+        pressed[row], near[row] = press[row], close[row]
+        for check in range(4):
+            lasted[check, row] = last[check, row]
+        for axis in range(3):
+            if not frozen_avoided[row]:
+                begun[row, axis] = wanted[row, axis]
+            before[0, row, axis], before[1, row, axis] = avoided[row, axis], wanted[row, axis]
+            before[2, row, axis], before[3, row, axis] = position[row, axis], goal[row, axis]
+    return True
+
 
 class FencePress:
     """Leads agents away from the fence that setpoints keep pressing against it.
@@ -65,7 +243,7 @@ class FencePress:
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
         self._period = scene.period
         n = len(scene.agents)
-        self._pressed = np.zeros(n)  # s
+        self.pressed = np.zeros(n)  # s
 
     def draw_in(
         self, estimate: Estimate, avoided: Setpoint, wanted: Setpoint
@@ -81,10 +259,10 @@ class FencePress:
             The setpoint, and whether the velocities of avoider and planner lead out of the fence:
             (2, N).
         """
-        drawn = self._pressed > PRESSED_TIME
+        drawn = self.pressed > PRESSED_TIME
         low, high = self._fence
         ahead = estimate.position + LAG * np.nan_to_num(estimate.velocity)
-        if drawn.any():
+        if some(drawn):
             std = np.sqrt(np.nan_to_num(np.diagonal(estimate.covariance, axis1=1, axis2=2)))
             margin = np.minimum(SIGMAS * std, np.minimum(MAX_MARGIN, (high - low) / 4))
             margin *= drawn[:, None]
@@ -97,13 +275,13 @@ class FencePress:
         beyond = np.maximum(most, MIN_CORRECTION), np.minimum(least, -MIN_CORRECTION)
         leads_out: Mask = ((velocity > beyond[0]) | (velocity < beyond[1])).any(axis=2)
         presses = outward.any(axis=(0, 2)) & wanted.active
-        self._pressed = np.where(presses, self._pressed + self._period, 0.0)
+        self.pressed = np.where(presses, self.pressed + self._period, 0.0)
         drawn &= presses
-        if not drawn.any():
+        if not some(drawn):
             return avoided, leads_out
         kept = np.clip(avoided.velocity, down, up)
         velocity = np.where(drawn[:, None], kept, avoided.velocity)
-        return replace(avoided, velocity=velocity), leads_out
+        return replace(avoided, velocity=frozen(velocity)), leads_out
 
 
 class RepeatedSetpoints:
@@ -124,12 +302,12 @@ class RepeatedSetpoints:
 
     def __init__(self, scene: Scene) -> None:
         self._scene, n = scene, len(scene.agents)
-        self._lasted = np.zeros((len(CHECKS), n))  # s
+        self.lasted = np.zeros((len(CHECKS), n))  # s
         self._limit = np.array([[limit] for _, limit, _ in CHECKS])
         # velocities of avoider and planner, position and goal, in the tick before
-        self._before = np.full((4, n, 3), np.nan)
-        self._begun = np.zeros((n, 3))  # the planner's velocities when the avoider's were new
-        self._near = np.zeros(n, np.bool_)  # since the planner's were
+        self.before = np.full((4, n, 3), np.nan)
+        self.begun = np.zeros((n, 3))  # the planner's velocities when the avoider's were new
+        self.near = np.zeros(n, np.bool_)  # since the planner's were
 
     def find(
         self, estimate: Estimate, goals: Goals, avoided: Setpoint, wanted: Setpoint, outward: Mask
@@ -144,25 +322,25 @@ class RepeatedSetpoints:
             outward: (2, N) whether the velocities of avoider and planner lead out of the fence.
         """
         now = np.array([avoided.velocity, wanted.velocity, estimate.position, goals.position])
-        same_avoided, same_wanted, same_position, same_goal = (now == self._before).all(axis=2)
-        self._before = now
-        self._begun = np.where(same_avoided[:, None], self._begun, wanted.velocity)
-        ignored = _length(wanted.velocity - self._begun) > MIN_CHANGE
+        same_avoided, same_wanted, same_position, same_goal = (now == self.before).all(axis=2)
+        self.before = now
+        self.begun = np.where(same_avoided[:, None], self.begun, wanted.velocity)
+        ignored = _length(wanted.velocity - self.begun) > MIN_CHANGE
         distance = _length(goals.position - estimate.position)
         at_rest = same_goal & goals.active & ~goals.velocity.any(axis=1)
-        self._near = same_wanted & at_rest & (self._near | (distance < ARRIVAL))
+        self.near = same_wanted & at_rest & (self.near | (distance < ARRIVAL))
         repeats: Mask = np.array(
             [
                 ignored & now[0].any(axis=1) & bool(same_avoided[wanted.active].all()),
-                self._near & (distance > ARRIVAL),
+                self.near & (distance > ARRIVAL),
                 same_avoided & ~same_wanted & outward[0] & ~same_position,
                 same_wanted & outward[1] & ~same_position,
             ]
         )
-        self._lasted = np.where(repeats & wanted.active, self._lasted + self._scene.period, 0.0)
+        self.lasted = np.where(repeats & wanted.active, self.lasted + self._scene.period, 0.0)
         return {
             kind: text.format(self._scene.named(np.flatnonzero(late)))
-            for (kind, _, text), late in zip(CHECKS, self._lasted > self._limit, strict=True)
+            for (kind, _, text), late in zip(CHECKS, self.lasted > self._limit, strict=True)
             if late.any()
         }
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.position_margin import position_margin
 from star_core.messages.state import Estimate, Goals
 from star_core.safety.walls import nearest_wall, walls
@@ -72,7 +72,7 @@ class UncertainAgents:
     @property
     def redirected(self) -> Mask:
         """Agents that brake or return, whatever their goals: (N,)."""
-        redirected: Mask = self._stage > Stage.FLIES
+        redirected: Mask = self._stage > 0  # `Stage.FLIES`
         return redirected
 
     def redirect(
@@ -89,11 +89,12 @@ class UncertainAgents:
             return goals, []
         std = position_margin(estimate.covariance, 1.0, math.inf)
         corrected = steered & (std < CORRECTED * self._std)
-        self._corrected_at[corrected] = estimate.position[corrected, :2]
+        if some(corrected):
+            self._corrected_at[corrected] = estimate.position[corrected, :2]
         self._std = std
-        self._stage[~steered] = Stage.FLIES
+        self._stage *= steered  # the others fly
         needed = np.where(steered, NEEDED * self._deviations * std, 0.0)
-        rows: Rows = np.flatnonzero((needed > MIN_ROOM) | self.redirected)
+        rows: Rows = ((needed > MIN_ROOM) | (self._stage > 0)).nonzero()[0]
         if not len(rows):
             return goals, []
         fence, wall, piece = self._room(estimate.position, rows)
@@ -149,7 +150,7 @@ class UncertainAgents:
     def _redirected(self, goals: Goals) -> Goals:
         """Return goals with those of the agents that brake or return."""
         away = self.redirected
-        if not away.any():
+        if not some(away):
             return goals
         return replace(
             goals,

@@ -27,7 +27,7 @@ class Watched:
         monkeypatch.setattr(timing, "monotonic", lambda: self.now)
         monkeypatch.setattr(signal, "setitimer", lambda *_timer: None)
         self.dog = Watchdog(PERIOD, realtime=realtime, brake=self._brake)
-        self.dog._armed = True
+        self.dog.armed = True
 
     def _brake(self) -> None:
         self.brakes += 1
@@ -62,7 +62,7 @@ def test_a_pause_of_the_whole_program_interrupts_no_call(monkeypatch: pytest.Mon
     watched.dog.begin(first=False, transport=False)
     watched.now += 3600
     watched.dog._expire(signal.SIGALRM, None)
-    watched.dog.end()
+    watched.dog.calling = False
     watched.now += 3600
     watched.dog._expire(signal.SIGALRM, None)  # no call is watched
 
