@@ -87,6 +87,9 @@ class Spec:
 class MissionSpec(Spec):
     """Announces a plugin that a mission names, with options.
 
+    What a plugin is able to do has the cautious default: a spec that omits it makes ``star check``
+    report more, never less.
+
     Attributes:
         make: ``make(scene, **options)`` returns the plugin.
         options: JSON Schema of those options: an object with ``properties``. Other options are
@@ -104,12 +107,13 @@ class TransportSpec(MissionSpec):
     """Announces a transport.
 
     Attributes:
-        realtime: Whether mission time advances by itself, as on hardware. Plugins read it in
-            `Scene.realtime`.
+        realtime: Whether mission time advances by itself, as on hardware; a simulation whose time
+            advances in ``wait`` only is not. Plugins read it in `Scene.realtime`.
         heights_above_surface: ``heights_above_surface(**options)`` returns whether the on-board
-            estimators take what is below for the floor, as they do with a Flow deck.
+            estimators take what is below for the floor, as they do with a Flow deck; None if they
+            always do.
         exact_odometry: ``exact_odometry(**options)`` returns whether odometry has no error, as in a
-            simulation without noise; None if it always has. Localizers read it in
+            simulation without noise; None if it never is exact. Localizers read it in
             `Scene.exact_odometry`.
         measures_positions: ``measures_positions(**options)`` returns whether a positioning system
             measures positions, for `Telemetry.fixes`; None if none does. Localizers read it in
@@ -117,7 +121,7 @@ class TransportSpec(MissionSpec):
     """
 
     make: Callable[..., Transport]
-    realtime: bool = False
+    realtime: bool = True
     heights_above_surface: Callable[..., bool] | None = None
     exact_odometry: Callable[..., bool] | None = None
     measures_positions: Callable[..., bool] | None = None
@@ -156,7 +160,7 @@ class PlannerSpec(MissionSpec):
     """
 
     make: Callable[..., Planner]
-    avoids_obstacles: bool = True
+    avoids_obstacles: bool = False
     check_goals: Callable[..., Iterable[Problem]] | None = None
 
 
@@ -171,7 +175,7 @@ class AvoiderSpec(MissionSpec):
     """
 
     make: Callable[..., Avoider]
-    avoids_obstacles: bool = True
+    avoids_obstacles: bool = False
     uncertain_positions: bool = False
 
 

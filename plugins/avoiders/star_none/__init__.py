@@ -24,7 +24,6 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
         name="none",
         summary="Passes setpoints through unchanged.",
         make=_make,
-        avoids_obstacles=False,
         uncertain_positions=True,  # it keeps no distances that could grow
     )
 

@@ -70,6 +70,7 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
         name="orca",
         summary="Optimal reciprocal collision avoidance in the horizontal plane.",
         make=deferred("star_orca.avoider:Orca"),
+        avoids_obstacles=True,
         uncertain_positions=True,
         options=_OPTIONS,
         check=_check,

@@ -22,5 +22,6 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
         name="potential",
         summary="Agents and obstacles repel, as in an artificial potential field (Khatib 1986).",
         make=deferred("star_potential.avoider:Potential"),
+        avoids_obstacles=True,
         options={"type": "object", "properties": _OPTIONS},
     )

@@ -21,5 +21,6 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
         name="voronoi",
         summary="Keeps each agent in its buffered Voronoi cell (Zhou et al. 2017).",
         make=deferred("star_voronoi.avoider:Voronoi"),
+        avoids_obstacles=True,
         options={"type": "object", "properties": _OPTIONS},
     )

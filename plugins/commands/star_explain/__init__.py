@@ -81,10 +81,10 @@ def follows_surfaces(mission: Mission, registry: Registry) -> bool:
     used = mission.parts["transport"]
     offer = registry.find("transport", used.use).offer
     localizer = registry.find("localizer", mission.parts["localizer"].use).offer
-    if offer.heights_above_surface is None or localizer.corrects_heights:
+    if localizer.corrects_heights or not mission.scene.world.obstacles:
         return False
     options = fill_defaults(used.options, offer.options)
-    return bool(mission.scene.world.obstacles) and offer.heights_above_surface(**options)
+    return offer.heights_above_surface is None or offer.heights_above_surface(**options)
 
 
 @hookimpl

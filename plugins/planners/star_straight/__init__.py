@@ -14,7 +14,6 @@ def star_planners() -> Iterable[PlannerSpec]:
         name="straight",
         summary="Flies straight to the goal and brakes in time; ignores obstacles.",
         make=deferred("star_straight.planner:Straight"),
-        avoids_obstacles=False,
         options={
             "type": "object",
             "properties": {

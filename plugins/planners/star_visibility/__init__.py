@@ -84,6 +84,7 @@ def star_planners() -> Iterable[PlannerSpec]:
         name="visibility",
         summary="Fly the shortest path around, over or under obstacles.",
         make=deferred("star_visibility.planner:Visibility"),
+        avoids_obstacles=True,
         options=OPTIONS,
         check=check,
         check_goals=check_goals,

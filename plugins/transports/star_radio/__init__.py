@@ -91,8 +91,6 @@ def star_transports() -> Iterable[TransportSpec]:
         make=make,
         options=OPTIONS,
         check=check,
-        realtime=True,
-        heights_above_surface=lambda **_options: True,
     )
 
 

@@ -194,6 +194,7 @@ def star_transports() -> Iterable[TransportSpec]:
         make=make,
         options=OPTIONS,
         check=check,
+        realtime=False,
         heights_above_surface=heights_above_surface,
         exact_odometry=exact_odometry,
         measures_positions=measures_positions,

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from star_core import Localizer, LocalizerSpec, Mission, Problem, Registry, hookimpl
+from star_core import (
+    AvoiderSpec,
+    Localizer,
+    LocalizerSpec,
+    Mission,
+    PlannerSpec,
+    Problem,
+    Registry,
+    TransportSpec,
+    hookimpl,
+    load,
+)
 from star_core.commands.check import check_file
 from star_core.errors import InputError, PluginError
 
@@ -101,6 +113,44 @@ def test_a_planner_may_lead_over_an_obstacle_that_is_low_enough() -> None:
     (found,) = warnings(world=WALL.replace("[0, 2]", "[0, 1.2]"), changes=changes)
     assert "cf1 may fly over obstacle 'wall'" in found
     assert warnings(world=WALL, changes=changes) == []
+
+
+NEVER_MADE: Any = object
+
+
+class Silent:
+    """Offers a transport, a planner and an avoider that declare nothing of what they can do."""
+
+    @hookimpl
+    def star_transports(self) -> Iterable[TransportSpec]:
+        yield TransportSpec(name="link", summary="A link.", make=NEVER_MADE)
+
+    @hookimpl
+    def star_planners(self) -> Iterable[PlannerSpec]:
+        yield PlannerSpec(name="way", summary="A planner.", make=NEVER_MADE)
+
+    @hookimpl
+    def star_avoiders(self) -> Iterable[AvoiderSpec]:
+        yield AvoiderSpec(name="dodge", summary="An avoider.", make=NEVER_MADE)
+
+
+def test_undeclared_obstacle_avoidance_is_none() -> None:
+    with pytest.raises(InputError, match=r"obstacle 'wall' is in the way .*\[path-blocked\]"):
+        warnings("", "", WALL, Silent(), changes=("planner=way", "avoider=dodge"))
+
+
+def test_undeclared_heights_are_above_the_surface() -> None:
+    found = warnings("", "", LOW_WALL, Silent(), changes=("transport=link",))
+    assert "[over-obstacle]" in "".join(found)
+
+
+def test_an_undeclared_transport_is_in_real_time() -> None:
+    Path("hop.yaml").write_text(MISSION)
+    Path("room.yaml").write_text(WORLD)
+    mission = load(Path("hop.yaml"), Registry(Silent()), ["transport=link"])
+    assert mission.scene.realtime
+    assert not mission.scene.exact_odometry
+    assert not mission.scene.measures_positions
 
 
 @pytest.mark.parametrize("changes", [(), (*RANGER, "transport.noise=false")])

@@ -136,7 +136,6 @@ class Stalls:
             name="stalling",
             summary="Stalls once.",
             make=lambda scene: Stalling(scene, **ideal_world()),
-            realtime=True,
         )
 
 
@@ -182,7 +181,6 @@ class Slow:
             name="wall",
             summary="Goes by the clock.",
             make=lambda scene: RealTime(scene, **ideal_world()),
-            realtime=True,
         )
 
     @hookimpl

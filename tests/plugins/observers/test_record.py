@@ -104,7 +104,7 @@ class Blinds:
 
     @hookimpl
     def star_transports(self) -> Iterable[TransportSpec]:
-        return [TransportSpec(name="blind", summary="Knows no truth.", make=_blind)]
+        return [TransportSpec(name="blind", summary="Knows no truth.", make=_blind, realtime=False)]
 
 
 def _blind(scene: Any) -> Blind:

@@ -83,7 +83,7 @@ class Deafness:
         def make(scene: Scene) -> Deaf:
             return Deaf(scene, **ideal_world())
 
-        return [TransportSpec(name="deaf", summary="Hears one.", make=make)]
+        return [TransportSpec(name="deaf", summary="Hears one.", make=make, realtime=False)]
 
 
 def test_an_agent_that_is_not_heard_does_not_join_and_the_others_land(tmp_path: Path) -> None:
