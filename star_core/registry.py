@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import Any
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import pluggy
 
-from star_core import hookspecs
 from star_core.errors import PluginError, suggestion
 from star_core.plugin_support.discovery import Source, installed_plugins
-from star_core.plugin_support.hook_calls import (
-    KINDS,
-    Found,
-    Offers,
-    WrapperError,
-    default_name,
-    register,
-)
-from star_core.plugin_support.specs import MissionSpec
+from star_core.plugin_support.guard import PluginGuard
+from star_core.plugin_support.option_schema import sound
+from star_core.plugin_support.plugin_manager import PluginManager, default_name
+from star_core.plugin_support.specs import SPECS, MissionSpec
+
+KINDS: Final = tuple(SPECS)
+_KIND_OF: Final = {f"star_{kind}s": kind for kind in KINDS}
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A record of a plugin, of the class that `SPECS` has for its kind, and its origin."""
+
+    offer: Any
+    source: Source
 
 
 class Registry:
@@ -34,27 +40,33 @@ class Registry:
         installed: Whether to load the installed ones.
 
     Attributes:
-        manager: Holds the plugins, for the observing hooks.
+        manager: Holds the plugins and calls their hooks. What a plugin raises there is a
+            `PluginError` that names it; a plugin that raises where it offers records is skipped.
         broken: Why each skipped plugin could not be used.
+
+    Raises:
+        PluginError: As `add`, for one of `plugins`.
     """
 
     def __init__(self, *plugins: object, installed: bool = True) -> None:
-        self.manager = pluggy.PluginManager(hookspecs.PROJECT)
-        self.manager.add_hookspecs(hookspecs)
+        self.manager = PluginManager(self._guard, self._checked)
         self.broken: dict[Source, str] = {}
         self._sources: dict[str, Source] = {}
-        self._offers = Offers(self.manager, self._sources)
-        self._found: dict[str, dict[str, list[Found]]] = {kind: {} for kind in KINDS}
+        self._failed: dict[str, BaseException] = {}
+        self._origins: dict[int, Found] = {}  # by the `id` of the record
+        self._found: dict[str, dict[str, list[Found]]] = {}
         for entry, source in installed_plugins() if installed else ():
             try:
-                self.add(entry.load(), source)
+                self._register(entry.load(), source)
             except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever an import may raise
-                self.broken[source] = f"{type(error).__name__}: {error}"
-        for plugin in plugins:
-            self.add(plugin, Source(default_name(plugin)))
+                self._skip(source, error)
+        names = [default_name(plugin) for plugin in plugins]
+        for plugin, name in zip(plugins, names, strict=True):
+            self._register(plugin, Source(name))
+        self._collect(*names)
 
     def add(self, plugin: object, source: Source) -> None:
-        """Register a plugin and collect its records.
+        """Register a plugin and collect all records anew.
 
         A plugin whose wrapper raises at the records of this one is skipped from now on.
 
@@ -62,36 +74,88 @@ class Registry:
             PluginError: It is registered already; it implements a hook that does not exist, or with
                 unknown arguments; or it yields a record of another class or that is not `sound`.
         """
-        name = source.plugin
-        if self.manager.has_plugin(name) or self.manager.is_registered(plugin):
+        self._register(plugin, source)
+        self._collect(source.plugin)
+
+    def _register(self, plugin: object, source: Source) -> None:
+        name, registered = source.plugin, self.manager.plugins
+        if name in registered or any(plugin is other for other in registered.values()):
             raise PluginError(f"plugin {source} is registered already", "duplicate-plugin")
         self._sources[name] = source
         try:
-            register(self.manager, plugin, name)
-            self._collect(name)
-        except (Exception, SystemExit) as error:
-            self._remove(name)
-            if isinstance(error, pluggy.PluginValidationError):
-                raise PluginError(" ".join(str(error).split()), "contract-broken") from error
-            raise
+            self.manager.register(plugin, name)
+        except pluggy.PluginValidationError as error:
+            raise PluginError(" ".join(str(error).split()), "contract-broken") from error
 
-    def _collect(self, added: str) -> None:
+    def _collect(self, *added: str) -> None:
+        """Collect all records; skip plugins that fail, but raise the error of one of `added`."""
+        errors: list[BaseException] = []
         while True:
-            try:
-                self._found = {kind: self._offers.of(kind) for kind in KINDS}
-            except WrapperError as failed:
-                plugin, error = failed.plugin, failed.error
-                if plugin == added:
-                    raise error from None
-                self.broken[self._sources[plugin]] = f"{type(error).__name__}: {error}"
-                self._remove(plugin)
-            else:
-                return
+            self._failed, self._origins = {}, {}
+            self._require_hooks()
+            self._found = {kind: self._of(kind) for kind in KINDS}
+            if not self._failed:
+                break
+            for name, error in self._failed.items():
+                self.manager.remove(name)
+                if name in added:
+                    errors.append(error)
+                else:
+                    self._skip(self._sources[name], error)
+        if errors:
+            raise errors[0]
 
-    def _remove(self, name: str) -> None:
-        self._offers.forget(name)
-        if self.manager.has_plugin(name):
-            self.manager.unregister(name=name)
+    def _require_hooks(self) -> None:
+        """Note the plugins that implement a hook that does not exist."""
+        callers = vars(self.manager.hook).values()
+        names = [caller.name for caller in callers if caller.has_spec()]
+        for caller in callers:
+            for implementation in () if caller.has_spec() else caller.get_hookimpls():
+                if not implementation.optionalhook:
+                    text = f"no hook named {caller.name!r}{suggestion(caller.name, names)}"
+                    self._failed[implementation.plugin_name] = PluginError(text, "contract-broken")
+
+    def _of(self, kind: str) -> dict[str, list[Found]]:
+        """Return the records of a kind by name, sorted by origin."""
+        results = getattr(self.manager.hook, f"star_{kind}s")()
+        found = [self._origins[id(record)] for own in results for record in own]
+        by_name: dict[str, list[Found]] = {}
+        for one in sorted(found, key=lambda one: str(one.source)):
+            by_name.setdefault(one.offer.name, []).append(one)
+        return by_name
+
+    def _checked(self, plugin: str, hook: str, result: Any) -> Any:
+        """Return the records that a plugin offers; those that it was handed keep their origins."""
+        kind = _KIND_OF.get(hook)
+        if kind is None or result is None:
+            return result
+        return [
+            item if id(item) in self._origins else self._record(plugin, kind, item)
+            for item in result
+        ]
+
+    def _record(self, plugin: str, kind: str, item: object) -> Any:
+        expected, source = SPECS[kind], self._sources[plugin]
+        if not isinstance(item, expected):
+            text = f"star_{kind}s() yields {type(item).__name__}, expected {expected.__name__}"
+            raise PluginError(text, "contract-broken")
+        offer = sound(kind, item, trusted=source.own)
+        self._origins[id(offer)] = Found(offer, source)
+        return offer
+
+    @contextmanager
+    def _guard(self, plugin: str, hook: str) -> Iterator[None]:
+        if hook not in _KIND_OF:
+            with PluginGuard(f"{hook} of {self._sources[plugin]}"):
+                yield
+            return
+        try:
+            yield
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- it is skipped, or raised
+            self._failed.setdefault(plugin, error)
+
+    def _skip(self, source: Source, error: BaseException) -> None:
+        self.broken[source] = f"{type(error).__name__}: {error}"
 
     def source(self, plugin: str) -> Source:
         """Return the origin of a plugin that `manager` holds under that name."""

@@ -122,7 +122,7 @@ class _Run:
         self._pipeline = pipeline
         self._operator = operator
         self._wall_time = 0.0
-        self.observers = Observers(registry.manager, pipeline.compute_time)
+        self.observers = Observers(registry.manager.plugins, pipeline.compute_time)
         self.loop = ControlLoop(mission, registry, pipeline, self.observers)
         self._phases = self.loop.vehicles.phases
         self._shutdown = Shutdown(mission.scene, self.loop, self.observers, operator)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from star_core.errors import InputError
-from star_core.mission import Mission
 from star_core.mission_file import schema
 from star_core.mission_file.fault_file import check_faults
 from star_core.mission_file.includes import check_alone
@@ -14,8 +13,6 @@ from star_core.mission_file.input_file import kind_of, lacking, override, read
 from star_core.mission_file.located import Document
 from star_core.mission_file.mission_loader import checked
 from star_core.mission_file.world_loader import world
-from star_core.plugin_support.guard import PluginGuard
-from star_core.plugin_support.hook_calls import plugin_calls
 from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.world.camera import camera_faults
@@ -39,21 +36,14 @@ def check_file(
     if found := others.get(kind_of(document.data)):
         return f"{path}: {found(override(document, assignments), registry)}", ()
     mission = checked(document, registry, assignments)
-    problems = list(_by_plugins(mission, registry))
+    found_by_plugins = registry.manager.hook.star_check(mission=mission, registry=registry)
+    problems: list[Problem] = [problem for own in found_by_plugins for problem in own]
     if errors := [problem for problem in problems if not problem.warning]:
         raise InputError(mission.document.located(errors))
     agents = len(mission.scene.agents)
     many = "agents" if agents > 1 else "agent"
     text = f"{path}: {mission.name!r} can be flown, with {agents} {many}"
     return text, (*mission.warnings, *mission.document.located(problems))
-
-
-def _by_plugins(mission: Mission, registry: Registry) -> Iterator[Problem]:
-    """Yield what the hook `star_check` of the plugins finds."""
-    for call in plugin_calls(registry.manager, "star_check"):
-        with PluginGuard(f"star_check of {registry.source(call.plugin)}"):
-            for found in call.caller(mission=mission, registry=registry):
-                yield from found
 
 
 def _steps(document: Document, registry: Registry) -> str:

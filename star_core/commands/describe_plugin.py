@@ -9,9 +9,9 @@ from typing import Any, Final
 from star_core.commands.columns import text_width
 from star_core.commands.list_plugins import options
 from star_core.mission_file.error_messages import flow
-from star_core.plugin_support.hook_calls import Found
 from star_core.plugin_support.option_schema import PARTS, SHARED
 from star_core.plugin_support.specs import TaskSpec
+from star_core.registry import Found
 
 MAX_DEPTH: Final = 4  # levels of maps inside options that are described
 AGENTS: Final = {"ground": "on the ground", "air": "in the air"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -12,9 +12,8 @@ from star_core import hookspecs
 from star_core.commands.columns import columns
 from star_core.errors import PluginError, suggestion
 from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.hook_calls import KINDS, Found, plugin_calls
 from star_core.plugin_support.specs import NO_OPTIONS, MissionSpec, Spec
-from star_core.registry import Registry
+from star_core.registry import KINDS, Found, Registry
 
 Plugins: TypeAlias = list[tuple[str, Found]]
 """Kinds and records."""
@@ -87,11 +86,8 @@ def _observers(registry: Registry) -> Iterator[tuple[str, Found]]:
     """Yield the plugins that observe flights; the summary is the first line of the docstring."""
     offering = {f"star_{kind}s" for kind in KINDS}
     hooks = [hook for hook in vars(hookspecs) if hook.startswith("star_") and hook not in offering]
-    calls: Iterable[str] = (
-        call.plugin for hook in hooks for call in plugin_calls(registry.manager, hook)
-    )
-    for name in sorted(set(calls)):
-        plugin = registry.manager.get_plugin(name)
+    for name in sorted(set().union(*map(registry.manager.implementing, hooks))):
+        plugin = registry.manager.plugins[name]
         text = (plugin if isinstance(plugin, ModuleType) else type(plugin)).__doc__ or ""
         first = text.strip().partition("\n")[0].replace("``", "")
         title, _, rest = first.partition(": ")

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any, TextIO
 
-    from star_core.plugin_support.hook_calls import Found
-    from star_core.registry import Registry
+    from star_core.registry import Found, Registry
 
 FAILED = 1
 BAD_INPUT = 2

@@ -75,7 +75,7 @@ def _modified(path: str) -> int:
 
 def _sources(registry: Registry) -> list[str]:
     """Return the files of the plugins' packages that have been imported."""
-    plugins = registry.manager.get_plugins()
+    plugins = registry.manager.plugins.values()
     names = {getattr(plugin, "__name__", type(plugin).__module__) for plugin in plugins}
     packages = {name.partition(".")[0] for name in names}
     modules = [(name, module) for name, module in sys.modules.items() if name]

@@ -12,8 +12,7 @@ import pytest
 
 from star_core import AvoiderSpec, PlannerSpec, PluginError, Tick, hookimpl
 from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.hook_calls import KINDS
-from star_core.registry import Registry
+from star_core.registry import KINDS, Registry
 
 NEVER_MADE: Any = object
 
@@ -365,3 +364,42 @@ def test_a_wrapper_that_raises_later_is_left_out_and_grounds_no_other(registry: 
     assert registry.names("planner") == ("stay",)
     assert registry.broken == {Source("my-dist:hiding", "1.0"): "RuntimeError: boom"}
     assert not registry.manager.has_plugin("my-dist:hiding")
+
+
+@pytest.mark.parametrize("options", [{"hookwrapper": True}, {"wrapper": True}], ids=str)
+def test_a_wrapper_is_a_generator_function_of_the_new_style(
+    registry: Registry, options: dict[str, Any]
+) -> None:
+    class Old:
+        @hookimpl(**options)  # type: ignore[untyped-decorator]
+        def star_planners(self) -> Any:
+            return [offer("mine")]
+
+    with pytest.raises(PluginError, match=r"star_planners: expected .* \[contract-broken\]"):
+        registry.add(Old(), Source("my-dist:old"))
+    assert registry.manager.get_plugins() == set()
+
+
+@pytest.mark.parametrize("yields", [0, 2])
+def test_a_wrapper_that_does_not_yield_once_is_left_out(registry: Registry, yields: int) -> None:
+    class Odd:
+        @hookimpl(wrapper=True)
+        def star_planners(self) -> Generator[None, Any, Any]:
+            for _ in range(yields):
+                yield
+
+    with pytest.raises((RuntimeError, StopIteration)):
+        registry.add(Odd(), Source("my-dist:odd"))
+    registry.add(Planners("stay"), Source("a:a"))
+    assert registry.names("planner") == ("stay",)
+
+
+def test_other_hooks_name_the_plugin_that_raises(registry: Registry) -> None:
+    class Bad:
+        @hookimpl
+        def star_check(self) -> Iterable[Any]:
+            yield 1 / 0
+
+    registry.add(Bad(), Source("my-dist:bad", "1.0"))
+    with pytest.raises(PluginError, match=r"^star_check of my-dist 1\.0:bad: Zero.*test_registry"):
+        registry.manager.hook.star_check(mission=None, registry=registry)

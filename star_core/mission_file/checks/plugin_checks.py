@@ -10,10 +10,9 @@ from star_core.errors import PluginError
 from star_core.mission_file.checks.feasibility import position_code
 from star_core.mission_file.located import Location
 from star_core.mission_file.step_tree import Action
-from star_core.plugin_support.hook_calls import Found
 from star_core.plugin_support.option_schema import fill_defaults, held
 from star_core.plugin_support.specs import Problem, StepGoal
-from star_core.registry import Registry
+from star_core.registry import Found, Registry
 from star_core.scene import Scene
 
 LISTED: Final = 3

@@ -22,8 +22,7 @@ from star_core.commands.main import main
 from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.hook_calls import KINDS
-from star_core.registry import Registry
+from star_core.registry import KINDS, Registry
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 
