@@ -1,6 +1,7 @@
-"""The hooks: seven offer plugins, one checks missions, five observe a flight.
+"""The hooks: one adds kinds of plugins, seven offer plugins, one checks missions, five observe.
 
-Offering hooks are called once, before the mission is read: import what is heavy inside ``make``.
+Offering hooks are called before the mission is read: import what is heavy inside ``make``. Their
+`registry` has the records of the kinds that plugins add already, and may be kept.
 Observing hooks are called in the tick: return in well under a period. An observer that raises is
 named in the log and dropped for the rest of the flight.
 """
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from star_core.plugin_support.specs import (
         AvoiderSpec,
         CommandSpec,
+        KindSpec,
         LocalizerSpec,
         PlannerSpec,
         Problem,
@@ -34,7 +36,20 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 
 
 @hookspec
-def star_transports() -> Iterable[TransportSpec]:  # type: ignore[empty-body]
+def star_kinds() -> Iterable[KindSpec]:  # type: ignore[empty-body]
+    """Add kinds of plugins that this plugin uses; each has a hook ``star_NAMEs(registry)`` then.
+
+    Example:
+        >>> from star_core import hookimpl
+        >>> from star_core.toolkit import KindSpec, Spec
+        >>> @hookimpl
+        ... def star_kinds():
+        ...     yield KindSpec(name="gripper", record=Spec)  # by star_grippers(registry)
+    """
+
+
+@hookspec
+def star_transports(registry: Registry) -> Iterable[TransportSpec]:  # type: ignore[empty-body]
     """Offer transports: links to a swarm, real or simulated.
 
     Example:
@@ -46,32 +61,32 @@ def star_transports() -> Iterable[TransportSpec]:  # type: ignore[empty-body]
 
 
 @hookspec
-def star_localizers() -> Iterable[LocalizerSpec]:  # type: ignore[empty-body]
+def star_localizers(registry: Registry) -> Iterable[LocalizerSpec]:  # type: ignore[empty-body]
     """Offer localizers: from telemetry to estimates."""
 
 
 @hookspec
-def star_planners() -> Iterable[PlannerSpec]:  # type: ignore[empty-body]
+def star_planners(registry: Registry) -> Iterable[PlannerSpec]:  # type: ignore[empty-body]
     """Offer planners: from goals to setpoints and paths, for each agent as if alone."""
 
 
 @hookspec
-def star_avoiders() -> Iterable[AvoiderSpec]:  # type: ignore[empty-body]
+def star_avoiders(registry: Registry) -> Iterable[AvoiderSpec]:  # type: ignore[empty-body]
     """Offer avoiders: from wanted setpoints to ones that keep the agents apart."""
 
 
 @hookspec
-def star_tasks() -> Iterable[TaskSpec]:  # type: ignore[empty-body]
+def star_tasks(registry: Registry) -> Iterable[TaskSpec]:  # type: ignore[empty-body]
     """Offer tasks: verbs of the mission language, each under its own name."""
 
 
 @hookspec
-def star_commands() -> Iterable[CommandSpec]:  # type: ignore[empty-body]
+def star_commands(registry: Registry) -> Iterable[CommandSpec]:  # type: ignore[empty-body]
     """Offer ``star`` commands; those of STAR itself are offered by this hook too."""
 
 
 @hookspec
-def star_run_options() -> Iterable[RunOptionSpec]:  # type: ignore[empty-body]
+def star_run_options(registry: Registry) -> Iterable[RunOptionSpec]:  # type: ignore[empty-body]
     """Offer switches of ``star run``, each of which adds an observer to the flight."""
 
 

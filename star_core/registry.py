@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import pluggy
 
@@ -14,15 +15,12 @@ from star_core.plugin_support.discovery import Source, installed_plugins
 from star_core.plugin_support.guard import PluginGuard
 from star_core.plugin_support.option_schema import sound
 from star_core.plugin_support.plugin_manager import PluginManager, default_name
-from star_core.plugin_support.specs import SPECS, MissionSpec
-
-KINDS: Final = tuple(SPECS)
-_KIND_OF: Final = {f"star_{kind}s": kind for kind in KINDS}
+from star_core.plugin_support.specs import SPECS, KindSpec, MissionSpec, Spec
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A record of a plugin, of the class that `SPECS` has for its kind, and its origin."""
+    """A record of a plugin, of the class of its kind, and its origin."""
 
     offer: Any
     source: Source
@@ -43,6 +41,7 @@ class Registry:
         manager: Holds the plugins and calls their hooks. What a plugin raises there is a
             `PluginError` that names it; a plugin that raises where it offers records is skipped.
         broken: Why each skipped plugin could not be used.
+        kinds: The class of the records of each kind; those that plugins add are the last.
 
     Raises:
         PluginError: As `add`, for one of `plugins`.
@@ -51,6 +50,7 @@ class Registry:
     def __init__(self, *plugins: object, installed: bool = True) -> None:
         self.manager = PluginManager(self._guard, self._checked)
         self.broken: dict[Source, str] = {}
+        self.kinds: dict[str, type[Spec]] = dict(SPECS)
         self._sources: dict[str, Source] = {}
         self._failed: dict[str, BaseException] = {}
         self._origins: dict[int, Found] = {}  # by the `id` of the record
@@ -92,8 +92,13 @@ class Registry:
         errors: list[BaseException] = []
         while True:
             self._failed, self._origins = {}, {}
-            self._require_hooks()
-            self._found = {kind: self._of(kind) for kind in KINDS}
+            self.manager.hook.star_kinds()
+            for plugin, text in self.manager.unknown_hooks():
+                self._failed.setdefault(plugin, PluginError(text, "contract-broken"))
+            if not self._failed:
+                self._found = {}
+                for kind in reversed(self.kinds):  # verbs use the kinds that plugins add
+                    self._found[kind] = self._of(kind)
             if not self._failed:
                 break
             for name, error in self._failed.items():
@@ -105,19 +110,9 @@ class Registry:
         if errors:
             raise errors[0]
 
-    def _require_hooks(self) -> None:
-        """Note the plugins that implement a hook that does not exist."""
-        callers = vars(self.manager.hook).values()
-        names = [caller.name for caller in callers if caller.has_spec()]
-        for caller in callers:
-            for implementation in () if caller.has_spec() else caller.get_hookimpls():
-                if not implementation.optionalhook:
-                    text = f"no hook named {caller.name!r}{suggestion(caller.name, names)}"
-                    self._failed[implementation.plugin_name] = PluginError(text, "contract-broken")
-
     def _of(self, kind: str) -> dict[str, list[Found]]:
         """Return the records of a kind by name, sorted by origin."""
-        results = getattr(self.manager.hook, f"star_{kind}s")()
+        results = getattr(self.manager.hook, f"star_{kind}s")(registry=self)
         found = [self._origins[id(record)] for own in results for record in own]
         by_name: dict[str, list[Found]] = {}
         for one in sorted(found, key=lambda one: str(one.source)):
@@ -126,26 +121,40 @@ class Registry:
 
     def _checked(self, plugin: str, hook: str, result: Any) -> Any:
         """Return the records that a plugin offers; those that it was handed keep their origins."""
-        kind = _KIND_OF.get(hook)
-        if kind is None or result is None:
+        kind = _kind_of(hook)
+        if result is None or not self._offers(hook):
             return result
         return [
             item if id(item) in self._origins else self._record(plugin, kind, item)
             for item in result
         ]
 
-    def _record(self, plugin: str, kind: str, item: object) -> Any:
-        expected, source = SPECS[kind], self._sources[plugin]
+    def _record(self, plugin: str, kind: str, item: Any) -> Any:
+        expected, source = self.kinds.get(kind, KindSpec), self._sources[plugin]
         if not isinstance(item, expected):
             text = f"star_{kind}s() yields {type(item).__name__}, expected {expected.__name__}"
             raise PluginError(text, "contract-broken")
+        if isinstance(item, KindSpec):
+            self._add_kind(item)
+            return item
         offer = sound(kind, item, trusted=source.own)
         self._origins[id(offer)] = Found(offer, source)
         return offer
 
+    def _add_kind(self, kind: KindSpec) -> None:
+        if not re.fullmatch(r"[a-z][a-z_]*", kind.name):
+            text = f"kind {kind.name!r}: a name is lower-case letters and '_'"
+            raise PluginError(text, "contract-broken")
+        if self.kinds.setdefault(kind.name, kind.record) is not kind.record:
+            raise PluginError(f"there is a kind {kind.name!r} already", "duplicate-plugin")
+        self.manager.add_hook(f"star_{kind.name}s", _offer)
+
+    def _offers(self, hook: str) -> bool:
+        return _kind_of(hook) in {*self.kinds, "kind"}
+
     @contextmanager
     def _guard(self, plugin: str, hook: str) -> Iterator[None]:
-        if hook not in _KIND_OF:
+        if not self._offers(hook):
             with PluginGuard(f"{hook} of {self._sources[plugin]}"):
                 yield
             return
@@ -163,7 +172,7 @@ class Registry:
 
     def names(self, kind: str) -> tuple[str, ...]:
         """Return every name of a kind, in alphabetical order."""
-        return tuple(sorted(self._found[kind]))
+        return tuple(sorted(self._found.get(kind, ())))
 
     def offers(self) -> dict[str, dict[str, Any]]:
         """Return the records by kind and name.
@@ -173,7 +182,7 @@ class Registry:
         """
         return {
             kind: {name: _merged(self._found[kind][name]) for name in self.names(kind)}
-            for kind in KINDS
+            for kind in self.kinds
         }
 
     def find(self, kind: str, name: str) -> Found:
@@ -182,26 +191,35 @@ class Registry:
         Raises:
             PluginError: There is none, and the message suggests the nearest one; or there are two.
         """
-        found = self._found[kind].get(name, [])
+        found = self._found.get(kind, {}).get(name, [])
+        words = kind.replace("_", " ")
         if not found:
             skipped = "".join(
                 f"; plugin {source} was left out: {why}" for source, why in self.broken.items()
             )
             hint = suggestion(name, self.names(kind), "there are")
-            raise PluginError(f"no {kind} named {name!r}{hint}{skipped}", "unknown-plugin")
+            raise PluginError(f"no {words} named {name!r}{hint}{skipped}", "unknown-plugin")
         if len(found) > 1:
             sources = " and ".join(str(one.source) for one in found)
             raise PluginError(
-                f"two plugins offer {kind} {name!r}: {sources}; uninstall one", "duplicate-plugin"
+                f"two plugins offer {words} {name!r}: {sources}; uninstall one", "duplicate-plugin"
             )
         return found[0]
 
     def __iter__(self) -> Iterator[tuple[str, Found]]:
         """Yield every kind and record, those of equal names included."""
-        for kind in KINDS:
+        for kind in self.kinds:
             for name in self.names(kind):
                 for found in self._found[kind][name]:
                     yield kind, found
+
+
+def _kind_of(hook: str) -> str:
+    return hook.removeprefix("star_").removesuffix("s")
+
+
+def _offer(registry: Registry) -> Iterable[Spec]:  # type: ignore[empty-body]
+    """Offer records of a kind that a plugin adds."""
 
 
 def _merged(found: list[Found]) -> Any:

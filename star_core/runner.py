@@ -59,9 +59,10 @@ def fly(
         operator.simulation = pipeline.paced
         operator.report = run.observers.event
         operator.await_landings = pipeline.await_landings
+        facts = manifest(mission, registry)
         run.observers.notify(
             "star_mission_started",
-            flight=Flight(mission.name, mission.scene, manifest(mission), folder, save_frames),
+            flight=Flight(mission.name, mission.scene, facts, folder, save_frames),
             operator=operator,
         )
         with pipeline.compute_time.watchdog, _short_collections(mission.scene):

@@ -13,7 +13,7 @@ from star_core.commands.columns import columns
 from star_core.errors import PluginError, suggestion
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.specs import NO_OPTIONS, MissionSpec, Spec
-from star_core.registry import KINDS, Found, Registry
+from star_core.registry import Found, Registry
 
 Plugins: TypeAlias = list[tuple[str, Found]]
 """Kinds and records."""
@@ -84,7 +84,7 @@ def _row(found: Found) -> tuple[str, str]:
 
 def _observers(registry: Registry) -> Iterator[tuple[str, Found]]:
     """Yield the plugins that observe flights; the summary is the first line of the docstring."""
-    offering = {f"star_{kind}s" for kind in KINDS}
+    offering = {f"star_{kind}s" for kind in ("kind", *registry.kinds)}
     hooks = [hook for hook in vars(hookspecs) if hook.startswith("star_") and hook not in offering]
     for name in sorted(set().union(*map(registry.manager.implementing, hooks))):
         plugin = registry.manager.plugins[name]

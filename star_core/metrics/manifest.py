@@ -5,19 +5,19 @@ from __future__ import annotations
 import platform
 import re
 from functools import cache
-from importlib.metadata import PackageNotFoundError, entry_points, requires, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
 from star_core.mission import Mission
 from star_core.mission_file.step_tree import actions
-from star_core.plugin_support.discovery import ENTRY_POINT_GROUP
+from star_core.registry import Registry
 
 DISTRIBUTION = "star-swarm"
-OURS = "star."  # begins the names of groups of entry points
 
 
-def manifest(mission: Mission) -> dict[str, Any]:
+def manifest(mission: Mission, registry: Registry) -> dict[str, Any]:
     """Return the mission, its world and files as flown, plugins, seed, and the software beneath."""
+    sources = map(registry.source, sorted(registry.manager.plugins))
     return {
         "mission_file": str(mission.document.path),
         "mission": mission.document.data,
@@ -41,24 +41,10 @@ def manifest(mission: Mission) -> dict[str, Any]:
             action.verb: {"plugin": action.source.plugin, "version": action.source.version}
             for action in actions(mission.steps)
         },
-        "entry_points": entry_points_of_others(),
+        "third_parties": {source.plugin: source.version for source in sources if not source.own},
         "packages": {**packages()},
         "python": platform.python_version(),
         "platform": platform.platform(),
-    }
-
-
-def entry_points_of_others() -> dict[str, dict[str, str]]:
-    """Distributions with entry points that plugins look up themselves, by entry-point group."""
-    points = entry_points()
-    return {
-        group: {
-            point.name: f"{point.dist.name} {point.dist.version}"
-            for point in points.select(group=group)
-            if point.dist is not None
-        }
-        for group in sorted(points.groups)
-        if group.startswith(OURS) and group != ENTRY_POINT_GROUP
     }
 
 

@@ -45,22 +45,13 @@ class Source:
 
 def installed_plugins() -> Iterator[tuple[EntryPoint, Source]]:
     """Yield the entry points of installed plugins that the environment permits, in order."""
-    for entry in permitted_entry_points(ENTRY_POINT_GROUP):
-        yield entry, _source(entry)
-
-
-def permitted_entry_points(group: str) -> Iterator[EntryPoint]:
-    """Yield the entry points of a group that the environment permits, in order.
-
-    `STAR_BLOCK_PLUGINS` and `STAR_ALLOW_PLUGINS` hold for every group: a plugin that has a group of
-    its own finds its entries by this function.
-    """
     blocked = os.environ.get(BLOCK_PLUGINS, "").split(",")
     allowed = os.environ.get(ALLOW_PLUGINS)
-    for entry in sorted(entry_points(group=group)):
-        named = allowed is None or entry.name in allowed.split(",") or _source(entry).own
+    for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)):
+        source = _source(entry)
+        named = allowed is None or entry.name in allowed.split(",") or source.own
         if named and entry.name not in blocked:
-            yield entry
+            yield entry, source
 
 
 def _source(entry: EntryPoint) -> Source:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, suppress
 from functools import wraps
 from inspect import isgeneratorfunction
 from types import ModuleType
@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import pluggy
 
 from star_core import hookspecs
+from star_core.errors import suggestion
 
 Guard: TypeAlias = Callable[[str, str], AbstractContextManager[object]]
 """Returns the context in which to call a plugin's implementation of a hook, by their names. One
@@ -79,6 +80,27 @@ class PluginManager(pluggy.PluginManager):
     def implementing(self, hook: str) -> set[str]:
         """Return the names of the plugins that implement a hook."""
         return {one.plugin_name for one in getattr(self.hook, hook).get_hookimpls()}
+
+    def add_hook(self, name: str, specification: Callable[..., object]) -> None:
+        """Add a hook, unless there is one of that name."""
+        hook = getattr(self.hook, name, None)
+        if hook is None or not hook.has_spec():
+            namespace = ModuleType(name)
+            setattr(namespace, name, hookspecs.hookspec(specification))
+            with suppress(pluggy.PluginValidationError):  # `unknown_hooks` names every plugin
+                self.add_hookspecs(namespace)
+
+    def unknown_hooks(self) -> Iterator[tuple[str, str]]:
+        """Yield plugins that implement a hook that does not exist, or with other arguments."""
+        hooks = vars(self.hook)
+        arguments = {name: hook.spec.argnames for name, hook in hooks.items() if hook.spec}
+        for name, hook in hooks.items():
+            for one in hook.get_hookimpls():
+                unknown = [each for each in one.argnames if each not in arguments.get(name, ())]
+                if name in arguments and unknown:
+                    yield one.plugin_name, f"hook {name} has no argument {', '.join(unknown)}"
+                elif name not in arguments and not one.optionalhook:
+                    yield one.plugin_name, f"no hook named {name!r}{suggestion(name, arguments)}"
 
     def _guarded(self, plugin: str, hook: str, function: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(function)

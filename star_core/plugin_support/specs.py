@@ -247,6 +247,19 @@ class RunOptionSpec(Spec):
     metavar: str | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KindSpec:
+    """Adds a kind of plugins, which others offer by the hook ``star_NAMEs``.
+
+    Attributes:
+        name: Lower case, words joined by ``_``.
+        record: Class of the records that the hook yields.
+    """
+
+    name: str
+    record: type[Spec]
+
+
 SPECS: Mapping[str, type[Spec]] = {
     "transport": TransportSpec,
     "localizer": LocalizerSpec,

@@ -23,10 +23,11 @@ from star_core.mission_file.conditions import longest_wait as longest_wait
 from star_core.mission_file.inner_plugin import check_inner as check_inner
 from star_core.mission_file.inner_plugin import make_inner as make_inner
 from star_core.mission_file.step_tree import actions as actions
-from star_core.plugin_support.discovery import permitted_entry_points as permitted_entry_points
 from star_core.plugin_support.guard import PluginGuard as PluginGuard
 from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
 from star_core.plugin_support.specs import Exclusive as Exclusive
+from star_core.plugin_support.specs import KindSpec as KindSpec
+from star_core.plugin_support.specs import Spec as Spec
 from star_core.safety.ground_evidence import GroundEvidence as GroundEvidence
 from star_core.toolkit.camera_model import CameraModel as CameraModel
 from star_core.toolkit.camera_model import distort as distort

@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from star_core import AvoiderSpec, PlannerSpec, PluginError, Tick, hookimpl
+from star_core import AvoiderSpec, PlannerSpec, PluginError, TaskSpec, Tick, hookimpl
 from star_core.plugin_support.discovery import Source
-from star_core.registry import KINDS, Registry
+from star_core.registry import Registry
+from star_core.toolkit import KindSpec, Spec
 
 NEVER_MADE: Any = object
 
@@ -237,7 +238,7 @@ def test_two_of_one_name_are_one_name_in_a_mission(registry: Registry) -> None:
 
 def test_an_observer_offers_nothing(registry: Registry) -> None:
     registry.add(Ticking(), Source("my-dist:ticking"))
-    assert [registry.names(kind) for kind in KINDS] == [()] * len(KINDS)
+    assert not any(registry.names(kind) for kind in registry.kinds)
 
 
 def test_a_hook_may_offer_nothing(registry: Registry) -> None:
@@ -403,3 +404,82 @@ def test_other_hooks_name_the_plugin_that_raises(registry: Registry) -> None:
     registry.add(Bad(), Source("my-dist:bad", "1.0"))
     with pytest.raises(PluginError, match=r"^star_check of my-dist 1\.0:bad: Zero.*test_registry"):
         registry.manager.hook.star_check(mission=None, registry=registry)
+
+
+class Grippers:
+    """A plugin that adds the kind ``gripper``, and lists the names of grippers in a verb."""
+
+    def __init__(self, record: type[Spec] = Spec) -> None:
+        self._record = record
+
+    @hookimpl
+    def star_kinds(self) -> Iterable[KindSpec]:
+        yield KindSpec(name="gripper", record=self._record)
+
+    @hookimpl
+    def star_tasks(self, registry: Registry) -> Iterable[TaskSpec]:
+        summary = ", ".join(registry.names("gripper"))
+        yield TaskSpec(name="grip", summary=summary, make=NEVER_MADE)
+
+
+class Hand:
+    """A plugin that offers a gripper."""
+
+    @hookimpl
+    def star_grippers(self) -> Iterable[Any]:
+        yield Spec(name="hand", summary="A hand.", make=NEVER_MADE)
+
+
+class Wrong:
+    """A plugin whose hook has another argument."""
+
+    @hookimpl
+    def star_grippers(self, hand: str) -> Iterable[Any]:
+        return []
+
+
+@pytest.mark.parametrize("plugins", [(Grippers(), Hand()), (Hand(), Grippers())], ids=["1", "2"])
+def test_plugins_add_kinds_that_others_offer(plugins: tuple[object, ...]) -> None:
+    registry = Registry(*plugins, installed=False)
+    assert str(registry.find("gripper", "hand").source) == "tests.core.test_registry:Hand"
+    assert registry.find("task", "grip").offer.summary == "hand"
+    assert [kind for kind, _ in registry] == ["task", "gripper"]
+
+
+def test_records_of_an_added_kind_have_its_class(registry: Registry) -> None:
+    registry.add(Grippers(PlannerSpec), Source("a:grippers"))
+    with pytest.raises(PluginError, match=r"star_grippers\(\) yields Spec, expected PlannerSpec"):
+        registry.add(Hand(), Source("b:hand"))
+
+
+def test_a_kind_is_added_once(registry: Registry) -> None:
+    registry.add(Grippers(), Source("a:grippers"))
+    with pytest.raises(PluginError, match="there is a kind 'gripper' already"):
+        registry.add(Grippers(PlannerSpec), Source("b:others"))
+    assert registry.names("task") == ("grip",)
+
+
+@pytest.mark.parametrize("name", ["transport", "Gripper", "two words", ""])
+def test_names_of_kinds_are_checked(registry: Registry, name: str) -> None:
+    class Odd:
+        @hookimpl
+        def star_kinds(self) -> Iterable[KindSpec]:
+            yield KindSpec(name=name, record=Spec)
+
+    with pytest.raises(PluginError, match="kind"):
+        registry.add(Odd(), Source("a:odd"))
+
+
+def test_arguments_of_added_hooks_are_checked(
+    registry: Registry, install: Callable[[str, str], None]
+) -> None:
+    registry.add(Grippers(), Source("a:grippers"))
+    with pytest.raises(PluginError, match=r"star_grippers.*hand.*\[contract-broken\]"):
+        registry.add(Wrong(), Source("b:wrong"))
+    for name in ("a_star", "b_star"):  # registered before the kind is added
+        install(name, "from star_core import hookimpl\n@hookimpl\ndef star_grippers(hand): ...")
+    registry = Registry(Grippers())
+    assert [source.plugin for source in registry.broken] == [
+        "a_star-dist:a_star", "b_star-dist:b_star"
+    ]  # fmt: skip
+    assert "grip" in registry.names("task")

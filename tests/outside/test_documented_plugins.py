@@ -60,7 +60,7 @@ def test_plugins_of_every_kind_fly_together_and_are_recorded(run: Run, mission: 
         "plugin": "star-gentle:gentle",
         "version": "0.1.0",
     }
-    assert manifest["entry_points"] == {"star.external_planners": {"orbit": "star-orbit 0.1.0"}}
+    assert manifest["third_parties"]["star-orbit:orbit"] == "0.1.0"
     observed = (mission.parent / "record" / "fastest.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in observed] == ["agent", "cf1", "cf2"]
     printed = run("star", "outcomes", "record")
@@ -120,6 +120,7 @@ def test_all_are_listed_with_their_distribution_and_options(run: Run) -> None:
         "star-nod:nod": ("task", ["height"]),
         "star-offset:offset": ("localizer", ["of", "by"]),
         "star-onboard:onboard": ("localizer", ["max_report_age"]),
+        "star-orbit:orbit": ("external_planner", []),
         "star-outcomes:outcomes": ("command", []),
         "star-points:points": ("transport", ["battery"]),
     }

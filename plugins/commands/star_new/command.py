@@ -87,14 +87,11 @@ def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:
         "package": package,
         "folder": folder,
         "kind": kind,
-        "group": "star.plugins",
         "entry": package,
         "title": title,
     }
     if kind == "observer":
         values["entry"] = f"{package}:{word}"
-    if kind == "external-planner":
-        values |= {"group": "star.external_planners", "entry": f"{package}:{title}"}
     lines, step = dict(LINE), STEP
     if kind in lines:
         lines[kind] = f"{kind}: {word}"

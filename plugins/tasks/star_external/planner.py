@@ -1,18 +1,19 @@
 """Interface of external planners, which set goals for their agents in every tick.
 
-They run in this process and are created through an entry point
-(`star_external.planner_source.GROUP`). The messages of another process are equivalent. Does not
-import numpy.
+They run in this process; plugins offer them by the hook ``star_external_planners``. The messages of
+another process are equivalent. Does not import numpy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
 
+from star_core.toolkit import Spec
+
 if TYPE_CHECKING:
-    from star_core import Estimate, Health
+    from star_core import Estimate, Health, Scene
 
 Point = tuple[float, float, float]
 
@@ -71,3 +72,14 @@ class ExternalPlanner(Protocol):
                 added, or have replaced another agent and inherited its goal.
         """
         ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExternalPlannerSpec(Spec):
+    """Announces an external planner, which ``external: {planner: NAME}`` chooses.
+
+    Attributes:
+        make: ``make(scene, rows)`` with the rows of a step's agents.
+    """
+
+    make: Callable[[Scene, tuple[int, ...]], ExternalPlanner]

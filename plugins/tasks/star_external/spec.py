@@ -13,14 +13,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 from star_core import PluginError, Problem, TaskSpec
 from star_core.toolkit import Exclusive, number, positive
-from star_external.planner_source import GROUP, find_planner, planner_names
 from star_external.protocol import DEFAULT_TIMEOUT, ticks_between
 
 if TYPE_CHECKING:
-    from star_core import Scene, Task
+    from star_core import Registry, Scene, Task
     from star_external.tcp_server import TcpServer
 
 log = logging.getLogger(__name__)
+
+PLANNER: Final = "external_planner"
+"""The kind of plugins that set goals in this process."""
 
 TOKEN: Final = "STAR_EXTERNAL_TOKEN"  # noqa: S105 -- a name
 """Environment variable: token of clients on other hosts; by default each flight has a new one."""
@@ -63,20 +65,20 @@ PROCESS_OPTIONS: Final[dict[str, dict[str, Any]]] = {
 }  # which do not go with a planner
 
 
-def spec() -> TaskSpec:
+def spec(registry: Registry) -> TaskSpec:
     """Return the verb, with all installed planners in its schema.
 
     Steps of one flight with the same port share its server.
     """
-    names = planner_names()
+    names = registry.names(PLANNER)
     installed = {"enum": list(names)} if names else {}  # an empty enum is not a valid schema
     return TaskSpec(
         name="external",
         before="air",
         summary="Fly to goals sent by another process through a socket, or by an installed "
         "planner.",
-        make=partial(make, {}),
-        check=check,
+        make=partial(make, registry, {}),
+        check=partial(check, registry),
         exclusive=Exclusive(options=("listen", "port"), unless="planner", timeout=DEFAULT_TIMEOUT),
         options={
             "type": "object",
@@ -84,9 +86,9 @@ def spec() -> TaskSpec:
                 "planner": {
                     "type": "string",
                     **installed,
-                    "description": "Planner in this process that provides the goals; entry points "
-                    f"of {GROUP}: {', '.join(names) or 'none'}. If not given, another "
-                    "process provides them.",
+                    "description": "Planner in this process that provides the goals: "
+                    f"{', '.join(names) or 'none is installed'}. If not given, another process "
+                    "provides them.",
                 },
                 "rate": positive(
                     "Rate of state lines, or of calls to the planner, 1/s, rounded "
@@ -101,6 +103,7 @@ def spec() -> TaskSpec:
 
 
 def check(
+    registry: Registry,
     scene: Scene,
     _rows: tuple[int, ...],
     *,
@@ -112,9 +115,9 @@ def check(
     changed = [key for key, rules in PROCESS_OPTIONS.items() if options[key] != rules["default"]]
     if planner is not None:
         try:
-            find_planner(planner)
+            registry.find(PLANNER, planner)
         except PluginError as error:
-            yield Problem(("planner",), str(error), error.code)
+            yield Problem(("planner",), error.message, error.code)
         for key in changed:
             yield Problem(
                 (key,),
@@ -142,6 +145,7 @@ def check(
 
 
 def make(
+    registry: Registry,
     servers: dict[tuple[str, int], TcpServer],
     scene: Scene,
     rows: tuple[int, ...],
@@ -155,6 +159,7 @@ def make(
     """Return the task, with its planner created or its port open, so that errors precede takeoff.
 
     Args:
+        registry: Of the planners.
         servers: Open servers, by address.
         scene: The mission's scene.
         rows: Rows of the agents.
@@ -173,7 +178,10 @@ def make(
     from star_external.tcp_server import TcpServer
 
     if planner is not None:
-        return External(scene, rows, PlannerSource(scene, rows, find_planner(planner), rate))
+        found = registry.find(PLANNER, planner)
+        origin = f"{planner!r} ({found.source})"
+        source = PlannerSource(scene, rows, found.offer.make, origin, rate)
+        return External(scene, rows, source)
     server = servers.get((listen, port))
     if server is None or server.closed:
         beyond = not IPv4Address(listen).is_loopback

@@ -1,15 +1,13 @@
-"""Search patterns: their interface, and those that are installed."""
+"""The interface of search patterns, which plugins offer by the hook ``star_search_patterns``."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from functools import cache
-from importlib.metadata import EntryPoint
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, runtime_checkable
 
-from star_core import PluginError
-from star_core.toolkit import permitted_entry_points
+from star_core.toolkit import Spec
 
 if TYPE_CHECKING:
     from star_core import Estimate
@@ -17,15 +15,6 @@ if TYPE_CHECKING:
 
 TOLERANCE: Final = 0.15  # m: distance from its goal at which a scout has arrived
 TURN_RATE: Final = math.radians(90)  # rad/s, the planners' default
-
-GROUP: Final = "star.search_patterns"
-"""Entry points of patterns: each names what is called with the `SearchSpace` and returns a
-`Pattern`."""
-
-OWN: Final = (
-    EntryPoint("frontier", "star_search.frontier:Frontier", GROUP),
-    EntryPoint("sweep", "star_search.sweep:Sweep", GROUP),
-)
 
 
 class Waypoint(NamedTuple):
@@ -69,32 +58,12 @@ class Pattern(Protocol):
         ...
 
 
-@cache
-def _installed() -> dict[str, EntryPoint]:
-    found = {point.name: point for point in (*permitted_entry_points(GROUP), *OWN)}
-    return dict(sorted(found.items()))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchPatternSpec(Spec):
+    """Announces a search pattern, which ``search: {pattern: NAME}`` chooses.
 
-
-def pattern_names() -> tuple[str, ...]:
-    """Return the names of all patterns."""
-    return tuple(_installed())
-
-
-def make_pattern(name: str, space: SearchSpace) -> Pattern:
-    """Return a pattern for a search space.
-
-    Raises:
-        PluginError: It cannot be imported, or does not keep the contract.
+    Attributes:
+        make: ``make(space)`` with the search's `SearchSpace`.
     """
-    point = _installed()[name]
-    try:
-        pattern = point.load()(space)
-    except (ImportError, AttributeError) as error:
-        raise PluginError(f"search pattern {name!r} ({point.value}): {error}") from error
-    if not isinstance(pattern, Pattern):
-        raise PluginError(
-            f"search pattern {name!r} ({point.value}) made {type(pattern).__name__}, "
-            "expected begin(estimate, rows) and waypoints(estimate, rows)",
-            code="contract-broken",
-        )
-    return pattern
+
+    make: Callable[[SearchSpace], Pattern]

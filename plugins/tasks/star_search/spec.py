@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import PluginError, Problem, TaskSpec
-from star_core.toolkit import number, positive, suggestion
+from star_core import ContractError, PluginError, Problem, TaskSpec
+from star_core.toolkit import PluginGuard, number, positive, suggestion
 from star_search.area import Area, area_corners, area_problems, swaths
-from star_search.pattern import make_pattern, pattern_names
+from star_search.pattern import Pattern
 
 if TYPE_CHECKING:
-    from star_core import Scene, Task
+    from star_core import Registry, Scene, Task
+
+PATTERN: Final = "search_pattern"
+"""The kind of plugins that distribute scouts over the area."""
 
 DEFAULT_SPEED: Final = 0.3  # m/s
 VISITS: Final = ("land", "hover", "mark")  # values of on_found that take a finder's time
@@ -28,6 +32,7 @@ CORNER: Final = {
 
 
 def make(
+    registry: Registry,
     scene: Scene,
     rows: tuple[int, ...],
     *,
@@ -38,7 +43,11 @@ def make(
     coverage: float,
     **options: Any,
 ) -> Task:
-    """Return the task; other options are those of `SearchSpace`."""
+    """Return the task; other options are those of `SearchSpace`.
+
+    Raises:
+        PluginError: No agent has a camera, or the pattern cannot be made.
+    """
     from star_search.search import Search
     from star_search.search_space import SearchSpace
     from star_search.target_visits import TargetVisits
@@ -50,25 +59,33 @@ def make(
     space = SearchSpace(scene, scouts, **options)
     visits = TargetVisits(space, on_found=on_found, mark_duration=mark_duration)
     wanted = len(visits.names) if targets is None else targets
-    return Search(space, make_pattern(pattern, space), visits, targets=wanted, coverage=coverage)
+    found = registry.find(PATTERN, pattern)
+    with PluginGuard(f"search pattern {pattern!r} ({found.source})"):
+        made = found.offer.make(space)
+        if not isinstance(made, Pattern):
+            expected = "expected begin(estimate, rows) and waypoints(estimate, rows)"
+            raise ContractError(f"made {type(made).__name__}, {expected}")
+    return Search(space, made, visits, targets=wanted, coverage=coverage)
 
 
-def spec() -> TaskSpec:
+def spec(registry: Registry) -> TaskSpec:
     """Return the verb, with all installed patterns in its schema."""
+    patterns = registry.offers()[PATTERN]
     return TaskSpec(
         name="search",
         before="air",
         summary="Cover an area until targets are found.",
-        make=make,
-        check=check,
+        make=partial(make, registry),
+        check=partial(check, registry),
         options={
             "type": "object",
             "properties": {
                 **OPTIONS,
                 "pattern": {
-                    "enum": list(pattern_names()),
-                    "description": "sweep: parallel lanes, then what they missed; frontier: always "
-                    "to where the most unseen floor can be seen soonest.",
+                    "enum": list(patterns),
+                    "description": "; ".join(
+                        f"{name}: {offer.summary}" for name, offer in patterns.items()
+                    ),
                     "default": "sweep",
                 },
             },
@@ -147,6 +164,7 @@ OPTIONS: Final[Mapping[str, Mapping[str, Any]]] = {
 
 
 def check(  # noqa: PLR0913 -- a mission's own options
+    registry: Registry,
     scene: Scene,
     rows: tuple[int, ...],
     *,
@@ -157,9 +175,14 @@ def check(  # noqa: PLR0913 -- a mission's own options
     clearance: float,
     on_found: str,
     targets: int | Sequence[str] | None = None,
+    pattern: str,
     **_others: Any,
 ) -> Iterator[Problem]:
     """Yield every reason why a search cannot be flown."""
+    try:
+        registry.find(PATTERN, pattern)
+    except PluginError as error:
+        yield Problem(("pattern",), error.message, error.code)
     invalid_area = list(area_problems(scene, area))
     yield from invalid_area
     if fault := scene.height_fault(height):

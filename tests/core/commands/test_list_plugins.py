@@ -22,7 +22,7 @@ from star_core.commands.main import main
 from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.plugin_support.discovery import Source
-from star_core.registry import KINDS, Registry
+from star_core.registry import Registry
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 
@@ -239,7 +239,7 @@ def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
 
 def test_every_built_in_plugin_is_reported_in_the_order_of_the_kinds() -> None:
     found = [(plugin["kind"], plugin["name"]) for plugin in listed(Registry())["plugins"]]
-    kinds = (*KINDS, "observer")
+    kinds = (*Registry().kinds, "observer")
     assert found == sorted(found, key=lambda one: (kinds.index(one[0]), one[1]))
     assert {
         ("transport", "sim"),

@@ -116,7 +116,7 @@ def test_a_flight_along_a_file_can_be_flown_again(tmp_path: Path) -> None:
 
 
 def test_the_mission_and_the_world_are_kept_as_flown_with_their_files() -> None:
-    kept = manifest(load(Path("m.yaml"), Registry(), ["seed=3"]))
+    kept = manifest(load(Path("m.yaml"), Registry(), ["seed=3"]), Registry())
     assert kept["mission"]["seed"] == kept["seed"] == 3
     assert kept["mission"]["swarm"]["cf1"] == {"start": [-0.5, 0, 0], "yaw_deg": 30}
     assert kept["world"]["obstacles"]["wall"]["thickness"] == 0.1
@@ -124,11 +124,11 @@ def test_the_mission_and_the_world_are_kept_as_flown_with_their_files() -> None:
 
 
 def test_the_seed_that_a_mission_leaves_out_is_kept() -> None:
-    assert manifest(load(Path("m.yaml"), Registry()))["seed"] == 0
+    assert manifest(load(Path("m.yaml"), Registry()), Registry())["seed"] == 0
 
 
 def test_each_part_is_kept_with_its_options_and_the_plugin_it_came_from() -> None:
-    kept = manifest(load(Path("m.yaml"), Registry()))["plugins"]
+    kept = manifest(load(Path("m.yaml"), Registry()), Registry())["plugins"]
     own = version("star-swarm")
     assert kept["transport"] == {
         "name": "sim",
@@ -156,8 +156,9 @@ class Nudger:
 def test_the_plugin_of_a_verb_is_kept() -> None:
     registry = Registry()
     registry.add(Nudger(), Source("their-dist:nudger", "1.2"))
-    kept = manifest(load(Path("m.yaml"), registry, ["mission.1={nudge: {}}"]))
-    assert "their-dist:nudger" in json.dumps(kept)
+    kept = manifest(load(Path("m.yaml"), registry, ["mission.1={nudge: {}}"]), registry)
+    assert kept["verbs"]["nudge"] == {"plugin": "their-dist:nudger", "version": "1.2"}
+    assert kept["third_parties"] == {"their-dist:nudger": "1.2"}
 
 
 def test_the_versions_of_this_project_and_of_all_it_needs_are_kept() -> None:
@@ -169,5 +170,5 @@ def test_the_versions_of_this_project_and_of_all_it_needs_are_kept() -> None:
 
 
 def test_the_manifest_can_be_written_as_json() -> None:
-    kept = manifest(load(Path("m.yaml"), Registry()))
+    kept = manifest(load(Path("m.yaml"), Registry()), Registry())
     assert json.loads(json.dumps(kept, allow_nan=False)) == kept

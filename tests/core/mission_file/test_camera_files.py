@@ -125,13 +125,13 @@ def test_a_mistake_that_only_file_and_mission_make_together_is_reported_in_the_f
 
 
 def test_a_mission_is_kept_with_the_contents_of_its_camera_files() -> None:
-    kept = manifest(load("hop.yaml", Registry()))["mission"]
+    kept = manifest(load("hop.yaml", Registry()), Registry())["mission"]
     assert kept["cameras"] == {"mine": {**OWN, "rate": 8, "pitch_deg": 30}}
 
 
 def test_what_is_kept_of_a_flight_is_enough_to_have_the_same_cameras() -> None:
     before = camera()
-    mission = manifest(load("hop.yaml", Registry()))["mission"]
+    mission = manifest(load("hop.yaml", Registry()), Registry())["mission"]
     Path("cameras/lens.yaml").unlink()
     Path("hop.yaml").write_text(json.dumps(mission))
     assert camera() == before

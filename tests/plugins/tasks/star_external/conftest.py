@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 import socket
-from collections.abc import Callable, Iterator
-from importlib.metadata import EntryPoint
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import pytest
 
-from star_core import Scene
+import star_external
+from star_core import Registry, Scene, TaskSpec, hookimpl
+from star_core.plugin_support.discovery import Source
 from star_core.testing import scene
 from star_core.toolkit import fill_defaults
-from star_external import planner_source
 from star_external.external import External
+from star_external.planner import ExternalPlannerSpec
 from star_external.process_source import ProcessSource
 from star_external.spec import PROCESS_OPTIONS
 from star_external.tcp_server import TcpServer
@@ -83,25 +84,23 @@ def external(server: TcpServer, room: Scene) -> Callable[..., External]:
     return made
 
 
-class Installed(EntryPoint):
-    """An entry point of what is at hand: ``theirs = their_package:Planner``."""
+class Offering:
+    """A plugin that offers an external planner."""
 
     def __init__(self, make: Callable[..., object], name: str = "theirs") -> None:
-        super().__init__(name, "their_package:Planner", planner_source.GROUP)
-        vars(self)["make"] = make
+        planner: Any = make
+        self._spec = ExternalPlannerSpec(name=name, summary="Plans.", make=planner)
 
-    def load(self) -> Any:
-        return vars(self)["make"]
+    @hookimpl
+    def star_external_planners(self) -> Iterable[ExternalPlannerSpec]:
+        yield self._spec
 
 
-@pytest.fixture
-def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
-    """Have these entry points installed, and no others; or a planner, as what makes it."""
-
-    def installed(*given: EntryPoint | Callable[..., object]) -> None:
-        points = [one if isinstance(one, EntryPoint) else Installed(one) for one in given]
-        monkeypatch.setattr(planner_source, "permitted_entry_points", lambda _group: sorted(points))
-        planner_source._installed.cache_clear()
-
-    yield installed
-    planner_source._installed.cache_clear()
+def offered(**planners: Callable[..., object]) -> TaskSpec:
+    """Return the verb where these planners are installed, each by a distribution of its own."""
+    registry = Registry(star_external, installed=False)
+    for name, make in planners.items():
+        plugin = Offering(make, name.removeprefix("their_"))
+        registry.add(plugin, Source(f"{name.replace('_', '-')}-dist:{name}", "1.0"))
+    found: TaskSpec = registry.find("task", "external").offer
+    return found

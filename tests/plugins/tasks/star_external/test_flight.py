@@ -16,9 +16,10 @@ from typing import Any, TextIO
 import numpy as np
 import pytest
 
-from star_core import Estimate, Scene
+from star_core import Estimate, Registry, Scene, fly, load
 from star_core.commands.main import run
 from star_external.planner import Answer, Done, Goal
+from tests.plugins.tasks.star_external.conftest import Offering
 from tests.waiting import free_port
 
 FLIGHT = """\
@@ -171,36 +172,26 @@ class Breaking(Rising):
         raise KeyError("altitude")
 
 
-def planned(folder: Path) -> tuple[int, dict[str, Any]]:
+def planned(folder: Path, make: Callable[..., object]) -> dict[str, Any]:
     (folder / "room.yaml").write_text(ROOM)
     (folder / "planned.yaml").write_text(PLANNED)
-    status = run([str(folder / "planned.yaml"), "--json", "--out", str(folder / "out")])
-    summary: dict[str, Any] = json.loads((folder / "out" / "summary.json").read_text())
-    return status, summary
+    registry = Registry(Offering(make))
+    return fly(load(folder / "planned.yaml", registry), registry, folder=folder / "out")
 
 
-def test_a_planner_in_this_process_leads_the_agents(
-    install: Callable[..., None], tmp_path: Path
-) -> None:
-    install(Rising)
-    status, summary = planned(tmp_path)
-    assert status == 0
+def test_a_planner_in_this_process_leads_the_agents(tmp_path: Path) -> None:
+    summary = planned(tmp_path, Rising)
     assert [step["outcome"] for step in summary["steps"]] == ["success", "success"]
     with np.load(tmp_path / "out" / "trajectory.npz") as record:
         assert record["truth_position"][:, :, 2].max() > 0.9
 
 
-def test_all_agents_land_when_a_planner_fails_and_it_is_named(
-    install: Callable[..., None], tmp_path: Path
-) -> None:
-    install(Breaking)
-    status, summary = planned(tmp_path)
-    assert status == 1
+def test_all_agents_land_when_a_planner_fails_and_it_is_named(tmp_path: Path) -> None:
+    summary = planned(tmp_path, Breaking)
+    assert summary["outcome"] == "failed"
     assert summary["reason"].startswith("task 'external' (star-swarm ")
-    assert (
-        "external planner 'theirs' (their_package:Planner): KeyError: 'altitude' ("
-        in summary["reason"]
-    )
+    origin = "tests.plugins.tasks.star_external.conftest:Offering"
+    assert f"external planner 'theirs' ({origin}): KeyError: 'altitude' (" in summary["reason"]
     with np.load(tmp_path / "out" / "trajectory.npz") as record:
         height = record["truth_position"][:, :, 2]
     assert height.max() > 0.9

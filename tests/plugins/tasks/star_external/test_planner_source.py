@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from importlib.metadata import EntryPoint
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,18 +11,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import star_external
-from star_core import Estimate, Goals, PluginError, Scene, Status, Task, TaskOutput
+from star_core import Estimate, Goals, PluginError, Scene, Status, Task, TaskOutput, deferred
 from star_core.testing import estimate, health, scene
 from star_core.toolkit import fill_defaults
 from star_external.planner import Done, ExternalPlanner, Failed, Goal
-from star_external.planner_source import GROUP, PlannerSource
+from tests.plugins.tasks.star_external.conftest import offered
 
 AIR = np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
-LABEL = "external planner 'theirs' (their_package:Planner): "
+LABEL = "external planner 'theirs' (theirs-dist 1.0:theirs): "
 THERE = Goal((0.5, 0.5, 1.0))
-
-Install = Callable[..., None]
 
 
 class Scripted:
@@ -46,12 +41,11 @@ class Scripted:
 
 
 @pytest.fixture
-def made(install: Install) -> Callable[..., Any]:
+def made() -> Callable[..., Any]:
     """Make the task of the first two of three agents with a planner, and begin it."""
 
     def task(planner: Callable[..., object], **options: Any) -> Any:
-        install(planner)
-        (offer,) = star_external.star_tasks()
+        offer = offered(theirs=planner)
         made: Any = offer.make(
             scene(3), (0, 1), **fill_defaults({"planner": "theirs", **options}, offer.options)
         )
@@ -133,7 +127,7 @@ def test_a_step_ends_when_the_planner_is_done(made: Any) -> None:
 def test_a_step_fails_when_the_planner_gives_up_and_it_is_named(made: Any) -> None:
     ended = step(made(Scripted(Failed("no\nway"))))
     assert ended.status is Status.FAILURE
-    assert ended.reason == "external planner 'theirs' (their_package:Planner) gave up: no way"
+    assert ended.reason == "external planner 'theirs' (theirs-dist 1.0:theirs) gave up: no way"
 
 
 def test_a_removed_agent_is_not_in_the_rows_and_has_no_goal(made: Any) -> None:
@@ -213,20 +207,19 @@ def test_agents_are_sent_inside_the_fence_whatever_a_planner_returns(
 
 
 @pytest.mark.parametrize(
-    ("value", "why"),
+    ("make", "why"),
     [
-        ("star_nowhere:Spiral", "ModuleNotFoundError: No module named 'star_nowhere'"),
-        ("builtins:Spiral", "AttributeError: module 'builtins' has no attribute 'Spiral'"),
-        ("builtins:slice", "made slice, expected plan(estimate, health, rows)"),
-        ("builtins:len", "TypeError: len() takes exactly one argument (2 given)"),
+        (deferred("star_nowhere:Spiral"), "ModuleNotFoundError: No module named 'star_nowhere'"),
+        (deferred("builtins:Spiral"), "AttributeError: module 'builtins' has no attribute"),
+        (slice, "made slice, expected plan(estimate, health, rows)"),
+        (len, "TypeError: len() takes exactly one argument (2 given)"),
     ],
 )
-def test_a_planner_that_cannot_be_created_is_named(install: Install, value: str, why: str) -> None:
-    install(EntryPoint("theirs", value, GROUP))
-    (offer,) = star_external.star_tasks()
+def test_a_planner_that_cannot_be_created_is_named(make: Callable[..., object], why: str) -> None:
+    offer = offered(theirs=make)
     with pytest.raises(PluginError) as raised:
         offer.make(scene(3), (0, 1), **fill_defaults({"planner": "theirs"}, offer.options))
-    assert str(raised.value).startswith(f"external planner 'theirs' ({value}): {why}")
+    assert str(raised.value).startswith(LABEL + why)
 
 
 def test_no_port_is_opened_for_a_planner(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -257,13 +250,6 @@ def test_a_planner_that_raises_when_it_is_closed_is_named(made: Any) -> None:
     with pytest.raises(PluginError) as raised:
         task.close()
     assert str(raised.value).startswith(f"{LABEL}OSError: stuck (")
-
-
-def test_the_distribution_of_a_planner_is_named_with_it() -> None:
-    theirs = SimpleNamespace(name="their-dist", version="1.0")
-    point = EntryPoint("theirs", "their_package:Planner", GROUP)._for(theirs)  # type: ignore[attr-defined]
-    with pytest.raises(PluginError, match=r"planner 'theirs' \(their-dist 1\.0: their_package:Pl"):
-        PlannerSource(scene(1), (0,), point)
 
 
 def test_an_error_of_many_lines_is_reported_on_one(made: Any) -> None:

@@ -4,39 +4,35 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable
-from importlib.metadata import EntryPoint
 from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
 
-import star_external
 from star_core import Task, TaskSpec
 from star_core.plugin_support.option_schema import held
 from star_core.testing import scene
 from star_core.toolkit import fill_defaults
-from star_external.planner_source import GROUP
-from star_external.spec import check
+from tests.plugins.tasks.star_external.conftest import offered
 
 ROOM = scene(2)
-ORBIT = EntryPoint("orbit", "their_package:Orbit", GROUP)
+NEVER_MADE: Any = object
 
 
 @pytest.fixture
 def offer() -> TaskSpec:
-    (made,) = star_external.star_tasks()
-    return made
+    return offered()
 
 
 def made(spec: TaskSpec, rows: tuple[int, ...] = (0,), **options: Any) -> Task:
     return spec.make(ROOM, rows, **fill_defaults(options, spec.options))
 
 
-def problems_of(**options: Any) -> list[tuple[tuple[str | int, ...], str]]:
-    (spec,) = star_external.star_tasks()
+def problems_of(*planners: str, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
+    spec = offered(**dict.fromkeys(planners, NEVER_MADE))
     filled = fill_defaults(options, spec.options)
-    return [(problem.path, problem.message) for problem in check(ROOM, (0, 1), **filled)]
+    assert spec.check is not None
+    return [(problem.path, problem.message) for problem in spec.check(ROOM, (0, 1), **filled)]
 
 
 def test_what_is_made_is_a_task_and_listens_on_the_loopback_only(offer: TaskSpec) -> None:
@@ -99,34 +95,22 @@ def test_valid_options_have_no_problem() -> None:
     assert problems_of(listen="0.0.0.0", max_silence=1, rate=2, port=0) == []  # noqa: S104 -- an option
 
 
-def test_installed_planners_are_offered(install: Callable[..., None]) -> None:
-    install(EntryPoint("spiral", "another:Spiral", GROUP), ORBIT)
-    (made,) = star_external.star_tasks()
+def test_installed_planners_are_offered() -> None:
+    made = offered(orbit=NEVER_MADE, spiral=NEVER_MADE)
     assert made.options["properties"]["planner"]["enum"] == ["orbit", "spiral"]
 
 
-def test_without_planners_the_schema_is_valid_and_the_check_refuses_any(
-    install: Callable[..., None],
-) -> None:
-    install()
-    (made,) = star_external.star_tasks()
-    Draft202012Validator.check_schema(made.options)
-    assert problems_of(planner="orbit") == [
-        (
-            ("planner",),
-            "no external planner named 'orbit'; installed: none (planners are entry points of "
-            "'star.external_planners') [unknown-plugin]",
-        )
-    ]
+def test_without_planners_the_schema_is_valid_and_the_check_refuses_any() -> None:
+    Draft202012Validator.check_schema(offered().options)
+    assert problems_of(planner="orbit") == [(("planner",), "no external planner named 'orbit'")]
 
 
-def test_two_planners_of_one_name_are_refused(install: Callable[..., None]) -> None:
-    install(ORBIT, EntryPoint("orbit", "another:Orbit", GROUP))
-    assert problems_of(planner="orbit") == [
+def test_two_planners_of_one_name_are_refused() -> None:
+    assert problems_of("orbit", "their_orbit", planner="orbit") == [
         (
             ("planner",),
-            "two external planners are named 'orbit': another:Orbit and their_package:Orbit; "
-            "uninstall one [duplicate-plugin]",
+            "two plugins offer external planner 'orbit': orbit-dist 1.0:orbit and "
+            "their-orbit-dist 1.0:their_orbit; uninstall one",
         )
     ]
 
@@ -142,11 +126,8 @@ def test_two_planners_of_one_name_are_refused(install: Callable[..., None]) -> N
         ("lockstep", False),
     ],
 )
-def test_options_of_another_process_are_refused_with_a_planner(
-    install: Callable[..., None], option: str, value: object
-) -> None:
-    install(ORBIT)
-    assert problems_of(planner="orbit", **{option: value}) == [
+def test_options_of_another_process_are_refused_with_a_planner(option: str, value: object) -> None:
+    assert problems_of("orbit", planner="orbit", **{option: value}) == [
         (
             (option,),
             f"{option!r} applies to another process, but planner 'orbit' runs in this one; "
@@ -155,13 +136,11 @@ def test_options_of_another_process_are_refused_with_a_planner(
     ]
 
 
-def test_a_planner_may_have_any_rate(install: Callable[..., None]) -> None:
-    install(ORBIT)
-    assert problems_of(planner="orbit", rate=0.1) == []
+def test_a_planner_may_have_any_rate() -> None:
+    assert problems_of("orbit", planner="orbit", rate=0.1) == []
 
 
-def test_a_step_with_a_planner_holds_no_port(install: Callable[..., None]) -> None:
-    install(ORBIT)
-    (made,) = star_external.star_tasks()
+def test_a_step_with_a_planner_holds_no_port() -> None:
+    made = offered(orbit=NEVER_MADE)
     assert held(made, {}) == (("listen", "127.0.0.1"), ("port", 5799))
     assert held(made, {"planner": "orbit"}) == ()

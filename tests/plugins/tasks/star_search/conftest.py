@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import shapely
 
+import star_search
 from star_core import (
     Agent,
     AgentPhase,
@@ -24,6 +25,7 @@ from star_core import (
     Limits,
     Mask,
     Obstacle,
+    Registry,
     Rows,
     Scene,
     Sightings,
@@ -36,7 +38,6 @@ from star_core.testing import estimate, health
 from star_core.toolkit import fill_defaults
 from star_search.area import FieldOfView, field_of_view
 from star_search.search_space import SearchSpace
-from star_search.spec import make, spec
 from star_visibility import OPTIONS
 from star_visibility.planner import Visibility
 
@@ -44,6 +45,7 @@ FLAT = (0.0, 0.0, 0.0, 1.0)
 BLOCK = Obstacle("block", (((-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (-0.4, 0.4)),), (0.0, 2.5))
 HEIGHT = 0.8  # m
 PERIOD = 0.1  # s
+SPEC = Registry(star_search, installed=False).find("task", "search").offer
 
 
 def hall_of(
@@ -170,8 +172,8 @@ def search_it(
 ) -> Searched:
     """Search until it is over, or for `longest` seconds; `meddle` comes before all of it."""
     scouts = Scouts(scene, phase)
-    filled = fill_defaults(options, spec().options)
-    task: Any = make(scene, rows or tuple(range(len(scene.agents))), **filled)
+    filled = fill_defaults(options, SPEC.options)
+    task: Any = SPEC.make(scene, rows or tuple(range(len(scene.agents))), **filled)
     meddle(0.0, task, scouts)
     estimated, healthy = scouts.now(0.0)
     limit = task.begin(estimated, healthy)

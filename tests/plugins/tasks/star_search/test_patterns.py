@@ -13,9 +13,8 @@ from star_core.toolkit import fill_defaults
 from star_search.frontier import Frontier, Viewpoints
 from star_search.pattern import Pattern
 from star_search.search_space import SearchSpace
-from star_search.spec import make, spec
 from star_search.sweep import Sweep
-from tests.plugins.tasks.star_search.conftest import PERIOD
+from tests.plugins.tasks.star_search.conftest import PERIOD, SPEC
 
 both = pytest.mark.parametrize("pattern", ["sweep", "frontier"])
 WALL = Obstacle("wall", (((-0.05, -2.0), (0.05, -2.0), (0.05, 2.0), (-0.05, 2.0)),), (0.0, 2.5))
@@ -194,5 +193,5 @@ def test_an_area_without_room_for_lanes_is_over_at_once(hall: Any, search: Any) 
 
 
 def test_making_a_search_plans_nothing_that_flies(hall: Any) -> None:
-    task: Any = make(hall(2), (0, 1), **fill_defaults({}, spec().options))
+    task: Any = SPEC.make(hall(2), (0, 1), **fill_defaults({}, SPEC.options))
     assert task._space.coverage.fraction == 0.0

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
-from importlib.metadata import EntryPoint
 from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
 
-from star_core import PluginError, Task
+import star_search
+from star_core import PluginError, Registry, Task, TaskSpec, deferred, hookimpl
 from star_core.toolkit import fill_defaults
-from star_search import pattern
-from star_search.spec import make, spec
+from star_search.frontier import Frontier
+from star_search.pattern import SearchPatternSpec
+from tests.plugins.tasks.star_search.conftest import SPEC
 
 
 def filled(options: dict[str, Any]) -> dict[str, Any]:
-    return fill_defaults(options, spec().options)
+    return fill_defaults(options, SPEC.options)
 
 
 def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], str]]:
-    check = spec().check
+    check = SPEC.check
     assert check is not None
     rows = tuple(range(len(scene.agents)))
     return [(problem.path, problem.message) for problem in check(scene, rows, **filled(options))]
@@ -31,7 +33,7 @@ def problems(scene: Any, **options: Any) -> list[tuple[tuple[str | int, ...], st
     [[[0, 0], [1, 0]], {"low": [0, 0]}, {"low": [0, 0], "high": [1, 1], "x": 1}, [[0], [1], [2]]],
 )
 def test_the_schema_refuses_what_is_no_area(area: Any) -> None:
-    assert not Draft202012Validator(spec().options).is_valid({"area": area})
+    assert not Draft202012Validator(SPEC.options).is_valid({"area": area})
 
 
 def test_a_good_search_has_no_problem(hall: Any) -> None:
@@ -95,30 +97,49 @@ def test_an_unknown_target_is_refused_with_a_suggestion(hall: Any) -> None:
 
 
 def test_make_returns_a_task(hall: Any) -> None:
-    assert isinstance(make(hall(), (0,), **filled({"pattern": "frontier"})), Task)
+    assert isinstance(SPEC.make(hall(), (0,), **filled({"pattern": "frontier"})), Task)
 
 
-def test_an_installed_pattern_is_offered_and_made(hall: Any, monkeypatch: Any) -> None:
-    theirs = EntryPoint("theirs", "star_search.frontier:Frontier", pattern.GROUP)
-    monkeypatch.setattr(pattern, "permitted_entry_points", lambda _group: [theirs])
-    pattern._installed.cache_clear()
-    try:
-        assert spec().options["properties"]["pattern"]["enum"] == ["frontier", "sweep", "theirs"]
-        assert isinstance(make(hall(), (0,), **filled({"pattern": "theirs"})), Task)
-    finally:
-        pattern._installed.cache_clear()
+class Offering:
+    """A plugin that offers a search pattern."""
+
+    def __init__(self, make: Any, name: str = "theirs") -> None:
+        self._spec = SearchPatternSpec(name=name, summary="all at once", make=make)
+
+    @hookimpl
+    def star_search_patterns(self) -> Iterable[SearchPatternSpec]:
+        yield self._spec
+
+
+def offered(*plugins: object) -> TaskSpec:
+    found: TaskSpec = Registry(*plugins, star_search, installed=False).find("task", "search").offer
+    return found
+
+
+def test_an_installed_pattern_is_offered_and_made(hall: Any) -> None:
+    theirs = offered(Offering(Frontier))
+    option = theirs.options["properties"]["pattern"]
+    assert option["enum"] == ["frontier", "sweep", "theirs"]
+    assert "theirs: all at once" in option["description"]
+    assert isinstance(theirs.make(hall(), (0,), **filled({"pattern": "theirs"})), Task)
 
 
 @pytest.mark.parametrize(
-    ("value", "message"),
+    ("make", "message"),
     [
-        ("star_nowhere:Spiral", "search pattern 'theirs' (star_nowhere:Spiral): No module named"),
-        ("builtins:id", "search pattern 'theirs' (builtins:id) made int, expected begin(estimate"),
+        (deferred("star_nowhere:Spiral"), "ModuleNotFoundError: No module named 'star_nowhere'"),
+        (id, "made int, expected begin(estimate"),
     ],
 )
-def test_an_invalid_pattern_is_named(value: str, message: str, hall: Any, monkeypatch: Any) -> None:
-    theirs = EntryPoint("theirs", value, pattern.GROUP)
-    monkeypatch.setattr(pattern, "_installed", lambda: {"theirs": theirs})
+def test_an_invalid_pattern_is_named(make: Any, message: str, hall: Any) -> None:
+    plugin = Offering(make)
     with pytest.raises(PluginError) as raised:
-        make(hall(), (0,), **filled({"pattern": "theirs"}))
-    assert str(raised.value).startswith(message)
+        offered(plugin).make(hall(), (0,), **filled({"pattern": "theirs"}))
+    assert str(raised.value).startswith(f"search pattern 'theirs' ({__name__}:Offering): {message}")
+
+
+def test_two_patterns_of_one_name_are_refused(hall: Any) -> None:
+    check = offered(Offering(Frontier, "sweep")).check
+    assert check is not None
+    (problem,) = check(hall(), (0, 1), **filled({}))
+    assert (problem.path, problem.code) == (("pattern",), "duplicate-plugin")
