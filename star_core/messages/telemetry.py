@@ -281,6 +281,8 @@ class Telemetry(Table):
         lands_by: Mission time by which the last climb or trajectory that each agent was
             commanded to fly on board ends on the ground if nothing takes over from it, s: infinite
             if it hovers instead. None if no such flight ends on the ground.
+        specific_force: What each agent's accelerometer measures along x and y of its body,
+            m/s²: the drag of the air, since propellers push along z. None without accelerometers.
     """
 
     time: float
@@ -298,6 +300,7 @@ class Telemetry(Table):
     signal: Array | None = column(default=None)
     rebooted: Mask | None = column(default=None)
     lands_by: Array | None = column(default=None)
+    specific_force: Array | None = column(2, default=None)
 
     def __post_init__(self) -> None:
         Table.__post_init__(self)

@@ -84,7 +84,8 @@ class UnheardAgents:
     are the whole column down to the ground, and from that time on it is on the ground.
 
     An agent that is heard but no longer located in flight brakes, by `BRAKING_TIME` at its last
-    velocity. It stays at all of these positions, also on the ground, until it is located.
+    velocity. It stays at all of these positions, also on the ground, until it is located. If it
+    lands, it passes all heights below: others leave its way.
 
     Args:
         n: Number of agents.
@@ -99,10 +100,12 @@ class UnheardAgents:
         self._on_board = np.zeros(n, np.bool_)  # whether it may fly what follows
         self._end = np.full((n, 3), np.nan)  # m, where that ends; x and y of a climb are NaN
         self._ends_at = np.full(n, np.inf)  # s, planned
+        self._lands = np.zeros(n, np.bool_)  # whether the last command was to land or to stop
 
     def steered(self, time: float, rows: Mask | Rows) -> None:
         """Note that setpoints were sent to agents: without another one their motors stop."""
         self._down_by[rows] = time + WATCHDOG_TIME + FALL_TIME
+        self._lands[rows] = False
 
     def flies_on_board(self, rows: Rows, end: Array, until: Array) -> None:
         """Note that agents fly a command, after which they hover or land.
@@ -114,6 +117,7 @@ class UnheardAgents:
         """
         self._down_by[rows] = -np.inf
         self._on_board[rows], self._end[rows], self._ends_at[rows] = True, end, until
+        self._lands[rows] = False
 
     def lands(self, rows: Rows, until: Array, heard: Mask) -> None:
         """Note that agents were commanded to land or to stop.
@@ -126,6 +130,7 @@ class UnheardAgents:
         """
         self._down_by[rows] = np.where(heard, until, np.maximum(until, self._down_by[rows]))
         self._on_board[rows] &= ~heard
+        self._lands[rows] = True
 
     def mark(
         self,
@@ -168,6 +173,8 @@ class UnheardAgents:
             down_by = np.where(on_board, np.maximum(down_by, later), down_by)
             self._add_columns(position, travel, on_board, estimate.time, np.isfinite(later))
         down = ~heard & (estimate.time >= down_by)
+        descends = self._astray & self._lands & airborne & np.isfinite(position[:, 2])
+        travel[descends, 2] = -np.maximum(position[descends, 2], 0.0)
         position[down, 2], travel[down, 2] = -self._depth, 0.0
         return replace(
             estimate,

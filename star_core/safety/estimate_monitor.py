@@ -14,6 +14,7 @@ from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate
 from star_core.messages.telemetry import Telemetry
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
+from star_core.safety.drag_check import DragCheck
 from star_core.scene import Scene
 
 SPOILED_TIME: Final = 1.0  # s without an implausible report, after which reports are used again
@@ -25,6 +26,10 @@ In 30 flights with `method: batch`, the worst localizer here, it was 1.0 m at mo
 UNCORRECTED_MARGIN: Final = 0.5
 """Likewise for an agent whose position has not been corrected in this flight, m: estimates by dead
 reckoning do not jump."""
+
+MAX_HEIGHT_JUMP: Final = 0.3
+"""Greatest difference in height from the motion that an agent reports, and from the height that it
+reports too, m: rangers do not drift, and localizers do not correct heights by that much."""
 
 CORRECTED_SHARE: Final = 0.95
 """Ratio of the variances after and before a tick below which the position was corrected. While an
@@ -91,6 +96,7 @@ class EstimateMonitor:
         self._localizer = localizer
         self._gate = EstimateGate(n, scene.limits.speed)
         self._motion = MotionCheck(n)
+        self._drag = DragCheck(n)
         self._contradicted = np.zeros(n, np.bool_)
         self._frames = Transform(  # last known
             np.array([agent.yaw for agent in scene.agents]),
@@ -119,16 +125,19 @@ class EstimateMonitor:
         self._frames = estimate.map_from_odom
         heard = telemetry.age <= MAX_REPORT_AGE
         reported = np.where(heard[:, None], telemetry.velocity, np.nan)
-        accepted, jumps = self._gate.check(estimate, airborne, reported, heard)
+        height = np.where(heard, telemetry.position[:, 2], np.nan)
+        accepted, jumps = self._gate.check(estimate, airborne, reported, heard, height)
         reports = [(self._names[jump.row], self._of_jump(jump)) for jump in jumps]
-        contradicted = self._motion.check(telemetry, airborne)
-        text = "it flies faster than it reports, by its tilt; does its flow sensor see the floor?"
-        new = np.flatnonzero(contradicted & ~self._contradicted).tolist()
-        reports += [(self._names[row], f"{self._names[row]} brakes: {text}") for row in new]
+        tilts, dragged = (one.check(telemetry, airborne) for one in (self._motion, self._drag))
+        contradicted = tilts | dragged
+        for row in np.flatnonzero(contradicted & ~self._contradicted).tolist():
+            by = "tilt" if tilts[row] else "drag"
+            text = f"{self._names[row]} brakes: it flies faster than it reports, by its {by}"
+            reports.append((self._names[row], f"{text}; does its flow sensor see the floor?"))
         self._contradicted = contradicted
         if not contradicted.any():
             return accepted, reports
-        away, faster = map(accepted.map_from_odom.turn, self._motion.errors())
+        away, faster = map(accepted.map_from_odom.turn, self._errors())
         return replace(
             accepted,
             position=accepted.position + away,
@@ -143,6 +152,11 @@ class EstimateMonitor:
         """
         _, faster = self._motion.errors()
         return 0.0 - map_from_odom.turn(faster)
+
+    def _errors(self) -> tuple[Array, Array]:
+        """Return the differences of (N, 3) positions, m, and velocities, m/s, from the reports."""
+        by_tilt, by_drag = self._motion.errors(), self._drag.errors()
+        return by_tilt[0] + by_drag[0], by_tilt[1] + by_drag[1]
 
     def _of_jump(self, jump: Jump) -> str:
         moved = (
@@ -212,6 +226,7 @@ class EstimateGate:
         self._still_path = np.zeros(n)  # m, that agents report since their estimates last moved
         self._reports = np.zeros(n, np.bool_)  # agents that have reported velocities
         self._spoiled_until = np.full(n, -np.inf)  # s
+        self._above = np.full(n, np.nan)  # m, height in the map less the reported one
         self._seen = 0.0, self._position, self._position  # time, positions, velocities reported
 
     def check(
@@ -220,6 +235,7 @@ class EstimateGate:
         airborne: Mask,
         reported: Array | None = None,
         heard: Mask | None = None,
+        height: Array | None = None,
     ) -> tuple[Estimate, Sequence[Jump]]:
         """Return the estimate without the positions that are rejected, and the new jumps.
 
@@ -228,6 +244,7 @@ class EstimateGate:
             airborne: (N,) which agents are in the air.
             reported: (N, 3) velocities that the agents report, m/s; None if unknown.
             heard: (N,) agents that are heard: their reports must be plausible. None: no agent.
+            height: (N,) that the agents report, m; NaN or None if unknown.
         """
         spoiled = np.zeros(len(airborne), np.bool_)
         if reported is not None and heard is not None:
@@ -239,16 +256,23 @@ class EstimateGate:
         before, now = (
             np.trace(c, axis1=1, axis2=2) for c in (self._covariance, estimate.covariance)
         )
-        moved = np.linalg.norm(estimate.position - self._position - self._flown, axis=1)
+        way = estimate.position - self._position - self._flown
+        moved = np.linalg.norm(way, axis=1)
+        if height is None:
+            height = np.full(len(airborne), np.nan)
+        risen = estimate.position[:, 2] - height - self._above
+        jumped = (np.abs(way[:, 2]) > MAX_HEIGHT_JUMP) & (np.abs(risen) > MAX_HEIGHT_JUMP)
         explained = self._range + CORRECTION_SIGMAS * np.sqrt(np.fmax(before - now, 0.0))
         carried = self._unexplained * np.exp(-seconds / FORGETTING_TIME)
         unexplained = carried + np.maximum(moved - explained, 0.0)
         corrected = self._corrected | (now < CORRECTED_SHARE * before)
         margin = np.where(corrected, JUMP_MARGIN, UNCORRECTED_MARGIN)
         judged = (airborne | self._rejected) & estimate.valid
-        rejected = judged & ((unexplained > margin) | stuck)  # NaN is not
+        rejected = judged & ((unexplained > margin) | jumped | stuck)  # NaN is not
         accepted = estimate.valid & ~rejected & ~spoiled
         plausible = np.where(stuck, np.nan, explained + margin - carried)
+        plausible = np.where(jumped, np.minimum(plausible, MAX_HEIGHT_JUMP), plausible)
+        self._above = np.where(accepted, estimate.position[:, 2] - height, self._above)
         moved = np.where(stuck, self._still_path, moved)
         jumps = [
             Jump(row, float(moved[row]), float(seconds[row]), float(plausible[row]))

@@ -63,6 +63,7 @@ SCRIPTS = {
     "detector": Small("--json --images 2 --scenes 1"),
     "disturbances": Small("--json --images 1"),
     "downwash": Small("--json --seeds 1", campaign="10 s"),
+    "drag": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
     "faults": Small(
         "--cells 'no fault' --seeds 1 --processes 1 --results {tmp}/faults.json", prints="|"
     ),

@@ -105,6 +105,7 @@ class ReportFaults:
             yaw_rate=spoil(samples.yaw_rate, rows),
             height=spoil(samples.height, rows),
         )
+        force = telemetry.specific_force
         return replace(
             telemetry,
             position=spoil(telemetry.position, active),
@@ -112,6 +113,7 @@ class ReportFaults:
             attitude=spoil(telemetry.attitude, active),
             battery=spoil(telemetry.battery, active),
             odometry=samples,
+            specific_force=None if force is None else spoil(force, active),
         )
 
     def _battery(self, telemetry: Telemetry, active: Mask, now: float) -> Array:

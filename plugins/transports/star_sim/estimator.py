@@ -32,7 +32,7 @@ CLIMB_GAIN = 0.5  # 1/s: HEIGHT_GAIN² / 2 over the ranger's period of 0.04 s
 # vertical velocity wrong by 0.09 s times that error.
 IMU_HEIGHT_GAIN = 0.432
 IMU_CLIMB_GAIN = 4.75  # 1/s
-SAMPLE = 11  # numbers of a sample
+SAMPLE = 13  # numbers of a sample
 RESTING = 0.01  # m/s: slower with its motors off, a drone stands still and knows it
 
 
@@ -56,7 +56,8 @@ def believe(
         noisy: False copies the ground truth.
         imu: (WANDERING,) errors of `Wander.block`; None without an IMU.
         sample: (SAMPLE,) output: time s, velocity m/s in the level body frame, yaw rate rad/s,
-            roll rad, pitch rad, height m, x m, y m, yaw rad.
+            roll rad, pitch rad, height m, x m, y m, yaw rad, specific force along x and y of the
+            body m/s².
     """
     qx, qy = drone.attitude[0], drone.attitude[1]
     qz, qw = drone.attitude[2], drone.attitude[3]
@@ -77,6 +78,7 @@ def believe(
     error = drone.level_error if imu is None else drone.tilt_error
     drone.believed_roll = math.atan2(2 * (qy * qz + qw * qx), upright) + error[0]
     drone.believed_pitch = math.asin(min(1.0, max(-1.0, 2 * (qw * qy - qx * qz)))) + error[1]
+    _feel(drone, imu, sample)
     cos, sin = math.cos(drone.believed_yaw), math.sin(drone.believed_yaw)
     east, north = east * level, north * level
     drone.slip[0], drone.slip[1] = cos * east + sin * north, sin * east - cos * north
@@ -104,6 +106,31 @@ def believe(
     sample[7] = drone.believed_position[2]
     sample[8], sample[9] = drone.believed_position[0], drone.believed_position[1]
     sample[10] = drone.believed_yaw
+
+
+@compiled
+def _feel(drone: Record, imu: Record, sample: Record) -> None:
+    """Write what the accelerometer measures along x and y of the body in a cycle, m/s².
+
+    The propellers push along z, so it is the drag of the air, and what the sensor errs by. The mean
+    velocity change of the cycle is turned by the attitude in its middle.
+    """
+    qx, qy, qz, qw = drone.attitude[0], drone.attitude[1], drone.attitude[2], drone.attitude[3]
+    dx = (drone.velocity[0] - drone.seen_velocity[0]) / CYCLE
+    dy = (drone.velocity[1] - drone.seen_velocity[1]) / CYCLE
+    dz = (drone.velocity[2] - drone.seen_velocity[2]) / CYCLE + GRAVITY
+    ahead = (1 - 2 * (qy * qy + qz * qz)) * dx + 2 * (qx * qy + qw * qz) * dy
+    ahead += 2 * (qx * qz - qw * qy) * dz
+    aside = 2 * (qx * qy - qw * qz) * dx + (1 - 2 * (qx * qx + qz * qz)) * dy
+    aside += 2 * (qy * qz + qw * qx) * dz
+    lift = 2 * (qx * qz + qw * qy) * dx + 2 * (qy * qz - qw * qx) * dy
+    lift += (1 - 2 * (qx * qx + qy * qy)) * dz
+    ahead += 0.5 * CYCLE * drone.rates[1] * lift
+    aside -= 0.5 * CYCLE * drone.rates[0] * lift
+    if imu is not None:
+        ahead += drone.accelerometer_bias[0] + imu[4]
+        aside += drone.accelerometer_bias[1] + imu[5]
+    sample[11], sample[12] = ahead, aside
 
 
 @compiled

@@ -74,7 +74,7 @@ class RadioLink:
         self._newest[agent] = samples  # of several from one agent, the last
         return np.column_stack([agent, samples])
 
-    def reports(self, now: float) -> tuple[Array, Array, Array, Array]:
+    def reports(self, now: float) -> tuple[Array, Array, Array, Array, Array]:
         """Return the newest state heard of each agent, in its odometry frame.
 
         Args:
@@ -82,11 +82,11 @@ class RadioLink:
 
         Returns:
             (N, 3) position, m; (N, 3) velocity, m/s; (N, 4) attitude as a unit quaternion x, y, z,
-            w; (N,) age, s.
+            w; (N,) age, s; (N, 2) specific force along x and y of the body, m/s².
         """
-        time, ahead, aside, up, _, roll, pitch, z, x, y, yaw = self._newest.T
+        time, ahead, aside, up, _, roll, pitch, z, x, y, yaw = self._newest[:, :11].T
         cos, sin = np.cos(yaw), np.sin(yaw)
         velocity = np.stack([cos * ahead - sin * aside, sin * ahead + cos * aside, up], axis=1)
         attitude = quaternion_from_euler(roll, pitch, yaw)
         age = np.maximum(0.0, math.floor(now / CYCLE + 1e-6) * CYCLE - time)
-        return np.stack([x, y, z], axis=1), velocity, attitude, age
+        return np.stack([x, y, z], axis=1), velocity, attitude, age, self._newest[:, 11:].copy()

@@ -223,9 +223,9 @@ class Simulator:
         state[self._queue.coming_down()] |= int(Supervisor.COMMANDER_FINISHED)
         odometry = self._odometry()
         position, velocity = drones["believed_position"], drones["believed_velocity"]
-        age = np.zeros(n)
+        age, force = np.zeros(n), self.sample[:, 11:].copy()
         if self._link is not None:
-            position, velocity, attitude, age = self._link.reports(now)
+            position, velocity, attitude, age, force = self._link.reports(now)
         frames, detections = Frames.none(), Detections.none()
         if self._cameras is not None:
             frames, detections = self._cameras.arrived(now)
@@ -245,6 +245,7 @@ class Simulator:
             detections=detections,
             fixes=fixes,
             lands_by=self._lands_by.copy(),
+            specific_force=force,
         )
 
     def command(self, command: Command) -> None:

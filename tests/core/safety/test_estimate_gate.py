@@ -47,6 +47,33 @@ def test_a_jump_is_rejected_until_the_estimate_is_back() -> None:
     assert gated(0.0, 50.0, 50.0, 0.1) == [True, False, False, True]
 
 
+def test_a_height_that_the_ranger_denies_is_rejected_for_good() -> None:
+    gate, heard = EstimateGate(1, SPEED), np.ones(1, np.bool_)
+    descent = np.array([[0.0, 0.0, -0.3]])
+
+    def accepted(tick: int, wrong: float, reported: float) -> bool:
+        now = estimate(np.array([[0.0, 0.0, reported + wrong]]), time=tick * PERIOD)
+        now = replace(now, covariance=1e-4 * np.eye(3)[None])
+        answer, _ = gate.check(now, AIRBORNE, descent, heard, np.array([reported]))
+        return bool(answer.valid[0])
+
+    heights = 1.3 + descent[0, 2] * PERIOD * np.arange(60)
+    wrong = [accepted(k, 0.4 * (k >= 10), height) for k, height in enumerate(heights.tolist())]
+    assert wrong == [True] * 10 + [False] * 50
+    assert accepted(60, 0.0, float(heights[-1]))
+
+
+def test_heights_over_an_obstacle_are_accepted() -> None:
+    heard, still = np.ones(1, np.bool_), np.zeros((1, 3))
+    for follows in (0.0, 1.0):  # whether the estimate is that of the ranger
+        gate = EstimateGate(1, SPEED)
+        for k, top in enumerate((0.0, 0.0, 0.4, 0.4, 0.0)):
+            now = estimate(np.array([[0.0, 0.0, 1.0 - follows * top]]), time=k * PERIOD)
+            now = replace(now, covariance=1e-4 * np.eye(3)[None])
+            answer, _ = gate.check(now, AIRBORNE, still, heard, np.array([1.0 - top]))
+            assert answer.valid.all()
+
+
 def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
     gate = EstimateGate(1, SPEED)
     gate.check(believed(0.3, 0.0), AIRBORNE)

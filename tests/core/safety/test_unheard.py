@@ -205,6 +205,16 @@ def test_an_unheard_flight_on_board_is_at_its_end_later(
     assert later.possible_travel[0] == pytest.approx([0.0, 0.0, lowest - TOP])
 
 
+def test_an_unlocated_agent_that_lands_passes_all_heights_below() -> None:
+    tracker, high = UnheardAgents(1, LIMITS), estimate(np.array([[0.0, 0.0, 1.3]]))
+    lost = replace(high, valid=~ONE)
+    tracker.mark(high, np.zeros(1), ONE)
+    assert not tracker.mark(lost, np.zeros(1), ONE).possible_travel.any()
+    tracker.lands(np.array([0]), np.array([5.0]), ONE)
+    assert tracker.mark(lost, np.zeros(1), ONE).possible_travel.tolist() == [[0.0, 0.0, -1.3]]
+    assert not tracker.mark(lost, np.zeros(1), ~ONE).possible_travel.any()  # it is down
+
+
 # Agents that stay on the ground.
 
 GROUNDED, LANDED, FALLEN = AgentPhase.GROUNDED, AgentPhase.LANDED, AgentPhase.EMERGENCY

@@ -13,6 +13,7 @@ import pytest
 
 from star_core import Obstacle, Transform
 from star_sim import sensors
+from star_sim.airframe import DRAG_XY, MASS
 from star_sim.drone import VELOCITY, standing
 from star_sim.estimator import lean
 
@@ -67,6 +68,18 @@ def test_adding_up_the_odometry_gives_the_believed_position(start: Flying) -> No
                 [math.cos(yaw) * vx - math.sin(yaw) * vy, math.sin(yaw) * vx + math.cos(yaw) * vy]
             )
     assert begun + travelled == pytest.approx(flight.telemetry.position[0, :2], abs=2e-3)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_the_accelerometer_measures_the_drag_of_the_air(start: Flying, yaw: float) -> None:
+    flight = start(yaw=yaw)
+    flight.rise()
+    drag = DRAG_XY / MASS
+    for velocity in ((0.5, 0.2, 0), (-0.8, 0.4, 0)):
+        for heard in flight.fly(1.5, velocity):
+            true = np.array(heard.velocity[0, :2])  # ideal: the truth, along the start's heading
+            assert heard.specific_force[0] == pytest.approx(-drag * true, abs=0.03)
+        assert np.linalg.norm(heard.specific_force[0]) > 0.2
 
 
 def test_odometry_agrees_with_the_attitude(start: Flying) -> None:
