@@ -144,7 +144,9 @@ def test_a_script_runs_in_a_small_size(
     script = importlib.import_module(name)
     if "{tmp}/run" in small.arguments:
         registry = Registry()
-        fly(load(ROOT / "missions/first_flight.yaml", registry), registry, folder=tmp_path / "run")
+        steps = ["mission=[takeoff: {height: 0.3}, land: {}]"]
+        mission = load(ROOT / "missions/first_flight.yaml", registry, steps)
+        fly(mission, registry, folder=tmp_path / "run")
     for constant, value in small.sizes.items():
         assert hasattr(script, constant)
         monkeypatch.setattr(script, constant, value)

@@ -238,27 +238,38 @@ def test_checking_flies_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "where", "value"),
+    ("assignments", "options", "expected"),
     [
-        (("--set", "avoider=none"), ("avoider",), "none"),
-        (("--set", "avoider.radius=0.1"), ("avoider",), {"use": "orca", "radius": 0.1}),
-        (("--set", "mission.0.takeoff.height=0.4"), ("mission", 0, "takeoff", "height"), 0.4),
-        (("--set", "mission=[{takeoff: {}}]"), ("mission",), [{"takeoff": {}}]),
-        (("--set", "swarm.cf3.start=[0, 1, 0]"), ("swarm", "cf3"), {"start": [0, 1, 0]}),
-        (("--set", "rate=10", "--set", "rate=50"), ("rate",), 50),
-        (("--seed", "3"), ("seed",), 3),
-        (("--speed", "1e6"), ("transport",), {"use": "sim", "speed": 1e6}),
-        (("--set", "seed=1", "--seed", "2"), ("seed",), 2),
+        (
+            ["avoider=none", "mission=[{takeoff: {}}]", "swarm.cf2.start=[0, 1, 0]"],
+            ["--seed", "3", "--speed", "1e6"],
+            {
+                "avoider": "none",
+                "mission": [{"takeoff": {}}],
+                "swarm": {"cf1": {"start": [-0.5, 0, 0]}, "cf2": {"start": [0, 1, 0]}},
+                "seed": 3,
+                "transport": {"use": "sim", "speed": 1e6},
+            },
+        ),
+        (
+            ["avoider.radius=0.1", "mission.0.takeoff.height=0.4", "rate=50", "rate=10", "seed=1"],
+            ["--seed", "2"],
+            {
+                "avoider": {"use": "orca", "radius": 0.1},
+                "mission": [{"takeoff": {"height": 0.4, "speed": 0.5}}, {"land": {"speed": 0.5}}],
+                "rate": 10,
+                "seed": 2,
+            },
+        ),
     ],
 )
 def test_what_is_set_is_what_is_flown_and_kept(
-    arguments: Sequence[str], where: Iterable[str | int], value: object
+    assignments: Sequence[str], options: Sequence[str], expected: dict[str, object]
 ) -> None:
-    assert main(["run", "hop.yaml", "--json", "--out", "out", *arguments]) == 0
-    found = recorded("manifest.json")["mission"]
-    for key in where:
-        found = found[key]
-    assert found == value
+    words = [word for assignment in assignments for word in ("--set", assignment)]
+    assert main(["run", "hop.yaml", "--json", "--out", "out", *words, *options]) == 0
+    mission = recorded("manifest.json")["mission"]
+    assert {key: mission[key] for key in expected} == expected
 
 
 def test_a_step_that_is_set_is_flown(said: Said) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -15,6 +15,7 @@ import star_straight
 from star_core import Array, Goals, Limits, Planner, Scene
 from star_core.testing import estimate, scene
 from star_core.toolkit import fill_defaults
+from tests.sampling import share_of_examples
 
 N = 3
 tables = arrays(np.float64, (N, 3), elements=st.floats(-9, 9))
@@ -90,7 +91,7 @@ def test_at_the_goal_it_flies_with_the_goal() -> None:
     assert plan.setpoint.velocity[0] == pytest.approx([0.1, -0.2, 0.0])
 
 
-@settings(max_examples=10)
+@share_of_examples(0.4)
 @given(tables, tables, st.floats(0.5, 3.0))
 def test_a_goal_that_stands_is_reached(here: Array, there: Array, gain: float) -> None:
     room = scene(N)

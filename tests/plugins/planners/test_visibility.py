@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from jsonschema import Draft202012Validator
@@ -26,6 +26,7 @@ from star_core import Array, Estimate, Fence, Goals, Limits, Obstacle, Plan, Pla
 from star_core.testing import estimate, scene
 from star_core.toolkit import fill_defaults
 from star_core.world.outlines import box, wall
+from tests.sampling import share_of_examples
 
 N = 3
 tables = arrays(np.float64, (N, 3), elements=st.floats(-3, 3))
@@ -359,7 +360,7 @@ def test_an_agent_flies_over_a_low_wall_and_keeps_its_distance() -> None:
     assert min(above) >= 1.2
 
 
-@settings(max_examples=8)
+@share_of_examples(0.2)
 @given(st.integers(0, 10_000))
 def test_no_agent_hits_anything_among_random_blocks(seed: int) -> None:
     random = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import star_visibility
@@ -20,6 +20,7 @@ from star_core.testing import estimate, scene
 from star_core.toolkit import fill_defaults
 from star_core.world.outlines import box
 from star_core.world.world import CONTACT_RADIUS
+from tests.sampling import share_of_examples
 
 CLEARANCE = 0.2
 WALL = Obstacle("wall", (box((-0.5, 0), (1, 2), 0.0),), (0.0, 1.5))
@@ -111,7 +112,7 @@ offsets = st.floats(-0.05, 0.05)
 # An agent that starts or holds within the clearance
 
 
-@settings(max_examples=25)
+@share_of_examples(0.4)
 @given(starts(), offsets, offsets, st.lists(st.tuples(offsets, offsets), min_size=1, max_size=4))
 def test_an_agent_near_an_obstacle_takes_off_holds_is_pushed_leaves_and_comes_back(
     start: tuple[float, float, float], x: float, y: float, pushes: list[tuple[float, float]]
@@ -141,7 +142,7 @@ def test_an_agent_near_an_obstacle_takes_off_holds_is_pushed_leaves_and_comes_ba
     assert flown.position[0] == pytest.approx([*start[:2], 0.8], abs=0.05)
 
 
-@settings(max_examples=10)
+@share_of_examples(0.3)
 @given(starts())
 def test_another_agent_can_take_over_a_hold_near_an_obstacle(
     held: tuple[float, float, float],
@@ -216,7 +217,7 @@ def test_the_check_refuses_exactly_the_goals_nearer_than_both_clearances(
     assert bool(refused(given_room, goal, **options)) == (max(short) > 5e-4)
 
 
-@settings(max_examples=25)
+@share_of_examples(0.4)
 @given(anywhere)
 def test_what_the_check_accepts_the_planner_flies_to(goal: tuple[float, float, float]) -> None:
     given_room = room(NOWHERE, obstacles=(WALL, SHELF))
