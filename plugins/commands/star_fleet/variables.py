@@ -105,7 +105,10 @@ class Readings:
         floor = np.zeros((len(drones), 3))
         floor[:, 2] = MASS * GRAVITY - drones["thrust"].sum(axis=1)
         pressed = np.maximum(0.0, floor) * resting[:, None]
-        return (felt + into_body(drones["attitude"], pressed)) / (MASS * GRAVITY)
+        force: Array = (felt + into_body(drones["attitude"], pressed)) / (MASS * GRAVITY)
+        if np.any(self.sample):  # before the first cycle there is none
+            force[:, :2] = self.sample[:, 11:] / GRAVITY  # with the errors of the sensor
+        return force
 
     @cached_property
     def acceleration(self) -> Array:

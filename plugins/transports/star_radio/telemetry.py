@@ -77,6 +77,7 @@ class TelemetryBuffer:
             signal=self.last[:, report.SIGNAL],
             rebooted=np.array([vehicle.rebooted for vehicle in self._vehicles]),
             lands_by=self.lands_by - began,
+            specific_force=np.array([one.accelerometer.newest(now) for one in self._vehicles]),
         )
 
     def _read(self) -> Samples:

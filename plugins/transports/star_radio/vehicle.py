@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from star_core import PluginError, Supervisor, Trajectory
 from star_radio import orders, profiles
+from star_radio.accelerometer import Accelerometer
 from star_radio.connection import log_blocks, packets
 from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
 from star_radio.connection.link import Link
@@ -53,6 +54,7 @@ class Vehicle:
     Attributes:
         version: Protocol version of its firmware.
         stream: Its reports.
+        accelerometer: Those of its accelerometer.
         parameters: Its table of parameters.
         take_off_memory: Number of the memory for profiles of take-offs; None if there is none.
         settling: Whether `connect` waits for its estimator to settle.
@@ -83,7 +85,8 @@ class Vehicle:
         self._noise = EstimatorNoise()
         self._convergence = ConvergenceWait()
         self._deadline = self._response_timeout = 0.0
-        self.stream = ReportStream(link, self._convergence.hear)
+        self.accelerometer = Accelerometer(link)
+        self.stream = ReportStream(link, self._hear)
 
     def connect(
         self,
@@ -133,6 +136,7 @@ class Vehicle:
             self.stream.begin(*reports)
         if groups is None:
             return
+        self.accelerometer.begin(self.name, variables, self._ask, self._response_timeout)
         if options.descent:
             self.take_off_memory = profiles.reserve(self._ask)
         packet = orders.set_groups(groups)  # last: a drone in a group has been connected
@@ -142,6 +146,11 @@ class Vehicle:
             text = f"{self.link.uri} refuses to be put into groups: {why}"
             raise PluginError(text, "refused-request")
         self._groups = groups
+
+    def _hear(self, payload: bytes) -> None:
+        """Take a report that is not of the state; runs in the receiving thread."""
+        self._convergence.hear(payload)
+        self.accelerometer.hear(payload)
 
     def steer(self, setpoint: bytes) -> None:
         """Send a setpoint made by `orders.velocity` or `orders.full_state`."""
@@ -236,6 +245,7 @@ class Vehicle:
             elif question.answer is None:
                 failures.append(CommandFailure(f"does not confirm {question.about}", refused=False))
         self.stream.restore(now)
+        self.accelerometer.restore(now)
         self._check_for_reboot()
         self._hand_over(now)
         return failures

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from star_fleet.packet import NULL, Port, expand
 from star_fleet.variables import FLOAT, FORMAT, HALF, I8, I16, U16, VARIABLES, held, held_one
+from star_sim.airframe import DRAG_XY, GRAVITY, MASS
 
 Start = Callable[..., Any]
 NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
@@ -238,6 +239,15 @@ def test_an_accelerometer_shows_gravity_where_the_vehicle_stands_and_hovers(star
     bench.takeoff()
     bench.fly(4.0)
     assert bench.log("acc.z", "stateEstimate.az") == pytest.approx((1.0, 0.0), abs=0.05)
+
+
+def test_an_accelerometer_measures_the_drag_of_the_air(start: Start) -> None:
+    bench = start()
+    bench.takeoff()
+    bench.fly(3.0)
+    bench.fly(2.0, "Bffff", 8, 0.3, 0.0, 0.0, 0.0)
+    vx, ahead = bench.log("kalman.statePX", "acc.x")
+    assert ahead == pytest.approx(-DRAG_XY / MASS / GRAVITY * vx, abs=0.002)
 
 
 @given(st.floats(), st.sampled_from(sorted(FORMAT)))
