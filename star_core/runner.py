@@ -174,7 +174,9 @@ class _Run:
                 self.loop.vehicles.report_phases()
             raise
         self.loop.finish()
-        reason = "; ".join(filter(None, (*reasons, self._collisions())))
+        reason = "; ".join(
+            filter(None, (*reasons, self.loop.uncertain_landings(), self._collisions()))
+        )
         self._phases.fire_mission(end)
         if self._phases.mission is MissionPhase.COMPLETED and reason:
             self._phases.fire_mission("fail")

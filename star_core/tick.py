@@ -20,6 +20,7 @@ from star_core.messages.arrays import Mask, every, some
 from star_core.messages.commands import Order
 from star_core.messages.events import Corrected, Tick
 from star_core.messages.state import (
+    AIRBORNE,
     UNFIT,
     AgentPhase,
     Estimate,
@@ -99,6 +100,7 @@ class ControlLoop:
         )
         self.landing = LandingManager(scene, self.vehicles, observers, pipeline.refuses)
         self.metrics = FlightMetrics(scene)
+        self._uncertain_landings: dict[int, str] = {}  # names by the slots that they left
         self._unreachable: dict[int, str] = {}  # reasons by row, in the last tick
         self._lost_since = np.full(n, np.inf)  # s
         self._started = False
@@ -132,12 +134,12 @@ class ControlLoop:
         """Fly towards goals for a tick; return why goals cannot be reached, by row."""
         merged = self._redirect(estimate, goals.goals())
         plan = self._pipeline.plan(estimate, merged)
-        wanted = self.vehicles.setpoint(plan.setpoint, estimate)
+        wanted = self.vehicles.setpoint(self._uncertain.stop(plan.setpoint), estimate)
         seen = self._grounded.mark(estimate, health.phase, self._gone())
         avoided = self._pipeline.avoid(seen, wanted)
         near = self._near(estimate)
         with self._pipeline.safety_time:
-            drawn_in, stuck = self._setpoints.check(estimate, merged, avoided, wanted)
+            drawn_in, stuck = self._setpoints.check(estimate, self._kept(merged), avoided, wanted)
             self._pipeline.fail(stuck)
             if self._pipeline.strikes.pending:
                 drawn_in = replace(drawn_in, active=np.zeros_like(drawn_in.active))  # brake
@@ -169,6 +171,13 @@ class ControlLoop:
         for event in self.metrics.contacts.finish():
             self._observers.record(event)
 
+    def uncertain_landings(self) -> str:
+        """Return which agents landed for their uncertainty and are not replaced; empty if none."""
+        vacant = {*self._assignments.vacancies()}
+        names = [name for slot, name in self._uncertain_landings.items() if slot in vacant]
+        verb = "was" if len(names) == 1 else "were"
+        return f"{shortlist(names)} {verb} too uncertain and landed early" if names else ""
+
     def unassigned(self) -> Mask:
         """Return which agents are not in the mission, whose failure does not fail it: (N,)."""
         return self._assignments.unassigned()
@@ -186,12 +195,23 @@ class ControlLoop:
     def _redirect(self, estimate: Estimate, goals: Goals) -> Goals:
         """Return the goals, with those of agents that are too uncertain for their room changed."""
         steered = self.vehicles.steered(estimate)
-        steered[self.landing.rows] = False
-        goals, lands = self._uncertain.redirect(estimate, steered, goals)
+        landing = self.vehicles.phases.among(AgentPhase.LANDING)
+        landing[self.landing.rows] = True
+        airborne = self.vehicles.phases.among(*AIRBORNE)
+        goals, lands = self._uncertain.redirect(
+            estimate, steered & ~landing, landing, airborne, goals
+        )
         for row, reason in lands:
+            if (slot := self._assignments.slot(row)) is not None:
+                self._uncertain_landings[slot] = self._scene.agents[row].name
             self._rules.action[row] = SafetyAction.LAND
             self._remove(row, SafetyAction.LAND, reason, estimate)
         return goals
+
+    def _kept(self, goals: Goals) -> Goals:
+        """Return the goals, without those of agents that the core stops on their way."""
+        redirected = self._uncertain.redirected
+        return replace(goals, active=goals.active & ~redirected) if some(redirected) else goals
 
     def _remove(self, row: int, action: SafetyAction, reason: str, estimate: Estimate) -> None:
         """Remove an agent from the mission, by an action."""

@@ -12,25 +12,20 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.position_margin import position_margin
-from star_core.messages.state import Estimate, Goals
-from star_core.safety.walls import nearest_wall, walls
+from star_core.messages.state import Estimate, Goals, Setpoint
+from star_core.safety.room import PARTING_SPEED, PairRoom, Room, WallRoom
 from star_core.scene import Scene
 from star_core.world.world import CONTACT_RADIUS
 
-NEEDED: Final = 0.5
-"""Share of `Limits.uncertainty_margin` that an agent needs as room: by default one standard
-deviation. Within the whole margin it still reaches goals, slowly."""
-
-FENCE_TOLERANCE: Final = 0.2
-"""Distance by which an agent may leave the fence, m: it is no wall."""
-
-MIN_ROOM: Final = 0.05  # m; an agent that needs less room is never too near
-ENOUGH: Final = 0.8  # share of the room that an agent may need when it flies on
-CORRECTED: Final = 0.9  # times the standard deviation of the tick before: a landmark corrected it
-LOCATED: Final = 0.5  # times the standard deviation for which it returned: it is located again
-BRAKE_TIME: Final = 3.0  # s, in which an agent waits for a correction, before and after its return
-NEAR: Final = 0.2  # m: an agent so near to where it was located has returned
+RELEASE_USE: Final = 0.8  # of its room: an agent that uses less flies on
+WAITING_USE: Final = 2 / 3  # of the room to an agent that lands, from which on others wait for it
+CORRECTION_RATIO: Final = 0.9  # of the deviation before: below, a landmark corrected the position
+LOCATED_RATIO: Final = 0.5  # of the deviation for which an agent returned: below, it is located
+WAITING_TIME: Final = 3.0  # s, for a correction, before and after a return
+ARRIVAL_DISTANCE: Final = 0.2  # m, at which an agent has returned to where it was located
 MAX_RETURNS: Final = 3  # of an agent in one flight: then it lands
+
+NOTHING_NEAR: Final = (np.zeros(0, np.int64), np.zeros((0, 2)))
 
 
 class Stage(IntEnum):
@@ -42,12 +37,16 @@ class Stage(IntEnum):
 
 
 class UncertainAgents:
-    """Redirects agents whose uncertainty leaves no room to obstacles or fence.
+    """Stops agents whose uncertainty leaves no room to obstacles, fence or each other.
 
-    An agent that needs more room than it has brakes. If no correction makes its position more
-    certain within `BRAKE_TIME`, it returns to the position at which a correction arrived last; an
-    agent that never had one, does not get one there, or has returned `MAX_RETURNS` times, lands. A
-    correction is a sudden decrease of the covariance, whatever the localizer.
+    An agent that needs more room than it has, see `Room`, flies no nearer to what is near. If that
+    does not help, and no correction makes its position more certain within `WAITING_TIME`, it
+    returns to the position at which a correction arrived last; an agent that never had one, does
+    not get one there, or has returned `MAX_RETURNS` times, lands. A correction is a sudden decrease
+    of the covariance, whatever the localizer.
+
+    Of two agents without room between them, only that makes way which has the most such neighbors,
+    or else the later one; the other waits meanwhile. One that never had a correction lands at once.
 
     Args:
         scene: World, limits and names.
@@ -57,71 +56,158 @@ class UncertainAgents:
     def __init__(self, scene: Scene, report: Callable[[str, str], None]) -> None:
         n = len(scene.agents)
         self._scene, self._report = scene, report
-        self._deviations = scene.limits.uncertainty_margin
-        self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]])
-        self._walls = walls(scene.world.obstacles)
+        self._room = Room(scene)
         self._std = np.zeros(n)  # m, of the tick before
         self._corrected_at = np.full((n, 2), np.nan)  # m
         self._stage = np.zeros(n, np.int64)
         self._until = np.full(n, np.inf)  # s, end of the stage at the latest
-        self._goal = np.zeros((n, 3))  # m, of agents that brake or return
-        self._limit = np.zeros(n)  # m, standard deviation below which an agent has returned
+        self._return_goal = np.zeros((n, 3))  # m
+        self._return_limit = np.zeros(n)  # m, deviation below which an agent has returned
         self._returns = np.zeros(n, np.int64)
-        nearest_wall(np.zeros((1, 3)), np.zeros(1, np.int64), self._walls)  # before the flight
+        self._time = 0.0  # s, of the tick
+        self._near = NOTHING_NEAR
+        self._stopped = np.zeros(n, np.bool_)  # in the last tick
 
     @property
     def redirected(self) -> Mask:
         """Agents that brake or return, whatever their goals: (N,)."""
-        redirected: Mask = self._stage > 0  # `Stage.FLIES`
+        redirected: Mask = (self._stage > 0) | self._stopped  # `Stage.FLIES`
         return redirected
 
     def redirect(
-        self, estimate: Estimate, steered: Mask, goals: Goals
+        self, estimate: Estimate, steered: Mask, landing: Mask, airborne: Mask, goals: Goals
     ) -> tuple[Goals, list[tuple[int, str]]]:
-        """Return the goals, changed for uncertain agents; and which agents must land, and why.
+        """Return the goals, changed for agents that return; and which must land, and why.
 
         Args:
             estimate: Of the agents' positions.
             steered: (N,) agents that setpoints fly and that do not land.
+            landing: (N,) agents that land.
+            airborne: (N,) agents in the air.
             goals: The tasks'.
         """
-        if self._deviations == 0.0:
+        self._near = NOTHING_NEAR
+        if self._scene.limits.uncertainty_margin == 0.0:
             return goals, []
+        self._time = estimate.time
         std = position_margin(estimate.covariance, 1.0, math.inf)
-        corrected = steered & (std < CORRECTED * self._std)
+        corrected = steered & (std < CORRECTION_RATIO * self._std)
         if some(corrected):
             self._corrected_at[corrected] = estimate.position[corrected, :2]
         self._std = std
         self._stage *= steered  # the others fly
-        needed = np.where(steered, NEEDED * self._deviations * std, 0.0)
-        rows: Rows = ((needed > MIN_ROOM) | (self._stage > 0)).nonzero()[0]
-        if not len(rows):
+        walls = self._room.to_walls(estimate, std, steered)
+        pairs = self._room.between(estimate, std, airborne, WAITING_USE)
+        if walls is None and pairs is None and not some(self._stage > 0):
             return goals, []
-        fence, wall, piece = self._room(estimate.position, rows)
-        room = np.minimum(fence, wall)
+        use, pair = np.zeros(len(std)), np.full(len(std), -1)  # the pair is the one to blame
+        if walls is not None:
+            use = walls.use
+        if pairs is not None:
+            use, pair = self._greatest(use, pairs, self._yielding(pairs, steered, landing))
         lands = []
-        for row in rows[(needed > room)[rows] | self.redirected[rows]].tolist():
-            distance, what = fence[row] - FENCE_TOLERANCE, "the fence"
-            if wall[row] < fence[row]:
-                obstacle = self._scene.world.obstacles[self._walls.obstacle[piece[row]]]
-                distance, what = wall[row] + CONTACT_RADIUS, f"obstacle {obstacle.name!r}"
-            reason = f"uncertain by {std[row]:.2f} m and {max(0.0, distance):.2f} m from {what}"
-            if text := self._advance(row, estimate, needed[row], room[row], reason):
+        for row in np.flatnonzero(steered & ((use > 1.0) | (self._stage > Stage.FLIES))).tolist():
+            reason = f"uncertain by {std[row]:.2f} m"
+            if pairs is not None and pair[row] >= 0:
+                reason += self._to_agent(row, pairs, int(pair[row]))
+            elif walls is not None:
+                reason += self._to_wall(row, walls)
+            waits = pair[row] < 0 or bool(np.isfinite(self._corrected_at[row]).all())
+            if text := self._advance(row, estimate, float(use[row]), reason, waits=waits):
                 lands.append((row, text))
+        self._near = self._constraints(walls, pairs, steered, landing)
         return self._redirected(goals), lands
 
+    def stop(self, setpoint: Setpoint) -> Setpoint:
+        """Return planned setpoints, at rest where they lead nearer to what there is no room to.
+
+        An agent that brakes and flies away does not land meanwhile.
+        """
+        rows, away = self._near
+        self._stopped = np.zeros(len(self._stage), np.bool_)
+        if not len(rows):
+            return setpoint
+        velocity = setpoint.velocity[:, :2]
+        self._stopped[rows[np.vecdot(velocity[rows], away) < 0.0]] = True
+        leaves = (self._stage == Stage.BRAKES) & ~self._stopped
+        leaves &= np.hypot(velocity[:, 0], velocity[:, 1]) > PARTING_SPEED
+        self._until[leaves] = self._time + WAITING_TIME
+        still = np.where(self._stopped[:, None], 0.0, setpoint.velocity)
+        return replace(setpoint, velocity=still)
+
+    def _constraints(
+        self, walls: WallRoom | None, pairs: PairRoom | None, steered: Mask, landing: Mask
+    ) -> tuple[Rows, Array]:
+        """Return the rows of agents without room, and the directions away from what is near."""
+        rows, away = [NOTHING_NEAR[0]], [NOTHING_NEAR[1]]
+        if walls is not None:
+            rows.append(np.flatnonzero((self._stage == Stage.BRAKES) & (walls.use > RELEASE_USE)))
+            away.append(walls.away[rows[-1]])
+        if pairs is not None:
+            short = (pairs.use > 1.0) | landing[pairs.first] | landing[pairs.second]
+            for row, outwards in ((pairs.first, pairs.away), (pairs.second, -pairs.away)):
+                waits = steered[row] & (short | (self._stage[row] == Stage.BRAKES))
+                rows.append(row[waits])
+                away.append(outwards[waits])
+        return np.concatenate(rows), np.concatenate(away)
+
+    def _yielding(self, pairs: PairRoom, steered: Mask, landing: Mask) -> Mask:
+        """Return which agents make way, so that one of every pair without room does: (N,).
+
+        Those that brake or return already do, and those that land need not.
+        """
+        yields = landing | (steered & (self._stage > Stage.FLIES))
+        short = pairs.use > 1.0
+        first, second = pairs.first[short], pairs.second[short]
+        while True:
+            rest = ~(yields[first] | yields[second]) & (steered[first] | steered[second])
+            if not rest.any():
+                return yields & steered
+            rows = np.concatenate([first[rest], second[rest]])
+            count = np.where(steered, np.bincount(rows, minlength=len(yields)), 0)
+            yields[np.flatnonzero(count == count.max())[-1]] = True
+
+    def _greatest(self, use: Array, pairs: PairRoom, yields: Mask) -> tuple[Array, Rows]:
+        """Return the greatest use of room by agents that make way, (N,), and its pair or -1."""
+        use, worst = use.copy(), np.full(len(use), -1)
+        for rows in (pairs.first, pairs.second):
+            for k in np.flatnonzero(yields[rows]).tolist():
+                if pairs.use[k] > use[rows[k]]:
+                    use[rows[k]], worst[rows[k]] = pairs.use[k], k
+        return use, worst
+
+    def _to_agent(self, row: int, pairs: PairRoom, pair: int) -> str:
+        first, second = int(pairs.first[pair]), int(pairs.second[pair])
+        other = self._scene.agents[second if row == first else first].name
+        return f" and {pairs.distance[pair]:.2f} m from {other}"
+
+    def _to_wall(self, row: int, walls: WallRoom) -> str:
+        if (obstacle := int(walls.obstacle[row])) < 0:
+            return f" and {max(0.0, walls.distance[row]):.2f} m from the fence"
+        distance = max(0.0, walls.distance[row] + CONTACT_RADIUS)
+        return f" and {distance:.2f} m from obstacle {self._scene.world.obstacles[obstacle].name!r}"
+
     def _advance(
-        self, row: int, estimate: Estimate, needed: float, room: float, reason: str
+        self, row: int, estimate: Estimate, use: float, reason: str, *, waits: bool
     ) -> str | None:
-        """Change what an agent does; return why it must land, if so."""
+        """Change what an agent does; return why it must land, if so.
+
+        Args:
+            row: Of the agent.
+            estimate: Of the positions.
+            use: Room that it needs over the room that it has.
+            reason: Why it needs more than it has.
+            waits: Whether it waits for a correction at first.
+        """
         name, time = self._scene.agents[row].name, estimate.time
         if self._stage[row] == Stage.FLIES:
-            self._stage[row], self._until[row] = Stage.BRAKES, time + BRAKE_TIME
-            self._goal[row] = estimate.position[row]
+            if not waits:
+                return reason
+            self._stage[row], self._until[row] = Stage.BRAKES, time + WAITING_TIME
             self._report(f"{name} is {reason}: it brakes", name)
             return None
         if self._stage[row] == Stage.BRAKES:
-            if needed <= ENOUGH * room:
+            if use <= RELEASE_USE:
                 self._stage[row] = Stage.FLIES
             elif time >= self._until[row]:
                 if self._returns[row] >= MAX_RETURNS or np.isnan(self._corrected_at[row]).any():
@@ -130,7 +216,7 @@ class UncertainAgents:
                 self._begin_return(row, estimate)
                 self._report(f"{name} is {reason}: it returns to where it was located last", name)
             return None
-        if self._std[row] <= self._limit[row]:
+        if self._std[row] <= self._return_limit[row]:
             self._stage[row] = Stage.FLIES
             self._report(f"{name} is located again, to {self._std[row]:.2f} m: it flies on", name)
         elif time >= self._until[row]:
@@ -141,29 +227,21 @@ class UncertainAgents:
     def _begin_return(self, row: int, estimate: Estimate) -> None:
         self._stage[row] = Stage.RETURNS
         self._returns[row] += 1
-        self._limit[row] = LOCATED * self._std[row]
-        self._goal[row, :2] = self._corrected_at[row]
-        away = math.dist(self._goal[row, :2], estimate.position[row, :2])
-        duration = 2 * max(0.0, away - NEAR) / self._scene.limits.speed + BRAKE_TIME
+        self._return_limit[row] = LOCATED_RATIO * self._std[row]
+        self._return_goal[row] = *self._corrected_at[row], estimate.position[row, 2]
+        way = math.dist(self._corrected_at[row], estimate.position[row, :2])
+        duration = 2 * max(0.0, way - ARRIVAL_DISTANCE) / self._scene.limits.speed + WAITING_TIME
         self._until[row] = estimate.time + duration
 
     def _redirected(self, goals: Goals) -> Goals:
-        """Return goals with those of the agents that brake or return."""
-        away = self.redirected
-        if not some(away):
+        """Return goals with those of the agents that return."""
+        returns = self._stage == Stage.RETURNS
+        if not some(returns):
             return goals
         return replace(
             goals,
-            position=np.where(away[:, None], self._goal, goals.position),
-            velocity=np.where(away[:, None], 0.0, goals.velocity),
-            speed=np.where(away, self._scene.limits.speed, goals.speed),
-            active=goals.active | away,
+            position=np.where(returns[:, None], self._return_goal, goals.position),
+            velocity=np.where(returns[:, None], 0.0, goals.velocity),
+            speed=np.where(returns, self._scene.limits.speed, goals.speed),
+            active=goals.active | returns,
         )
-
-    def _room(self, position: Array, rows: Rows) -> tuple[Array, Array, Rows]:
-        """Return (N,) room to the fence and to the nearest obstacle, m, and (N,) its piece."""
-        here = position[:, :2]
-        low, high = self._fence
-        fence = np.minimum(here - low, high - here).min(axis=1) + FENCE_TOLERANCE
-        distance, piece = nearest_wall(np.ascontiguousarray(position), rows, self._walls)
-        return fence, distance - CONTACT_RADIUS, piece

@@ -59,7 +59,7 @@ def walls(obstacles: Iterable[Obstacle]) -> Walls:
 
 
 @compiled
-def nearest_wall(position: Array, rows: Rows, wall: Walls) -> tuple[Array, Rows]:
+def nearest_wall(position: Array, rows: Rows, wall: Walls) -> tuple[Array, Rows, Array]:
     """Return the distance of some agents to the nearest piece beside them, and which it is.
 
     Args:
@@ -68,16 +68,19 @@ def nearest_wall(position: Array, rows: Rows, wall: Walls) -> tuple[Array, Rows]
         wall: The pieces.
 
     Returns:
-        (N,) m, negative inside a piece, infinite where none is within `REACH`; and (N,) pieces.
+        (N,) m, negative inside a piece, infinite where none is within `REACH`; (N,) pieces; and
+        (N, 2) unit vectors away from these, or out of them.
     """
     nearest, piece = np.full(len(position), math.inf), np.zeros(len(position), np.int64)
+    away = np.zeros((len(position), 2))
     for row in rows:
         for k in range(len(wall.obstacle)):
             if is_beside(position, row, wall, k):
-                distance, _, _ = way_out(position[row, 0], position[row, 1], wall, k)
+                distance, x, y = way_out(position[row, 0], position[row, 1], wall, k)
                 if distance < nearest[row]:
                     nearest[row], piece[row] = distance, k
-    return nearest, piece
+                    away[row, 0], away[row, 1] = x, y
+    return nearest, piece, away
 
 
 @compiled

@@ -1,0 +1,157 @@
+"""How much of their room to obstacles, fence and each other the uncertainty of agents uses up."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from star_core.geometry.neighbours import Pairs
+from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.position_margin import MAX_MARGIN
+from star_core.messages.state import Estimate
+from star_core.safety.braking import LAG
+from star_core.safety.walls import nearest_wall, walls
+from star_core.scene import Scene
+from star_core.world.world import CONTACT_RADIUS
+
+WALL_SHARE: Final = 0.5
+"""Share of `Limits.uncertainty_margin` that agents need as room to obstacles and fence: by default
+one standard deviation. Within the whole margin they still reach goals, slowly."""
+
+FENCE_TOLERANCE: Final = 0.2
+"""Distance by which an agent may leave the fence, m: it is no wall."""
+
+MIN_NEED: Final = 0.05  # m; an agent that needs less room to walls always has it
+MIN_ROOM: Final = 1e-3  # m, in ratios: an agent in contact has hardly any
+COLLISION_DISTANCE: Final = 2 * CONTACT_RADIUS  # m between two agents
+PARTING_SPEED: Final = 0.05  # m/s, from which on two agents fly apart
+
+_INWARDS: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # of the fence
+
+
+class WallRoom(NamedTuple):
+    """How near agents are to the nearest obstacle or side of the fence.
+
+    Attributes:
+        use: (N,) room that agents need over the room that they have; 0 if they need hardly any.
+        away: (N, 2) unit vectors away from it.
+        distance: (N,) to contact with the obstacle, or to the side, m; negative beyond.
+        obstacle: (N,) index of the obstacle; -1 is the fence.
+    """
+
+    use: Array
+    away: Array
+    distance: Array
+    obstacle: Rows
+
+
+class PairRoom(NamedTuple):
+    """How near agents are to each other.
+
+    Attributes:
+        first: (P,) row of one agent of each pair.
+        second: (P,) row of the other.
+        use: (P,) room that the two need over the room that they have.
+        away: (P, 2) unit vectors from the second to the first.
+        distance: (P,) between the two in the plane, m.
+    """
+
+    first: Rows
+    second: Rows
+    use: Array
+    away: Array
+    distance: Array
+
+
+class Room:
+    """Compares the room that agents need for their uncertainty with the room that they have.
+
+    To obstacles and fence, an agent needs `WALL_SHARE` of `Limits.uncertainty_margin` standard
+    deviations of its position. Two agents need that number of standard deviations of the distance
+    between them, in the plane or in height, when they have braked. These needs have no limit, as
+    the margins have with which agents fly around each other: where these are below their limit,
+    they keep enough room.
+
+    Args:
+        scene: World and limits.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        limits = scene.limits
+        self._deviations = limits.uncertainty_margin
+        self._limited = limits.separation > 0.0
+        self._margin_limit = MAX_MARGIN * limits.separation / 2  # m
+        self._braking = 2 * LAG * limits.speed  # m, in which two agents that meet stop, at most
+        self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]])
+        self._walls = walls(scene.world.obstacles)
+        nearest_wall(np.zeros((1, 3)), np.zeros(1, np.int64), self._walls)  # before the flight
+
+    def to_walls(self, estimate: Estimate, std: Array, agents: Mask) -> WallRoom | None:
+        """Return how near agents are to walls; None if all of them need hardly any room.
+
+        Args:
+            estimate: Of the positions.
+            std: (N,) standard deviations in the plane, m.
+            agents: (N,) those that are considered.
+        """
+        needed = np.where(agents, WALL_SHARE * self._deviations * std, 0.0)
+        rows: Rows = np.flatnonzero(needed > MIN_NEED)
+        if not len(rows):
+            return None
+        position = np.ascontiguousarray(estimate.position)
+        distance, piece, away = nearest_wall(position, rows, self._walls)
+        distance -= CONTACT_RADIUS
+        obstacle = self._walls.obstacle[piece] if len(self._walls.obstacle) else piece
+        sides = np.hstack([position[:, :2] - self._fence[0], self._fence[1] - position[:, :2]])
+        side = sides.argmin(axis=1)
+        fence = sides.min(axis=1)
+        nearer = fence + FENCE_TOLERANCE < distance
+        room = np.where(nearer, fence + FENCE_TOLERANCE, distance)
+        return WallRoom(
+            use=np.where(needed > MIN_NEED, needed / np.maximum(room, MIN_ROOM), 0.0),
+            away=np.where(nearer[:, None], _INWARDS[side], away),
+            distance=np.where(nearer, fence, distance),
+            obstacle=np.where(nearer, -1, obstacle),
+        )
+
+    def between(
+        self, estimate: Estimate, std: Array, agents: Mask, min_use: float
+    ) -> PairRoom | None:
+        """Return how near agents are to each other; None if margins keep enough room.
+
+        Left out are pairs that fly apart, or differ enough in height.
+
+        Args:
+            estimate: Of the positions.
+            std: (N,) standard deviations in the plane, m.
+            agents: (N,) those that are considered.
+            min_use: Pairs that use less of their room are left out.
+        """
+        greatest = np.max(std, initial=0.0, where=agents)
+        if not self._limited or self._deviations * greatest <= self._margin_limit:
+            return None
+        height_std = np.sqrt(np.maximum(estimate.covariance[:, 2, 2], 0.0))
+        highest = np.max(height_std, initial=0.0, where=agents)
+        most, tall = self._deviations * math.sqrt(2.0) * np.array([greatest, highest])
+        most = most / min_use + self._braking
+        near = Pairs.of(
+            estimate.position, math.hypot(most + COLLISION_DISTANCE, tall + COLLISION_DISTANCE)
+        )
+        near = near.where(agents[near.first] & agents[near.second])
+        first, second = near.first, near.second
+        offset = estimate.position[first] - estimate.position[second]
+        relative = estimate.velocity[first, :2] - estimate.velocity[second, :2]
+        distance = np.hypot(offset[:, 0], offset[:, 1])
+        away = offset[:, :2] / np.maximum(distance, MIN_ROOM)[:, None]
+        parting = np.vecdot(relative, away)
+        room = distance + LAG * np.minimum(parting, 0.0) - COLLISION_DISTANCE
+        use = self._needed(std[first], std[second]) / np.maximum(room, MIN_ROOM)
+        level = self._needed(height_std[first], height_std[second]) + COLLISION_DISTANCE
+        kept = (use > min_use) & (np.abs(offset[:, 2]) < level) & (parting < PARTING_SPEED)
+        return PairRoom(first[kept], second[kept], use[kept], away[kept], distance[kept])
+
+    def _needed(self, first: Array, second: Array) -> Array:
+        """Return the room that two agents need for their standard deviations, m."""
+        return self._deviations * np.hypot(first, second)
