@@ -19,6 +19,10 @@ from star_core.toolkit import progress
 
 ROOT = Path(__file__).parents[1]
 
+# Without bytecode each process of tests compiles all modules and rewrites all assertions anew.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # Recording to MCAP starts a process for each flight: only the tests of it do that.
 os.environ["STAR_BLOCK_PLUGINS"] = "mcap"
 
