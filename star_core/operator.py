@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ class Operator:
         await_landings: Return once no drone may be in the air that the transport can still land
             after the flight, or when that is given up; for the caller of the flight, which may
             interrupt it.
+        lost: What observers were to record and could not, with the reason: they add it. ``star
+            run`` prints it at its end, with exit status 1.
     """
 
     stops: int = 0
@@ -31,6 +33,7 @@ class Operator:
     report: Callable[..., None] = lambda *_event: None
     recording: bool = False
     await_landings: Callable[[], None] = lambda: None
+    lost: list[str] = field(default_factory=list)
 
     def land_all(self) -> None:
         """Land all agents, and end the flight."""

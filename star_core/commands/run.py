@@ -18,7 +18,7 @@ from typing import Any
 
 from star_core.commands.land_requests import listening
 from star_core.commands.live_view import FlightProgress
-from star_core.commands.main import make
+from star_core.commands.main import FAILED, make
 from star_core.commands.output import LatestRun, new_folder
 from star_core.errors import InputError
 from star_core.mission import Mission
@@ -87,9 +87,13 @@ def run_mission(  # noqa: PLR0913 -- options of the command
     operator = operator or Operator()
     with _signals(operator), listening(operator, mission.name):
         summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)
-    return outcome_of(summary), json.dumps(summary, indent=2) if as_json else format_summary(
-        summary, folder
-    )
+    status = FAILED if operator.lost else outcome_of(summary)
+    lost = [f"not recorded: {text}" for text in operator.lost]
+    if not as_json:
+        return status, "\n".join([format_summary(summary, folder), *lost])
+    for line in lost:
+        log(f"star: {line}")
+    return status, json.dumps(summary, indent=2)
 
 
 def _expected_duration(mission: Mission, registry: Registry) -> float | None:

@@ -11,7 +11,7 @@ from star_core import InputError, hookimpl
 from star_core.commands import CommandSpec
 
 if TYPE_CHECKING:
-    from star_core import Event, Flight, Tick
+    from star_core import Event, Flight, Operator, Tick
     from star_mcap.process import RecorderProcess
 
 log = logging.getLogger(__name__)
@@ -22,7 +22,7 @@ _recorders: list[RecorderProcess] = []  # of the current flight, if it is record
 
 
 @hookimpl
-def star_mission_started(flight: Flight) -> None:
+def star_mission_started(flight: Flight, operator: Operator) -> None:
     _recorders.clear()
     if flight.folder is None:
         return
@@ -31,7 +31,7 @@ def star_mission_started(flight: Flight) -> None:
         return
     from star_mcap.process import RecorderProcess
 
-    _recorders.append(RecorderProcess(flight, flight.folder))
+    _recorders.append(RecorderProcess(flight, flight.folder, operator.lost))
 
 
 @hookimpl

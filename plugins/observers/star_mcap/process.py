@@ -32,9 +32,11 @@ class RecorderProcess:
     Args:
         flight: The flight to record.
         folder: Folder of the run; created if missing.
+        lost: Extended by what cannot be recorded, with the reason.
     """
 
-    def __init__(self, flight: Flight, folder: Path) -> None:
+    def __init__(self, flight: Flight, folder: Path, lost: list[str] | None = None) -> None:
+        self._folder, self._lost = folder, [] if lost is None else lost
         folder.mkdir(parents=True, exist_ok=True)
         self._images = flight.save_frames
         self._process = subprocess.Popen(
@@ -100,7 +102,9 @@ class RecorderProcess:
             self._thread.join(CLOSE_TIMEOUT)
             with self._errors:
                 last = self._errors.read().decode(errors="replace").strip().splitlines()
-            raise RuntimeError(f"the recording failed: {last[-1] if last else 'no message'}")
+            wrong = f"the recording failed: {last[-1] if last else 'no message'}"
+            self._lost.append(f"{self._folder}: {wrong}")
+            raise RuntimeError(wrong)
 
     def _feed(self) -> None:
         """Write what is queued to the process."""

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 from star_core import hookimpl
 
 if TYPE_CHECKING:
-    from star_core import Event, Flight, Tick
+    from star_core import Event, Flight, Operator, Tick
     from star_record.recorder import Recorder
 
 _recorders: list[Recorder] = []  # of the current flight, if it is recorded
 
 
 @hookimpl
-def star_mission_started(flight: Flight) -> None:
+def star_mission_started(flight: Flight, operator: Operator) -> None:
     _recorders.clear()
     if flight.folder is not None:
         from star_record.recorder import Recorder
 
-        _recorders.append(Recorder(flight, flight.folder))
+        _recorders.append(Recorder(flight, flight.folder, operator.lost))
 
 
 @hookimpl

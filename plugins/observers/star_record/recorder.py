@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -28,23 +29,26 @@ class Recorder:
     Args:
         flight: The flight to record.
         folder: Output folder; created if missing.
+        lost: Extended by what cannot be recorded, with the reason.
 
     Attributes:
         log: The text log.
     """
 
-    def __init__(self, flight: Flight, folder: Path) -> None:
+    def __init__(self, flight: Flight, folder: Path, lost: list[str] | None = None) -> None:
         self._folder = folder
+        self._lost = [] if lost is None else lost
         self._agents = flight.scene.names
         self._detections: list[Detections] = []
         self._planned = Paths.none()  # the latest
         self._save_frames = flight.save_frames
         self._unknown = {"truth_position", "truth_attitude", "signal"}  # in all ticks so far
-        folder.mkdir(parents=True, exist_ok=True)
-        self._trajectory, self._timing, self._paths = Spool(folder), Spool(folder), Spool(folder)
         self._full = False  # whether a tick could not be stored
-        self._write("manifest.json", flight.manifest)
-        self.log = TextLog(folder / "log.txt")
+        with self._reporting():
+            folder.mkdir(parents=True, exist_ok=True)
+            self._trajectory, self._timing, self._paths = (Spool(folder) for _ in range(3))
+            self._write("manifest.json", flight.manifest)
+            self.log = TextLog(folder / "log.txt")
 
     def add(self, tick: Tick) -> None:
         """Store one tick."""
@@ -90,6 +94,7 @@ class Recorder:
             self._store_paths(tick)
         except OSError as error:
             self._full = True
+            self._lost.append(f"{self._folder}: trajectory from {tick.time:.2f} s on: {error}")
             log.warning("recording of the trajectory stopped: %s", error)
 
     def _store_paths(self, tick: Tick) -> None:
@@ -111,12 +116,21 @@ class Recorder:
                 _write_image(path, image)
             except OSError as error:
                 self._save_frames = False
+                self._lost.append(f"{path.parent}: images from {time:.2f} s on: {error}")
                 log.warning("saving of images stopped: %s", error)
                 return
 
     def close(self, summary: Mapping[str, Any]) -> None:
-        """Write the recorded data; the summary first, since the disk may be full."""
+        """Write the recorded data; the summary first, since the disk may be full.
+
+        Raises:
+            OSError: A file cannot be written, as after the folder was moved away or deleted.
+        """
         self.log.finish(summary)
+        with self._reporting():
+            self._write_tables(summary)
+
+    def _write_tables(self, summary: Mapping[str, Any]) -> None:
         for name, content in zip(("summary", "timing"), split_timing(summary), strict=True):
             self._write(f"{name}.json", content)
         if summary["targets"]["total"]:
@@ -135,6 +149,15 @@ class Recorder:
             found = Detections.merged(self._detections)
             seen: dict[str, Any] = {one.name: getattr(found, one.name) for one in fields(found)}
             np.savez_compressed(self._folder / "detections.npz", **seen)
+
+    @contextmanager
+    def _reporting(self) -> Iterator[None]:
+        """Add files that cannot be written to what is lost."""
+        try:
+            yield
+        except OSError as error:
+            self._lost.append(f"{error.filename or self._folder}: {error.strerror or error}")
+            raise
 
     def _write_targets(self, found: Sequence[Mapping[str, Any]]) -> None:
         """Write ``targets.csv``: one line for each found target."""

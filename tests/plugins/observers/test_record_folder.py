@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -109,6 +111,48 @@ def test_a_record_that_was_not_written_is_not_reported(
     monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
     main(["run", "hop.yaml", "--out", "a/b"])
     assert "a/b\n" not in said.readouterr().out
+
+
+class Vandal:
+    """A plugin that moves the folder of the record away in flight, or deletes it."""
+
+    def __init__(self, *, moves: bool) -> None:
+        self._moves = moves
+
+    @hookimpl
+    def star_ticked(self) -> None:
+        if not Path("out").exists():
+            return
+        if self._moves:
+            Path("out").rename("elsewhere")
+        else:
+            shutil.rmtree("out")
+
+
+@pytest.mark.parametrize("json", [False, True])
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_record_that_is_lost_in_flight_is_the_last_line(
+    said: Said, monkeypatch: pytest.MonkeyPatch, *, moves: bool, json: bool
+) -> None:
+    registry = Registry()
+    registry.add(Vandal(moves=moves), Source("their-dist:vandal"))
+    monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
+    assert main(["run", "hop.yaml", "--out", "out", *["--json"] * json]) == 1
+    out, err = said.readouterr()
+    lines = (err if json else out).splitlines()
+    assert lines[-1].endswith("not recorded: out/summary.json: No such file or directory")
+    assert '"outcome": "completed"' in out if json else lines[0] == "hop: completed"
+
+
+def test_a_full_disk_is_the_last_line(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("star_record.spool.Spool.add", fail)
+    assert main(["run", "hop.yaml", "--out", "out"]) == 1
+    assert said.readouterr().out.endswith(
+        "not recorded: out: trajectory from 0.00 s on: [Errno 28] No space left on device\n"
+    )
 
 
 # What cannot be recorded into

@@ -76,7 +76,7 @@ def test_images_that_cannot_be_kept_cost_one_warning_and_no_record(
         Path("out/frames").write_text("")
     else:
         monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
-    assert main(["run", "m.yaml", "--json", "--out", "out", "--save-frames"]) == 0
+    assert main(["run", "m.yaml", "--json", "--out", "out", "--save-frames"]) == 1
     (warning,) = [one.getMessage() for one in caplog.records if "images" in one.getMessage()]
     assert warning.startswith("saving of images stopped: ")
     with np.load("out/trajectory.npz") as file:
