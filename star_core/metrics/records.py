@@ -11,12 +11,20 @@ from pathlib import Path
 from tokenize import TokenError
 from typing import Any, Final
 
-import numpy as np
-
 from star_core.errors import ContractError, InputError
 from star_core.messages.arrays import Array
 from star_core.messages.telemetry import Detections
+from star_core.metrics import record_files
 from star_core.metrics.planned_paths import PlannedPaths
+from star_core.metrics.record_files import (
+    MANIFEST,
+    SUMMARY,
+    check_arrays,
+    check_json,
+    check_rows,
+    read_arrays,
+    read_json,
+)
 from star_core.mission_file import world_loader
 from star_core.mission_file.located import Document
 from star_core.mission_file.mission_loader import agents
@@ -98,6 +106,10 @@ class Run:
     swarm: tuple[Agent, ...]
     world: World
 
+    def images(self, agent: str) -> dict[int, Path]:
+        """Return the saved images of an agent by their times, ms."""
+        return record_files.images(self.folder, agent)
+
 
 def read_run(folder: Path | str) -> Run:
     """Return a recorded flight.
@@ -129,24 +141,24 @@ def read_run(folder: Path | str) -> Run:
 
 def _read(folder: Path) -> Run:
     """Return a recorded flight; raise one of `DAMAGE` if a file is not as it was written."""
-    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    manifest = read_json(folder / "manifest.json")
+    check_json(manifest, MANIFEST, "manifest.json")
+    summary = read_json(folder / "summary.json")
     if (file := folder / "timing.json").exists():  # earlier records have all in one file
-        summary = _with_timing(summary, json.loads(file.read_text(encoding="utf-8")))
-    arrays = _arrays(folder / "trajectory.npz")
-    timing = _arrays(file) if (file := folder / "timing.npz").exists() else {}
-    found = _arrays(file) if (file := folder / "detections.npz").exists() else None
+        summary = _with_timing(summary, read_json(file))
+    check_json(summary, SUMMARY, "summary.json")
+    arrays = read_arrays(folder / "trajectory.npz")
+    timing = read_arrays(file) if (file := folder / "timing.npz").exists() else {}
+    found = read_arrays(file) if (file := folder / "detections.npz").exists() else None
     detections = Detections.none() if found is None else Detections(**found)
-    planned = _arrays(file) if (file := folder / "paths.npz").exists() else None
+    planned = read_arrays(file) if (file := folder / "paths.npz").exists() else None
     paths = PlannedPaths.none() if planned is None else PlannedPaths(**planned)
     names = tuple(str(name) for name in arrays.pop("agents"))
     swarm = agents(manifest["mission"])
+    check_arrays(arrays, names, [agent.name for agent in swarm])
+    for rows in detections.agent, paths.agent:
+        check_rows(rows, len(names))
     source = folder / "manifest.json"
     document = Document(parse(json.dumps(manifest["world"]), str(source)), source)
     world = world_loader.world(document)
     return Run(folder, manifest, summary, arrays, detections, paths, timing, names, swarm, world)
-
-
-def _arrays(file: Path) -> dict[str, Any]:
-    with file.open("rb") as stream, np.load(stream) as arrays:  # NumPy leaves a damaged file open
-        return {name: arrays[name] for name in arrays.files}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from html import escape
 from typing import Final
 
 import numpy as np
@@ -120,12 +121,13 @@ def steps(run: Run) -> Figure:
             {
                 "type": "bar",
                 "orientation": "h",
-                "name": verb,
+                "name": escape(verb),
                 "y": [bar[0] for bar in bars],
                 "base": [bar[1] for bar in bars],
                 "x": [bar[2] - bar[1] for bar in bars],
-                "text": [bar[3].get("location", "") for bar in bars],
-                "hovertemplate": f"%{{y}}: {verb}<br>%{{text}}<br>%{{base:.2f}} s<extra></extra>",
+                "text": [escape(bar[3].get("location", "")) for bar in bars],
+                "hovertemplate": f"%{{y}}: {escape(verb)}<br>%{{text}}<br>%{{base:.2f}} s"
+                "<extra></extra>",
                 "textposition": "none",
                 "marker": {"color": colour(k), "line": {"color": "white", "width": 1}},
             }
@@ -150,7 +152,7 @@ def compute(run: Run) -> Figure:
             {
                 "type": "bar",
                 "orientation": "h",
-                "y": [name.partition(" (")[0] for name in names],
+                "y": [escape(name.partition(" (")[0]) for name in names],
                 "x": [spent[name] for name in names],
                 "marker": {"color": colour(0)},
                 "hovertemplate": "%{y}: %{x:.3f} s<extra></extra>",
@@ -179,8 +181,9 @@ def _approaches(
     for event in run.summary["events"]:
         details = event.get("details") or {}
         if event["kind"] in APPROACHES and ("obstacle" in details) == obstacles:
-            at = int(np.searchsorted(run.arrays["time"], details["time_s"]))
+            time = details.get("time_s", event["time"])
+            at = int(np.searchsorted(run.arrays["time"], time))
             distance = float(nearest.distance[min(at, len(nearest.distance) - 1)])
             if np.isfinite(distance):
-                found.append((details["time_s"], distance, event["text"]))
+                found.append((time, distance, escape(event["text"])))
     return [one[0] for one in found], [one[1] for one in found], [one[2] for one in found]

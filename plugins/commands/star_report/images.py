@@ -26,7 +26,8 @@ def images(run: Run) -> Iterator[str]:
 
     If there is none with tags, it has others.
     """
-    saved = sorted(run.folder.glob("frames/*/*.png"), key=lambda path: (path.stem, path.parent))
+    saved = [path for agent in run.agents for path in run.images(agent).values()]
+    saved.sort(key=lambda path: (path.stem, path.parent))
     found = run.detections
     tags: dict[tuple[str, int], list[int]] = {}  # rows of the detections in each image
     for k, (row, time) in enumerate(zip(found.agent.tolist(), found.time.tolist(), strict=True)):

@@ -117,7 +117,7 @@ def section(number: int, title: str, caption: str, figure: Figure) -> str:
 def _events(events: Sequence[Mapping[str, Any]]) -> str:
     rows = "".join(
         f'<tr class="{escape(event["kind"])}"><td>{event["time"]:.2f} s<td>{escape(event["kind"])}'
-        f"<td>{escape(event.get('agent', ''))}<td>{escape(event['text'])}"
+        f"<td>{escape(str(event.get('agent', '')))}<td>{escape(event['text'])}"
         for event in events
     )
     return (

@@ -43,7 +43,7 @@ class Replay:
         self._run = run
         self._time = run.arrays["time"]
         # saved images of each agent, by their times, ms
-        self._frames = {name: _saved(run, name) for name in run.agents}
+        self._frames = {name: run.images(name) for name in run.agents}
         self._shown: list[Path] = []
         self.server = open_page(run.world, port, run.summary["mission"])
         self._add_paths(self.server.scene)
@@ -159,8 +159,3 @@ class Replay:
 
         chosen.on_update(jump)
         buttons.on_click(step)
-
-
-def _saved(run: Run, agent: str) -> dict[int, Path]:
-    """Return the saved images of an agent by their times, ms."""
-    return {int(path.stem): path for path in run.folder.glob(f"frames/{agent}/*.png")}
