@@ -42,7 +42,7 @@ def output_folder(out: str | None, name: str, marker: str) -> Path:
         marker: File that an earlier run of the command has left in it.
 
     Raises:
-        InputError: It is a file, or has other contents.
+        InputError: It is a file, or has other contents, or links, which a file of others may be.
     """
     if out is None:
         return new_folder(name)
@@ -51,6 +51,9 @@ def output_folder(out: str | None, name: str, marker: str) -> Path:
         raise InputError(f"--out {out}: is not a folder", "unwritable-file")
     if folder.exists() and any(folder.iterdir()) and not (folder / marker).is_file():
         wrong = f"--out {out}: contains other files (no {marker}); name another folder"
+        raise InputError(wrong, "unwritable-file")
+    if folder.exists() and (links := [each.name for each in folder.iterdir() if each.is_symlink()]):
+        wrong = f"--out {out}: {links[0]!r} is a link; name a folder whose files are its own"
         raise InputError(wrong, "unwritable-file")
     return folder
 
@@ -69,6 +72,19 @@ def writing(path: Path | str) -> Iterator[None]:
     except OSError as error:
         wrong = f"{path}: cannot be written: {error.strerror or error}"
         raise InputError(wrong, "unwritable-file") from error
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Write a file atomically; a link in its position is replaced, not followed.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    new = path.with_name(f"{path.name}.new")
+    new.unlink(missing_ok=True)
+    with new.open("x", encoding="utf-8") as file:
+        file.write(text)
+    new.replace(path)
 
 
 class LatestRun:

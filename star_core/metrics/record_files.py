@@ -14,7 +14,7 @@ from typing import Any, BinaryIO, Final, TypeAlias
 import numpy as np
 
 from star_core.errors import ContractError
-from star_core.messages.arrays import Array
+from star_core.messages.arrays import Array, Rows
 
 MAX_JSON: Final = 100_000_000  # bytes
 MAX_ARRAYS: Final = 1 << 30  # bytes of all arrays of a file that is small
@@ -156,7 +156,7 @@ def check_arrays(arrays: Mapping[str, Array], agents: Sequence[str], swarm: Sequ
             raise ValueError(f"{name!r} has shape {array.shape}")
 
 
-def check_rows(rows: Array, agents: int) -> None:
+def check_rows(rows: Rows, agents: int) -> None:
     """Check rows of agents.
 
     Raises:

@@ -143,8 +143,8 @@ def _read(folder: Path) -> Run:
     """Return a recorded flight; raise one of `DAMAGE` if a file is not as it was written."""
     manifest = read_json(folder / "manifest.json")
     check_json(manifest, MANIFEST, "manifest.json")
-    summary = read_json(folder / "summary.json")
-    if (file := folder / "timing.json").exists():  # earlier records have all in one file
+    summary = {"late_ticks": 0, "compute_s": {}} | read_json(folder / "summary.json")
+    if (file := folder / "timing.json").exists():
         summary = _with_timing(summary, read_json(file))
     check_json(summary, SUMMARY, "summary.json")
     arrays = read_arrays(folder / "trajectory.npz")

@@ -19,8 +19,8 @@ from star_ablate.journal import Journal, StudyProgress
 from star_ablate.reading import read
 from star_ablate.study import COLUMNS, Run, Study
 from star_ablate.workers import fly_all
-from star_core import Registry
-from star_core.commands import output_folder, positive_integer, write_report, writing
+from star_core import InputError, Registry
+from star_core.commands import output_folder, positive_integer, replace_file, write_report, writing
 from star_core.toolkit import Progress, suggestion
 
 JOURNAL: Final = "runs.jsonl"
@@ -75,7 +75,7 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> tuple[in
     folder.mkdir(parents=True, exist_ok=True)
     plugins = {str(part) for c in study.conditions for part in c.mission.parts.values()}
     about = {"study": study.data, "seeds": study.seeds, "plugins": sorted(plugins)}
-    _write(folder / "study.json", json.dumps(about, indent=2) + "\n")
+    replace_file(folder / "study.json", json.dumps(about, indent=2) + "\n")
     runs = list(study.runs())
     with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:
         found = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
@@ -93,8 +93,8 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> tuple[in
                 progress.add(missing[index], result)
     done = [(run, found[run.key]) for run in runs if run.key in found]
     table = results.as_markdown(study, done)
-    _write(folder / "results.csv", results.as_csv(study, done))
-    _write(folder / "results.md", table)
+    replace_file(folder / "results.csv", results.as_csv(study, done))
+    replace_file(folder / "results.md", table)
     sys.stderr.writelines(f"star: {line}\n" for line in _unknown_measures(study, done))
     if interrupts:
         sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
@@ -127,13 +127,13 @@ def _unknown_measures(study: Study, done: Sequence[tuple[Run, Result]]) -> Itera
 
 
 def _record(folder: Path, run: Run) -> Path:
-    """Return the folder of a run's record."""
+    """Return the folder of a run's record.
+
+    Raises:
+        InputError: A link, or the name of a level, leads out of the study's folder.
+    """
     levels = (f"{name}={level}" for name, level in run.condition.levels.items())
-    return Path(folder, "runs", run.condition.file, *levels, f"seed={run.seed}")
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file atomically."""
-    new = path.with_name(f"{path.name}.new")
-    new.write_text(text, encoding="utf-8")
-    new.replace(path)
+    record = Path(folder, "runs", run.condition.file, *levels, f"seed={run.seed}")
+    if not record.resolve().is_relative_to(folder.resolve()):
+        raise InputError(f"{record}: a link leads out of the study's folder", "unwritable-file")
+    return record

@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Final
 
 from star_ablate.flight import Result
 from star_ablate.study import Run
 from star_core.toolkit import Progress, duration, log, on_terminal
 
+MAX_LINE: Final = 100_000_000  # bytes
+MAX_WALL_TIME: Final = 1e9  # s
 WARM_FLIGHTS = 2  # for each worker, after its first; then the time of the study is estimated
 
 
@@ -27,10 +31,14 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
-        text = path.read_text(encoding="utf-8") if path.exists() else ""
-        self.done = dict(run for line in text.splitlines() if (run := _parsed(line)) is not None)
+        self.done: dict[str, Result] = {}
+        whole = True  # whether the last line ends
+        for line in _lines(path) if path.exists() else ():
+            whole = line.endswith(b"\n")
+            if (run := _parsed(line)) is not None:
+                self.done[run[0]] = run[1]
         self._file = path.open("a", encoding="utf-8")
-        if text and not text.endswith("\n"):  # a previous writer was killed in the middle of a line
+        if not whole:  # a previous writer was killed in the middle of a line
             self._file.write("\n")
 
     def add(self, run: Run, result: Result) -> None:
@@ -45,14 +53,28 @@ class Journal:
         self._file.close()
 
 
-def _parsed(line: str) -> tuple[str, Result] | None:
+def _lines(path: Path) -> Iterator[bytes]:
+    """Yield the lines of a journal; of one that is too long, pieces that are no JSON."""
+    with path.open("rb") as file:
+        while line := file.readline(MAX_LINE):
+            yield line
+
+
+def _parsed(line: bytes | str) -> tuple[str, Result] | None:
     """Return the key and result of a run with a summary; None for any other line."""
     try:
-        found = json.loads(line)
-        result = Result(*(found[name] for name in Result.__slots__))
-        return (found["key"], result) if result.summary is not None else None
-    except (ValueError, KeyError, TypeError):
-        return None
+        match json.loads(line):
+            case {
+                "key": str(key),
+                "outcome": str(outcome),
+                "reason": str(reason),
+                "wall_time": float(wall_time) | int(wall_time),
+                "summary": dict(summary),
+            } if abs(wall_time) <= MAX_WALL_TIME:
+                return key, Result(outcome, reason, wall_time, summary)
+    except (ValueError, RecursionError):
+        pass
+    return None
 
 
 class StudyProgress(Progress):

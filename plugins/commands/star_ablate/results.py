@@ -16,7 +16,9 @@ from star_ablate.study import COLUMNS, Run, Study
 Results: TypeAlias = Sequence[tuple[Run, Result]]
 
 CONFIDENCE: Final = 0.95
+MAX_MEASURE: Final = 1e100  # whose variance is finite
 MISSING: Final = "-"  # in a cell
+FORMULA: Final = ("=", "+", "-", "@")  # what a formula of a spreadsheet begins with
 
 
 class Statistics(NamedTuple):
@@ -79,9 +81,9 @@ def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
 
 
 def finite(values: Sequence[Any]) -> list[float]:
-    """Return the finite numbers among some values; booleans count as 0 or 1."""
-    numbers = (float(value) for value in values if isinstance(value, int | float))
-    return [value for value in numbers if math.isfinite(value)]
+    """Return the numbers up to `MAX_MEASURE` among some values; booleans count as 0 or 1."""
+    numbers = (value for value in values if isinstance(value, int | float))
+    return [float(value) for value in numbers if abs(value) <= MAX_MEASURE]
 
 
 def as_csv(study: Study, results: Results) -> str:
@@ -97,7 +99,8 @@ def as_csv(study: Study, results: Results) -> str:
     )
     for run, result in results:
         values = (_cell(value_at(result.summary, measure)) for measure in measures)
-        about = (*run.condition.names, run.seed, result.outcome, result.reason)
+        texts = map(_inert, (result.outcome, result.reason))
+        about = (*map(_inert, run.condition.names), run.seed, *texts)
         table.writerow([*about, *values, f"{result.wall_time:.3f}"])
     return text.getvalue()
 
@@ -170,4 +173,22 @@ def _row(cells: Sequence[str]) -> str:
 def _cell(value: Any) -> Any:
     if value is None:
         return ""
+    if isinstance(value, str):
+        return _inert(value)
     return json.dumps(value) if isinstance(value, Mapping | list | bool) else value
+
+
+def _inert(text: str) -> str:
+    """Return a text as a cell of one line that no spreadsheet takes for a formula.
+
+    >>> _inert("=1+1"), _inert("-0.5"), _inert("orca")
+    ("'=1+1", '-0.5', 'orca')
+    """
+    text = " ".join(text.split())
+    if not text.startswith(FORMULA):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text

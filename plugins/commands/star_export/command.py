@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from star_core import read_run
-from star_core.commands import writing
+from star_core import InputError, read_run
+from star_core.commands import replace_file, writing
 from star_core.toolkit import Progress
 from star_export.tables import csv_files, tum_files
 
@@ -27,11 +27,13 @@ def main(arguments: Sequence[str]) -> int:
     with Progress(f"exporting {options.run}"):
         run = read_run(options.run)
         out = Path(options.out) if options.out else run.folder / options.format
+        if not options.out and out.is_symlink():  # the folder may be of others
+            raise InputError(f"{out}: is a link; name a folder by --out", "unwritable-file")
         for name, text in FORMATS[options.format](run):
             files.append(out / name)
             with writing(files[-1]):
                 out.mkdir(parents=True, exist_ok=True)
-                files[-1].write_text(text, encoding="utf-8")
+                replace_file(files[-1], text)
     sys.stdout.writelines(f"{file}\n" for file in files)
     return 0
 

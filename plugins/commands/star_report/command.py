@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from star_core import InputError, read_run
+from star_core.commands import replace_file, writing
 from star_core.toolkit import Progress
 from star_report import study
 
@@ -39,16 +40,15 @@ def write(folder: Path, out: Path | None = None) -> Path:
     Raises:
         InputError: The folder holds no complete record, or the page cannot be written.
     """
-    out = out or folder / "report.html"
     with Progress(f"drawing the report of {folder}"):
         text = _page(folder)
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"{out}: cannot be written: {error.strerror}", "unwritable-file"
-        ) from error
-    return out
+    path = out or folder / "report.html"
+    with writing(path):
+        if out is None:  # the folder may be of others
+            replace_file(path, text)
+        else:
+            path.write_text(text, encoding="utf-8")
+    return path
 
 
 def _page(folder: Path) -> str:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 FILE: Final = "results.csv"
 CONFIDENCE: Final = 0.95
+MAX_MEASURE: Final = 1e100  # whose variance is finite
 JITTER: Final = 0.12  # half the width of the points of a condition, in conditions
 MEAN_SHIFT: Final = 0.27  # from the points of a condition to its mean, in conditions
 FEW: Final = 12  # conditions, below which there is more space for each
@@ -55,10 +56,14 @@ def read(folder: Path) -> Study:
     Raises:
         InputError: Its table is not that of a study.
     """
-    with (folder / FILE).open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    try:
+        with (folder / FILE).open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (ValueError, csv.Error) as error:
+        raise InputError(f"{folder / FILE}: cannot be read: {error}", "no-record") from error
     columns = list(rows[0]) if rows else []
-    if not {"mission", "seed", "outcome", "reason", "wall_time_s"} <= set(columns):
+    whole = not any(None in row or None in row.values() for row in rows)
+    if not (whole and {"mission", "seed", "outcome", "reason", "wall_time_s"} <= set(columns)):
         raise InputError(f"{folder / FILE}: expected the table of a study", "no-record")
     factors = columns[: columns.index("seed")]
     if len({row["mission"] for row in rows}) == 1 and len(factors) > 1:
@@ -89,7 +94,7 @@ def _name(folder: Path) -> str:
     try:
         about = json.loads((folder / "study.json").read_text(encoding="utf-8"))
         return str(about["study"]["name"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return folder.resolve().name
 
 
@@ -99,7 +104,7 @@ def number(row: Row, measure: str) -> float | None:
         value = float(row[measure])
     except ValueError:
         return None
-    return value if math.isfinite(value) else None
+    return value if abs(value) <= MAX_MEASURE else None
 
 
 def interval(values: Sequence[float]) -> Interval | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import struct
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,14 +14,16 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import Writer
-from zstandard import ZstdError
+from zstandard import CONTENTSIZE_UNKNOWN, ZstdError, get_frame_parameters
 
 from star_core import InputError
 from star_core.toolkit import Progress
 from star_mcap.messages import FILE
 from star_mcap.writer import begin
 
-MAX_RECORD: Final = 1 << 28  # bytes; a longer one is damaged
+MAX_RECORD: Final = 1 << 26  # bytes; a longer one is damaged
+MAX_UNPACKED: Final = 1 << 30  # bytes of all chunks of a file that is small
+MAX_RATIO: Final = 100  # of those of a larger file to the file
 DAMAGE: Final = (
     McapError,
     struct.error,
@@ -93,7 +96,8 @@ def recover(path: Path) -> Recovered:
     times: list[int] = []
     lost = count = 0
     try:
-        with path.open("rb") as source, copy.open("wb") as target:
+        copy.unlink(missing_ok=True)  # it may be a link
+        with path.open("rb") as source, copy.open("xb") as target:
             writer = begin(target)
             channels = _copy_channels(source, writer)
             source.seek(0)
@@ -143,6 +147,7 @@ def _readable(stream: BinaryIO) -> Iterator[McapRecord | None]:
         McapError: Not even its header can be read.
     """
     records = StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD).records
+    left = max(MAX_UNPACKED, MAX_RATIO * os.fstat(stream.fileno()).st_size)
     try:
         yield next(records)
     except (StopIteration, *DAMAGE) as error:
@@ -150,6 +155,10 @@ def _readable(stream: BinaryIO) -> Iterator[McapRecord | None]:
     try:
         for record in records:
             if isinstance(record, Chunk):
+                if record.uncompressed_size > min(left, MAX_RECORD):
+                    yield None
+                    continue
+                left -= record.uncompressed_size
                 yield from _unpacked(record)
             else:
                 yield record
@@ -160,9 +169,13 @@ def _readable(stream: BinaryIO) -> Iterator[McapRecord | None]:
 
 def _unpacked(chunk: Chunk) -> Iterable[McapRecord | None]:
     """Return the records of a chunk; None if they are damaged."""
-    if chunk.uncompressed_size > MAX_RECORD:
+    if chunk.compression not in {"", "zstd"}:
         return [None]
     try:
+        if chunk.compression:
+            size = get_frame_parameters(chunk.data).content_size
+            if size not in {chunk.uncompressed_size, CONTENTSIZE_UNKNOWN}:
+                return [None]
         return breakup_chunk(chunk, validate_crc=True)
     except DAMAGE:
         return [None]

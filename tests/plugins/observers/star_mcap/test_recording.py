@@ -338,9 +338,12 @@ def test_a_failing_recording_is_named(
 ) -> None:
     (tmp_path / "run" / FILE).mkdir(parents=True)  # cannot be written
     mission = run.parent / "hop.yaml"
-    assert main(["run", str(mission), "--out", str(tmp_path / "run")]) == 0
-    assert "mcap is dropped" in (errors := capsys.readouterr().err)
-    assert "IsADirectoryError" in errors
+    assert main(["run", str(mission), "--out", str(tmp_path / "run")]) == 1
+    printed = capsys.readouterr()
+    assert "mcap is dropped" in printed.err
+    assert "IsADirectoryError" in printed.err
+    last = f"not recorded: {tmp_path / 'run'}: the recording failed: IsADirectoryError"
+    assert printed.out.splitlines()[-1].startswith(last)
 
 
 def test_without_the_packages_recover_names_them(
