@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 
 UNSTEERED = (Order.GOTO, Order.FOLLOW)  # no setpoints are sent until these are over
 COMMANDER_FINISHED = int(Supervisor.COMMANDER_FINISHED)
+DESCENT_SPEED = 0.3  # m/s, of agents that setpoints bring down
+TOUCHDOWN_HEIGHT = 0.04  # m, as reported: then they are on the floor
 SETTLED_SPEED = 0.1  # m/s, vertical, below which a climb has come to rest
 MAX_SETTLING_TIME = 2.0  # s that it has for that
 
@@ -71,6 +73,8 @@ class VehicleInterface:
         self._monitor = EstimateMonitor(scene, pipeline.localizer)
         self._unheard = UnheardAgents(n, scene.limits)
         self._heard = np.ones(n, np.bool_)
+        self._height = np.full(n, np.nan)  # m, as reported
+        self._descending = np.zeros(n, np.bool_)  # by setpoints
 
     def receive(self) -> Telemetry:
         """Wait for the next tick, and return what arrived since the last one.
@@ -112,6 +116,7 @@ class VehicleInterface:
             for name, text in reports:
                 self._observers.event("estimate", text, name)
         self._heard = telemetry.age <= MAX_REPORT_AGE
+        self._height = telemetry.position[:, 2]
         self.estimate = self._unheard.mark(
             estimate, telemetry.age, airborne, self.ground.steered_seen, telemetry.lands_by
         )
@@ -169,6 +174,7 @@ class VehicleInterface:
         )
         sent = self._pipeline.send(odom, to_map)
         self._unheard.steered(self.time, setpoint.active)
+        self._unheard.descend(self._descending)
         self.ground.steered(self.time, setpoint.active)
         if sent is odom:
             return setpoint
@@ -207,6 +213,20 @@ class VehicleInterface:
             case Order.GOTO | Order.FOLLOW:
                 self._until[command.agent] = self.time + command.duration
         self.report_phases()
+
+    def drifts(self) -> Mask:
+        """Return which agents would drift in a landing, and can be brought down by setpoints: (N,).
+
+        Their flow sensors see no motion: on board, they hold a velocity that is not zero.
+        """
+        steerable = self._setpoints_sent & self._heard & self.phases.among(AgentPhase.LOST)
+        drifts: Mask = steerable & self._monitor.sees_no_motion & (self._height > TOUCHDOWN_HEIGHT)
+        return drifts
+
+    def descend(self, rows: Iterable[int]) -> None:
+        """Let agents that `drifts` descend by setpoints in this tick, and no others."""
+        self._descending[:] = False
+        self._descending[list(rows)] = True
 
     def release(self, rows: Iterable[int]) -> None:
         """Fly agents by setpoints again, whatever their commanders fly."""
@@ -264,6 +284,7 @@ class VehicleInterface:
         rest = self._monitor.rest_velocity(estimate.map_from_odom)
         speed = np.linalg.norm(rest, axis=1, keepdims=True)
         rest *= self._scene.limits.speed / np.maximum(speed, self._scene.limits.speed)
+        rest[self._descending, 2] = -DESCENT_SPEED
         return Setpoint(
             velocity=np.where(brakes[:, None], rest, setpoint.velocity),
             yaw=np.where(brakes, heading, setpoint.yaw),

@@ -56,12 +56,14 @@ class _Landing:
         until: Time at which it is commanded at the latest, s.
         position: (2,) to land at, m; None until the agent is at rest.
         height: Of the flight to it, m.
+        descends: Whether setpoints lead it down.
     """
 
     duration: float
     until: float
     position: Array | None = None
     height: float = 0.0
+    descends: bool = False
 
 
 class LandingManager:
@@ -71,8 +73,9 @@ class LandingManager:
     keeps the speed it has. So a flying agent is first led to rest, by planner, avoider and safety
     filter, at a position with no agent and no obstacle below: its own, or the nearest free one that
     the planner flies to. The margin for its uncertain position is kept to obstacles and fence, if
-    there is such a position. An agent that cannot be steered, or does not arrive in time, lands
-    from its position.
+    there is such a position. An agent whose flow sensor sees no motion would drift in a landing:
+    setpoints lead it down to the floor. Another that cannot be steered, or does not arrive in time,
+    lands from its position.
 
     Args:
         scene: The agents and the world.
@@ -204,14 +207,22 @@ class LandingManager:
     def step(self, estimate: Estimate, goals: GoalBuffer) -> None:
         """Command the landings that are possible; set the goals of the other agents."""
         if not self._waiting:
+            self._vehicles.descend(())
             return
         phases = self._vehicles.phases.of_agents()
+        drifts, descending = self._vehicles.drifts(), []
         steered = (phases == AgentPhase.FLYING) & estimate.valid
         self._vehicles.release(self._waiting)
         ready = []
         for row in sorted(self._waiting, key=lambda row: (estimate.position[row, 2], row)):
             landing = self._waiting[row]  # lowest first: it keeps its position
             here, velocity = estimate.position[row], estimate.velocity[row]
+            if drifts[row] and not landing.descends:
+                landing.descends = True
+                landing.until = self._vehicles.time + max(0.0, here[2]) / LAND_SPEED + SETTLING_TIME
+            if drifts[row] and self._vehicles.time < landing.until:
+                descending.append(row)
+                continue
             if not steered[row] or self._vehicles.time >= landing.until:
                 ready.append(row)
                 continue
@@ -225,6 +236,7 @@ class LandingManager:
             else:
                 goal = np.array([*landing.position, landing.height])
                 goals.set_goal(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
+        self._vehicles.descend(descending)
         durations = np.array([self._waiting.pop(row).duration for row in ready])
         self.land_now(np.array(ready, np.int64), estimate, durations)
 

@@ -100,12 +100,16 @@ class UnheardAgents:
         self._on_board = np.zeros(n, np.bool_)  # whether it may fly what follows
         self._end = np.full((n, 3), np.nan)  # m, where that ends; x and y of a climb are NaN
         self._ends_at = np.full(n, np.inf)  # s, planned
-        self._lands = np.zeros(n, np.bool_)  # whether the last command was to land or to stop
+        self._lands = np.zeros(n, np.bool_)  # whether they were last commanded to land or to stop
 
     def steered(self, time: float, rows: Mask | Rows) -> None:
         """Note that setpoints were sent to agents: without another one their motors stop."""
         self._down_by[rows] = time + WATCHDOG_TIME + FALL_TIME
         self._lands[rows] = False
+
+    def descend(self, rows: Mask) -> None:
+        """Note that setpoints lead agents down to the ground: (N,)."""
+        self._lands |= rows
 
     def flies_on_board(self, rows: Rows, end: Array, until: Array) -> None:
         """Note that agents fly a command, after which they hover or land.

@@ -61,6 +61,8 @@ class DragCheck:
 
     Attributes:
         evidence: (N,) logarithm of the likelihood ratio of a wrong flow sensor.
+        missing: (N,) true less reported velocity by the drag, in odometry frames, x + iy, m/s; NaN
+            where it is not known.
     """
 
     def __init__(self, n: int) -> None:
@@ -70,16 +72,19 @@ class DragCheck:
         self._sway = np.zeros(n, np.complex128)  # m/s², unexplained drag, averaged
         self._variance = np.zeros(n)  # (m/s²)², of that along one axis
         self.evidence = np.zeros(n)
+        self.missing = np.full(n, np.nan, np.complex128)
         self._missing = np.zeros((2, n), np.complex128)  # m/s and m since the evidence was zero
         self._contradicted = np.zeros(n, np.bool_)
         self._airborne = np.zeros(n, np.bool_)  # in the last check
 
-    def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
+    def check(self, telemetry: Telemetry, airborne: Mask, contradicted: Mask | None = None) -> Mask:
         """Return the agents that fly faster than they report: (N,).
 
         Args:
             telemetry: Of the tick, in odometry frames.
             airborne: (N,) which agents are in the air.
+            contradicted: (N,) agents whose reported velocities are known to be wrong: what their
+                accelerometers measure is not taken for an error of these.
         """
         if telemetry.specific_force is None:
             return self._contradicted
@@ -94,6 +99,9 @@ class DragCheck:
         dt = np.where(usable, passed, 0.0)
         velocity = np.where(usable, velocity, 0.0)
         error = np.where(usable, unexplained - self._bias, 0.0)
+        known = usable & (self._learnt > LEARNING_TIME)
+        with np.errstate(invalid="ignore"):
+            self.missing = np.where(known, -error / DRAG * np.exp(1j * telemetry.heading), np.nan)
         square = np.abs(velocity) ** 2
         self._sway += -np.expm1(-dt / SWAY_TIME) * (error - self._sway)
         measured = np.abs(self._sway) ** 2 / 2 - self._variance
@@ -107,7 +115,8 @@ class DragCheck:
             self.evidence + dt * trust * np.minimum(rate, MIN_EVIDENCE / MIN_TIME), 0.0
         )
         gain = -np.expm1(-dt / np.clip(self._learnt, dt + 1e-9, BIAS_TIME))
-        self._bias += np.where(self._contradicted, 0.0, gain * error)
+        wrong = self._contradicted if contradicted is None else self._contradicted | contradicted
+        self._bias += np.where(wrong, 0.0, gain * error)
         self._learnt += dt
         self._note_missing(dt, np.where(usable, EXCESS * reported, 0.0), airborne)
         self._time = np.where(passed <= 0, self._time, time)

@@ -75,6 +75,8 @@ not of the same time look like a correction while an agent turns around."""
 
 MIN_STUCK_REPORTS: Final = 4  # likewise
 
+CORRECTED_IN: Final = 0.5  # s, time constant of corrections by the drag
+
 MAX_GAP: Final = 0.2  # s between two reports that are compared
 MIN_UPRIGHT: Final = 0.5  # cosine of the greatest tilt of an agent that still flies
 TINY: Final = 1e-9
@@ -88,10 +90,15 @@ class EstimateMonitor:
     Args:
         scene: Agents and limits.
         localizer: Names the localizer in reports.
+
+    Attributes:
+        sees_no_motion: (N,) agents whose tilt contradicts their velocity: their flow sensors are
+            stuck.
     """
 
     def __init__(self, scene: Scene, localizer: str) -> None:
         n = len(scene.agents)
+        self.sees_no_motion = np.zeros(n, np.bool_)
         self._names = scene.names
         self._localizer = localizer
         self._gate = EstimateGate(n, scene.limits.speed)
@@ -128,7 +135,10 @@ class EstimateMonitor:
         height = np.where(heard, telemetry.position[:, 2], np.nan)
         accepted, jumps = self._gate.check(estimate, airborne, reported, heard, height)
         reports = [(self._names[jump.row], self._of_jump(jump)) for jump in jumps]
-        tilts, dragged = (one.check(telemetry, airborne) for one in (self._motion, self._drag))
+        tilts = self._motion.check(telemetry, airborne)
+        dragged = self._drag.check(telemetry, airborne, tilts)
+        self._motion.correct(self._drag.missing)
+        self.sees_no_motion = tilts
         contradicted = tilts | dragged
         for row in np.flatnonzero(contradicted & ~self._contradicted).tolist():
             by = "tilt" if tilts[row] else "drag"
@@ -382,6 +392,7 @@ class MotionCheck:
         self._evidence = np.zeros(n)  # that the flow sensor is stuck
         self._contradicted = np.zeros(n, np.bool_)
         self._airborne = np.zeros(n, np.bool_)  # in the last check
+        self._passed = np.zeros(n)  # s between the reports that were compared last
 
     def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
         """Return the agents that fly otherwise than they report: (N,).
@@ -411,6 +422,16 @@ class MotionCheck:
         self._contradicted |= (self._learnt > LEARNING_TIME) & (self._evidence > MIN_EVIDENCE)
         return self._contradicted.copy()
 
+    def correct(self, missing: Vectors) -> None:
+        """Correct the errors of the velocities of agents that were found by measured ones.
+
+        Args:
+            missing: (N,) true less reported velocity, m/s, in odometry frames; NaN where unknown.
+        """
+        usable = self._contradicted & np.isfinite(missing)
+        gain = np.where(usable, -np.expm1(-self._passed / CORRECTED_IN), 0.0)
+        self._errors[0] += gain * (np.where(usable, missing, 0.0) - self._errors[0])
+
     def errors(self) -> tuple[Array, Array]:
         """Return by how much the motion of agents that were found differs from what they report.
 
@@ -434,7 +455,7 @@ class MotionCheck:
         telemetry: Telemetry,
     ) -> None:
         """Add what happened to the known rows in some seconds."""
-        dt = np.where(known, seconds, 0.0)
+        self._passed = dt = np.where(known, seconds, 0.0)
         heading = np.exp(1j * np.where(known, telemetry.heading, 0.0))
         correction = np.where(known, unexplained - self._bias * heading, 0.0)
         square = np.abs(np.where(known, speed, 0.0)) ** 2

@@ -44,6 +44,13 @@ def test_no_fault_breaks_no_policy_and_a_broken_motor_is_attributed(matrix: Any)
     assert fallen["fallen"] == 1
 
 
+def test_a_stuck_flow_sensor_lets_no_drone_drift_away(matrix: Any) -> None:
+    flown = matrix.flown(cell(matrix, "flow sensor of one drone stuck"), 7003, "default")
+    assert any("faster than it reports" in event for event in flown["events"])
+    assert flown["broken"] == []
+    assert flown["outside"] == 0.0
+
+
 def witness(matrix: Any, flight: Any) -> Any:
     """Two drones that hover at 1 m for a second, 1 m apart, and are on the ground at 10 s."""
     seen = flight.Witness(cell(matrix, "a motor stops"), 3.0)

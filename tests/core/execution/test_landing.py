@@ -170,7 +170,9 @@ class Landings:
         self.landed: list[list[int]] = []
         self.commands: list[Command] = []
         self.reported: list[str] = []
+        self.descending: list[list[int]] = []
         n = len(phases)
+        self.drifts = np.zeros(n, bool)
         self.vehicles = SimpleNamespace(
             time=0.0,
             climb_top=np.ones(n),
@@ -179,6 +181,8 @@ class Landings:
                 among=lambda *some: among(np.array(phases, np.int64), *some),
             ),
             release=lambda _rows: None,
+            drifts=lambda: self.drifts,
+            descend=lambda rows: self.descending.append(list(rows)),
             send_command=lambda command, _estimate: self._sent(command),
         )
         observers: Any = SimpleNamespace(
@@ -220,6 +224,25 @@ def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() 
     landings.manager.step(replace(stacked, valid=np.array([True, False])), GoalBuffer(2, 0.5))
     assert landings.landed == [[1]]
     assert landings.reported == ["cf1 lands 0.60 m aside: its position is not free"]
+
+
+@pytest.mark.parametrize("limit", [3.0, np.inf])
+def test_setpoints_lead_an_agent_down_that_would_drift_in_a_landing(limit: float) -> None:
+    """Until it is on the floor, or as long as a descent from its height may take."""
+    landings = Landings([AgentPhase.LOST])
+    landings.drifts[0] = True
+    lost = replace(estimate(np.array([[0.0, 0.0, 0.6]])), valid=np.zeros(1, bool))
+    landings.manager.land([0])
+    for k in range(120):
+        landings.vehicles.time = time = 0.05 * k
+        landings.drifts[0] = time < limit
+        landings.manager.step(lost, GoalBuffer(1, 0.5))
+        if landings.landed:
+            break
+    assert landings.landed == [[0]]
+    assert time == pytest.approx(min(limit, 4.0), abs=0.06)
+    assert landings.descending[:-1] == [[0]] * (len(landings.descending) - 1)
+    assert landings.descending[-1] == []
 
 
 @pytest.mark.parametrize("depth", [0.0, 1.0])

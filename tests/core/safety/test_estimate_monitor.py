@@ -102,3 +102,16 @@ def test_one_that_was_found_stays_so_until_it_takes_off_again() -> None:
     assert not check.errors()[1].any()
     assert not check.check(report(5.1, 0.0, 1e-6, 0), AIRBORNE).any()
     assert not np.any(check.errors())
+
+
+def test_the_drag_corrects_the_velocity_of_one_that_was_found() -> None:
+    check, missing = MotionCheck(1), 0.2 - 0.1j
+    for k in range(100):
+        check.check(report(k * PERIOD, 0.5 * (k > 30), 1.5 * (k > 30) + 1e-6, 0), AIRBORNE)
+    before = check.errors()[1]
+    check.correct(np.array([np.nan + 0j]))
+    assert check.errors()[1].tolist() == before.tolist()
+    for k in range(100, 150):
+        check.check(report(k * PERIOD, 0.5, DRAG * 0.5, 0), AIRBORNE)
+        check.correct(np.array([missing]))
+    assert check.errors()[1][0, :2] == pytest.approx([0.2, -0.1], abs=0.05)
