@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import math
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -292,6 +294,26 @@ class Lab:
     def _where(self, scene: star.Scene) -> star.Transform:
         starts = np.array([agent.start for agent in scene.agents])
         return self.frames or star.Transform(np.zeros(len(starts)), starts)
+
+
+@pytest.fixture
+def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
+    """Have ``star`` find one plugin more than is installed."""
+
+    def add(plugin: object) -> None:
+        registry = Registry()
+        registry.add(plugin, Source("their-dist:theirs", "1.2"))
+        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
+
+    return add
+
+
+def a_pipe(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    """Return what is written to stderr, a pipe, from now on."""
+    text = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", text)
+    monkeypatch.setattr("star_core.toolkit.progress._reporter._until", 0.0)  # no work before
+    return text
 
 
 @pytest.fixture

@@ -339,18 +339,6 @@ def test_a_plugin_that_is_left_out_is_named_on_standard_error_too(
 # Commands of plugins
 
 
-@pytest.fixture
-def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
-    """Have ``star`` find one plugin more than is installed."""
-
-    def add(plugin: object) -> None:
-        registry = Registry()
-        registry.add(plugin, Source("their-dist:theirs", "1.2"))
-        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
-
-    return add
-
-
 class Greeter:
     """A plugin that adds the command ``greet``."""
 

@@ -38,6 +38,7 @@ from star_core.registry import Registry
 from star_core.runner import fly
 from star_core.testing import estimate, health, scene
 from star_core.toolkit.progress import REFRESH_PERIOD
+from tests.core.conftest import a_pipe
 
 HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
 pytestmark = pytest.mark.usefixtures("hop")
@@ -48,14 +49,6 @@ class Screen(io.StringIO):
 
     def isatty(self) -> bool:
         return True
-
-
-def a_pipe(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
-    """Return what is written to stderr, a pipe, from now on."""
-    text = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", text)
-    monkeypatch.setattr("star_core.toolkit.progress._reporter._until", 0.0)  # no work before
-    return text
 
 
 def a_screen(monkeypatch: pytest.MonkeyPatch) -> Screen:

@@ -18,7 +18,6 @@ import star_core
 from star_core import InputError, Mission, Tick, hookimpl
 from star_core.commands import RunOptionSpec
 from star_core.commands.main import main, run
-from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 
 LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # no agent is up by then
@@ -32,18 +31,6 @@ pytestmark = pytest.mark.usefixtures("hop")
 def said(capsys: Said) -> Said:
     """What is printed, and where."""
     return capsys
-
-
-@pytest.fixture
-def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
-    """Have ``star`` find one plugin more than is installed."""
-
-    def add(plugin: object) -> None:
-        registry = Registry()
-        registry.add(plugin, Source("their-dist:theirs", "1.2"))
-        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
-
-    return add
 
 
 def flown(said: Said, *arguments: str) -> dict[str, Any]:

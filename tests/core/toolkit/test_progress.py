@@ -12,16 +12,9 @@ import pytest
 
 from star_core.toolkit import progress as module
 from star_core.toolkit.progress import REFRESH_PERIOD, Progress, log
+from tests.core.conftest import a_pipe
 
 SOON = 10.0  # s
-
-
-def a_pipe(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
-    """Return what is written to stderr from now on."""
-    text = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", text)
-    monkeypatch.setattr("star_core.toolkit.progress._reporter._until", 0.0)  # no work before
-    return text
 
 
 def wait_for(text: str, where: io.StringIO) -> None:

@@ -22,6 +22,7 @@ from star_core import (
     Scene,
     Status,
     Task,
+    TaskOutput,
 )
 from star_core.testing import estimate, health
 from star_core.toolkit import fill_defaults
@@ -175,3 +176,22 @@ def problems() -> Callable[..., list[tuple[tuple[str | int, ...], str]]]:
         return [(problem.path, problem.message) for problem in found]
 
     return found
+
+
+class Changing:
+    """A task that is notified of a change at a time, s."""
+
+    def __init__(self, task: Task, when: float, method: str, *about: Any) -> None:
+        self._task = task
+        self._when = when
+        self._change: tuple[str, tuple[Any, ...]] | None = (method, about)
+
+    def begin(self, estimate: Estimate, health: Health) -> float:
+        return self._task.begin(estimate, health)
+
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
+        if self._change and estimate.time >= self._when:
+            method, about = self._change
+            getattr(self._task, method)(*about)
+            self._change = None
+        return self._task.step(estimate, health)

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Estimate, Health, Status, Task, TaskOutput
+from star_core import AgentPhase, Health, Status
 from star_core.testing import estimate, health, scene
+from tests.plugins.tasks.conftest import Changing
 
 LEFT = 2.0  # s
 STAYING = (0, 2)
@@ -20,24 +21,6 @@ FLYING: dict[str, dict[str, Any]] = {
 }
 
 
-class Leaving:
-    """A task of three agents that the second leaves at a time, s."""
-
-    def __init__(self, task: Task, when: float) -> None:
-        self._task = task
-        self._when = when
-        self._told = False
-
-    def begin(self, estimate: Estimate, health: Health) -> float:
-        return self._task.begin(estimate, health)
-
-    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
-        if estimate.time >= self._when and not self._told:
-            self._told = True
-            self._task.on_agents_removed(STAYING)  # type: ignore[attr-defined]
-        return self._task.step(estimate, health)
-
-
 def stuck(time: float) -> Any:
     return np.array([False, time > 1.0, False])
 
@@ -47,7 +30,7 @@ def test_without_one_that_is_stuck_the_others_are_done(make: Any, fly: Any, verb
     room = scene(3)
     whole = fly(make(verb, room, (0, 1, 2), **FLYING[verb]), room, AIR, stuck=stuck)
     assert whole.status is Status.RUNNING
-    task = Leaving(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT)
+    task = Changing(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT, "on_agents_removed", STAYING)
     flown = fly(task, room, AIR, stuck=stuck)
     assert flown.status is Status.SUCCESS
     assert flown.goals[-1].active.tolist() == [True, False, True]
@@ -59,7 +42,7 @@ def test_an_agent_that_stays_flies_where_it_would_have_flown(
 ) -> None:
     room = scene(3)
     whole = fly(make(verb, room, (0, 1, 2), **FLYING[verb]), room, AIR)
-    task = Leaving(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT)
+    task = Changing(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT, "on_agents_removed", STAYING)
     flown = fly(task, room, AIR)
     for row in STAYING:
         assert flown.end[row] == pytest.approx(whole.end[row], abs=0.1)

@@ -117,3 +117,11 @@ def start() -> Iterator[Callable[..., Bench]]:
     yield make
     for bench in made:
         bench.close()
+
+
+def aloft(start: Callable[..., Bench], **options: Any) -> Bench:
+    """Return a bench whose vehicle hovers at 0.8 m."""
+    bench = start(**options)
+    assert bench.takeoff() == 0
+    bench.fly(3.0)
+    return bench

@@ -12,6 +12,7 @@ import pytest
 
 from star_core import Supervisor
 from star_fleet.packet import Port
+from tests.plugins.commands.star_fleet.conftest import aloft
 
 Start = Callable[..., Any]
 
@@ -36,13 +37,6 @@ def begin(bench: Any, number: int = 1, scale: float = 1.0, **flags: bool) -> int
     names = ("relative", "turned", "backwards")
     bits = [flags.get(name, False) for name in names]
     return int(bench.command("BBBBBBf", 13, 0, *bits, number, scale))
-
-
-def aloft(start: Start, **options: Any) -> Any:
-    bench = start(**options)
-    assert bench.takeoff() == 0
-    bench.fly(3.0)
-    return bench
 
 
 def test_a_take_off_rises_and_hovers(start: Start) -> None:

@@ -13,6 +13,7 @@ import pytest
 from star_fleet.packet import Port, compress
 from star_fleet.setpoints import STOP, Demand, Sticks, decode
 from star_sim.drone import FREE, PLACE, SPEED
+from tests.plugins.commands.star_fleet.conftest import aloft
 
 Start = Callable[..., Any]
 ANGLES = {"althold": 0, "poshold": 0, "posSet": 0, "stabModeRoll": 1, "stabModePitch": 1}
@@ -23,13 +24,6 @@ def decoded(form: str, *values: Any) -> Demand:
     demand = decode(struct.pack("<" + form, *values))
     assert demand is not None
     return demand
-
-
-def aloft(start: Start) -> Any:
-    bench = start()
-    bench.takeoff()
-    bench.fly(3.0)
-    return bench
 
 
 def test_a_velocity_is_flown_along_the_odometry_frame(start: Start) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from star_core import Supervisor
 from star_fleet.packet import Port
+from tests.plugins.commands.star_fleet.conftest import aloft
 
 Start = Callable[..., Any]
 VELOCITY = ("Bffff", 8, 0.2, 0.0, 0.0, 0.0)
@@ -22,13 +23,6 @@ VELOCITY = ("Bffff", 8, 0.2, 0.0, 0.0, 0.0)
 def close_link(bench: Any) -> None:
     """What cflib sends last."""
     bench.ask(Port.ATTITUDE, 0, struct.pack("<fffH", 0.0, 0.0, 0.0, 0))
-
-
-def aloft(start: Start, **options: Any) -> Any:
-    bench = start(**options)
-    assert bench.takeoff() == 0
-    bench.fly(3.0)
-    return bench
 
 
 def test_after_a_disconnect_a_take_off_is_accepted_and_not_flown(start: Start) -> None:

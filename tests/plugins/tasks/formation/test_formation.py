@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Estimate, Health, Scene, Status, Task, TaskOutput
+from star_core import AgentPhase, Array, Scene, Status, Task
 from star_core.testing import estimate, health, scene
 from star_core.toolkit import fill_defaults
 from star_verbs.formation.spec import OPTIONS, make
+from tests.plugins.tasks.conftest import Changing
 
 AIR = [[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8], [1.0, 0.0, 0.8]]
 ROOM = scene(3)
@@ -21,25 +22,6 @@ MOVED: dict[str, Any] = {**LINE, "move": {"to": [3.0, 2.0, 1.0], "speed": 0.3}}
 ONE_SECOND: dict[str, Any] = {"for": 1.0}
 TWO_SECONDS: dict[str, Any] = {"for": 2.0}
 THREE_SECONDS: dict[str, Any] = {"for": 3.0}
-
-
-class Changing:
-    """A task that is notified of a change at a time, s."""
-
-    def __init__(self, task: Task, when: float, method: str, *about: Any) -> None:
-        self._task = task
-        self._when = when
-        self._change: tuple[str, tuple[Any, ...]] | None = (method, about)
-
-    def begin(self, estimate: Estimate, health: Health) -> float:
-        return self._task.begin(estimate, health)
-
-    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
-        if self._change and estimate.time >= self._when:
-            method, about = self._change
-            getattr(self._task, method)(*about)
-            self._change = None
-        return self._task.step(estimate, health)
 
 
 def task(room: Scene = ROOM, crew: tuple[int, ...] = (0, 1, 2), **options: Any) -> Task:
