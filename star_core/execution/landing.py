@@ -38,6 +38,9 @@ LAG_ALLOWANCE: Final = 2 * CONTROLLER_LAG  # s, for a landing: its plan ends wit
 LAND_DEPTH: Final = 0.15  # m below the floor, at which it ends: drones hover up to 0.12 m too high
 MIN_LAND_TIME: Final = 3.0  # s, of a landing from the floor, and
 MIN_LAND_TIME_PER_HEIGHT: Final = 2.0  # s/m, with which a plan crosses the floor at 0.3 m/s or less
+CLIMB_LAND_DEPTH: Final = 0.25  # m: after a climb that is broken off drones follow a plan higher
+CLIMB_LAND_TIME: Final = 4.0  # s, of such a landing, and
+CLIMB_LAND_TIME_PER_HEIGHT: Final = 2.5  # s/m
 
 REPLY_TIME: Final = 0.7  # s; a report made so long after a command shows whether it was received
 MAX_REPEATS: Final = 3  # of a landing; an agent that then hovers still, or reports so, has failed
@@ -196,8 +199,10 @@ class LandingManager:
         duration = height / LAND_SPEED + LAG_ALLOWANCE
         if durations is not None:
             duration = np.where(np.isnan(durations), duration, durations)
-        duration = np.maximum(duration, MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT * height)
-        position[:, 2] = -LAND_DEPTH
+        least = MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT * height
+        least[climbs] = CLIMB_LAND_TIME + CLIMB_LAND_TIME_PER_HEIGHT * height[climbs]
+        duration = np.maximum(duration, least)
+        position[:, 2] = np.where(climbs, -CLIMB_LAND_DEPTH, -LAND_DEPTH)
         yaw = np.nan_to_num(estimate.yaw[rows])
         self._vehicles.send_command(Command(Order.LAND, rows, position, yaw, duration), estimate)
         self._commanded_at[rows] = self._vehicles.time

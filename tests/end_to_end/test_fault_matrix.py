@@ -144,3 +144,13 @@ def test_the_processor_time_of_missing_flights_is_estimated_by_those_flown(matri
     assert next(matrix.costs(flights, [(0, 2), (0, 3)])) == (
         "row 0: 2 flights, 4 min of processor time"
     )
+
+
+@pytest.mark.usefixtures("shipped_world")
+@pytest.mark.parametrize("seed", [15, 16])
+def test_a_take_off_that_is_broken_off_lands_gently(
+    benchmarks: Callable[[str], Any], seed: int, tmp_path: Path
+) -> None:
+    """With the plan of any other landing the motors stop above the floor: 0.38 m/s."""
+    impact = list(benchmarks("touchdowns").in_simulation(seed, "broken off", tmp_path))
+    assert 0.0 < max(impact) < 0.25

@@ -203,17 +203,18 @@ class Landings:
 
 
 @pytest.mark.parametrize(
-    ("phase", "duration"), [(AgentPhase.FLYING, 3.4), (AgentPhase.TAKING_OFF, 5.0)]
+    ("phase", "duration", "depth"),
+    [(AgentPhase.FLYING, 3.4, 0.15), (AgentPhase.TAKING_OFF, 6.5, 0.25)],
 )
 def test_a_landing_takes_long_enough_to_touch_down_slowly(
-    phase: AgentPhase, duration: float
+    phase: AgentPhase, duration: float, depth: float
 ) -> None:
     """The plan of an agent that climbs may be at its top, 1 m here, and lead down from it."""
     landings = Landings([phase])
     landings.manager.land_now(np.array([0]), estimate(np.array([[0.0, 0.0, 0.2]])), np.array([0.5]))
     (command,) = landings.commands
     assert command.duration == pytest.approx([duration])
-    assert command.position[0, 2] == pytest.approx(-0.15)
+    assert command.position[0, 2] == pytest.approx(-depth)
 
 
 def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() -> None:
