@@ -21,8 +21,8 @@ from typing import Any, Final, TypeAlias
 
 from scipy.stats import beta
 
-from star_ablate.command import main as ablate
 from star_core import Registry
+from star_core.commands import run_command
 from star_core.commands.check import check_file
 
 SAFE: Final = 0.2  # m
@@ -72,9 +72,9 @@ def main() -> int:
     }
     (given.out / "study.yaml").write_text(json.dumps(study))
     flown = given.out / "flown"
-    ablate(
-        [str(given.out / "study.yaml"), "--out", str(flown), "--quiet", "--workers", given.workers]
-    )
+    study_file = str(given.out / "study.yaml")
+    flags = ["--out", str(flown), "--quiet", "--workers", given.workers]
+    run_command("ablate", [study_file, *flags], Registry())
     with (flown / "results.csv").open(encoding="utf-8", newline="") as file:
         print("\n".join(table([*csv.DictReader(file)], files)))
     return 0

@@ -20,7 +20,8 @@ import pytest
 from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
-from star_core.commands.commands import parser
+import star_mcap
+from star_core.commands.command_line import parser_of as parser_of_spec
 from star_core.commands.error_codes import catalogue
 from star_core.commands.main import main
 from star_core.registry import Registry
@@ -34,7 +35,6 @@ PAGES = [
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FENCE = re.compile(r"(?:^`([\w./-]+)`:\n\n)?^( *)```(\w+)\n(.*?)^\2```$", re.MULTILINE | re.DOTALL)
-OWN = ("run", "stop", "check", "errors", "missions", "plugins", "schema")
 FOREIGN = ("crazyflie_py",)  # shown for comparison
 
 WORLD = """\
@@ -180,11 +180,12 @@ def commands(text: str) -> Iterator[list[str]]:
 @cache
 def parser_of(command: str) -> argparse.ArgumentParser:
     """Return the real parser of a command."""
-    if command in OWN:
-        return parser(command, Registry())
-    others = {"recover": "star_mcap.recovery", "land": "star_radio.land_command"}
-    module = others.get(command, f"star_{command}.command")
-    return import_module(module).parser()  # type: ignore[no-any-return]
+    return parser_of_spec(_registry().find("command", command).offer)
+
+
+@cache
+def _registry() -> Registry:
+    return Registry(star_mcap)  # conftest.py blocks it
 
 
 def extras() -> set[str]:
@@ -228,7 +229,7 @@ def spoken() -> list[tuple[str, list[str]]]:
 
 
 def test_every_command_in_running_text_exists_with_its_options() -> None:
-    known = {*Registry().names("command"), "recover"}  # conftest.py blocks the plugin of the last
+    known = {*_registry().names("command")}
     wrong = []
     for page, (command, *rest) in spoken():
         if command == "outcomes":  # an example of a plugin

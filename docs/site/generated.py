@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import Registry
+from star_core.commands.command_line import parser_of
 from star_core.commands.describe_plugin import MAX_DEPTH, allowed, resolved
 from star_core.mission_file.error_messages import flow
 
@@ -123,7 +124,7 @@ def _help(offer: Any, arguments: list[str]) -> str:
     printed = io.StringIO()
     os.environ["COLUMNS"] = "100"
     with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
-        offer.make([*arguments, "--help"])
+        parser_of(offer).parse_args([*arguments, "--help"])
     return printed.getvalue().rstrip()
 
 

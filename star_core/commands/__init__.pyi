@@ -1,5 +1,6 @@
 # The public names of `star_core.commands` and their modules, listed once.
 
+from star_core.commands.command_line import run_command as run_command
 from star_core.commands.output import add_set_option as add_set_option
 from star_core.commands.output import new_folder as new_folder
 from star_core.commands.output import output_folder as output_folder

@@ -92,5 +92,5 @@ def _observers(registry: Registry) -> Iterator[tuple[str, Found]]:
         first = text.strip().partition("\n")[0].replace("``", "")
         title, _, rest = first.partition(": ")
         summary = rest[:1].upper() + rest[1:] if title.startswith("Observer") else first
-        spec = Spec(name=name.rpartition(":")[2], summary=summary, make=object)
+        spec = Spec(name=name.rpartition(":")[2], summary=summary)
         yield "observer", Found(spec, registry.source(name))

@@ -13,9 +13,9 @@ from star_core.errors import StarError, printable, suggestion
 TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from typing import Any, TextIO
+    from typing import TextIO
 
-    from star_core.registry import Found, Registry
+    from star_core.registry import Registry
 
 FAILED = 1
 BAD_INPUT = 2
@@ -80,38 +80,18 @@ def _command(name: str, arguments: list[str]) -> int:
     Raises:
         StarError: There is none of that name.
     """
-    from contextlib import nullcontext
-
-    from star_core.toolkit.printable_output import printable_output
-
     registry = _loaded()
     known = registry.names("command")
     if name not in known:
         raise StarError(f"star has no command {name!r}{suggestion(name, known, 'there are')}")
-    found = registry.find("command", name)
-    with printable_output() if found.source.own else nullcontext():
-        status: int = make("command", found, arguments)
-    return status
+    from contextlib import nullcontext
 
+    from star_core.commands.command_line import run_command
+    from star_core.toolkit.printable_output import printable_output
 
-def make(kind: str, found: Found, *arguments: Any) -> Any:
-    """Return the result of a plugin's ``make(*arguments)``.
-
-    Raises:
-        PluginError: A third party's raised neither `InputError` nor `SystemExit`.
-    """
-    from star_core.errors import InputError, PluginError
-    from star_core.plugin_support.guard import PluginGuard
-
-    if found.source.own:  # its other errors are bugs, and show their tracebacks
-        return found.offer.make(*arguments)
-    try:
-        with PluginGuard(f"{kind} {found.offer.name!r} ({found.source})"):
-            return found.offer.make(*arguments)
-    except PluginError as error:
-        if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):
-            raise error.__cause__ from None
-        raise
+    own = registry.find("command", name).source.own
+    with printable_output() if own else nullcontext():
+        return run_command(name, arguments, registry)
 
 
 def _loaded() -> Registry:

@@ -10,6 +10,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from star_core.commands.command_line import run_command
 from star_core.errors import InputError, StarError
 from star_core.hookspecs import hookimpl
 
@@ -109,7 +110,7 @@ def write_report(folder: Path, registry: Registry) -> str:
     printed = io.StringIO()
     try:
         with redirect_stdout(printed):
-            registry.find("command", "report").offer.make([str(folder)])
+            run_command("report", [str(folder)], registry)
     except StarError as error:
         return f"no report: {error.message}"
     return f"report: {printed.getvalue().strip()}"

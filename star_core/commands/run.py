@@ -16,9 +16,10 @@ from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any
 
+from star_core.commands.command_line import guarded
 from star_core.commands.land_requests import listening
 from star_core.commands.live_view import FlightProgress
-from star_core.commands.main import FAILED, make
+from star_core.commands.main import FAILED
 from star_core.commands.output import LatestRun, new_folder
 from star_core.errors import InputError
 from star_core.mission import Mission
@@ -82,7 +83,7 @@ def run_mission(  # noqa: PLR0913 -- options of the command
         registry.add(LatestRun(), Source("star-swarm:latest"))
     for name, values in observers.items():
         found = registry.find("run_option", name)
-        observer = make("option", found, mission, registry, *values)
+        observer = guarded("option", found, found.offer.make, mission, registry, *values)
         registry.add(observer, replace(found.source, plugin=f"{found.source.plugin}:{name}"))
     operator = operator or Operator()
     with _signals(operator), listening(operator, mission.name):

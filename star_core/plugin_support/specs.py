@@ -11,8 +11,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
+    from argparse import ArgumentParser, Namespace
+
     from star_core.contracts import Avoider, Localizer, Planner, Task, Transport
     from star_core.messages.arrays import Array
+    from star_core.registry import Registry
 
 
 class Problem(NamedTuple):
@@ -75,12 +78,10 @@ class Spec:
     Attributes:
         name: In missions, or on the command line. Lower case, unique within its kind.
         summary: One line, for ``star plugins``, ``star --help`` and editors.
-        make: Makes the plugin. Import heavy packages in it; `deferred` does.
     """
 
     name: str
     summary: str
-    make: Callable[..., Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,13 +92,15 @@ class MissionSpec(Spec):
     report more, never less.
 
     Attributes:
-        make: ``make(scene, **options)`` returns the plugin.
+        make: ``make(scene, **options)`` returns the plugin. Import heavy packages in it; `deferred`
+            does.
         options: JSON Schema of those options: an object with ``properties``. Other options are
             refused. Those that are not given have the ``default`` of the schema.
         check: ``check(scene, **options)`` yields a `Problem` for each mistake that a schema cannot
             detect. It runs in ``star check``: import nothing heavy.
     """
 
+    make: Callable[..., Any]
     options: Mapping[str, Any] = field(default_factory=lambda: NO_OPTIONS)
     check: Callable[..., Iterable[Problem]] | None = None
 
@@ -223,12 +226,15 @@ class CommandSpec(Spec):
     """Announces a command.
 
     Attributes:
-        make: ``make(arguments)`` runs it with the rest of the command line and returns its exit
-            status.
+        configure: ``configure(line)`` adds its options to an `argparse.ArgumentParser`; the
+            description is the summary unless it sets another.
+        run: ``run(options, registry)`` runs it with the parsed options and returns its exit status.
+            Import heavy packages in both; `deferred` does.
         group: Heading in ``star --help``: Fly, Review, Author, Study, Hardware, Plugins or another.
     """
 
-    make: Callable[[list[str]], int]
+    configure: Callable[[ArgumentParser], object]
+    run: Callable[[Namespace, Registry], int]
     group: str = "Other"
 
 

@@ -427,7 +427,7 @@ class Hand:
 
     @hookimpl
     def star_grippers(self) -> Iterable[Any]:
-        yield Spec(name="hand", summary="A hand.", make=NEVER_MADE)
+        yield Spec(name="hand", summary="A hand.")
 
 
 class Wrong:

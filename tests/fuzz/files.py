@@ -22,10 +22,12 @@ from star_core.mission_file.fault_file import read_faults
 from star_core.mission_file.mission_loader import load
 from star_core.registry import Registry
 from star_core.scene import Scene
-from star_import.command import main as import_files
 from star_verbs.follow.files import read_trajectory, read_waypoints
+from tests.commands import command
 from tests.fuzz.harness import Draw, Target, Try
 from tests.fuzz.mutants import damaged, spoiled
+
+import_files = command("import")
 
 MISSIONS: Final = Path(__file__).parents[2] / "missions"
 LOCATED: Final = re.compile(r"[^:\s]+\.(yaml|csv)(:\d+:\d+)?: \S.*", re.DOTALL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
@@ -84,7 +85,7 @@ def recordings(folder: Path) -> Iterator[Try]:
         path.write_bytes(damaged(content, draw))
         try:
             with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
-                recover([str(path.parent)])
+                recover(Namespace(run=str(path.parent)), Registry(installed=False))
         except InputError as error:
             _assert_names(error, path)
             return "refused"

@@ -13,6 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="ablate",
         summary="Fly a study (missions x levels x seeds) and tabulate its measures.",
-        make=deferred("star_ablate.command:main"),
+        configure=deferred("star_ablate.command:configure"),
+        run=deferred("star_ablate.command:run"),
         group="Study",
     )

@@ -27,14 +27,12 @@ JOURNAL: Final = "runs.jsonl"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Fly a study and return the exit status: 0 when all runs are flown, whatever their outcome.
 
     Raises:
         InputError: The study cannot be flown, or its folder cannot be written.
     """
-    options = parser().parse_args(arguments)
-    registry = Registry()
     with Progress(f"checking the missions of {options.study}"):
         study = read(Path(options.study), registry, options.seeds)
     folder = output_folder(options.out, study.name, JOURNAL)
@@ -45,29 +43,24 @@ def main(arguments: Sequence[str]) -> int:
     return status
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star ablate",
-        description="Fly missions x levels x seeds, and tabulate the measures.",
-        allow_abbrev=False,
-    )
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = "Fly missions x levels x seeds, and tabulate the measures."
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    star.add_argument("study", help="study file (YAML)")
-    star.add_argument(
+    line.add_argument("study", help="study file (YAML)")
+    line.add_argument(
         "--workers",
         type=positive_integer,
         default=cores,
         metavar="N",
         help="parallel runs: %(default)s",
     )
-    star.add_argument("--seeds", type=positive_integer, metavar="N", help="number of seeds")
-    star.add_argument(
+    line.add_argument("--seeds", type=positive_integer, metavar="N", help="number of seeds")
+    line.add_argument(
         "--out", metavar="DIR", help="output folder; resumes its study (runs/TIME-STUDY)"
     )
-    star.add_argument("--record", action="store_true", help="keep the record of every run")
-    star.add_argument("--quiet", action="store_true", help="print no table and write no report")
-    return star
+    line.add_argument("--record", action="store_true", help="keep the record of every run")
+    line.add_argument("--quiet", action="store_true", help="print no table and write no report")
 
 
 def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> tuple[int, str]:

@@ -13,6 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="bench",
         summary="Fly avoiders x scenarios x numbers of agents x seeds, and tabulate the results.",
-        make=deferred("star_bench.command:main"),
+        configure=deferred("star_bench.command:configure"),
+        run=deferred("star_bench.command:run"),
         group="Study",
     )

@@ -7,7 +7,7 @@ import csv
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,21 +24,25 @@ from star_bench.files import (
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
 from star_bench.table import Key, Metrics, as_csv, as_markdown, metrics, rows
 from star_core import InputError, PluginError, Registry
-from star_core.commands import output_folder, positive_integer, write_report, writing
+from star_core.commands import (
+    output_folder,
+    positive_integer,
+    run_command,
+    write_report,
+    writing,
+)
 from star_core.toolkit import Progress, suggestion
 
 FLOWN: Final = "flown"  # folder of the study's results
 SEEDS: Final = 5
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Fly a campaign and return the exit status: 0 when all runs are flown, whatever their outcome.
 
     Raises:
         InputError: A flag has an invalid value, or the folder cannot be written.
     """
-    options = parser().parse_args(arguments)
-    registry = Registry()
     campaign = Campaign(
         cases=tuple(_cases(options)),
         avoiders=levels(options.avoiders, registry),
@@ -63,56 +67,51 @@ def main(arguments: Sequence[str]) -> int:
     return status
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star bench",
-        description="Fly avoiders x scenarios x numbers of agents x seeds, and tabulate the"
-        " results.",
-        epilog="Options of an avoider or a scenario follow its name:"
-        " orca=radius:0.25,horizon:2 or corridor=width:2.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.epilog = (
+        "Options of an avoider or a scenario follow its name:"
+        " orca=radius:0.25,horizon:2 or corridor=width:2."
     )
-    star.add_argument(
+    line.add_argument(
         "--scenarios", nargs="+", default=[], metavar="NAME", help=f"{', '.join(CATALOGUE)} (all)"
     )
-    star.add_argument("--avoiders", nargs="+", default=[], metavar="NAME", help="(all installed)")
-    star.add_argument(
+    line.add_argument("--avoiders", nargs="+", default=[], metavar="NAME", help="(all installed)")
+    line.add_argument(
         "--agents",
         nargs="+",
         type=int,
         metavar="N",
         help=f"numbers of agents, {MIN_AGENTS} to {MAX_AGENTS} (each scenario's own)",
     )
-    star.add_argument(
+    line.add_argument(
         "--seeds",
         type=positive_integer,
         default=SEEDS,
         metavar="N",
         help="seeds 0 to N-1: %(default)s",
     )
-    star.add_argument(
+    line.add_argument(
         "--world",
         nargs="+",
         choices=WORLDS,
         default=["ideal"],
         help="errors of the simulator: none, or those of missions without options (ideal)",
     )
-    star.add_argument(
+    line.add_argument(
         "--positions",
         nargs="+",
         choices=POSITIONS,
         default=["exact", "bounded"],
         help="exact, measured with 3 cm of error, or by flow in the default world (exact bounded)",
     )
-    star.add_argument(
+    line.add_argument(
         "--workers", type=positive_integer, metavar="N", help="parallel runs (all cores)"
     )
-    star.add_argument(
+    line.add_argument(
         "--out", metavar="DIR", help="output folder; resumes its campaign (runs/TIME-bench)"
     )
-    star.add_argument("--write-only", action="store_true", help="write the files without flying")
-    return star
+    line.add_argument("--write-only", action="store_true", help="write the files without flying")
 
 
 def _settings(options: argparse.Namespace) -> tuple[tuple[str, str], ...]:
@@ -151,13 +150,13 @@ def _cases(options: argparse.Namespace) -> Iterator[Case]:
 
 def _flown(study: Path, folder: Path, workers: int | None, registry: Registry) -> int:
     """Fly a study with `star ablate`; return its exit status."""
+    at_once = () if workers is None else ("--workers", str(workers))
     try:
-        ablate = registry.find("command", "ablate").offer
+        registry.find("command", "ablate")
     except PluginError as error:
         raise InputError(f"`star ablate` flies the scenarios: {error}") from None
-    at_once = () if workers is None else ("--workers", str(workers))
-    status: int = ablate.make([str(study), "--out", str(folder), "--quiet", *at_once])
-    return status
+    arguments = [str(study), "--out", str(folder), "--quiet", *at_once]
+    return run_command("ablate", arguments, registry)
 
 
 def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Metrics]]:

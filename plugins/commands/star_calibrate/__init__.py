@@ -13,6 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="calibrate",
         summary="Calibrate a camera by images of a printed chessboard.",
-        make=deferred("star_calibrate.command:main"),
+        configure=deferred("star_calibrate.command:configure"),
+        run=deferred("star_calibrate.command:run"),
         group="Hardware",
     )

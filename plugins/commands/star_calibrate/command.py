@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from star_calibrate.board import Board, Views, find_views
 from star_calibrate.lens import Lens, solve
-from star_core import InputError
+from star_core import InputError, Registry
 from star_core.commands import read_as, writing
 from star_core.toolkit import Progress
 
@@ -23,13 +22,12 @@ MIN_CORNERS: Final = 3  # inner corners each way, for OpenCV to find the pattern
 MIN_COVERAGE: Final = 0.75  # of the image's cells: with less its edges are uncertain
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, _registry: Registry) -> int:
     """Calibrate a camera and return the exit status, 0.
 
     Raises:
         InputError: The images or the arguments cannot be used, or the file cannot be written.
     """
-    options = parser().parse_args(arguments)
     board = _board(options.board, options.square)
     name = _name(options.name, options.out)
     if options.out is not None:
@@ -50,12 +48,9 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star calibrate", description="Calibrate a camera.", allow_abbrev=False
-    )
-    commands = star.add_subparsers(dest="what", required=True, metavar="WHAT")
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    commands = line.add_subparsers(dest="what", required=True, metavar="WHAT")
     camera = commands.add_parser(
         "camera",
         help="focal lengths, principal point and distortion, by images of a chessboard",
@@ -92,7 +87,6 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="write the camera to FILE, such as cameras/mine.yaml, instead of printing it",
     )
-    return star
 
 
 def as_text(lens: Lens, views: Views) -> str:

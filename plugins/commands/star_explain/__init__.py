@@ -20,7 +20,8 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="explain",
         summary="Print a mission as a plan with every timeout, or draw it (Mermaid).",
-        make=deferred("star_explain.command:main"),
+        configure=deferred("star_explain.command:configure"),
+        run=deferred("star_explain.command:run"),
         group="Author",
     )
 

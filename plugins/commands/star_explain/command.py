@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,12 @@ from star_explain.plan import plan
 from star_explain.words import facts
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Explain a mission and return the exit status, 0.
 
     Raises:
         InputError: The mission cannot be flown; lists every reason.
     """
-    options = parser().parse_args(arguments)
-    registry = Registry()
     with Progress(f"rehearsing {options.mission}"):
         mission = load(Path(options.mission), registry, options.set)
         result = dry_run(mission, registry)
@@ -39,20 +36,17 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star explain",
-        description="Print a mission as a plan: the agents and options of every step, its duration "
-        "without disturbances, its timeout, and the options left to their defaults.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Print a mission as a plan: the agents and options of every step, its duration "
+        "without disturbances, its timeout, and the options left to their defaults."
     )
-    star.add_argument("mission", help="mission file (YAML)")
-    add_set_option(star)
-    how = star.add_mutually_exclusive_group()
+    line.add_argument("mission", help="mission file (YAML)")
+    add_set_option(line)
+    how = line.add_mutually_exclusive_group()
     how.add_argument("--mermaid", action="store_true", help="print a Mermaid flowchart, only")
     how.add_argument("--json", action="store_true", help="print the steps as JSON, only")
-    return star
 
 
 def as_data(part: Part) -> dict[str, Any]:

@@ -13,6 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="export",
         summary="Write a recorded flight as CSV, or as TUM trajectories for evo.",
-        make=deferred("star_export.command:main"),
+        configure=deferred("star_export.command:configure"),
+        run=deferred("star_export.command:run"),
         group="Review",
     )

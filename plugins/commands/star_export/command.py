@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from star_core import InputError, read_run
+from star_core import InputError, Registry, read_run
 from star_core.commands import replace_file, writing
 from star_core.toolkit import Progress
 from star_export.tables import csv_files, tum_files
@@ -16,13 +15,12 @@ from star_export.tables import csv_files, tum_files
 FORMATS: Final = {"csv": csv_files, "tum": tum_files}
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, _registry: Registry) -> int:
     """Write the files, print their names and return the exit status, 0.
 
     Raises:
         InputError: The folder holds no complete record, or a file cannot be written.
     """
-    options = parser().parse_args(arguments)
     files = []
     with Progress(f"exporting {options.run}"):
         run = read_run(options.run)
@@ -38,16 +36,13 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star export",
-        description="Write a recorded flight in another format, with files for each agent. csv: "
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Write a recorded flight in another format, with files for each agent. csv: "
         "all arrays, one line per tick. tum: estimated and true trajectory (time x y z qx qy qz "
-        "qw), for evo and other tools.",
-        allow_abbrev=False,
+        "qw), for evo and other tools."
     )
-    star.add_argument("run", help="folder of a run: runs/TIME-NAME")
-    star.add_argument("--format", choices=list(FORMATS), required=True, help="format of the files")
-    star.add_argument("-o", "--out", metavar="DIR", help="folder to write to (RUN/FORMAT)")
-    return star
+    line.add_argument("run", help="folder of a run: runs/TIME-NAME")
+    line.add_argument("--format", choices=list(FORMATS), required=True, help="format of the files")
+    line.add_argument("-o", "--out", metavar="DIR", help="folder to write to (RUN/FORMAT)")

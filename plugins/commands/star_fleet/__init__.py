@@ -7,9 +7,9 @@ Names, types, formats and times are those of the Crazyflie firmware, protocol ve
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-from star_core import hookimpl
+from star_core import deferred, hookimpl
 from star_core.commands import CommandSpec
 
 
@@ -18,12 +18,7 @@ def star_commands() -> Iterable[CommandSpec]:
     yield CommandSpec(
         name="fleet",
         summary="Serve a mission's drones as simulated Crazyflies over UDP, for any client.",
-        make=_fleet,
+        configure=deferred("star_fleet.command:configure"),
+        run=deferred("star_fleet.command:run"),
         group="Hardware",
     )
-
-
-def _fleet(arguments: Sequence[str]) -> int:
-    from star_fleet.command import run
-
-    return run(arguments)

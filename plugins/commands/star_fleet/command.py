@@ -6,7 +6,7 @@ import argparse
 import math
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from errno import EADDRNOTAVAIL as NOWHERE
 from pathlib import Path
@@ -27,15 +27,14 @@ CAMERAS = 5000
 """Default port of the first camera, as on an AI-deck."""
 
 
-def run(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Serve until interrupted and return the exit status, 0.
 
     Raises:
         InputError: The mission cannot be flown, or a port is not available.
     """
-    options = parser().parse_args(arguments)
     assignments = [] if options.seed is None else [f"seed={options.seed}"]
-    mission = load(Path(options.mission), Registry(), assignments)
+    mission = load(Path(options.mission), registry, assignments)
     scene, host = mission.scene, options.host
     agents = scene.agents
     carried = sum(agent.camera is not None for agent in agents)
@@ -81,29 +80,27 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate for use by docs and tests."""
-    star = argparse.ArgumentParser(
-        prog="star fleet",
-        description="Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each.",
-        epilog="The options of the mission's transport `sim` apply, except `speed` and `radio`.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Serve a mission's drones as simulated Crazyflies: CRTP over UDP, a port each."
     )
-    star.add_argument("mission", help="mission file (YAML)")
-    star.add_argument(
+    line.epilog = "The options of the mission's transport `sim` apply, except `speed` and `radio`."
+    line.add_argument("mission", help="mission file (YAML)")
+    line.add_argument(
         "--port",
         type=_port,
         default=19850,
         metavar="N",
         help="UDP port of the first drone, the others follow; 0 selects free ports: %(default)s",
     )
-    star.add_argument(
+    line.add_argument(
         "--tcp",
         type=_port,
         metavar="N",
         help="also serve the links as CPX over TCP, from port N on; 0 selects free ports",
     )
-    decks = star.add_mutually_exclusive_group()
+    decks = line.add_mutually_exclusive_group()
     decks.add_argument(
         "--cameras",
         type=_port,
@@ -112,17 +109,17 @@ def parser() -> argparse.ArgumentParser:
         f"{CAMERAS}",
     )
     decks.add_argument("--no-cameras", action="store_true", help="do not stream cameras")
-    star.add_argument("--jpeg", action="store_true", help="compress the cameras' images as JPEG")
-    star.add_argument(
+    line.add_argument("--jpeg", action="store_true", help="compress the cameras' images as JPEG")
+    line.add_argument(
         "--brushless",
         action="store_true",
         help="drones with brushless motors, which must be armed before flight",
     )
-    star.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
-    star.add_argument(
+    line.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
+    line.add_argument(
         "--faults", metavar="FILE", help="inject the faults of FILE: of drones, links and firmware"
     )
-    star.add_argument(
+    line.add_argument(
         "--link-timeout",
         type=_not_negative,
         default=1.0,
@@ -130,21 +127,20 @@ def parser() -> argparse.ArgumentParser:
         help="seconds without a packet after which a drone deletes its log blocks, as the firmware "
         "does by radio; 0 for none, as in CrazySim: %(default)g",
     )
-    star.add_argument("--seed", help="random seed (default: the mission's)")
-    star.add_argument(
+    line.add_argument("--seed", help="random seed (default: the mission's)")
+    line.add_argument(
         "--speed",
         type=_positive,
         default=1.0,
         metavar="X",
         help="simulation speed factor: %(default)g",
     )
-    star.add_argument(
+    line.add_argument(
         "--duration",
         type=_positive,
         metavar="S",
         help="simulated seconds to serve (default: unlimited)",
     )
-    return star
 
 
 def _first_camera(options: argparse.Namespace, carried: int) -> int | None:

@@ -13,6 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="import",
         summary="Convert files of the original STAR or of Crazyswarm2 to a mission and its world.",
-        make=deferred("star_import.command:main"),
+        configure=deferred("star_import.command:configure"),
+        run=deferred("star_import.command:run"),
         group="Author",
     )

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from star_core import InputError
+from star_core import InputError, Registry
 from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog
 from star_import.output_files import Room
@@ -15,13 +15,12 @@ from star_import.sources import sorted_out
 from star_import.tags import EDGE
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(flags: argparse.Namespace, _registry: Registry) -> int:
     """Import files and return the exit status, 0.
 
     Raises:
         InputError: They cannot be imported; lists every reason.
     """
-    flags = parser().parse_args(arguments)
     log = ImportLog()
     options = ImportOptions(
         name=flags.name,
@@ -43,65 +42,62 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star import",
-        description="Convert files of the original STAR (mission, environment) and of Crazyswarm2 "
-        "(crazyflies.yaml, trajectories) to a mission and its world, and list all assumptions.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Convert files of the original STAR (mission, environment) and of Crazyswarm2 "
+        "(crazyflies.yaml, trajectories) to a mission and its world, and list all assumptions."
     )
-    star.add_argument("files", nargs="+", metavar="FILE", help="files to import, in any order")
-    star.add_argument("--out", metavar="DIR", default="imported", help="write to DIR (%(default)s)")
-    star.add_argument("--force", action="store_true", help="overwrite existing files")
-    star.add_argument("--name", help="name of the mission (that of its file)")
-    star.add_argument(
+    line.add_argument("files", nargs="+", metavar="FILE", help="files to import, in any order")
+    line.add_argument("--out", metavar="DIR", default="imported", help="write to DIR (%(default)s)")
+    line.add_argument("--force", action="store_true", help="overwrite existing files")
+    line.add_argument("--name", help="name of the mission (that of its file)")
+    line.add_argument(
         "--agent",
         action="append",
         default=[],
         metavar="NAME=X,Y",
         help="add an agent that no crazyflies.yaml lists; position in m",
     )
-    star.add_argument(
+    line.add_argument(
         "--target",
         action="append",
         default=[],
         metavar="TAG=X,Y",
         help="position of a target that has none in the environment, m",
     )
-    star.add_argument(
+    line.add_argument(
         "--fence",
         nargs=6,
         type=float,
         metavar=("X", "Y", "Z", "X2", "Y2", "Z2"),
         help="lower and upper corner of the fence, m (around everything)",
     )
-    star.add_argument(
+    line.add_argument(
         "--tag-size",
         type=_positive,
         default=EDGE,
         metavar="M",
         help="edge of the tags, m (%(default)s)",
     )
-    star.add_argument(
+    line.add_argument(
         "--tag-origin",
         choices=["centre", "corner"],
         help="reference point of tag positions (centre; corner with --as-executed)",
     )
-    star.add_argument("--speed", type=_positive, metavar="M/S", help="flight speed (0.1; 0.5)")
-    star.add_argument(
+    line.add_argument("--speed", type=_positive, metavar="M/S", help="flight speed (0.1; 0.5)")
+    line.add_argument(
         "--timescale",
         type=_positive,
         default=1.0,
         metavar="TIMES",
         help="factor by which trajectories are stretched",
     )
-    star.add_argument(
+    line.add_argument(
         "--as-executed",
         action="store_true",
         help="reproduce what the original did where that differs from the intent",
     )
-    return star
 
 
 def _positive(text: str) -> float:

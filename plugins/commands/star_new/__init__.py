@@ -13,6 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="new",
         summary="Write a mission, a world or a plugin to begin with.",
-        make=deferred("star_new.command:main"),
+        configure=deferred("star_new.command:configure"),
+        run=deferred("star_new.command:run"),
         group="Author",
     )

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Final
 
-from star_core import InputError
+from star_core import InputError, Registry
 from star_core.commands import writing
 
 KINDS: Final = (
@@ -29,13 +29,12 @@ LINE: Final = {  # of the mission that flies a new plugin
 STEP: Final = "  - goto: {agents: cf1, by: [0.5, 0.5, 0]}"
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, _registry: Registry) -> int:
     """Write the files and return the exit status, 0.
 
     Raises:
         InputError: The name cannot be used, a file exists already or cannot be written.
     """
-    options = parser().parse_args(arguments)
     name = options.name
     if not NAME.fullmatch(name):
         text = f"{name!r}: expected a name of lower-case letters, digits, '-' and '_'"
@@ -56,18 +55,15 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star new",
-        description="Write files to begin with, into the current folder: a mission with its world "
-        "that flies, a world, or a plugin with a test and a mission that use it.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Write files to begin with, into the current folder: a mission with its world "
+        "that flies, a world, or a plugin with a test and a mission that use it."
     )
-    star.add_argument("what", choices=["mission", "world", "plugin"])
-    star.add_argument("name", help="lower-case letters, digits, '-' and '_'")
-    star.add_argument("--kind", choices=KINDS, help="of a plugin")
-    return star
+    line.add_argument("what", choices=["mission", "world", "plugin"])
+    line.add_argument("name", help="lower-case letters, digits, '-' and '_'")
+    line.add_argument("--kind", choices=KINDS, help="of a plugin")
 
 
 def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:

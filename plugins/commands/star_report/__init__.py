@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from star_core import hookimpl
+from star_core import deferred, hookimpl
 from star_core.commands import CommandSpec, RunOptionSpec
 
 if TYPE_CHECKING:
@@ -18,7 +18,8 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="report",
         summary="Write a recorded flight or a study as one HTML page.",
-        make=_report,
+        configure=deferred("star_report.command:configure"),
+        run=deferred("star_report.command:run"),
         group="Review",
     )
 
@@ -30,12 +31,6 @@ def star_run_options() -> Iterator[RunOptionSpec]:
         summary="write report.html beside the record when the flight is over",
         make=_observer,
     )
-
-
-def _report(arguments: Sequence[str]) -> int:
-    from star_report.command import main
-
-    return main(arguments)
 
 
 def _observer(_mission: Mission, _registry: Registry) -> Reporter:

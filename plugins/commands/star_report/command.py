@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from star_core import InputError, read_run
+from star_core import InputError, Registry, read_run
 from star_core.commands import replace_file, writing
 from star_core.toolkit import Progress
 from star_report import study
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, _registry: Registry) -> int:
     """Write the page and return the exit status, 0.
 
     Raises:
         InputError: The folder holds no complete record, or the page cannot be written.
     """
-    options = parser().parse_args(arguments)
     require_plotly()
     out = write(Path(options.run), Path(options.out) if options.out else None)
     sys.stdout.write(f"{out}\n")
@@ -64,15 +62,12 @@ def _page(folder: Path) -> str:
     return page(read_run(folder))
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star report",
-        description="Write a recorded flight or a study as one HTML page that needs no network. "
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Write a recorded flight or a study as one HTML page that needs no network. "
         "Of a flight: outcome, events, top view, 3-D replay, and error, separation, altitude and "
-        "battery over time. Of a study: each measure by condition, and differences to the first.",
-        allow_abbrev=False,
+        "battery over time. Of a study: each measure by condition, and differences to the first."
     )
-    star.add_argument("run", help="folder of a run or of a study: runs/TIME-NAME")
-    star.add_argument("-o", "--out", metavar="FILE", help="file to write (RUN/report.html)")
-    return star
+    line.add_argument("run", help="folder of a run or of a study: runs/TIME-NAME")
+    line.add_argument("-o", "--out", metavar="FILE", help="file to write (RUN/report.html)")

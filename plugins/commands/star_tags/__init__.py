@@ -13,6 +13,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="tags",
         summary="Write the tags of a world as sheets to print in true size (PDF or SVG).",
-        make=deferred("star_tags.command:main"),
+        configure=deferred("star_tags.command:configure"),
+        run=deferred("star_tags.command:run"),
         group="Hardware",
     )

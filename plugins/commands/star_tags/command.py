@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from star_core import InputError
+from star_core import InputError, Registry
 from star_core.commands import writing
 from star_core.toolkit import Progress
 from star_tags.page import Page, pdf, svg
@@ -15,13 +15,12 @@ from star_tags.sheet import PAPERS
 from star_tags.world import pages
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, _registry: Registry) -> int:
     """Write the tags of a world and return the exit status, 0.
 
     Raises:
         InputError: They cannot be printed, or the file cannot be written.
     """
-    options = parser().parse_args(arguments)
     world = Path(options.world)
     out = Path(options.out or f"{world.stem}-tags.pdf")
     if out.suffix not in {".pdf", ".svg"}:
@@ -35,22 +34,17 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star tags",
-        description="Write the tags of a world as sheets to print in true size, one per page.",
-        allow_abbrev=False,
-    )
-    star.add_argument("world", help="world file (YAML)")
-    star.add_argument(
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = "Write the tags of a world as sheets to print in true size, one per page."
+    line.add_argument("world", help="world file (YAML)")
+    line.add_argument(
         "-o",
         "--out",
         metavar="FILE",
         help="FILE.pdf, or FILE.svg for one file per tag: FILE-NUMBER.svg (WORLD-tags.pdf)",
     )
-    star.add_argument("--paper", choices=list(PAPERS), default="a4", help="%(default)s")
-    return star
+    line.add_argument("--paper", choices=list(PAPERS), default="a4", help="%(default)s")
 
 
 def _write(found: Sequence[tuple[int, Page]], out: Path) -> list[Path]:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
-from star_core import InputError, Mission, Registry, hookimpl
+from star_core import InputError, Mission, Registry, deferred, hookimpl
 from star_core.commands import CommandSpec, RunOptionSpec
 from star_core.toolkit import Progress
+
+if TYPE_CHECKING:
+    import argparse
 
 
 @hookimpl
@@ -16,7 +20,8 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="view",
         summary="Show a mission or a recorded flight in 3-D in the browser.",
-        make=_view,
+        configure=_view,
+        run=deferred("star_view.command:run"),
         group="Review",
     )
 
@@ -31,11 +36,11 @@ def star_run_options() -> Iterator[RunOptionSpec]:
     )
 
 
-def _view(arguments: Sequence[str]) -> int:
+def _view(line: argparse.ArgumentParser) -> None:
     with Progress("loading star view"):
-        from star_view.command import main
+        from star_view.command import configure
 
-    return main(arguments)
+    configure(line)
 
 
 def _watch(mission: Mission, registry: Registry) -> object:

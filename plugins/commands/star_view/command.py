@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -17,18 +16,17 @@ from star_view.avoidance import radius
 from star_view.messages import PORT
 
 
-def main(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Serve the page until it is interrupted, and return the exit status, 0.
 
     Raises:
         InputError: There is neither a mission nor a record, or a package is missing.
     """
-    options = parser().parse_args(arguments)
     require_viser("star view")
     from star_view.plan_scene import add_plan, planned_steps
     from star_view.replay import Replay
 
-    path, registry = Path(options.path), Registry()
+    path = Path(options.path)
     with Progress(f"preparing {path}"):
         plan = None
         if path.is_dir():
@@ -59,20 +57,17 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star view",
-        description="Show a flight in 3-D in the browser: a recorded one, or a simulation of a "
-        "mission. The page is served on this machine only.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Show a flight in 3-D in the browser: a recorded one, or a simulation of a "
+        "mission. The page is served on this machine only."
     )
-    star.add_argument("path", help="mission file (YAML), or folder of a run")
-    add_set_option(star)
-    star.add_argument(
+    line.add_argument("path", help="mission file (YAML), or folder of a run")
+    add_set_option(line)
+    line.add_argument(
         "--port", type=int, default=PORT, help="port, or the next free one (%(default)s)"
     )
-    return star
 
 
 def simulate(mission: Mission, registry: Registry) -> Run:

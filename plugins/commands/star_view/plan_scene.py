@@ -14,6 +14,7 @@ import numpy as np
 import viser
 
 from star_core import Agent, Array, Registry
+from star_core.commands import run_command
 from star_core.toolkit import shortlist
 from star_view.footprints import footprint
 from star_view.markdown import escaped
@@ -50,7 +51,7 @@ def planned_steps(arguments: Sequence[str], registry: Registry) -> list[PlannedS
     if "explain" not in registry.names("command"):
         return []
     with redirect_stdout(StringIO()) as output:
-        registry.find("command", "explain").offer.make([*arguments, "--json"])
+        run_command("explain", [*arguments, "--json"], registry)
     return list(_flattened(json.loads(output.getvalue())["plan"]))
 
 

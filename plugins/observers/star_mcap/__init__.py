@@ -7,10 +7,12 @@ from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, hookimpl
+from star_core import InputError, deferred, hookimpl
 from star_core.commands import CommandSpec
 
 if TYPE_CHECKING:
+    import argparse
+
     from star_core import Event, Flight, Operator, Tick
     from star_mcap.process import RecorderProcess
 
@@ -57,13 +59,13 @@ def _missing() -> list[str]:
     return [name for name in PACKAGES if find_spec(name) is None]
 
 
-def _recover(arguments: list[str]) -> int:
+def _recover(line: argparse.ArgumentParser) -> None:
     if _missing():
         text = "star recover needs mcap: pip install 'star-swarm[record]'"
         raise InputError(text, "missing-package")
-    from star_mcap.recovery import run
+    from star_mcap.recovery import configure
 
-    return run(arguments)
+    configure(line)
 
 
 @hookimpl
@@ -71,6 +73,7 @@ def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="recover",
         summary="Complete the recording of an interrupted run.",
-        make=_recover,
+        configure=_recover,
+        run=deferred("star_mcap.recovery:run"),
         group="Review",
     )

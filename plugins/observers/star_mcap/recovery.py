@@ -6,7 +6,7 @@ import argparse
 import os
 import struct
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
@@ -16,7 +16,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import Writer
 from zstandard import CONTENTSIZE_UNKNOWN, ZstdError, get_frame_parameters
 
-from star_core import InputError
+from star_core import InputError, Registry
 from star_core.toolkit import Progress
 from star_mcap.messages import FILE
 from star_mcap.writer import begin
@@ -37,13 +37,13 @@ DAMAGE: Final = (
 """What the reader raises for a damaged file."""
 
 
-def run(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, _registry: Registry) -> int:
     """Complete a recording and return the exit status, 0.
 
     Raises:
         InputError: There is no recording, or it cannot be read or written.
     """
-    folder = Path(parser().parse_args(arguments).run)
+    folder = Path(options.run)
     path = folder / FILE if folder.is_dir() else folder
     if not path.is_file():
         raise InputError(f"{path}: no such recording; name the folder of a run", "no-record")
@@ -57,16 +57,13 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate so that docs and tests can read it."""
-    star = argparse.ArgumentParser(
-        prog="star recover",
-        description="Complete the recording of a run whose program was killed: everything up to "
-        "the last second. A complete recording stays as it is.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Complete the recording of a run whose program was killed: everything up to "
+        "the last second. A complete recording stays as it is."
     )
-    star.add_argument("run", help=f"folder of a run, or an MCAP file ({FILE})")
-    return star
+    line.add_argument("run", help=f"folder of a run, or an MCAP file ({FILE})")
 
 
 class Recovered(NamedTuple):

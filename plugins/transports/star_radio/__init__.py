@@ -5,10 +5,10 @@ The command ``star land`` lands those that no program flies any more.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from star_core import Problem, TransportSpec, hookimpl
+from star_core import Problem, TransportSpec, deferred, hookimpl
 from star_core.commands import CommandSpec
 from star_radio import budget
 from star_radio.address import RadioAddress, camera_faults, faults
@@ -99,12 +99,7 @@ def star_commands() -> Iterable[CommandSpec]:
     yield CommandSpec(
         name="land",
         summary="Land drones that no program flies any more, by their links.",
-        make=_land,
+        configure=deferred("star_radio.land_command:configure"),
+        run=deferred("star_radio.land_command:run"),
         group="Hardware",
     )
-
-
-def _land(arguments: Sequence[str]) -> int:
-    from star_radio.land_command import run
-
-    return run(arguments)

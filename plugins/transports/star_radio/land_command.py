@@ -32,14 +32,13 @@ SETTLING_TIME: Final = 2.5  # s, for which a drone on the ground may yet report 
 UNCHANGED: Final = RadioOptions(**fill_defaults({"reset": False}, OPTIONS))
 
 
-def run(arguments: Sequence[str]) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Land drones; return the exit status: 0 if all were reached and are down, else 1.
 
     Raises:
         InputError: An address is invalid, or the mission is.
     """
-    options = parser().parse_intermixed_args(arguments)
-    uris = _uris(options.targets, options.set)
+    uris = _uris(options.targets, options.set, registry)
     rescue = Rescue(uris)
     try:
         with Progress("landing", len(uris), unit="drones", detail=rescue.detail) as progress:
@@ -55,31 +54,28 @@ def run(arguments: Sequence[str]) -> int:
     return 0 if rescue.count == len(uris) else 1
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; separate for use by docs and tests."""
-    star = argparse.ArgumentParser(
-        prog="star land",
-        description="Land drones that no program flies any more, straight down. Nothing is reset: "
-        "neither estimators nor parameters, and no motor is armed.",
-        epilog="Exit status: 0 if all drones were reached and are down, otherwise 1.",
-        allow_abbrev=False,
+def configure(line: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Land drones that no program flies any more, straight down. Nothing is reset: "
+        "neither estimators nor parameters, and no motor is armed."
     )
-    star.add_argument(
+    line.epilog = "Exit status: 0 if all drones were reached and are down, otherwise 1."
+    line.add_argument(
         "targets",
         nargs="+",
         metavar="MISSION|URI",
         help="mission file (YAML) whose drones are landed, or links such as "
         "radio://0/80/2M/E7E7E7E701",
     )
-    add_set_option(star)
-    star.add_argument(
+    add_set_option(line)
+    line.add_argument(
         "--timeout",
         type=_positive,
         default=60.0,
         metavar="S",
         help="time to reach and land all drones, s: %(default)g",
     )
-    return star
 
 
 def _positive(text: str) -> float:
@@ -92,14 +88,14 @@ def _positive(text: str) -> float:
 _positive.__name__ = "positive number"  # as argparse calls it
 
 
-def _uris(targets: Sequence[str], assignments: Sequence[str]) -> dict[str, str]:
+def _uris(targets: Sequence[str], assignments: Sequence[str], registry: Registry) -> dict[str, str]:
     """Return the links of the drones by their names, which for a link is the link itself."""
     uris: dict[str, str] = {}
     for target in targets:
         if "://" in target:
             uris[target] = target
             continue
-        for agent in load(Path(target), Registry(), assignments).scene.agents:
+        for agent in load(Path(target), registry, assignments).scene.agents:
             if agent.uri is None:
                 text = f"{target}: agent {agent.name!r} has no 'uri': the address of its link"
                 raise InputError(text, "missing-option")

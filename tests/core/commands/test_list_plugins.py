@@ -6,7 +6,8 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType
@@ -344,19 +345,50 @@ class Greeter:
 
     @hookimpl
     def star_commands(self) -> Iterable[CommandSpec]:
-        def greet(arguments: Sequence[str]) -> int:
-            if not arguments:
+        def configure(line: ArgumentParser) -> None:
+            line.add_argument("names", nargs="*")
+            line.add_argument("--loudly", action="store_true")
+
+        def greet(options: Namespace, registry: Registry) -> int:
+            assert "greet" in registry.names("command")
+            if not options.names:
                 raise InputError(["no name to greet; give one"])
-            return [0, 1, 2, 3][len(arguments)]
+            status: int = [0, 1, 2, 3][len(options.names) + options.loudly]
+            return status
 
-        return [CommandSpec(name="greet", summary="Greets.", make=greet)]
+        return [CommandSpec(name="greet", summary="Greets.", configure=configure, run=greet)]
 
 
-def test_a_command_of_a_plugin_is_given_the_rest_of_the_line_and_answers_the_status(
+def test_a_command_of_a_plugin_is_run_with_its_options_and_returns_the_status(
     with_plugin: Callable[[object], None],
 ) -> None:
     with_plugin(Greeter())
     assert main(["greet", "cf1", "--loudly", "cf2"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["greet", "cf1", "--loud"], "unknown option '--loud'; did you mean '--loudly'? [unknown-"),
+        (["tags", "--papre", "w.yaml"], "unknown option '--papre'; did you mean '--paper'? ["),
+        (["new", "world", "lab", "more"], "'more' is one argument too many [invalid-argument]"),
+    ],
+)
+def test_unknown_words_are_refused_by_every_command(
+    said: Said, with_plugin: Callable[[object], None], arguments: list[str], why: str
+) -> None:
+    with_plugin(Greeter())
+    assert main(arguments) == 2
+    assert said.readouterr().err.startswith(why)
+
+
+def test_the_help_of_a_command_begins_with_its_summary(
+    said: Said, with_plugin: Callable[[object], None]
+) -> None:
+    with_plugin(Greeter())
+    with pytest.raises(SystemExit):
+        main(["greet", "--help"])
+    assert "Greets." in said.readouterr().out
 
 
 def test_what_a_command_of_a_plugin_refuses_exits_with_2(

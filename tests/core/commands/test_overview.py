@@ -22,7 +22,7 @@ from star_core.commands import CommandSpec
 
 @hookimpl
 def star_commands():
-    yield CommandSpec(name="greet", summary="Greets.", make=print, group="Fly")
+    yield CommandSpec(name="greet", summary="Greets.", configure=print, run=print, group="Fly")
 """
 
 

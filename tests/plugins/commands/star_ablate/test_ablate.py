@@ -14,8 +14,11 @@ import numpy as np
 import pytest
 
 import star_ablate
-from star_ablate.command import main
 from star_core import InputError, Registry
+from star_core.commands import run_command
+from tests.commands import command
+
+main = command("ablate")
 
 Study = Callable[[str], Path]
 Rows = Callable[[Path], list[dict[str, str]]]
@@ -24,7 +27,7 @@ pytestmark = pytest.mark.shipped_world  # as in the processes of workers
 
 HOP = "missions: [../hop.yaml]\nmeasures: [path_length_m.total, flight_time_s]\n"
 SLOW = "factors: {rate: {slow: {rate: 10}}}\n"
-ENTER = "import sys; from star_ablate.command import main; sys.exit(main(sys.argv[1:]))"
+ENTER = "import sys; from tests.commands import command; sys.exit(command('ablate')(sys.argv[1:]))"
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +46,8 @@ def ablate(path: Path, *arguments: str) -> Path:
 
 
 def test_the_plugin_offers_the_command_ablate(capsys: pytest.CaptureFixture[str]) -> None:
-    offer = Registry(star_ablate, installed=False).find("command", "ablate").offer
     with pytest.raises(SystemExit):
-        offer.make(["--help"])
+        run_command("ablate", ["--help"], Registry(star_ablate, installed=False))
     assert "--workers" in capsys.readouterr().out
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -11,11 +12,15 @@ from typing import Any, cast
 import pytest
 
 import star_bench
-from star_bench.command import label_of, main, named
+from star_ablate.command import configure
+from star_bench.command import label_of, named
 from star_bench.files import POSITIONS, SETTINGS, WORLDS
 from star_core import AvoiderSpec, InputError, Registry, hookimpl, load
-from star_core.commands import CommandSpec
+from star_core.commands import CommandSpec, run_command
 from star_core.commands.main import main as star
+from tests.commands import command
+
+main = command("bench")
 
 QUICK = ("--scenarios", "stack", "--agents", "2", "--seeds", "1", "--workers", "1")
 
@@ -28,9 +33,8 @@ def refused(*arguments: str) -> str:
 
 
 def test_the_plugin_offers_the_command_bench(capsys: pytest.CaptureFixture[str]) -> None:
-    offer = Registry(star_bench, installed=False).find("command", "bench").offer
     with pytest.raises(SystemExit):
-        offer.make(["--help"])
+        run_command("bench", ["--help"], Registry(star_bench, installed=False))
     assert "--scenarios" in capsys.readouterr().out
 
 
@@ -183,12 +187,12 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     )
 
 
-def test_the_absence_of_the_command_that_flies_studies_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_absence_of_the_command_that_flies_studies_is_reported(tmp_path: Path) -> None:
     lonely = Registry(star_bench, Idle(), installed=False)
-    monkeypatch.setattr("star_bench.command.Registry", lambda: lonely)
-    problem = refused(*QUICK, "--avoiders", "idle", "--out", str(tmp_path / "out"))
+    arguments = [*QUICK, "--avoiders", "idle", "--out", str(tmp_path / "out")]
+    with pytest.raises(InputError) as caught:
+        run_command("bench", arguments, lonely)
+    (problem,) = caught.value.problems
     assert problem.startswith("`star ablate` flies the scenarios: no command named 'ablate'")
 
 
@@ -200,26 +204,24 @@ class Idle:
         return [AvoiderSpec(name="idle", summary="Avoids nothing.", make=cast("Any", object))]
 
 
-def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = [*QUICK, "--avoiders", "none", "--positions", "exact", "--out", str(out)]
 
     @hookimpl
     def star_commands() -> list[CommandSpec]:
-        return [CommandSpec(name="ablate", summary="Is interrupted.", make=interrupted)]
+        text = "Is interrupted."
+        return [CommandSpec(name="ablate", summary=text, configure=configure, run=interrupted)]
 
-    def interrupted(given: Sequence[str]) -> int:
-        folder = Path(given[given.index("--out") + 1])
+    def interrupted(options: Namespace, _registry: Registry) -> int:
+        folder = Path(options.out)
         folder.mkdir()
         (folder / "results.csv").write_text("mission,avoider,setting,seed,outcome,reason\n")
         return 1
 
     plugin = type("Plugin", (), {"star_commands": staticmethod(star_commands)})()
     registry = Registry(plugin, star_bench, *_parts(), installed=False)
-    monkeypatch.setattr("star_bench.command.Registry", lambda: registry)
-    assert main(arguments) == 1
+    assert run_command("bench", arguments, registry) == 1
     assert (out / "bench.csv").read_text().count("\n") == 1  # the heading
 
 

@@ -13,10 +13,13 @@ import pytest
 from ruamel.yaml import YAML
 
 from star_calibrate.board import Board, View, Views, find_views
-from star_calibrate.command import as_lines, as_text, main
+from star_calibrate.command import as_lines, as_text
 from star_calibrate.lens import Lens, deviations, solve
 from star_core import Camera, InputError, Registry, fly, load
 from star_core.commands import main as cli
+from tests.commands import command
+
+main = command("calibrate")
 
 Take: TypeAlias = Callable[[int, float], list[str]]
 

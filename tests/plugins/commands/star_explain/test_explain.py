@@ -17,9 +17,11 @@ from star_core import InputError, Registry, Status, TaskOutput, TaskSpec, fly, h
 from star_core.commands.main import main as star
 from star_core.mission_file.conditions import KINDS, holds_from, in_words, longest_wait
 from star_core.toolkit import Exclusive
-from star_explain.command import main
 from star_explain.dry_run import Group, StepResult, dry_run
 from star_explain.plan import plan
+from tests.commands import command
+
+main = command("explain")
 
 MISSIONS = Path(__file__).parents[4] / "missions"
 HEAD = """\

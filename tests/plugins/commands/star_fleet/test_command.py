@@ -15,8 +15,11 @@ import pytest
 
 from star_core import InputError, Supervisor
 from star_fleet.aideck import PORT
-from star_fleet.command import CAMERAS, run
+from star_fleet.command import CAMERAS
 from star_fleet.packet import Port, join
+from tests.commands import command
+
+run = command("fleet")
 
 MISSIONS = Path(__file__).parents[4] / "missions"
 FIRST = str(MISSIONS / "first_flight.yaml")

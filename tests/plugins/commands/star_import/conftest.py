@@ -9,7 +9,9 @@ from typing import TypeAlias
 import pytest
 
 from star_core import Mission, Registry, load
-from star_import.command import main
+from tests.commands import command
+
+main = command("import")
 
 Import: TypeAlias = Callable[..., list[str]]
 

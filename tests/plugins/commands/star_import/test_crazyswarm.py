@@ -9,8 +9,10 @@ import pytest
 
 from star_core import InputError, Registry, fly, load
 from star_core.toolkit import actions
-from star_import.command import main
+from tests.commands import command
 from tests.plugins.commands.star_import.conftest import ROBOTS, Import
+
+main = command("import")
 
 Put = Callable[[str, str], str]
 ORDER = range(8)

@@ -10,7 +10,10 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from star_tags.command import main
+from tests.commands import command
+
+main = command("tags")
+
 
 Areas: TypeAlias = list[tuple[float, list[list[tuple[float, float]]]]]
 """Grey, and outlines in mm with y down from the upper left corner of the paper."""

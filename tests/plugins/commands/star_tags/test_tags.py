@@ -12,12 +12,15 @@ import pytest
 
 import star_tags
 from star_core import InputError, Registry
+from star_core.commands import run_command
 from star_core.mission_file import schema as schemas
 from star_core.toolkit import TAG_RIM, TAG_SIZE
-from star_tags.command import main
 from star_tags.page import Fill, Text, number, rectangle
 from star_tags.sheet import BAR, PAPERS, STRIP, Sheet, lay_out
 from star_tags.world import pages
+from tests.commands import command
+
+main = command("tags")
 
 Areas: TypeAlias = list[tuple[float, list[list[tuple[float, float]]]]]
 Sheets: TypeAlias = Callable[..., list[tuple[tuple[float, float], Areas, list[str]]]]
@@ -255,9 +258,8 @@ def test_the_size_is_the_default_of_worlds() -> None:
 
 
 def test_the_plugin_offers_the_command_tags(capsys: pytest.CaptureFixture[str]) -> None:
-    offer = Registry(star_tags, installed=False).find("command", "tags").offer
     with pytest.raises(SystemExit):
-        offer.make(["--help"])
+        run_command("tags", ["--help"], Registry(star_tags, installed=False))
     assert "--paper" in capsys.readouterr().out
 
 

@@ -13,11 +13,13 @@ import star_radio
 from star_core import Command, InputError, Order
 from star_core.testing import scene
 from star_fleet.server import Fleet
-from star_radio.land_command import run
 from star_radio.transport import Radio
+from tests.commands import command
 from tests.end_to_end.virtual_air import ON_FLOOR
 from tests.plugins.transports.star_radio.conftest import options, reached
 from tests.simulators import ideal_fleet
+
+run = command("land")
 
 PATIENCE = 60.0  # s, on a busy machine
 UNREACHABLE = "udp://127.0.0.1:9"

@@ -1,0 +1,13 @@
+"""Commands of ``star``, run in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from star_core import Registry
+from star_core.commands import run_command
+
+
+def command(name: str) -> Callable[[Sequence[str]], int]:
+    """Return a function that runs a command with arguments; its errors are raised."""
+    return lambda arguments: run_command(name, arguments, Registry())
