@@ -13,7 +13,7 @@ import pytest
 from hypothesis import settings
 
 import star_sim
-from star_core.commands import stop_flights
+from star_core.commands import land_requests, stop_flights
 from star_core.plugin_support import discovery
 from star_core.toolkit import progress
 
@@ -26,11 +26,12 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Recording to MCAP starts a process for each flight: only the tests of it do that.
 os.environ["STAR_BLOCK_PLUGINS"] = "mcap"
 
-# `star stop` lands every flight of this user: each process of tests has its own folder of sockets,
-# which no other one searches. A socket's path has about 100 characters at most.
+# `star stop` lands every flight of this user: no test searches a folder of sockets but that of its
+# own process. A socket's path has about 100 characters at most.
 RUNTIME: Final = TemporaryDirectory(prefix="star-")
 os.environ["XDG_RUNTIME_DIR"] = RUNTIME.name
-vars(stop_flights)["SOCKETS"] = Path(os.devnull)
+vars(stop_flights).update(SESSIONS=Path(RUNTIME.name), SOCKETS=Path(os.devnull))
+vars(land_requests)["gettempdir"] = lambda: RUNTIME.name
 
 # Tests of one process are no work that lasts: the progress of each counts from its own beginning.
 progress.MAX_PAUSE = -1.0  # type: ignore[misc]

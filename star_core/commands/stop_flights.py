@@ -24,6 +24,7 @@ from star_core.commands.land_requests import (
 from star_core.errors import InputError
 
 SOCKETS: Final = Path("/proc/net/unix")  # of the whole machine, on Linux; the last column is a path
+SESSIONS: Final = Path("/run/user")  # holds a runtime folder for each user
 PARALLEL: Final = 32  # flights that are asked at once: one that hangs must not delay the others
 
 
@@ -92,7 +93,7 @@ def _folders() -> tuple[list[Path], list[InputError]]:
     own = [Path(runtime) / FOLDER] if runtime else []
     for user in users:
         own += [
-            Path(f"/run/user/{user}") / FOLDER,
+            SESSIONS / str(user) / FOLDER,
             shared_folder(user),
         ]
     folders: list[Path] = []
