@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from itertools import count
 from pathlib import Path
 from typing import Final
@@ -22,10 +22,18 @@ from tests.fuzz.harness import Broken, Draw, Target, Try
 from tests.fuzz.random_missions import random_mission
 
 SIZES: Final[Mapping[str, Mapping[str, int]]] = {
-    "short flights": {"agents": 3, "steps": 1},
+    "short flights": {"agents": 2, "steps": 1, "rate": 10},
     "flights": {"agents": 12, "steps": 5},
 }
 PATIENCE: Final = 50.0  # a flight takes up to a minute of processor time
+
+
+@cache
+def watched() -> tuple[Registry, Witness]:
+    """Return a registry with a witness, the same ones for all flights: plugins load slowly."""
+    flight, witness = Registry(), Witness()
+    flight.add(witness, Source("test:witness", ""))
+    return flight, witness
 
 
 def flown(draw: Draw, folder: Path, size: str) -> str:
@@ -47,8 +55,8 @@ def flown(draw: Draw, folder: Path, size: str) -> str:
         return "refused"
     if warnings:
         return "warned of"
-    flight, witness = Registry(), Witness()
-    flight.add(witness, Source("test:witness", ""))
+    flight, witness = watched()
+    witness.reset()
     summary = fly(load(path, flight), flight)
     witness.watch_on()
     if found := judged(witness, drawn.world, summary):

@@ -144,6 +144,12 @@ class Witness:
         self._add(tick.time, tick.truth, np.where(tick.goals.active, away, np.nan))
         self.estimated.append(tick.estimate.position.copy())
 
+    def reset(self) -> None:
+        """Forget the last flight."""
+        self._simulator = None
+        for table in (self.time, self.position, self.climb, self.away, self.estimated):
+            table.clear()
+
     def watch_on(self, seconds: float = 3.0) -> None:
         """Watch the drones for some more seconds, without the program."""
         if self._simulator is None or not self.time:

@@ -38,13 +38,16 @@ class RandomMission:
         return folder / "mission.yaml"
 
 
-def random_mission(draw: Draw, *, agents: int = 12, steps: int = 5) -> RandomMission:
+def random_mission(
+    draw: Draw, *, agents: int = 12, steps: int = 5, rate: int = 20
+) -> RandomMission:
     """Draw a mission.
 
     Args:
         draw: Source of all that is random.
         agents: Greatest number of agents.
         steps: Greatest number of steps between take-off and landing.
+        rate: Of the control loop, Hz.
     """
     n = draw.randint(2, agents)
     localizer = draw.choice(LOCALIZERS)
@@ -61,6 +64,7 @@ def random_mission(draw: Draw, *, agents: int = 12, steps: int = 5) -> RandomMis
         "star": 1,
         "name": "random",
         "world": "world.yaml",
+        "rate": rate,
         "seed": draw.randrange(10000),
         "swarm": {
             name: {"start": list(start), "yaw_deg": draw.randrange(-180, 180, 15)}

@@ -201,7 +201,7 @@ class _DryRun:
     def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
         """Run steps in sequence; of several repetitions only the first is run."""
         parts: list[Part] = []
-        first, marks = begun, self.tracks.marks
+        first, marks = begun, self.tracks.marks()
         for node in nodes:
             part = self._node(node, begun)
             begun += part.takes or 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from star_core import AgentPhase, Array, Mask, Rows, Scene
@@ -23,11 +25,18 @@ class Tracks:
         self._points: list[list[tuple[float, ...]]] = [
             [(0.0, *agent.start, agent.yaw, 0.0)] for agent in scene.agents
         ]  # of each agent: time, s, x, y, z, m, yaw, rad, and 1 in the air
+        self._latest = [points[0] for points in self._points]  # of each agent, not yet kept, maybe
 
-    @property
     def marks(self) -> tuple[int, ...]:
-        """Numbers of points so far, for `repeat`."""
+        """Return the numbers of points so far, for `repeat`."""
+        self._keep_latest(range(len(self._points)))
         return tuple(map(len, self._points))
+
+    def _keep_latest(self, rows: Iterable[int]) -> None:
+        """Keep where agents were last, and stay until they move again."""
+        for row in rows:
+            if self._latest[row][0] > self._points[row][-1][0]:
+                self._points[row].append(self._latest[row])
 
     def add(
         self, time: float, rows: tuple[int, ...], position: Array, yaw: Array, phase: Rows
@@ -37,25 +46,31 @@ class Tracks:
             return
         for row in rows:
             airborne = float(phase[row] in AIRBORNE)
+            if time - self._latest[row][0] > PERIOD:  # it waited there
+                self._keep_latest([row])
             last = self._points[row][-1]
+            x, y, z = position[row].tolist()
+            self._latest[row] = (time, x, y, z, float(yaw[row]), airborne)
             if time - last[0] > PERIOD - NO_TIME or airborne != last[-1]:
-                x, y, z = position[row].tolist()
-                self._points[row].append((time, x, y, z, float(yaw[row]), airborne))
+                self._points[row].append(self._latest[row])
 
     def repeat(self, marks: tuple[int, ...], times: int, period: float) -> None:
         """Append what was added since `marks` again, every `period` s, `times` times in all."""
+        self._keep_latest(range(len(self._points)))
         for points, mark in zip(self._points, marks, strict=True):
             once = points[mark:]
             for k in range(1, times):
                 if not once or once[0][0] + k * period > LONGEST:
                     break
                 points.extend((time + k * period, *rest) for time, *rest in once)
+        self._latest = [points[-1] for points in self._points]
 
     def sampled(self, period: float) -> tuple[Array, Array, Array, Mask]:
         """Return times, (T,) s, positions, (T, N, 3) m, headings, (T, N) rad, and flight, (T, N).
 
         Between two points, an agent is on the line between them; after the last, it stays.
         """
+        self._keep_latest(range(len(self._points)))
         end = max(points[-1][0] for points in self._points)
         time = np.arange(0.0, end + period, period)
         tables = [np.array(points) for points in self._points]

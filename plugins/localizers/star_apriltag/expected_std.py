@@ -20,12 +20,13 @@ from star_apriltag.dead_reckoning import (
     TURN_STD,
     rotation_about_z,
 )
-from star_core import Array, Camera, Mask, Scene, Tag
+from star_core import Array, Camera, Mask, Obstacle, Scene, Tag
 from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 
 SEEN_STD: Final = 0.03  # m, while a tag is in view
 MIN_EDGE: Final = 13.0  # px of a tag in the image: eight modules of those that are still detected
 BORDER: Final = 3.0  # px, of the image, in which no corner is detected
+POINTS: Final = 24  # of a line of sight, compared with obstacles
 
 PER_TIME: Final = POSITION_PER_TIME**2  # m²/s
 PER_HEIGHT: Final = 2 * SLIP_RATE**2 * SLIP_TIME  # m²/s, and per height, squared
@@ -47,8 +48,8 @@ def expected_std(
     While a level drone has a landmark's tag in its image, it is `SEEN_STD`. Since then, the errors
     of dead reckoning grow: white noise with the time and with the height, errors of the velocity
     with the time, the floor's texture with the length of the path, and scale and heading, as
-    uncertain as before they are calibrated in flight, with the displacement. Obstacles hide no
-    tags, and floor odometry, which needs texture, does not help.
+    uncertain as before they are calibrated in flight, with the displacement. Obstacles hide
+    tags; floor odometry, which needs texture, does not help.
 
     Args:
         scene: Agents with their cameras, and landmarks.
@@ -62,7 +63,7 @@ def expected_std(
     for row, agent in enumerate(scene.agents):
         seen = np.zeros(len(time), np.bool_)
         if agent.camera is not None:
-            seen = _sees(agent.camera, tags, position[:, row], yaw[:, row])
+            seen = _sees(agent.camera, tags, scene.world.obstacles, position[:, row], yaw[:, row])
         height = position[:, row, 2] - agent.start[2]
         std[:, row] = _along(time, position[:, row, :2], height, seen)
     return std
@@ -93,13 +94,20 @@ def _along(time: Array, here: Array, height: Array, seen: Mask) -> Array:
     return std
 
 
-def _sees(camera: Camera, tags: tuple[Tag, ...], position: Array, yaw: Array) -> Mask:
+def _sees(
+    camera: Camera,
+    tags: tuple[Tag, ...],
+    obstacles: tuple[Obstacle, ...],
+    position: Array,
+    yaw: Array,
+) -> Mask:
     """Return at which of (T, 3) positions, with (T,) headings, a tag is in the image: (T,)."""
     model = CameraModel(camera)
     mount = model.mounting
     seen = np.zeros(len(position), np.bool_)
     if not tags:
         return seen
+    times, eyes, ends = [], [], []  # of the lines of sight
     rotations = np.array([rotation_from_quaternion(tag.rotation) for tag in tags])
     centers = np.array([tag.position for tag in tags])
     corners = np.array([square_corners(tag.size) for tag in tags])  # (K, 4, 3)
@@ -109,9 +117,27 @@ def _sees(camera: Camera, tags: tuple[Tag, ...], position: Array, yaw: Array) ->
         eye = here + body @ mount.position
         facing = ((eye - centers) * rotations[:, :, 2]).sum(axis=1) > 0.0
         points = (corners[facing] - eye) @ (body @ mount.rotation)
-        ahead = points[(points[..., 2] > 0.0).all(axis=1)]
-        whole = ahead[model.sees(ahead, BORDER).all(axis=1)]
-        pixels = model.project(whole)
+        ahead = np.flatnonzero((points[..., 2] > 0.0).all(axis=1))
+        whole = ahead[model.sees(points[ahead], BORDER).all(axis=1)]
+        pixels = model.project(points[whole])
         edges = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-        seen[k] = bool((edges >= MIN_EDGE).any())
+        found = centers[facing][whole[edges >= MIN_EDGE]]
+        times += [k] * len(found)
+        eyes += [eye] * len(found)
+        ends += [*found]
+    if times:
+        clear = _clear(obstacles, np.array(eyes), np.array(ends))
+        seen[np.array(times)[clear]] = True
     return seen
+
+
+def _clear(obstacles: tuple[Obstacle, ...], eyes: Array, ends: Array) -> Mask:
+    """Return between which of (K, 3) points and (K, 3) others there is no obstacle: (K,)."""
+    share = (np.arange(POINTS) + 0.5)[:, None, None] / POINTS
+    points = eyes + share * (ends - eyes)  # (POINTS, K, 3)
+    half = np.linalg.norm(ends - eyes, axis=1) / POINTS / 2  # m, of the way between two of them
+    clear = np.ones(len(eyes), np.bool_)
+    for obstacle in obstacles:
+        distance = obstacle.distances(points.reshape(-1, 3)).reshape(POINTS, -1)
+        clear &= (distance > half).all(axis=0)
+    return clear

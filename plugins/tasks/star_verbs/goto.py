@@ -119,8 +119,10 @@ class Approach:
         return shortlist(faults, "; ")
 
     def arrived(self, estimate: Estimate) -> bool:
-        """Whether all of them are at their positions and have stopped."""
-        return self.distance(estimate) <= self._within and self.agents.at_rest(estimate)
+        """Whether all of them have stopped at their positions; call it each tick."""
+        return self._target is not None and self.agents.arrived(
+            estimate, self._target, self._within
+        )
 
     def distance(self, estimate: Estimate) -> float:
         """Return the greatest distance of an agent from its position, m; infinite if unknown."""

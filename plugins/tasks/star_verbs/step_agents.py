@@ -13,6 +13,8 @@ from star_core.toolkit import timeout
 MAX_REST_SPEED = 0.15  # m/s: a slower agent has stopped, within the accuracy of its estimate
 TIE_BREAK = 1e-6  # 1/m: cost of squared distances, which decides between equal totals
 MAX_ENUMERATED = 4  # targets; so few need no scipy.optimize, which takes 0.3 s to import
+CROSSES_ALONE = 4  # agents of a swarm that wait for no more than one other to cross the room
+MAKES_WAY = 2.0  # times the tolerance by which an agent that has arrived may be moved aside
 DURATION_ERROR = 1e-9  # s: rounding error of mission time, which is a sum of ticks
 
 
@@ -33,15 +35,18 @@ class StepAgents:
     def __init__(self, scene: Scene, rows: tuple[int, ...]) -> None:
         self.scene = scene
         self.rows: Rows = np.array(rows, np.int64)
+        self._arrived = np.zeros(len(rows), np.bool_)
 
     def keep(self, rows: tuple[int, ...]) -> np.ndarray:
         """Remove all agents but some; return which of the K these are, (K,)."""
         kept = np.isin(self.rows, rows)
         self.rows = self.rows[kept]
+        self._arrived = self._arrived[kept]
         return kept
 
     def replace(self, old: int, new: int) -> None:
         """Replace an agent by another."""
+        self._arrived &= self.rows != old
         self.rows = np.where(self.rows == old, new, self.rows)
 
     def located(self, estimate: Estimate) -> bool:
@@ -63,6 +68,30 @@ class StepAgents:
         velocity = estimate.velocity[self.rows]
         return bool(np.vecdot(velocity, velocity).max() < MAX_REST_SPEED**2)
 
+    def arrived(self, estimate: Estimate, point: Array, within: float) -> bool:
+        """Whether all of them have stopped at their rows of `point` (K, 3), m; call it each tick.
+
+        An agent that has arrived may then be up to `MAKES_WAY` times as far away: agents that make
+        way for others, or whose estimates jump with each landmark, are hardly ever all in their
+        positions at the same tick.
+
+        Args:
+            estimate: Of the tick.
+            point: (K, 3) their positions, m; the same ones in every tick until `depart`.
+            within: Distance at which an agent has arrived, m.
+        """
+        away = estimate.position[self.rows] - point
+        distance = np.where(estimate.valid[self.rows], np.sqrt(np.vecdot(away, away)), np.inf)
+        velocity = estimate.velocity[self.rows]
+        rests = np.vecdot(velocity, velocity) < MAX_REST_SPEED**2
+        self._arrived &= distance <= MAKES_WAY * within
+        self._arrived |= (distance <= within) & rests
+        return bool(self._arrived.all())
+
+    def depart(self) -> None:
+        """Note that their positions change: none of them has arrived."""
+        self._arrived[:] = False
+
     def travel_distance(self, estimate: Estimate, point: Array | None) -> float:
         """Return the longest distance to `point` (K, 3), m; if unknown, the fence's diagonal."""
         fence = self.scene.world.fence
@@ -73,12 +102,13 @@ class StepAgents:
         """Return the timeout of a flight that takes `expected` seconds if nothing delays it, s.
 
         In a swarm an agent may also have to wait until another has crossed the room, however short
-        its own way is.
+        its own way is; and in a large one for several, one after the other, as many as fit across
+        the swarm.
         """
         fence, limits = self.scene.world.fence, self.scene.limits
-        alone = len(self.scene.agents) == 1
-        crossing = 0.0 if alone else math.dist(fence.low, fence.high) / limits.speed
-        return timeout(expected) + crossing
+        n = len(self.scene.agents)
+        crossing = 0.0 if n == 1 else math.dist(fence.low, fence.high) / limits.speed
+        return timeout(expected) + crossing * max(1.0, math.sqrt(n / CROSSES_ALONE))
 
     def goals(
         self, position: Array, yaw: Array, speed: float, velocity: Array | None = None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Fence, Goals, Obstacle, Registry, Status, World, load
+from star_core import Estimate, Fence, Goals, Obstacle, Registry, Status, World, load
 from star_core import fly as fly_mission
 from star_core.testing import estimate, health, scene
 
@@ -180,3 +180,36 @@ def test_a_short_flight_waits_until_a_slow_agent_has_passed(tmp_path: Path) -> N
     assert summary["outcome"] == "completed", summary["reason"]
     begun, ended = (summary["steps"][1][key] for key in ("begun_s", "ended_s"))
     assert ended - begun > 7.4  # three times 0.8 s, and 5 s: its timeout if it were alone
+
+
+def at(x: float, *, speed: float = 0.0, other: float = 1.5) -> Estimate:
+    """Return an estimate of two agents beside each other, the first one at `x`, m."""
+    still = estimate(np.array([[x, 0.0, 0.8], [other, 0.0, 0.8]]))
+    return replace(still, velocity=np.array([[speed, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+
+
+def test_agents_that_make_way_need_not_arrive_at_the_same_tick(make: Any) -> None:
+    task = make("goto", scene(2), (0, 1), by=[1.0, 0.0, 0.0])
+    task.begin(at(0.0), health(2))
+    steps = [at(0.95), at(1.15, other=2.45), at(1.05, speed=0.3, other=2.45)]
+    statuses = [task.step(one, health(2)).status for one in steps]
+    assert statuses == [Status.RUNNING, Status.SUCCESS, Status.SUCCESS]
+
+
+def test_agents_that_are_pushed_far_away_arrive_anew(make: Any) -> None:
+    task = make("goto", scene(2), (0, 1), by=[1.0, 0.0, 0.0])
+    task.begin(at(0.0), health(2))
+    steps = [at(0.95), at(1.25, other=2.45), at(1.15, other=2.45), at(1.05, other=2.45)]
+    statuses = [task.step(one, health(2)).status for one in steps]
+    assert statuses == [Status.RUNNING] * 3 + [Status.SUCCESS]
+
+
+def test_timeouts_of_large_swarms_have_room_for_several_crossings(make: Any) -> None:
+    limits = [
+        make("goto", scene(n), (0,), by=[0.0, 0.0, 0.1]).begin(
+            estimate(np.array([[float(i), 0.0, 0.8] for i in range(n)])), health(n)
+        )
+        for n in (2, 4, 16)
+    ]
+    assert limits[0] == limits[1]
+    assert limits[2] - 5.0 == pytest.approx(2 * (limits[1] - 5.0), rel=0.1)

@@ -62,8 +62,9 @@ class Formation:
         if self._position is None:
             return TaskOutput()
         elapsed, self._time = estimate.time - self._time, estimate.time
-        lag = self._agents.max_distance(estimate, self._position + self._moved())
-        there = lag <= self._options["within"] and self._agents.at_rest(estimate)
+        position = self._position + self._moved()
+        lag = self._agents.max_distance(estimate, position)
+        there = self._agents.arrived(estimate, position, self._options["within"])
         if there:
             self._formed = min(self._formed, estimate.time)
         held = estimate.time - self._formed >= self._options["for"] - DURATION_ERROR
@@ -71,6 +72,8 @@ class Formation:
         over = held and self._flown >= self._shape.move_distance
         self._flown = min(self._flown + pace * elapsed, self._shape.move_distance)
         moving = held and self._flown < self._shape.move_distance
+        if moving:
+            self._agents.depart()
         goals = self._agents.goals(
             self._position + self._moved(),
             self._yaw,

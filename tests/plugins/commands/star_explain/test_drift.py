@@ -78,7 +78,7 @@ def test_repeated_steps_count_as_often_as_they_are_flown(tmp_path: Path) -> None
 def test_a_track_is_repeated_and_between_its_points_an_agent_is_on_the_line() -> None:
     tracks = Tracks(scene(1))
     start = np.array(scene(1).agents[0].start)
-    marks = tracks.marks
+    marks = tracks.marks()
     for time, x in ((1.0, 1.0), (2.0, 0.0)):
         tracks.add(time, (0,), start + np.array([[x, 0, 0]]), np.zeros(1), np.array([2]))
     tracks.repeat(marks, 3, 2.0)

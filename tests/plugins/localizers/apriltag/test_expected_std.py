@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_apriltag.expected_std import SEEN_STD, expected_std
-from star_core import Array, Camera, Scene, Tag
+from star_core import Array, Camera, Obstacle, Scene, Tag
 from star_core.testing import scene
 
 FLAT = (0.0, 0.0, 0.0, 1.0)
@@ -58,3 +58,11 @@ def test_blind_hovers_drift_as_in_the_default_world(height: float, rms: float) -
     still = std(room(), np.zeros(61), height=height)
     grown = still[-1] ** 2 - still[0] ** 2
     assert np.sqrt(grown) == pytest.approx(rms, rel=0.15)  # of 72 drones, over 30 s, each axis
+
+
+def test_obstacles_hide_tags() -> None:
+    tagged, still = room((0.8, 0.0)), np.zeros(20)
+    wall = ((0.4, -0.5), (0.5, -0.5), (0.5, 0.5), (0.4, 0.5))
+    for top, hidden in ((2.0, True), (0.1, False)):
+        world = replace(tagged.world, obstacles=(Obstacle("wall", (wall,), (0.0, top)),))
+        assert (std(replace(tagged, world=world), still)[-1] > 0.1) == hidden
