@@ -25,6 +25,7 @@ from star_explain.words import seconds
 TICK: Final = 0.1  # s, of the dry run: a smaller one does not change points that fly straight
 NO_DISTANCE: Final = 1e-6  # m, rounding error of a position
 ARRIVED: Final = 0.1  # m, from its goal, at which an agent has arrived
+BESIDE: Final = 0.2  # m beside what is lower, at which an agent may be above it by its error
 STRAIGHT: Final = 0.9999  # cosine of a change of direction that is no corner
 LONGEST: Final = 600.0  # s, greatest simulated duration of one step
 
@@ -196,6 +197,7 @@ class _DryRun:
         self._anchored: set[int] = set()  # rows
         self._blocked: dict[tuple[int, str], str] = {}
         self._surfaces: dict[tuple[int, str], str] = {}
+        self._beside: dict[tuple[int, str], str] = {}  # likewise, of what agents pass nearly above
         self._track: list[Array] = []  # positions, (n, 3) m, of its n agents
 
     def sequence(self, nodes: Sequence[Any], times: int, begun: float) -> Group:
@@ -228,7 +230,7 @@ class _DryRun:
         if not rows:
             return StepResult(action, agents, 0.0, 0.0, given, "no agents are left for it")
         self._on_board = self._late = self._failed = False
-        self._blocked, self._surfaces = {}, {}
+        self._blocked, self._surfaces, self._beside = {}, {}, {}
         self._track = [self._swarm.position[[*rows]]]
         try:
             takes, limit, fault = self._run(action, rows, begun)
@@ -253,7 +255,7 @@ class _DryRun:
             fault,
             on_board=self._on_board,
             blocked=blocked,
-            surfaces=tuple(self._surfaces.values()),
+            surfaces=tuple((self._beside | self._surfaces).values()),
             late=self._late,
             failed=self._failed,
             certain=certain,
@@ -386,15 +388,24 @@ class _DryRun:
             if self._swarm.phase[row] != AgentPhase.FLYING or math.isnan(agent.start[0]):
                 continue
             x, y, z = self._swarm.position[row].tolist()
+            start = self._surface(agent.start)[0]
             height, what, flies = self._surface((x, y, z))
-            climbs = height - self._surface(agent.start)[0]
-            if climbs != 0.0:
-                text = (
-                    f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from where "
-                    f"a ranger measures its height: it {'climbs' if climbs > 0 else 'sinks'} by "
-                    f"{abs(climbs):.2f} m"
-                )
-                self._surfaces.setdefault((row, what), text)
+            notes = [(height, what, flies, self._surfaces)]
+            notes += [
+                (obstacle.height[1], f"obstacle {obstacle.name!r}", "may fly", self._beside)
+                for obstacle in self._scene.world.obstacles
+                if start <= height < obstacle.height[1] < z
+                and obstacle.gaps((x, y, obstacle.height[1]))[0] < BESIDE
+            ]
+            for height, what, flies, noted in notes:
+                climbs = height - start
+                if climbs != 0.0:
+                    text = (
+                        f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from "
+                        f"where a ranger measures its height: it "
+                        f"{'climbs' if climbs > 0 else 'sinks'} by {abs(climbs):.2f} m"
+                    )
+                    noted.setdefault((row, what), text)
 
     def _surface(self, point: tuple[float, float, float]) -> tuple[float, str, str]:
         """Return the surface below a point: its height, m, and what it is; and how sure that is.

@@ -102,6 +102,13 @@ def test_a_flight_over_an_obstacle_is_a_warning_if_a_ranger_measures_heights() -
     ]
 
 
+def test_a_flight_close_beside_a_low_obstacle_may_lead_over_it() -> None:
+    beside = LOW_WALL.replace("[-1, 0.5]", "[-0.35, 0.5]")
+    (found,) = warnings(world=beside, changes=RANGER)
+    assert "cf1 may fly over obstacle 'wall'" in found
+    assert warnings(world=LOW_WALL.replace("[-1, 0.5]", "[-0.25, 0.5]"), changes=RANGER) == []
+
+
 def test_a_flight_off_the_table_it_started_on_is_one_too() -> None:
     (found,) = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, changes=RANGER)
     assert "cf1 flies over the floor" in found
