@@ -71,6 +71,8 @@ class Scene:
         exact_odometry: Whether the agents start where they are expected and their odometry has no
             error, as in a simulation without noise.
         measures_positions: Whether a positioning system measures positions: `Telemetry.fixes`.
+        measurement_errors: Standard deviation of these along each axis, m, and the longest time
+            without one of an agent, s; None if that is not known before the flight.
         folder: The mission's folder; files that a mission names are read from inside it.
         files: The files requested through `file`, by their names in the mission.
         groups: Rows of the agents of each of the mission's groups, by its name, in its order.
@@ -84,6 +86,7 @@ class Scene:
     realtime: bool = False
     exact_odometry: bool = False
     measures_positions: bool = False
+    measurement_errors: tuple[float, float] | None = None
     folder: Path = field(default_factory=Path)
     files: dict[str, Path] = field(default_factory=dict, compare=False, repr=False)
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict, hash=False)

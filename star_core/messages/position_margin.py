@@ -59,6 +59,11 @@ WALL_RADIUS: Final = 0.2
 margins to `MAX_MARGIN` of it, m: the clearance that planners keep by default."""
 
 
+ALONE_SHARE: Final = 0.75
+"""Share of the room between two agents that they need without others near them: by default one and
+a half standard deviations. Among several, each neighbor adds to the risk."""
+
+
 YIELD_TIME: Final = 5.0
 """Time constant with which margins for uncertain positions yield to agents that press on, s."""
 

@@ -121,6 +121,10 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
         if (holds := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({found.source})"):
                 properties[name] = bool(holds(**fill_defaults(options, offer.options)))
+    if offer.measurement_errors is not None:
+        with PluginGuard(f"transport {offer.name!r} ({found.source})"):
+            errors = offer.measurement_errors(**fill_defaults(options, offer.options))
+            properties["measurement_errors"] = errors
     return properties
 
 

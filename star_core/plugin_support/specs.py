@@ -121,6 +121,9 @@ class TransportSpec(MissionSpec):
         measures_positions: ``measures_positions(**options)`` returns whether a positioning system
             measures positions, for `Telemetry.fixes`; None if none does. Localizers read it in
             `Scene.measures_positions`.
+        measurement_errors: ``measurement_errors(**options)`` returns the standard deviation of
+            these positions along each axis, m, and the longest time without one of an agent, s;
+            None if they are not known. Localizers read it in `Scene.measurement_errors`.
     """
 
     make: Callable[..., Transport]
@@ -128,6 +131,7 @@ class TransportSpec(MissionSpec):
     heights_above_surface: Callable[..., bool] | None = None
     exact_odometry: Callable[..., bool] | None = None
     measures_positions: Callable[..., bool] | None = None
+    measurement_errors: Callable[..., tuple[float, float] | None] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask, Rows
-from star_core.messages.position_margin import MAX_MARGIN
+from star_core.messages.position_margin import ALONE_SHARE, MAX_MARGIN
 from star_core.messages.state import Estimate
 from star_core.safety.braking import LAG
 from star_core.safety.walls import nearest_wall, walls
@@ -70,7 +70,8 @@ class Room:
 
     To obstacles and fence, an agent needs `WALL_SHARE` of `Limits.uncertainty_margin` standard
     deviations of its position. Two agents need that number of standard deviations of the distance
-    between them, in the plane or in height, when they have braked. These needs have no limit, as
+    between them, in the plane or in height, when they have braked; `ALONE_SHARE` of it if no others
+    are near them. These needs have no limit, as
     the margins have with which agents fly around each other: where these are below their limit,
     they keep enough room.
 
@@ -150,7 +151,11 @@ class Room:
         use = self._needed(std[first], std[second]) / np.maximum(room, MIN_ROOM)
         level = self._needed(height_std[first], height_std[second]) + COLLISION_DISTANCE
         kept = (use > min_use) & (np.abs(offset[:, 2]) < level) & (parting < PARTING_SPEED)
-        return PairRoom(first[kept], second[kept], use[kept], away[kept], distance[kept])
+        first, second, use = first[kept], second[kept], use[kept]
+        near_each = np.bincount(np.concatenate([first, second]), minlength=len(std))
+        alone = (near_each[first] == 1) & (near_each[second] == 1)
+        use = np.where(alone, ALONE_SHARE * use, use)
+        return PairRoom(first, second, use, away[kept], distance[kept])
 
     def _needed(self, first: Array, second: Array) -> Array:
         """Return the room that two agents need for their standard deviations, m."""

@@ -36,4 +36,5 @@ def star_localizers() -> Iterable[LocalizerSpec]:
         options=OPTIONS,
         check=check,
         corrects_heights=True,
+        drift=deferred("star_positioning.odometry:expected_std"),
     )

@@ -14,6 +14,7 @@ import numpy as np
 
 from star_core import Array, Rows
 from star_core.toolkit import compiled, subroutine
+from star_positioning.odometry import SLIP, SLIP_SHARE, SLIP_TIME, WALK, YAW_WALK
 
 # The state, and columns of the history of reports.
 X, Y, Z, YAW, SLIP_X, SLIP_Y, ERROR = range(7)  # m, m, m, rad, m/s, m/s, and from there 3 x m
@@ -22,12 +23,6 @@ TIME, QX, QY, QZ, VX, VY, VZ, HEADING = range(8)  # s, then m, m/s and rad in th
 COLUMNS = 8
 HISTORY = 32  # reports: 1.6 s at 20 Hz, within which a measurement must arrive
 
-# Errors of odometry, of a Flow deck as `docs/results.md` has them.
-SLIP = 0.006  # m/s, at rest
-SLIP_SHARE = 0.07  # of the speed: errors of scale and of the floor
-SLIP_TIME = 3.0  # s, in which it changes: the floor's error does over 0.7 m
-WALK = 5e-4  # m²/s, noise of the flow sensor, as the on-board filter smooths it
-YAW_WALK = math.radians(0.3) ** 2  # rad²/s: the gyro's bias and noise
 CLIMB_WALK = 0.02**2  # m²/s
 STEP_UP = 0.05  # m, by which a height jumps over an edge that the ranger sees
 FLOOR = 1e-8  # m² or rad², least variance of a measurement

@@ -9,10 +9,9 @@ import numpy as np
 from star_core import Array, Estimate, PoseFixes, Scene, Telemetry, Transform
 from star_core.toolkit import wrap_angle, yaw_from_quaternion
 from star_positioning.kernel import COLUMNS, HISTORY, STATES, YAW, fuse
+from star_positioning.odometry import REPORT_STD, START_STD
 
-START = 0.05  # m, std of an agent's manual placement
 START_YAW = math.radians(2.0)  # rad, std of its heading
-REPORT_STD = 0.0015  # m, of a position by the unknown delay of a report: 3 ms at 0.5 m/s
 
 
 class Positioning:
@@ -34,7 +33,7 @@ class Positioning:
         self._state[:, :3] = np.array([agent.start for agent in scene.agents])
         self._state[:, YAW] = [agent.yaw for agent in scene.agents]
         self._covariance = np.zeros((n, STATES, STATES))
-        self._covariance[:, range(3), range(3)] = START**2
+        self._covariance[:, range(3), range(3)] = START_STD**2
         self._covariance[:, YAW, YAW] = START_YAW**2
         self._history = np.zeros((n, HISTORY, COLUMNS))
         self._count = np.zeros(n, np.int64)

@@ -186,6 +186,16 @@ def measures_positions(*, positioning: Mapping[str, Any] | None = None, **_other
     return positioning is not None
 
 
+def measurement_errors(
+    *, positioning: Mapping[str, Any] | None = None, **_others: Any
+) -> tuple[float, float] | None:
+    """Return the standard deviation of measured positions, m, and the longest gap, s."""
+    if positioning is None:
+        return None
+    dropout = positioning["dropout_time"] if positioning["dropout_rate"] > 0 else 0.0
+    return positioning["std"], dropout + 1 / positioning["rate"] + positioning["latency"]
+
+
 @hookimpl
 def star_transports() -> Iterable[TransportSpec]:
     yield TransportSpec(
@@ -198,4 +208,5 @@ def star_transports() -> Iterable[TransportSpec]:
         heights_above_surface=heights_above_surface,
         exact_odometry=exact_odometry,
         measures_positions=measures_positions,
+        measurement_errors=measurement_errors,
     )

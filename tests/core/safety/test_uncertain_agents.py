@@ -159,24 +159,24 @@ def test_an_agent_brakes_at_the_fence_too(std: float, *, brakes: bool) -> None:
     assert flight.at((low[0] + 0.2, 0.0, 1.0), std=std, planned=(EAST,)) == [True]
 
 
-MEETING = ((-4.0, 0.0, 1.0), (-3.2, 0.0, 1.0))  # 0.8 m apart, which 2 * 0.24 * sqrt(2) + 0.12 m is
+MEETING = ((-4.0, 0.0, 1.0), (-3.2, 0.0, 1.0))  # 0.8 m apart: 1.5 * 0.32 * sqrt(2) + 0.12 m
 
 
 def test_of_two_agents_without_room_the_later_one_lands() -> None:
     flight = Flight(2)
-    assert flight.at(*MEETING, std=0.23, planned=(EAST, WEST)) == [True, True]
+    assert flight.at(*MEETING, std=0.31, planned=(EAST, WEST)) == [True, True]
     assert flight.lands == []
-    assert flight.at(*MEETING, std=0.26, planned=(EAST, WEST)) == [False, False]
-    assert flight.lands == ["cf2: uncertain by 0.26 m and 0.80 m from cf1"]
-    assert flight.at(*MEETING, std=0.26, planned=(EAST, WEST), seconds=20.0)[0] is False
+    assert flight.at(*MEETING, std=0.34, planned=(EAST, WEST)) == [False, False]
+    assert flight.lands == ["cf2: uncertain by 0.34 m and 0.80 m from cf1"]
+    assert flight.at(*MEETING, std=0.34, planned=(EAST, WEST), seconds=20.0)[0] is False
     above = (*MEETING[0][:2], 1.0), (*MEETING[1][:2], 0.6)
-    assert flight.at(*above, std=0.26, planned=(EAST, WEST))[0] is True
+    assert flight.at(*above, std=0.34, planned=(EAST, WEST))[0] is True
     assert len(flight.lands) == 1
 
 
 def test_agents_that_close_in_land_before_they_cannot_brake() -> None:
     flight = Flight(2)
-    flight.at(*MEETING, std=0.2, planned=(EAST, WEST), flown=(EAST, WEST))
+    flight.at(*MEETING, std=0.25, planned=(EAST, WEST), flown=(EAST, WEST))
     assert len(flight.lands) == 1
 
 
@@ -189,7 +189,7 @@ def test_agents_that_fly_apart_do_not_land() -> None:
 def test_an_agent_with_more_neighbors_lands_before_them() -> None:
     flight = Flight(3)
     row = (-4.0, 0.0, 1.0), (-3.2, 0.0, 1.0), (-2.4, 0.0, 1.0)
-    flight.at(row[1], row[0], row[2], std=0.3, planned=(EAST,) * 3, seconds=1.0)
+    flight.at(row[1], row[0], row[2], std=0.26, planned=(EAST,) * 3, seconds=1.0)
     assert [text.split(":")[0] for text in flight.lands] == ["cf1"]
 
 
@@ -197,7 +197,7 @@ def test_agents_that_are_corrected_wait_for_that_at_first() -> None:
     flight = Flight(2)
     flight.at(*MEETING, std=0.23, planned=(EAST, WEST))
     flight.at(*MEETING, std=0.1, planned=(EAST, WEST))
-    assert flight.at(*MEETING, std=0.3, planned=(EAST, WEST)) == [False, False]
-    assert flight.events == ["cf2 is uncertain by 0.30 m and 0.80 m from cf1: it brakes"]
+    assert flight.at(*MEETING, std=0.34, planned=(EAST, WEST)) == [False, False]
+    assert flight.events == ["cf2 is uncertain by 0.34 m and 0.80 m from cf1: it brakes"]
     assert flight.at(*MEETING, std=0.1, planned=(EAST, WEST)) == [True, True]
     assert flight.lands == []

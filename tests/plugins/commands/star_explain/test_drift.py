@@ -122,3 +122,41 @@ def test_agents_that_see_landmarks_are_not_warned_of(tmp_path: Path) -> None:
     assert warned(tmp_path, PILLAR + TAGS, *BY_TAGS) == []
     (unseen,) = warned(tmp_path, PILLAR + TAGS, *BY_TAGS, "localizer.max_tags_per_landmark=0")
     assert "when its position by 'apriltag' has a standard deviation" in unseen
+
+
+CROSSING = (
+    "swarm={cf1: {start: [-2, 0, 0]}, cf2: {start: [2, 0, 0]}, cf3: {start: [0, -2, 0]}, "
+    "cf4: {start: [0, 2, 0]}}",
+    "mission.1={parallel: [{goto: {agents: cf1, to: [2, 0, 0.8]}}, "
+    "{goto: {agents: cf2, to: [-2, 0, 0.8]}}, {goto: {agents: cf3, to: [0, 2, 0.8]}}, "
+    "{goto: {agents: cf4, to: [0, -2, 0.8]}}]}",
+)
+
+
+def test_agents_that_the_core_would_land_are_warned_of(tmp_path: Path) -> None:
+    (found,) = warnings(tmp_path, *CROSSING)
+    assert "have no room between them after about" in found
+    assert found.endswith("[no-room-for-drift]")
+    assert warnings(tmp_path, *CROSSING, "limits.uncertainty_margin=0") == []
+
+
+@pytest.mark.parametrize(
+    ("positioning", "warned"),
+    [
+        ("std: 0.03", False),
+        ("std: 0.3", True),
+        ("std: 0.03, dropout_rate: 0.1, dropout_time: 60", True),
+    ],
+)
+def test_the_error_of_a_positioning_system_is_expected(
+    tmp_path: Path, positioning: str, *, warned: bool
+) -> None:
+    system = f"transport={{use: sim, positioning: {{{positioning}}}}}"
+    found = warnings(
+        tmp_path,
+        system,
+        "localizer=positioning",
+        "mission.1.hold.for=60",
+        "swarm.cf2.start=[0.7, 0, 0]",
+    )
+    assert any(text.endswith("[drift-exceeds-separation]") for text in found) == warned

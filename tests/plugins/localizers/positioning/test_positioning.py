@@ -25,6 +25,7 @@ from star_core import (
 )
 from star_core.testing import scene
 from star_core.toolkit import quaternion_from_euler
+from star_positioning.odometry import expected_std
 from tests.plugins.localizers.test_flow import report
 
 pytestmark = pytest.mark.shipped_world
@@ -176,3 +177,20 @@ def flown_without(folder: Path) -> None:
     text = MISSION.format(swarm=swarm, positioning="").replace("{use: sim, positioning: {}}", "sim")
     (folder / "rows.yaml").write_text(text)
     load(folder / "rows.yaml", Registry())
+
+
+@pytest.mark.parametrize(
+    ("positioning", "gap"),
+    [("std: 0.03", 0.07), ("std: 0.01, dropout_rate: 0.2, dropout_time: 3", 3.07)],
+)
+def test_the_expected_deviation_is_that_of_flights(
+    tmp_path: Path, positioning: str, gap: float
+) -> None:
+    errors = flown(tmp_path, positioning)
+    measured = errors.std()[40:].max()
+    around = replace(scene(1), measurement_errors=(0.03 if "0.03" in positioning else 0.01, gap))
+    time = np.arange(0.0, 5.0, 0.5)
+    path = np.zeros((len(time), 1, 3))
+    path[:, 0, 0] = 0.5 * time
+    expected = expected_std(around, time, path, np.zeros((len(time), 1))).max()
+    assert 0.6 * expected < measured < 1.2 * expected
