@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.rotations import Transform
@@ -15,6 +14,7 @@ from star_core.messages.state import Estimate
 from star_core.messages.telemetry import Telemetry
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.drag_check import DragCheck
+from star_core.safety.motion_check import MotionCheck
 from star_core.scene import Scene
 
 SPOILED_TIME: Final = 1.0  # s without an implausible report, after which reports are used again
@@ -44,45 +44,6 @@ SPEED_RATIO: Final = 2.0  # greatest plausible speed over the limit: overshoot, 
 REPORT_ERROR: Final = 0.3  # greatest error of a reported velocity, relative to it
 MIN_PLAUSIBLE_SPEED: Final = 3.0  # m/s, whatever the limit: on-board trajectories, falls
 
-GRAVITY: Final = 9.81  # m/s²
-
-DRAG: Final = 0.42
-"""Deceleration by the air per speed, 1/s: 0.0135 N s/m of a Crazyflie of 32 g."""
-
-BIAS_TIME: Final = 5.0  # s, in which a constant error of the tilt is learnt
-LEARNING_TIME: Final = 1.0  # s in the air before the first verdict
-
-CORRECTION_RATE: Final = 2.0  # 1/s, of a velocity towards that of a Flow deck, in the firmware
-MAX_CORRECTION_RATE: Final = 3.0  # 1/s
-
-TILT_RATE: Final = 1.0
-"""Correction of the acceleration by the estimated tilt, per correction of the velocity, 1/s: by the
-firmware's 0.1 rad/s of gyro noise and 0.5 m/s² of process noise, at 0.8 m."""
-
-FLOW_NOISE: Final = 0.0151
-"""Density of the noise of these corrections at 1 m of height, (m/s²)² s: two counts in each sample
-of 10 ms, the firmware's `flowStdFixed`, are 0.41 m/s, and `MAX_CORRECTION_RATE` times that."""
-
-MIN_FLOW_HEIGHT: Final = 0.3  # m, below which the noise is taken for that at this height
-
-MIN_EVIDENCE: Final = 12.0
-"""Logarithm of the likelihood ratio from which on a flow sensor is taken for stuck. In 400 flights
-of an agent without a fault, 6.0 was the most, and in 21 recorded flights of Crazyflies as well."""
-
-MIN_STUCK_TIME: Final = 0.2
-"""Time in which the evidence can reach `MIN_EVIDENCE`, s: tilt and velocity of a report that are
-not of the same time look like a correction while an agent turns around."""
-
-MIN_STUCK_REPORTS: Final = 4  # likewise
-
-CORRECTED_IN: Final = 0.5  # s, time constant of corrections by the drag
-
-MAX_GAP: Final = 0.2  # s between two reports that are compared
-MIN_UPRIGHT: Final = 0.5  # cosine of the greatest tilt of an agent that still flies
-TINY: Final = 1e-9
-
-Vectors: TypeAlias = NDArray[np.complex128]
-
 
 class EstimateMonitor:
     """Rejects estimates that contradict what agents report, so that these agents brake.
@@ -90,15 +51,10 @@ class EstimateMonitor:
     Args:
         scene: Agents and limits.
         localizer: Names the localizer in reports.
-
-    Attributes:
-        sees_no_motion: (N,) agents whose tilt contradicts their velocity: their flow sensors are
-            stuck.
     """
 
     def __init__(self, scene: Scene, localizer: str) -> None:
         n = len(scene.agents)
-        self.sees_no_motion = np.zeros(n, np.bool_)
         self._names = scene.names
         self._localizer = localizer
         self._gate = EstimateGate(n, scene.limits.speed)
@@ -135,10 +91,7 @@ class EstimateMonitor:
         height = np.where(heard, telemetry.position[:, 2], np.nan)
         accepted, jumps = self._gate.check(estimate, airborne, reported, heard, height)
         reports = [(self._names[jump.row], self._of_jump(jump)) for jump in jumps]
-        tilts = self._motion.check(telemetry, airborne)
-        dragged = self._drag.check(telemetry, airborne, tilts)
-        self._motion.correct(self._drag.missing)
-        self.sees_no_motion = tilts
+        tilts, dragged = (one.check(telemetry, airborne) for one in (self._motion, self._drag))
         contradicted = tilts | dragged
         for row in np.flatnonzero(contradicted & ~self._contradicted).tolist():
             by = "tilt" if tilts[row] else "drag"
@@ -353,139 +306,3 @@ class EstimateGate:
         self._frames = estimate.map_from_odom.where(accepted, self._frames)
         known = np.where(np.isfinite(unexplained), unexplained, 0.0)
         self._unexplained = np.where(accepted, known, self._unexplained)
-
-
-class MotionCheck:
-    """Finds agents whose on-board estimate denies the motion that they fly.
-
-    A drone with a Flow deck accelerates by gravity times the tangent of its tilt, less drag. If the
-    flow sensor sees no motion (a dark, glossy or uniform floor, a covered lens, a fault), the
-    estimator corrects the velocity towards zero all the time: the controller tilts the drone
-    further, and it flies away while its estimate hardly moves. The sum of these corrections is the
-    innovation that an autopilot such as PX4 checks on board. A Crazyflie does not report it, but it
-    is the change of the reported velocity less the acceleration by tilt and drag, and less a
-    constant error of the tilt, which is learnt in `BIAS_TIME`. At a velocity ``v`` a stuck sensor
-    causes ``-CORRECTION_RATE v`` with the noise of the flow sensor. The logarithm of the likelihood
-    ratio of that and of the noise alone adds up while it is positive (the cumulative sum of Page,
-    Biometrika 41, 1954). No report counts for more than `MAX_CORRECTION_RATE` explains: a bump is
-    no flow sensor. An agent that reports no tilt is not judged. One that was found stays so until
-    it takes off again: it lies where it came down, not where it reports to be.
-
-    From where the sum began to rise, the corrections also say by how much velocity and position
-    are wrong: ``dw/dt = -c - a - DRAG w`` and ``da/dt = TILT_RATE (c + DRAG w)``, for the
-    correction ``c``, the error ``w`` of the velocity, and the acceleration ``a`` by the error of
-    the tilt, which the estimator corrects too.
-
-    Args:
-        n: Number of agents.
-    """
-
-    def __init__(self, n: int) -> None:
-        self._time = np.full(n, np.nan)  # s, of the newest report, like the next two
-        self._velocity = np.full(n, np.nan, np.complex128)  # m/s; vectors are complex: x + iy
-        self._pull = np.full(n, np.nan, np.complex128)  # m/s², by the tilt
-        self._bias = np.zeros(n, np.complex128)  # m/s², ahead + i left
-        self._learnt = np.zeros(n)  # s
-        # Errors in the odometry frame since the evidence was zero: of the velocity, m/s, of the
-        # acceleration by tilt, m/s², and of the position, m.
-        self._errors = np.zeros((3, n), np.complex128)
-        self._evidence = np.zeros(n)  # that the flow sensor is stuck
-        self._contradicted = np.zeros(n, np.bool_)
-        self._airborne = np.zeros(n, np.bool_)  # in the last check
-        self._passed = np.zeros(n)  # s between the reports that were compared last
-
-    def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
-        """Return the agents that fly otherwise than they report: (N,).
-
-        Args:
-            telemetry: Of the tick, in odometry frames.
-            airborne: (N,) which agents are in the air.
-        """
-        time = telemetry.time - telemetry.age
-        velocity = telemetry.velocity[:, 0] + 1j * telemetry.velocity[:, 1]
-        pull = _pull(telemetry.attitude)
-        seconds = time - self._time
-        with np.errstate(invalid="ignore", divide="ignore"):
-            speed, mean = (velocity + self._velocity) / 2, (pull + self._pull) / 2
-            unexplained = (velocity - self._velocity) / seconds - mean + DRAG * speed
-        known = airborne & (seconds > 0) & (seconds <= MAX_GAP) & np.isfinite(unexplained)
-        self._add(known, seconds, unexplained, speed, telemetry)
-        newer = ~(seconds <= 0)
-        self._time = np.where(newer, time, self._time)
-        self._velocity = np.where(newer, velocity, self._velocity)
-        self._pull = np.where(newer, pull, self._pull)
-        for one in (self._bias, self._learnt, self._evidence, *self._errors[:2]):
-            one[~airborne] = 0
-        self._contradicted &= ~airborne | self._airborne
-        self._errors[2, ~self._contradicted & ~(airborne & self._airborne)] = 0
-        self._airborne = airborne
-        self._contradicted |= (self._learnt > LEARNING_TIME) & (self._evidence > MIN_EVIDENCE)
-        return self._contradicted.copy()
-
-    def correct(self, missing: Vectors) -> None:
-        """Correct the errors of the velocities of agents that were found by measured ones.
-
-        Args:
-            missing: (N,) true less reported velocity, m/s, in odometry frames; NaN where unknown.
-        """
-        usable = self._contradicted & np.isfinite(missing)
-        gain = np.where(usable, -np.expm1(-self._passed / CORRECTED_IN), 0.0)
-        self._errors[0] += gain * (np.where(usable, missing, 0.0) - self._errors[0])
-
-    def errors(self) -> tuple[Array, Array]:
-        """Return by how much the motion of agents that were found differs from what they report.
-
-        Returns:
-            (N, 3) differences of the positions, m, and (N, 3) of the velocities, m/s, in the
-            odometry frames; zero for other agents.
-        """
-        found = np.where(self._contradicted, self._errors, 0.0)
-        level = np.zeros(len(self._learnt))
-        return (
-            np.stack([found[2].real, found[2].imag, level], axis=1),
-            np.stack([found[0].real, found[0].imag, level], axis=1),
-        )
-
-    def _add(
-        self,
-        known: Mask,
-        seconds: Array,
-        unexplained: Vectors,
-        speed: Vectors,
-        telemetry: Telemetry,
-    ) -> None:
-        """Add what happened to the known rows in some seconds."""
-        self._passed = dt = np.where(known, seconds, 0.0)
-        heading = np.exp(1j * np.where(known, telemetry.heading, 0.0))
-        correction = np.where(known, unexplained - self._bias * heading, 0.0)
-        square = np.abs(np.where(known, speed, 0.0)) ** 2
-        lost = np.fmin(-(correction * speed.conj()).real, MAX_CORRECTION_RATE * square)
-        noise = FLOW_NOISE * np.fmax(telemetry.position[:, 2], MIN_FLOW_HEIGHT) ** 2
-        rate = CORRECTION_RATE * (lost - CORRECTION_RATE / 2 * square) / noise
-        most = np.fmin(dt / MIN_STUCK_TIME, 1 / MIN_STUCK_REPORTS) * MIN_EVIDENCE
-        gained = np.where(known, np.fmin(dt * rate, most), 0.0)
-        self._evidence = np.maximum(self._evidence + gained, 0.0)
-        self._errors[:, (self._evidence == 0) & ~self._contradicted] = 0.0
-        faster, tilt, _ = self._errors
-        correction += DRAG * faster
-        self._errors += dt * np.array([-correction - tilt, TILT_RATE * correction, faster])
-        self._learnt += dt
-        gain = -np.expm1(-dt / np.clip(self._learnt, dt + TINY, BIAS_TIME))
-        learns = known & ~self._contradicted
-        self._bias += np.where(learns, gain * (correction - DRAG * faster) / heading, 0.0)
-
-
-def _pull(attitude: Array) -> Vectors:
-    """Return the horizontal acceleration by the thrust of drones that keep their height, m/s².
-
-    It is NaN for drones that fall, and for exactly level ones, which do not report a tilt.
-
-    Args:
-        attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame.
-    """
-    x, y, z, w = attitude.T
-    up = 1 - 2 * (x * x + y * y)
-    with np.errstate(invalid="ignore"):
-        up = np.where((up > MIN_UPRIGHT) & (up < 1), up, np.nan)
-        pull: Vectors = 2 * GRAVITY / up * (x * z + w * y + 1j * (y * z - w * x))
-    return pull

@@ -67,7 +67,7 @@ class SetpointMonitor:
         self._period = scene.period
         self.press = FencePress(scene)
         self.repeated = RepeatedSetpoints(scene)
-        none = np.zeros((len(scene.agents), 3))
+        none = frozen(np.zeros((len(scene.agents), 3)))  # of the types that it has in flight
         at_rest = Setpoint.none(len(none))
         self._quiet(none, none, Goals.none(len(none)), at_rest, at_rest)  # before the flight
         self.press, self.repeated = FencePress(scene), RepeatedSetpoints(scene)

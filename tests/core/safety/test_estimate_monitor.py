@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Telemetry
-from star_core.safety.estimate_monitor import DRAG, GRAVITY, MotionCheck
+from star_core.safety.motion_check import DRAG, GRAVITY, MotionCheck
 from star_core.toolkit import quaternion_from_euler
 
 PERIOD = 0.05  # s

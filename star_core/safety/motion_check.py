@@ -1,0 +1,244 @@
+"""Finds agents whose on-board estimates deny the motion that they fly: stuck flow sensors."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from star_core.messages.arrays import Array, Mask, frozen
+from star_core.messages.telemetry import Telemetry
+from star_core.toolkit.jit import compiled
+
+GRAVITY: Final = 9.81  # m/s²
+
+DRAG: Final = 0.42
+"""Deceleration by the air per speed, 1/s: 0.0135 N s/m of a Crazyflie of 32 g."""
+
+BIAS_TIME: Final = 5.0  # s, in which a constant error of the tilt is learnt
+LEARNING_TIME: Final = 1.0  # s in the air before the first verdict
+
+CORRECTION_RATE: Final = 2.0  # 1/s, of a velocity towards that of a Flow deck, in the firmware
+MAX_CORRECTION_RATE: Final = 3.0  # 1/s
+
+TILT_RATE: Final = 1.0
+"""Correction of the acceleration by the estimated tilt, per correction of the velocity, 1/s: by the
+firmware's 0.1 rad/s of gyro noise and 0.5 m/s² of process noise, at 0.8 m."""
+
+FLOW_NOISE: Final = 0.0151
+"""Density of the noise of these corrections at 1 m of height, (m/s²)² s: two counts in each sample
+of 10 ms, the firmware's `flowStdFixed`, are 0.41 m/s, and `MAX_CORRECTION_RATE` times that."""
+
+MIN_FLOW_HEIGHT: Final = 0.3  # m, below which the noise is taken for that at this height
+
+MIN_EVIDENCE: Final = 12.0
+"""Logarithm of the likelihood ratio from which on a flow sensor is taken for stuck. In 400 flights
+of an agent without a fault, 6.0 was the most, and in 21 recorded flights of Crazyflies as well."""
+
+MIN_STUCK_TIME: Final = 0.2
+"""Time in which the evidence can reach `MIN_EVIDENCE`, s: tilt and velocity of a report that are
+not of the same time look like a correction while an agent turns around."""
+
+MIN_STUCK_REPORTS: Final = 4  # likewise
+
+MAX_GAP: Final = 0.2  # s between two reports that are compared
+MIN_UPRIGHT: Final = 0.5  # cosine of the greatest tilt of an agent that still flies
+TINY: Final = 1e-9
+
+
+class MotionCheck:
+    """Finds agents whose on-board estimate denies the motion that they fly.
+
+    A drone with a Flow deck accelerates by gravity times the tangent of its tilt, less drag. If the
+    flow sensor sees no motion (a dark, glossy or uniform floor, a covered lens, a fault), the
+    estimator corrects the velocity towards zero all the time: the controller tilts the drone
+    further, and it flies away while its estimate hardly moves. The sum of these corrections is the
+    innovation that an autopilot such as PX4 checks on board. A Crazyflie does not report it, but it
+    is the change of the reported velocity less the acceleration by tilt and drag, and less a
+    constant error of the tilt, which is learnt in `BIAS_TIME`. At a velocity ``v`` a stuck sensor
+    causes ``-CORRECTION_RATE v`` with the noise of the flow sensor. The logarithm of the likelihood
+    ratio of that and of the noise alone adds up while it is positive (the cumulative sum of Page,
+    Biometrika 41, 1954). No report counts for more than `MAX_CORRECTION_RATE` explains: a bump is
+    no flow sensor. An agent that reports no tilt is not judged. One that was found stays so until
+    it takes off again: it lies where it came down, not where it reports to be.
+
+    From where the sum began to rise, the corrections also say by how much velocity and position
+    are wrong: ``dw/dt = -c - a - DRAG w`` and ``da/dt = TILT_RATE (c + DRAG w)``, for the
+    correction ``c``, the error ``w`` of the velocity, and the acceleration ``a`` by the error of
+    the tilt, which the estimator corrects too.
+
+    Args:
+        n: Number of agents.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._time = np.full(n, np.nan)  # s, of the newest report, like the next two
+        self._velocity = np.full((n, 2), np.nan)  # m/s
+        self._pull = np.full((n, 2), np.nan)  # m/s², by the tilt
+        self._bias = np.zeros((n, 2))  # m/s², ahead and left
+        self._learnt = np.zeros(n)  # s
+        # Errors in the odometry frame since the evidence was zero: of the velocity, m/s, of the
+        # acceleration by tilt, m/s², and of the position, m.
+        self._errors = np.zeros((3, n, 2))
+        self._evidence = np.zeros(n)  # that the flow sensor is stuck
+        self._contradicted = np.zeros(n, np.bool_)
+        self._airborne = np.zeros(n, np.bool_)  # in the last check
+        nothing = (frozen(np.zeros((0, *row))) for row in ((), (3,), (3,), (4,)))
+        self._compare(0.0, *nothing, np.zeros(0, np.bool_))  # compiled before the flight
+
+    def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
+        """Return the agents that fly otherwise than they report: (N,).
+
+        Args:
+            telemetry: Of the tick, in odometry frames.
+            airborne: (N,) which agents are in the air.
+        """
+        self._compare(
+            telemetry.time,
+            telemetry.age,
+            telemetry.position,
+            telemetry.velocity,
+            telemetry.attitude,
+            airborne,
+        )
+        return self._contradicted.copy()
+
+    def _compare(
+        self,
+        time: float,
+        age: Array,
+        position: Array,
+        velocity: Array,
+        attitude: Array,
+        airborne: Mask,
+    ) -> None:
+        compare(
+            float(time),
+            age,
+            position,
+            velocity,
+            attitude,
+            airborne,
+            self._time,
+            self._velocity,
+            self._pull,
+            self._bias,
+            self._learnt,
+            self._errors,
+            self._evidence,
+            self._contradicted,
+            self._airborne,
+        )
+
+    def errors(self) -> tuple[Array, Array]:
+        """Return by how much the motion of agents that were found differs from what they report.
+
+        Returns:
+            (N, 3) differences of the positions, m, and (N, 3) of the velocities, m/s, in the
+            odometry frames; zero for other agents.
+        """
+        found = np.where(self._contradicted[:, None], self._errors, 0.0)
+        level = np.zeros((len(self._learnt), 1))
+        return np.hstack([found[2], level]), np.hstack([found[0], level])
+
+
+@compiled
+def compare(  # noqa: C901, PLR0913, PLR0915, PLR0917 -- the state of `MotionCheck`, one pass
+    time: float,
+    age: Array,
+    position: Array,
+    velocity: Array,
+    attitude: Array,
+    airborne: Mask,
+    last_time: Array,
+    last_velocity: Array,
+    last_pull: Array,
+    bias: Array,
+    learnt: Array,
+    errors: Array,
+    evidence: Array,
+    contradicted: Mask,
+    was_airborne: Mask,
+) -> None:
+    """Add what the reports of a tick show to the state of `MotionCheck`, which is changed.
+
+    Args:
+        time: Mission time, s.
+        age: (N,) of the reports, s.
+        position: (N, 3) m.
+        velocity: (N, 3) m/s.
+        attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame.
+        airborne: (N,) agents in the air.
+        last_time: (N,) s.
+        last_velocity: (N, 2) m/s.
+        last_pull: (N, 2) m/s².
+        bias: (N, 2) m/s².
+        learnt: (N,) s.
+        errors: (3, N, 2) m/s, m/s² and m.
+        evidence: (N,).
+        contradicted: (N,).
+        was_airborne: (N,) agents that were in the air in the last tick.
+    """
+    for row in range(len(age)):
+        seconds = time - age[row] - last_time[row]
+        x, y, z, w = attitude[row, 0], attitude[row, 1], attitude[row, 2], attitude[row, 3]
+        up = 1 - 2 * (x * x + y * y)
+        pull_x = pull_y = math.nan  # of drones that fall, and of level ones: no tilt is reported
+        if MIN_UPRIGHT < up < 1:
+            pull_x = 2 * GRAVITY / up * (x * z + w * y)  # of drones that keep their height
+            pull_y = 2 * GRAVITY / up * (y * z - w * x)
+        fast_x = (velocity[row, 0] + last_velocity[row, 0]) / 2
+        fast_y = (velocity[row, 1] + last_velocity[row, 1]) / 2
+        gain_x = (velocity[row, 0] - last_velocity[row, 0]) / seconds
+        gain_y = (velocity[row, 1] - last_velocity[row, 1]) / seconds
+        unexplained_x = gain_x - (pull_x + last_pull[row, 0]) / 2 + DRAG * fast_x
+        unexplained_y = gain_y - (pull_y + last_pull[row, 1]) / 2 + DRAG * fast_y
+        usable = airborne[row] and 0 < seconds <= MAX_GAP
+        usable = usable and math.isfinite(unexplained_x) and math.isfinite(unexplained_y)
+        dt = cx = cy = 0.0  # s; correction of the velocity, m/s²
+        yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) if usable else 0.0
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        if usable:
+            dt = seconds
+            cx = unexplained_x - (bias[row, 0] * cos - bias[row, 1] * sin)
+            cy = unexplained_y - (bias[row, 0] * sin + bias[row, 1] * cos)
+            square = fast_x * fast_x + fast_y * fast_y
+            lost = min(-(cx * fast_x + cy * fast_y), MAX_CORRECTION_RATE * square)
+            height = max(MIN_FLOW_HEIGHT, position[row, 2])  # also where it is NaN
+            noise = FLOW_NOISE * height * height
+            rate = CORRECTION_RATE * (lost - CORRECTION_RATE / 2 * square) / noise
+            most = min(dt / MIN_STUCK_TIME, 1 / MIN_STUCK_REPORTS) * MIN_EVIDENCE
+            evidence[row] = max(evidence[row] + min(dt * rate, most), 0.0)
+        if evidence[row] == 0.0 and not contradicted[row]:
+            for order in range(3):
+                errors[order, row, 0] = errors[order, row, 1] = 0.0
+        faster_x, faster_y = errors[0, row, 0], errors[0, row, 1]
+        cx, cy = cx + DRAG * faster_x, cy + DRAG * faster_y
+        errors[0, row, 0] += dt * (-cx - errors[1, row, 0])
+        errors[0, row, 1] += dt * (-cy - errors[1, row, 1])
+        errors[1, row, 0] += dt * (TILT_RATE * cx)
+        errors[1, row, 1] += dt * (TILT_RATE * cy)
+        errors[2, row, 0] += dt * faster_x
+        errors[2, row, 1] += dt * faster_y
+        learnt[row] += dt
+        if usable and not contradicted[row]:
+            share = -math.expm1(-dt / min(max(learnt[row], dt + TINY), BIAS_TIME))
+            cx, cy = cx - DRAG * errors[0, row, 0], cy - DRAG * errors[0, row, 1]
+            bias[row, 0] += share * (cx * cos + cy * sin)
+            bias[row, 1] += share * (cy * cos - cx * sin)
+        if not seconds <= 0:
+            last_time[row] = time - age[row]
+            for axis in range(2):
+                last_velocity[row, axis] = velocity[row, axis]
+            last_pull[row, 0], last_pull[row, 1] = pull_x, pull_y
+        if not airborne[row]:
+            learnt[row] = evidence[row] = 0.0
+            for axis in range(2):
+                bias[row, axis] = errors[0, row, axis] = errors[1, row, axis] = 0.0
+        contradicted[row] = contradicted[row] and (not airborne[row] or was_airborne[row])
+        if not contradicted[row] and not (airborne[row] and was_airborne[row]):
+            errors[2, row, 0] = errors[2, row, 1] = 0.0
+        was_airborne[row] = airborne[row]
+        if learnt[row] > LEARNING_TIME and evidence[row] > MIN_EVIDENCE:
+            contradicted[row] = True
