@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.arrays import Array, Mask, Rows, every
 from star_core.toolkit.jit import compiled
 
 MANY = 64
@@ -60,7 +60,7 @@ class Pairs:
 
     def where(self, wanted: Mask) -> Self:
         """Return the pairs that are True in `wanted`, (P,)."""
-        if wanted.all():
+        if every(wanted):
             return self
         return type(self)(self.first[wanted], self.second[wanted], self.distance[wanted])
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, some
 from star_core.messages.events import Event, Tick
 from star_core.messages.state import AIRBORNE, AgentPhase, Paths, among
 from star_core.scene import Scene
@@ -113,7 +113,7 @@ class Contacts:
         airborne = among(tick.health.phase, *AIRBORNE)
         self._time = tick.time
         self._source = "estimate" if tick.truth is None else "ground_truth"
-        self._sources[self._source] += int(airborne.any())
+        self._sources[self._source] += some(airborne)
         return [
             *self._between_agents(near, known.position, known.velocity, airborne),
             *self._with_obstacles(known.position, known.velocity),
@@ -128,8 +128,11 @@ class Contacts:
         self, near: Pairs, position: Array, velocity: Array, airborne: Mask
     ) -> list[Event]:
         """Compare (N, 3) positions, m, of agents with (N, 3) velocities, m/s."""
-        self.separation = min(self.separation, float(near.distance.min(initial=np.inf)))
+        self.separation = min(self.separation, min(near.distance.tolist(), default=np.inf))
         near = near.within(self.reach)
+        if not len(near.first):
+            self._touching.clear()
+            return self.finish()
         offset = self._flat * (position[near.first] - position[near.second])
         flattened = np.sqrt(np.vecdot(offset, offset))
         close = (flattened <= self._limit + HYSTERESIS) | (near.distance < COLLISION_DISTANCE)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Array, Rows
+from star_core.messages.arrays import Array, Rows, every
 from star_core.messages.events import Event, Tick
 from star_core.messages.position_margin import position_margin
 from star_core.messages.state import AgentPhase
@@ -55,8 +55,10 @@ class Jams:
             tick: Of the flight.
             near: Pairs of agents near each other, by estimated positions.
         """
-        velocity = np.nan_to_num(tick.estimate.velocity[:, :2])
-        self._flown = self._flown + (tick.time - self._time) * velocity
+        velocity = tick.estimate.velocity
+        if not every(np.isfinite(velocity)):
+            velocity = np.nan_to_num(velocity)
+        self._flown = self._flown + (tick.time - self._time) * velocity[:, :2]
         self._time = tick.time
         if tick.time < self._due:
             return None

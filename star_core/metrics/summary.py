@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
@@ -9,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, every, some
 from star_core.messages.events import Corrected, Event, Tick
 from star_core.messages.state import AgentPhase
 from star_core.metrics.conflicts import WAITING_DISTANCE, Contacts, Deadlocks
@@ -87,11 +88,14 @@ class FlightMetrics:
         if self._last is not None:
             step = position - self._last
             length = np.sqrt(np.vecdot(step, step))
-            self._length += np.where(np.isfinite(length), length, 0.0)
-        self._located |= np.isfinite(position).all(axis=1)
+            known = np.isfinite(length)
+            self._length += length if every(known) else np.where(known, length, 0.0)
+        if not every(self._located):
+            self._located |= np.isfinite(position).all(axis=1)
         self._last = position
         phase = tick.health.phase
-        self._up = (self._up | (phase == FLYING)) & ((phase == FLYING) | (phase == LOST))
+        flying = phase == FLYING
+        self._up = flying | (self._up & (phase == LOST))
         self._deadlocks.add(tick, near)
         if jam := self._jams.add(tick, near):
             events.append(jam)
@@ -111,7 +115,7 @@ class FlightMetrics:
         events = []
         for reason, text in CORRECTIONS.items():
             rows = getattr(corrected, reason)
-            if not rows.any():
+            if not some(rows):
                 continue
             self._corrected[reason] += int(rows.sum())
             since = time - self._corrected_at[reason]
@@ -224,12 +228,15 @@ class FlightMetrics:
 
     def _add_errors(self, offset: Array, covariance: Array) -> None:
         """Add the (N, 3) errors of an estimate, m, with their (N, 3, 3) covariance, m²."""
-        counted = self._up & np.isfinite(offset.sum(axis=1))
-        if not counted.any():
+        if not some(self._up):
+            return
+        counted = self._up & np.isfinite(offset).all(axis=1)
+        if not some(counted):
             return
         squared = np.vecdot(offset, offset)
         self._errors.append((counted, squared))
-        self._worst = max(self._worst, float(np.sqrt(squared[counted].max())))
+        worst = max(squared.tolist()) if every(counted) else float(squared[counted].max())
+        self._worst = max(self._worst, math.sqrt(worst))
         self._offsets.append((offset[counted], covariance[counted]))
         if len(self._offsets) == NEES_BATCH:
             self._add_nees()
