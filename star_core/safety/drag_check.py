@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, frozen
 from star_core.messages.telemetry import Telemetry
+from star_core.toolkit.jit import compiled
 
 DRAG: Final = 0.40
 """Deceleration by the air per speed, 1/s: 0.36 to 0.42 in 21 recorded flights of Crazyflies."""
@@ -38,6 +40,10 @@ SWAY_TIME: Final = 1.0  # s, over which unexplained drag is averaged in order to
 SWAY_SHARE: Final = 0.5  # of the noise measured so, that is at least assumed: gusts have more
 
 MAX_GAP: Final = 0.2  # s between two reports
+TINY: Final = 1e-9  # s
+
+DIFFERENCE: Final = DRAG * (EXCESS - TOLERATED)  # 1/s, of the means that are compared, per speed
+MIDDLE: Final = DRAG * (EXCESS + TOLERATED) / 2  # 1/s
 
 
 class DragCheck:
@@ -61,67 +67,52 @@ class DragCheck:
 
     Attributes:
         evidence: (N,) logarithm of the likelihood ratio of a wrong flow sensor.
-        missing: (N,) true less reported velocity by the drag, in odometry frames, x + iy, m/s; NaN
-            where it is not known.
     """
 
     def __init__(self, n: int) -> None:
         self._time = np.full(n, np.nan)  # s, of the newest report
-        self._bias = np.zeros(n, np.complex128)  # m/s², ahead + i left
+        self._bias = np.zeros((n, 2))  # m/s², ahead and left
         self._learnt = np.zeros(n)  # s
-        self._sway = np.zeros(n, np.complex128)  # m/s², unexplained drag, averaged
+        self._sway = np.zeros((n, 2))  # m/s², unexplained drag, averaged
         self._variance = np.zeros(n)  # (m/s²)², of that along one axis
         self.evidence = np.zeros(n)
-        self.missing = np.full(n, np.nan, np.complex128)
-        self._missing = np.zeros((2, n), np.complex128)  # m/s and m since the evidence was zero
+        self._missing = np.zeros((2, n, 2))  # m/s and m since the evidence was zero
         self._contradicted = np.zeros(n, np.bool_)
         self._airborne = np.zeros(n, np.bool_)  # in the last check
+        nothing = (frozen(np.zeros((0, *row))) for row in ((), (2,), (3,), (4,)))
+        self._follow(0.0, *nothing, np.zeros(0, np.bool_))  # compiled before the flight
 
-    def check(self, telemetry: Telemetry, airborne: Mask, contradicted: Mask | None = None) -> Mask:
+    def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
         """Return the agents that fly faster than they report: (N,).
 
         Args:
             telemetry: Of the tick, in odometry frames.
             airborne: (N,) which agents are in the air.
-            contradicted: (N,) agents whose reported velocities are known to be wrong: what their
-                accelerometers measure is not taken for an error of these.
         """
-        if telemetry.specific_force is None:
-            return self._contradicted
-        time = telemetry.time - telemetry.age
-        passed = time - self._time
-        force = telemetry.specific_force[:, 0] + 1j * telemetry.specific_force[:, 1]
-        reported = telemetry.velocity[:, 0] + 1j * telemetry.velocity[:, 1]
-        with np.errstate(invalid="ignore", over="ignore"):
-            velocity = reported * np.exp(-1j * telemetry.heading)
-            unexplained = force + DRAG * velocity
-        usable = airborne & (passed > 0) & (passed <= MAX_GAP) & np.isfinite(unexplained)
-        dt = np.where(usable, passed, 0.0)
-        velocity = np.where(usable, velocity, 0.0)
-        error = np.where(usable, unexplained - self._bias, 0.0)
-        known = usable & (self._learnt > LEARNING_TIME)
-        with np.errstate(invalid="ignore"):
-            self.missing = np.where(known, -error / DRAG * np.exp(1j * telemetry.heading), np.nan)
-        square = np.abs(velocity) ** 2
-        self._sway += -np.expm1(-dt / SWAY_TIME) * (error - self._sway)
-        measured = np.abs(self._sway) ** 2 / 2 - self._variance
-        self._variance += -np.expm1(-dt / BIAS_TIME) * measured
-        noise = NOISE * (1 + NOISE_OF_SPEED * square)
-        noise = np.maximum(noise, SWAY_SHARE * 2 * SWAY_TIME * self._variance)
-        difference, middle = DRAG * (EXCESS - TOLERATED), DRAG * (EXCESS + TOLERATED) / 2
-        rate = -difference * ((error * velocity.conj()).real + middle * square) / noise
-        trust = np.clip(self._learnt / LEARNING_TIME - 1, 0.0, 1.0)
-        self.evidence = np.maximum(
-            self.evidence + dt * trust * np.minimum(rate, MIN_EVIDENCE / MIN_TIME), 0.0
+        if telemetry.specific_force is not None:
+            self._follow(
+                float(telemetry.time),
+                telemetry.age,
+                telemetry.specific_force,
+                telemetry.velocity,
+                telemetry.attitude,
+                airborne,
+            )
+        return self._contradicted.copy()
+
+    def _follow(self, *reports: Any) -> None:
+        follow_drag(  # type: ignore[call-arg]  # those that it has
+            *reports,
+            self._time,
+            self._bias,
+            self._learnt,
+            self._sway,
+            self._variance,
+            self.evidence,
+            self._missing,
+            self._contradicted,
+            self._airborne,
         )
-        gain = -np.expm1(-dt / np.clip(self._learnt, dt + 1e-9, BIAS_TIME))
-        wrong = self._contradicted if contradicted is None else self._contradicted | contradicted
-        self._bias += np.where(wrong, 0.0, gain * error)
-        self._learnt += dt
-        self._note_missing(dt, np.where(usable, EXCESS * reported, 0.0), airborne)
-        self._time = np.where(passed <= 0, self._time, time)
-        self._contradicted |= self.evidence > MIN_EVIDENCE
-        return self._contradicted
 
     def errors(self) -> tuple[Array, Array]:
         """Return by how much the motion of agents that were found differs from what they report.
@@ -130,19 +121,88 @@ class DragCheck:
             (N, 3) differences of the positions, m, and (N, 3) of the velocities, m/s, in the
             odometry frames; zero for other agents.
         """
-        velocity, position = np.where(self._contradicted, self._missing, 0.0)
-        level = np.zeros(len(self._learnt))
-        return (
-            np.stack([position.real, position.imag, level], axis=1),
-            np.stack([velocity.real, velocity.imag, level], axis=1),
-        )
+        velocity, position = np.where(self._contradicted[:, None], self._missing, 0.0)
+        level = np.zeros((len(self._learnt), 1))
+        return np.hstack([position, level]), np.hstack([velocity, level])
 
-    def _note_missing(self, dt: Array, velocity: Array, airborne: Mask) -> None:
-        """Add up what the agents miss, and forget it where the evidence is zero or they landed."""
-        self._missing[0] = np.where(dt > 0, velocity, self._missing[0])
-        self._missing[1] += dt * velocity
-        self._contradicted = self._contradicted & (~airborne | self._airborne)
-        self._airborne = airborne
-        for values in (self._bias, self._learnt, self._sway, self._variance, self.evidence):
-            values[~airborne] = 0.0
-        self._missing[:, (self.evidence == 0) & ~self._contradicted] = 0.0
+
+@compiled
+def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one pass
+    time: float,
+    age: Array,
+    force: Array,
+    velocity: Array,
+    attitude: Array,
+    airborne: Mask,
+    last_time: Array,
+    bias: Array,
+    learnt: Array,
+    sway: Array,
+    variance: Array,
+    evidence: Array,
+    missing: Array,
+    contradicted: Mask,
+    was_airborne: Mask,
+) -> None:
+    """Add what the reports of a tick show to the state of `DragCheck`, which is changed.
+
+    Args:
+        time: Mission time, s.
+        age: (N,) of the reports, s.
+        force: (N, 2) specific force in the body, m/s².
+        velocity: (N, 3) in the odometry frame, m/s.
+        attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame.
+        airborne: (N,) agents in the air.
+        last_time: (N,) s.
+        bias: (N, 2) m/s².
+        learnt: (N,) s.
+        sway: (N, 2) m/s².
+        variance: (N,) (m/s²)².
+        evidence: (N,).
+        missing: (2, N, 2) m/s and m.
+        contradicted: (N,).
+        was_airborne: (N,) agents that were in the air in the last tick.
+    """
+    for row in range(len(age)):
+        passed = time - age[row] - last_time[row]
+        x, y, z, w = attitude[row, 0], attitude[row, 1], attitude[row, 2], attitude[row, 3]
+        yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        ahead = velocity[row, 0] * cos + velocity[row, 1] * sin
+        aside = velocity[row, 1] * cos - velocity[row, 0] * sin
+        error_x, error_y = force[row, 0] + DRAG * ahead, force[row, 1] + DRAG * aside
+        usable = airborne[row] and 0 < passed <= MAX_GAP
+        if usable and math.isfinite(error_x) and math.isfinite(error_y):
+            dt = passed
+            error_x, error_y = error_x - bias[row, 0], error_y - bias[row, 1]
+            square = ahead * ahead + aside * aside
+            share = -math.expm1(-dt / SWAY_TIME)
+            sway[row, 0] += share * (error_x - sway[row, 0])
+            sway[row, 1] += share * (error_y - sway[row, 1])
+            measured = (sway[row, 0] ** 2 + sway[row, 1] ** 2) / 2
+            variance[row] += -math.expm1(-dt / BIAS_TIME) * (measured - variance[row])
+            noise = NOISE * (1 + NOISE_OF_SPEED * square)
+            noise = max(noise, SWAY_SHARE * 2 * SWAY_TIME * variance[row])
+            rate = (error_x * ahead + error_y * aside + MIDDLE * square) / noise
+            rate = min(-DIFFERENCE * rate, MIN_EVIDENCE / MIN_TIME)
+            trust = min(max(learnt[row] / LEARNING_TIME - 1, 0.0), 1.0)
+            evidence[row] = max(evidence[row] + dt * trust * rate, 0.0)
+            if not contradicted[row]:
+                gain = -math.expm1(-dt / min(max(learnt[row], dt + TINY), BIAS_TIME))
+                bias[row, 0] += gain * error_x
+                bias[row, 1] += gain * error_y
+            learnt[row] += dt
+            for axis in range(2):
+                missing[0, row, axis] = EXCESS * velocity[row, axis]
+                missing[1, row, axis] += dt * missing[0, row, axis]
+        contradicted[row] = contradicted[row] and (not airborne[row] or was_airborne[row])
+        was_airborne[row] = airborne[row]
+        if not airborne[row]:
+            learnt[row] = variance[row] = evidence[row] = 0.0
+            bias[row, 0] = bias[row, 1] = sway[row, 0] = sway[row, 1] = 0.0
+        if evidence[row] == 0.0 and not contradicted[row]:
+            for order in range(2):
+                missing[order, row, 0] = missing[order, row, 1] = 0.0
+        if not passed <= 0:
+            last_time[row] = time - age[row]
+        contradicted[row] = contradicted[row] or evidence[row] > MIN_EVIDENCE

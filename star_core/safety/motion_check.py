@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -95,7 +95,7 @@ class MotionCheck:
             airborne: (N,) which agents are in the air.
         """
         self._compare(
-            telemetry.time,
+            float(telemetry.time),
             telemetry.age,
             telemetry.position,
             telemetry.velocity,
@@ -104,22 +104,9 @@ class MotionCheck:
         )
         return self._contradicted.copy()
 
-    def _compare(
-        self,
-        time: float,
-        age: Array,
-        position: Array,
-        velocity: Array,
-        attitude: Array,
-        airborne: Mask,
-    ) -> None:
-        compare(
-            float(time),
-            age,
-            position,
-            velocity,
-            attitude,
-            airborne,
+    def _compare(self, *reports: Any) -> None:
+        compare(  # type: ignore[call-arg]  # those that it has
+            *reports,
             self._time,
             self._velocity,
             self._pull,

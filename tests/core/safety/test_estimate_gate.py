@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import Estimate, Order, Telemetry
-from star_core.safety.estimate_monitor import (
+from star_core.safety.estimate_gate import (
     CORRECTION_SIGMAS,
     JUMP_MARGIN,
     MIN_PLAUSIBLE_SPEED,
