@@ -67,6 +67,8 @@ class DragCheck:
 
     Attributes:
         evidence: (N,) logarithm of the likelihood ratio of a wrong flow sensor.
+        missing: (N, 2) true less reported velocity by the drag, in odometry frames, m/s; NaN where
+            it is not known.
     """
 
     def __init__(self, n: int) -> None:
@@ -76,18 +78,22 @@ class DragCheck:
         self._sway = np.zeros((n, 2))  # m/s², unexplained drag, averaged
         self._variance = np.zeros(n)  # (m/s²)², of that along one axis
         self.evidence = np.zeros(n)
+        self.missing = np.full((n, 2), np.nan)
         self._missing = np.zeros((2, n, 2))  # m/s and m since the evidence was zero
         self._contradicted = np.zeros(n, np.bool_)
         self._airborne = np.zeros(n, np.bool_)  # in the last check
         nothing = (frozen(np.zeros((0, *row))) for row in ((), (2,), (3,), (4,)))
-        self._follow(0.0, *nothing, np.zeros(0, np.bool_))  # compiled before the flight
+        unknown = np.zeros(0, np.bool_)
+        self._follow(0.0, *nothing, unknown, unknown)  # compiled before the flight
 
-    def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
+    def check(self, telemetry: Telemetry, airborne: Mask, contradicted: Mask | None = None) -> Mask:
         """Return the agents that fly faster than they report: (N,).
 
         Args:
             telemetry: Of the tick, in odometry frames.
             airborne: (N,) which agents are in the air.
+            contradicted: (N,) agents whose reported velocities are known to be wrong: what their
+                accelerometers measure is not taken for an error of these.
         """
         if telemetry.specific_force is not None:
             self._follow(
@@ -97,6 +103,7 @@ class DragCheck:
                 telemetry.velocity,
                 telemetry.attitude,
                 airborne,
+                np.zeros(len(airborne), np.bool_) if contradicted is None else contradicted,
             )
         return self._contradicted.copy()
 
@@ -109,6 +116,7 @@ class DragCheck:
             self._sway,
             self._variance,
             self.evidence,
+            self.missing,
             self._missing,
             self._contradicted,
             self._airborne,
@@ -134,12 +142,14 @@ def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one p
     velocity: Array,
     attitude: Array,
     airborne: Mask,
+    wrong: Mask,
     last_time: Array,
     bias: Array,
     learnt: Array,
     sway: Array,
     variance: Array,
     evidence: Array,
+    measured: Array,
     missing: Array,
     contradicted: Mask,
     was_airborne: Mask,
@@ -153,12 +163,14 @@ def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one p
         velocity: (N, 3) in the odometry frame, m/s.
         attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame.
         airborne: (N,) agents in the air.
+        wrong: (N,) agents whose reported velocities are known to be wrong.
         last_time: (N,) s.
         bias: (N, 2) m/s².
         learnt: (N,) s.
         sway: (N, 2) m/s².
         variance: (N,) (m/s²)².
         evidence: (N,).
+        measured: (N, 2) true less reported velocity by the drag, m/s.
         missing: (2, N, 2) m/s and m.
         contradicted: (N,).
         was_airborne: (N,) agents that were in the air in the last tick.
@@ -171,23 +183,27 @@ def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one p
         ahead = velocity[row, 0] * cos + velocity[row, 1] * sin
         aside = velocity[row, 1] * cos - velocity[row, 0] * sin
         error_x, error_y = force[row, 0] + DRAG * ahead, force[row, 1] + DRAG * aside
+        measured[row, 0] = measured[row, 1] = math.nan
         usable = airborne[row] and 0 < passed <= MAX_GAP
         if usable and math.isfinite(error_x) and math.isfinite(error_y):
             dt = passed
             error_x, error_y = error_x - bias[row, 0], error_y - bias[row, 1]
+            if learnt[row] > LEARNING_TIME:
+                measured[row, 0] = -(error_x * cos - error_y * sin) / DRAG
+                measured[row, 1] = -(error_x * sin + error_y * cos) / DRAG
             square = ahead * ahead + aside * aside
             share = -math.expm1(-dt / SWAY_TIME)
             sway[row, 0] += share * (error_x - sway[row, 0])
             sway[row, 1] += share * (error_y - sway[row, 1])
-            measured = (sway[row, 0] ** 2 + sway[row, 1] ** 2) / 2
-            variance[row] += -math.expm1(-dt / BIAS_TIME) * (measured - variance[row])
+            swaying = (sway[row, 0] ** 2 + sway[row, 1] ** 2) / 2
+            variance[row] += -math.expm1(-dt / BIAS_TIME) * (swaying - variance[row])
             noise = NOISE * (1 + NOISE_OF_SPEED * square)
             noise = max(noise, SWAY_SHARE * 2 * SWAY_TIME * variance[row])
             rate = (error_x * ahead + error_y * aside + MIDDLE * square) / noise
             rate = min(-DIFFERENCE * rate, MIN_EVIDENCE / MIN_TIME)
             trust = min(max(learnt[row] / LEARNING_TIME - 1, 0.0), 1.0)
             evidence[row] = max(evidence[row] + dt * trust * rate, 0.0)
-            if not contradicted[row]:
+            if not contradicted[row] and not wrong[row]:
                 gain = -math.expm1(-dt / min(max(learnt[row], dt + TINY), BIAS_TIME))
                 bias[row, 0] += gain * error_x
                 bias[row, 1] += gain * error_y

@@ -23,10 +23,15 @@ class EstimateMonitor:
     Args:
         scene: Agents and limits.
         localizer: Names the localizer in reports.
+
+    Attributes:
+        sees_no_motion: (N,) agents whose tilt contradicts their velocity: their flow sensors are
+            stuck.
     """
 
     def __init__(self, scene: Scene, localizer: str) -> None:
         n = len(scene.agents)
+        self.sees_no_motion = np.zeros(n, np.bool_)
         self._names = scene.names
         self._localizer = localizer
         self._gate = EstimateGate(n, scene.limits.speed)
@@ -64,7 +69,10 @@ class EstimateMonitor:
             height = np.where(heard, telemetry.position[:, 2], np.nan)
             accepted, jumps = self._gate.check(estimate, airborne, reported, heard, height)
             reports = [(self._names[jump.row], self._of_jump(jump)) for jump in jumps]
-        tilts, dragged = (one.check(telemetry, airborne) for one in (self._motion, self._drag))
+        tilts = self._motion.check(telemetry, airborne)
+        dragged = self._drag.check(telemetry, airborne, tilts)
+        self._motion.correct(self._drag.missing)
+        self.sees_no_motion = tilts
         contradicted = tilts | dragged
         for row in (contradicted & ~self._contradicted).nonzero()[0].tolist():
             by = "tilt" if tilts[row] else "drag"

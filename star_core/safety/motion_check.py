@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, frozen
+from star_core.messages.arrays import Array, Mask, frozen, some
 from star_core.messages.telemetry import Telemetry
 from star_core.toolkit.jit import compiled
 
@@ -41,6 +41,8 @@ MIN_STUCK_TIME: Final = 0.2
 not of the same time look like a correction while an agent turns around."""
 
 MIN_STUCK_REPORTS: Final = 4  # likewise
+
+CORRECTED_IN: Final = 0.5  # s, time constant of corrections by the drag
 
 MAX_GAP: Final = 0.2  # s between two reports that are compared
 MIN_UPRIGHT: Final = 0.5  # cosine of the greatest tilt of an agent that still flies
@@ -84,6 +86,7 @@ class MotionCheck:
         self._evidence = np.zeros(n)  # that the flow sensor is stuck
         self._contradicted = np.zeros(n, np.bool_)
         self._airborne = np.zeros(n, np.bool_)  # in the last check
+        self._passed = np.zeros(n)  # s between the reports that were compared last
         nothing = (frozen(np.zeros((0, *row))) for row in ((), (3,), (3,), (4,)))
         self._compare(0.0, *nothing, np.zeros(0, np.bool_))  # compiled before the flight
 
@@ -116,7 +119,20 @@ class MotionCheck:
             self._evidence,
             self._contradicted,
             self._airborne,
+            self._passed,
         )
+
+    def correct(self, missing: Array) -> None:
+        """Correct the errors of the velocities of agents that were found by measured ones.
+
+        Args:
+            missing: (N, 2) true less reported velocity, m/s, in odometry frames; NaN where unknown.
+        """
+        if not some(self._contradicted):
+            return
+        usable = self._contradicted & np.isfinite(missing).all(axis=1)
+        gain = np.where(usable, -np.expm1(-self._passed / CORRECTED_IN), 0.0)[:, None]
+        self._errors[0] += gain * (np.where(usable[:, None], missing, 0.0) - self._errors[0])
 
     def errors(self) -> tuple[Array, Array]:
         """Return by how much the motion of agents that were found differs from what they report.
@@ -147,6 +163,7 @@ def compare(  # noqa: C901, PLR0913, PLR0915, PLR0917 -- the state of `MotionChe
     evidence: Array,
     contradicted: Mask,
     was_airborne: Mask,
+    passed: Array,
 ) -> None:
     """Add what the reports of a tick show to the state of `MotionCheck`, which is changed.
 
@@ -166,6 +183,7 @@ def compare(  # noqa: C901, PLR0913, PLR0915, PLR0917 -- the state of `MotionChe
         evidence: (N,).
         contradicted: (N,).
         was_airborne: (N,) agents that were in the air in the last tick.
+        passed: (N,) output: time between the reports that are compared, s; 0 where none are.
     """
     for row in range(len(age)):
         seconds = time - age[row] - last_time[row]
@@ -209,6 +227,7 @@ def compare(  # noqa: C901, PLR0913, PLR0915, PLR0917 -- the state of `MotionChe
         errors[2, row, 0] += dt * faster_x
         errors[2, row, 1] += dt * faster_y
         learnt[row] += dt
+        passed[row] = dt
         if usable and not contradicted[row]:
             share = -math.expm1(-dt / min(max(learnt[row], dt + TINY), BIAS_TIME))
             cx, cy = cx - DRAG * errors[0, row, 0], cy - DRAG * errors[0, row, 1]

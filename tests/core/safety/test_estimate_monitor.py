@@ -109,9 +109,9 @@ def test_the_drag_corrects_the_velocity_of_one_that_was_found() -> None:
     for k in range(100):
         check.check(report(k * PERIOD, 0.5 * (k > 30), 1.5 * (k > 30) + 1e-6, 0), AIRBORNE)
     before = check.errors()[1]
-    check.correct(np.array([np.nan + 0j]))
+    check.correct(np.full((1, 2), np.nan))
     assert check.errors()[1].tolist() == before.tolist()
     for k in range(100, 150):
         check.check(report(k * PERIOD, 0.5, DRAG * 0.5, 0), AIRBORNE)
-        check.correct(np.array([missing]))
+        check.correct(np.array([[missing.real, missing.imag]]))
     assert check.errors()[1][0, :2] == pytest.approx([0.2, -0.1], abs=0.05)
