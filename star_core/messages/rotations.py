@@ -184,18 +184,15 @@ def quaternion_from_euler(roll: Any, pitch: Any, yaw: Any) -> Array:
     >>> quaternion_from_euler(0.0, 0.0, np.pi).round(6) + 0.0
     array([0., 0., 1., 0.])
     """
-    half = np.stack([roll, pitch, yaw]) / 2
+    half = np.array([roll, pitch, yaw]) / 2
     (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
     straight, both, pitched, yawed = cp * cy, sp * sy, sp * cy, cp * sy
-    return np.stack(
-        [
-            sr * straight - cr * both,
-            cr * pitched + sr * yawed,
-            cr * yawed - sr * pitched,
-            cr * straight + sr * both,
-        ],
-        axis=-1,
-    )
+    quaternion = np.empty((*half.shape[1:], 4))
+    quaternion[..., 0] = sr * straight - cr * both
+    quaternion[..., 1] = cr * pitched + sr * yawed
+    quaternion[..., 2] = cr * yawed - sr * pitched
+    quaternion[..., 3] = cr * straight + sr * both
+    return quaternion
 
 
 def _turned(yaw: Array, vectors: Array) -> Array:

@@ -145,7 +145,7 @@ class Orca:
         now = flown[:, :2]
         change = answer[:, :2] - now
         size = np.hypot(change[:, 0], change[:, 1])
-        rows = np.flatnonzero(avoids & (size > self._change))
+        rows = (avoids & (size > self._change)).nonzero()[0]
         if len(rows):
             reached = now[rows] + (self._change / size[rows])[:, None] * change[rows]
             speed = np.hypot(reached[:, 0], reached[:, 1])
@@ -220,9 +220,9 @@ def hard_planes(  # noqa: PLR0913 -- what the kernel takes
     here = position[:, :2]
     with np.errstate(invalid="ignore"):  # positions and fence may be infinite
         room = np.concatenate([here - fence[:2], fence[2:] - here], axis=1)
-        if margin.any():
+        if np.count_nonzero(margin):
             room -= yielding_margin(margin[:, None], room, horizon)
-    agent, side = np.nonzero(room < (speed / rate)[:, None])
+    agent, side = (room < (speed / rate)[:, None]).nonzero()
     count = np.bincount(agent, minlength=len(position))
     planes = np.empty((len(position), len(_NORMALS) + min(len(outlines.edges), MAX_EDGES), 3))
     if len(agent):

@@ -85,22 +85,22 @@ class Drift:
             -period * VELOCITY_RATE - 1j * (yaw - self._yaw)[:, None]  # of any turns: 2 pi is none
         )
         self._coupling += period * VELOCITY_STD**2
-        self._walked += 2 * period * self._coupling.real.sum(axis=1)
+        coupling = self._coupling.real
+        self._walked += 2 * period * (coupling[:, 0] + coupling[:, 1])
         height = np.maximum(position[:, 2] - self._ground, LEAST_HEIGHT)
         self._walked += period * NOISE * height**2
         self._yaw = yaw
         away = here - self._start
-        deviations = np.stack(
-            [
-                SCALE * away,
-                START_YAW * away @ _QUARTER_TURN,
-                YAW_BIAS * self._moment @ _QUARTER_TURN,
-            ],
-            axis=1,
-        )  # (N, 3, 2) m, of one standard deviation of each constant error
+        deviations = np.empty((len(away), 3, 2))  # m, one standard deviation of each constant error
+        deviations[:, 0] = SCALE * away
+        for row, across in (1, START_YAW * away), (2, YAW_BIAS * self._moment):
+            deviations[:, row, 0] = -across[:, 1]  # turned by 90°
+            deviations[:, row, 1] = across[:, 0]
         covariance = np.zeros((len(position), 3, 3))
         covariance[:, :2, :2] = self._texture + deviations.swapaxes(1, 2) @ deviations
-        covariance[:, [0, 1], [0, 1]] += (START**2 + self._walked)[:, None]
+        level = START**2 + self._walked
+        covariance[:, 0, 0] += level
+        covariance[:, 1, 1] += level
         covariance[:, 2, 2] = HEIGHT**2
         return covariance
 
@@ -153,9 +153,6 @@ def heading_variance(elapsed: float) -> float:
     12.0
     """
     return START_YAW**2 + (YAW_BIAS * elapsed) ** 2
-
-
-_QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])  # of row vectors
 
 
 SEED: Final = 0x0E44  # separates these random streams from those of other plugins

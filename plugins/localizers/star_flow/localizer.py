@@ -48,16 +48,20 @@ class Flow:
         velocity = self._map_from_odom.turn(telemetry.velocity)
         yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
         known = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
-        self._reckoned = np.where(known[:, None], reckoned, self._reckoned)
-        shown = self._reckoned + self._error.at(telemetry.time)
-        self._position = np.where(known[:, None], shown, self._position)
-        self._yaw = np.where(known, yaw, self._yaw)
+        error = self._error.at(telemetry.time)
+        if np.count_nonzero(known) == len(known):
+            self._reckoned, self._position, self._yaw = reckoned, reckoned + error, yaw
+        else:
+            column = known[:, None]
+            self._reckoned = np.where(column, reckoned, self._reckoned)
+            self._position = np.where(column, self._reckoned + error, self._position)
+            self._yaw, velocity = np.where(known, yaw, self._yaw), np.where(column, velocity, 0.0)
         covariance = self._drift.covariance(telemetry.time, self._reckoned, self._yaw)
         covariance += self._variance
         return Estimate(
             time=telemetry.time,
             position=self._position,
-            velocity=np.where(known[:, None], velocity, 0.0),
+            velocity=velocity,
             yaw=self._yaw,
             covariance=covariance,
             valid=known & (telemetry.age <= self._max_report_age),

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Mask
+from star_core import Array, Mask, Rows
 from star_core.toolkit import quaternion_from_euler
 from star_sim.airframe import CYCLE, NEVER, STEP
 from star_sim.error_profile import ErrorProfile
@@ -57,8 +57,8 @@ class RadioLink:
             self._packets.popleft()[1]()
         self.next_step = self._packets[0][0] if self._packets else NEVER
 
-    def receive(self, samples: Array) -> Array:
-        """Return the samples that arrive, (K, 1 + SAMPLE): the agent's row, then the sample.
+    def receive(self, samples: Array) -> tuple[Rows, Array]:
+        """Return the samples that arrive: (K,) rows of their agents, and (K, SAMPLE).
 
         Args:
             samples: (cycles, N, SAMPLE) of the drones since the last call.
@@ -67,12 +67,12 @@ class RadioLink:
         count = max(0, len(self._late) - round(self._profile.report_delay / CYCLE))
         here, self._late = self._late[:count], self._late[count:]
         if not here:
-            return np.zeros((0, 1 + SAMPLE))
+            return np.zeros(0, np.int64), np.zeros((0, SAMPLE))
         table = np.array(here)
         heard = self._random.random(table.shape[:2]) >= self._profile.report_loss
         agent, samples = np.nonzero(heard)[1], table[heard]
         self._newest[agent] = samples  # of several from one agent, the last
-        return np.column_stack([agent, samples])
+        return agent, samples
 
     def reports(self, now: float) -> tuple[Array, Array, Array, Array, Array]:
         """Return the newest state heard of each agent, in its odometry frame.
@@ -84,9 +84,12 @@ class RadioLink:
             (N, 3) position, m; (N, 3) velocity, m/s; (N, 4) attitude as a unit quaternion x, y, z,
             w; (N,) age, s; (N, 2) specific force along x and y of the body, m/s².
         """
-        time, ahead, aside, up, _, roll, pitch, z, x, y, yaw = self._newest[:, :11].T
+        newest = self._newest
+        time, ahead, aside, _, _, roll, pitch, z, x, y, yaw = newest[:, :11].T
         cos, sin = np.cos(yaw), np.sin(yaw)
-        velocity = np.stack([cos * ahead - sin * aside, sin * ahead + cos * aside, up], axis=1)
+        velocity, position = newest[:, 1:4].copy(), np.empty((len(newest), 3))
+        velocity[:, 0], velocity[:, 1] = cos * ahead - sin * aside, sin * ahead + cos * aside
+        position[:, 0], position[:, 1], position[:, 2] = x, y, z
         attitude = quaternion_from_euler(roll, pitch, yaw)
         age = np.maximum(0.0, math.floor(now / CYCLE + 1e-6) * CYCLE - time)
-        return np.stack([x, y, z], axis=1), velocity, attitude, age, self._newest[:, 11:].copy()
+        return position, velocity, attitude, age, newest[:, 11:].copy()

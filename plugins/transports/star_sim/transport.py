@@ -364,11 +364,11 @@ class Simulator:
             return Odometry.none()
         table = np.concatenate(self._arrived)
         self._arrived.clear()
-        cycles, n, _ = table.shape
-        agent, rows = np.tile(np.arange(n), cycles), table.reshape(cycles * n, SAMPLE)
         if self._link is not None:
-            received = self._link.receive(table)
-            agent, rows = received[:, 0].astype(np.int64), received[:, 1:]
+            agent, rows = self._link.receive(table)
+        else:
+            cycles, n, _ = table.shape
+            agent, rows = np.tile(np.arange(n), cycles), table.reshape(cycles * n, SAMPLE)
         return Odometry(
             agent=agent,
             time=rows[:, 0],
