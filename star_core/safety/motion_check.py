@@ -123,7 +123,9 @@ class MotionCheck:
         )
 
     def correct(self, missing: Array) -> None:
-        """Correct the errors of the velocities of agents that were found by measured ones.
+        """Correct the errors of agents that were found by measured ones of the velocities.
+
+        What the velocity does not explain corrects the acceleration by tilt (Luenberger observer).
 
         Args:
             missing: (N, 2) true less reported velocity, m/s, in odometry frames; NaN where unknown.
@@ -132,7 +134,9 @@ class MotionCheck:
             return
         usable = self._contradicted & np.isfinite(missing).all(axis=1)
         gain = np.where(usable, -np.expm1(-self._passed / CORRECTED_IN), 0.0)[:, None]
-        self._errors[0] += gain * (np.where(usable[:, None], missing, 0.0) - self._errors[0])
+        difference = gain * (np.where(usable[:, None], missing, 0.0) - self._errors[0])
+        self._errors[0] += 2 * difference  # critically damped
+        self._errors[1] -= difference / CORRECTED_IN
 
     def errors(self) -> tuple[Array, Array]:
         """Return by how much the motion of agents that were found differs from what they report.

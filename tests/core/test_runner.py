@@ -163,6 +163,13 @@ def seen(height: float, climb: float) -> Callable[..., Estimate]:
 
 @pytest.mark.parametrize("height", [0.25, 0.4])
 def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
+    def low(right: Callable[[], Telemetry]) -> Telemetry:
+        telemetry = right()
+        position = telemetry.position.copy()
+        position[1, 2] = height
+        return replace(telemetry, position=position)
+
+    lab.spoil("transport", "receive", low, FLYING)
     lab.spoil("localizer", "locate", seen(height, 0.0), FLYING)
     lab.fly(IN_THE_AIR)
     landings = [c for _, c in lab.robots.commands if c.order is Order.LAND and 1 in c.agent]

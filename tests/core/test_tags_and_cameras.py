@@ -170,7 +170,9 @@ def test_a_product_of_turns_does_one_after_the_other(a: float, b: float, c: floa
 
 
 def test_there_is_an_image_for_every_row_of_frames() -> None:
-    with pytest.raises(ContractError, match=r"^Frames\.image has 0 rows, but taken, arrived and"):
+    with pytest.raises(
+        ContractError, match=r"^Frames\.image has 0 rows, but agent, taken and arrived have 1"
+    ):
         Frames(np.zeros(1, np.int64), np.zeros(1), np.zeros(1), ())
 
 

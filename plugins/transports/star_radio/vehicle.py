@@ -231,7 +231,7 @@ class Vehicle:
         """Repeat unconfirmed packets; return those that were refused or never confirmed."""
         failures = []
         for question in self.link.retry(now):
-            if question.topic == log_blocks.TOPIC or question.topic.startswith(profiles.TOPIC):
+            if question.topic.startswith((log_blocks.TOPIC, profiles.TOPIC)):
                 continue  # `ReportStream` asks again, and `Takeoffs` does without
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
@@ -305,7 +305,8 @@ class Vehicle:
         self._handover = None
         packet = packets.packet(packets.LOG, packets.SETTINGS, packets.RESET)
         about = "the end of reports"
-        self._end_of_reports = Question.of(packet, packets.RESET, about, topic="reports")
+        self.link.forget(log_blocks.TOPIC)
+        self._end_of_reports = Question.of(packet, packets.RESET, about, topic=log_blocks.TOPIC)
         self.link.assure(self._end_of_reports)
 
     def is_closing(self, now: float) -> bool:

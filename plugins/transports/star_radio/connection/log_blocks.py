@@ -21,7 +21,7 @@ from star_radio.connection.link import Link
 from star_radio.connection.questions import Ask, Question
 
 MAX_TRIES: Final = 2  # for a block that is refused or not reported
-TOPIC: Final = "reports"  # of the questions of a `Restorer`
+TOPIC: Final = "reports"  # first word of those of the questions of a `Restorer`
 _VARIABLES: Final = (packets.MAX_PAYLOAD - 2) // 3 * 3  # bytes of variables per packet, 3 for each
 _TOO_LARGE, _EXISTS = errno.E2BIG, errno.EEXIST
 _ERRORS: Final = {
@@ -109,7 +109,8 @@ class Restorer:
             elif command == packets.DELETE or error in {0, _EXISTS, _TOO_LARGE}:
                 self._request(requests)
 
-        question = Question.of(packet, packet[1:3], "its reports", topic=TOPIC)
+        topic = f"{TOPIC} {self._block[0]}"
+        question = Question.of(packet, packet[1:3], "its reports", topic=topic)
         question.on_answer = go_on
         self._question = question
         self._link.assure(question)

@@ -143,9 +143,9 @@ class Answers:
                 self._open.remove(question)
 
     def forget(self, topic: str) -> None:
-        """Drop the questions of a topic."""
+        """Drop the questions of topics that begin so."""
         with self._lock:
-            self._open = [question for question in self._open if question.topic != topic]
+            self._open = [each for each in self._open if not each.topic.startswith(topic)]
 
     def take(self, port: tuple[int, int], payload: bytes) -> bool:
         """Match a packet to the oldest question it answers; return whether there was one."""
