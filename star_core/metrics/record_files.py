@@ -146,6 +146,8 @@ def check_arrays(arrays: Mapping[str, Array], agents: Sequence[str], swarm: Sequ
     """
     if tuple(agents) != tuple(swarm) or not all(map(AGENT.fullmatch, agents)):
         raise ValueError("the agents are not those of the mission")
+    if not arrays:  # no tick was flown
+        return
     time = arrays["time"]
     if time.shape != time.shape[:1] or not (len(time) and np.isfinite(time).all()):
         raise ValueError("'time' is no list of numbers")

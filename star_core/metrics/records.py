@@ -111,14 +111,15 @@ class Run:
         return record_files.images(self.folder, agent)
 
 
-def read_run(folder: Path | str) -> Run:
+def read_run(folder: Path | str, *, flown: bool = False) -> Run:
     """Return a recorded flight.
 
     Args:
         folder: Of the run, such as ``runs/latest``.
+        flown: Whether to refuse a run that was not started, and so has no arrays.
 
     Raises:
-        InputError: It holds no complete record.
+        InputError: It holds no complete record, or no tick if it must have been `flown`.
 
     Example:
         >>> run = read_run("runs/latest")  # doctest: +SKIP
@@ -129,7 +130,7 @@ def read_run(folder: Path | str) -> Run:
         text = f"{folder}: is a file, expected the folder of a recorded run"
         raise InputError(text, "wrong-file")
     try:
-        return _read(folder)
+        run = _read(folder)
     except FileNotFoundError as error:
         what = "the record of an interrupted run" if (folder / "manifest.json").exists() else "none"
         text = f"{folder}: expected the folder of a recorded run, found {what}"
@@ -137,6 +138,10 @@ def read_run(folder: Path | str) -> Run:
     except DAMAGE as error:
         why = f"{type(error).__name__}: {error}".partition("\n")[0]
         raise InputError(f"{folder}: the record cannot be read: {why}", "no-record") from error
+    if flown and not run.arrays:
+        why = run.summary["reason"] or "it ended before the first tick"
+        raise InputError(f"{folder}: no flight was recorded: {why}", "no-record")
+    return run
 
 
 def _read(folder: Path) -> Run:

@@ -23,7 +23,7 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
     """
     files = []
     with Progress(f"exporting {options.run}"):
-        run = read_run(options.run)
+        run = read_run(options.run, flown=True)
         out = Path(options.out) if options.out else run.folder / options.format
         if not options.out and out.is_symlink():  # the folder may be of others
             raise InputError(f"{out}: is a link; name a folder by --out", "unwritable-file")

@@ -59,7 +59,7 @@ def _page(folder: Path) -> str:
         return study.page(folder)
     from star_report.page import page
 
-    return page(read_run(folder))
+    return page(read_run(folder, flown=True))
 
 
 def configure(line: argparse.ArgumentParser) -> None:

@@ -30,7 +30,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     with Progress(f"preparing {path}"):
         plan = None
         if path.is_dir():
-            run = read_run(path)
+            run = read_run(path, flown=True)
         else:
             changes = list(options.set)
             mission = load(path, registry, changes)
@@ -74,4 +74,4 @@ def simulate(mission: Mission, registry: Registry) -> Run:
     """Fly a mission in simulation and return its record, which is not kept."""
     with Progress(f"simulating {mission.name}", announced=True), TemporaryDirectory() as folder:
         fly(mission, registry, folder=Path(folder))
-        return read_run(folder)
+        return read_run(folder, flown=True)

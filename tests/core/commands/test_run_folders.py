@@ -45,3 +45,16 @@ def test_a_file_system_without_links_is_no_obstacle(
     monkeypatch.setattr(Path, "symlink_to", refuse)
     LatestRun().star_mission_started(Flight("hop", scene(1), {}, tmp_path / "first"))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("hop")
+@pytest.mark.parametrize("command", [["view"], ["report"], ["export", "--format", "csv"]])
+def test_a_run_that_was_not_started_has_no_flight_to_show(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    low = ["--set", "transport={use: sim, battery: 0.02}", "--set", "safety={battery_low: {}}"]
+    assert main(["run", "hop.yaml", "--out", "low", *low]) == 1
+    capsys.readouterr()
+    assert main([*command, "low"]) == 2
+    why = "no flight was recorded: not started: battery_low: cf1, cf2 at 3.16 V, below 3.2 V"
+    assert f"low: {why} [no-record]" in capsys.readouterr().err
