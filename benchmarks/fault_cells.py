@@ -30,10 +30,10 @@ CROSSING: Final[dict[str, Any]] = {
     "name": "crossing",
     "world": "room.yaml",
     "swarm": {
-        "cf1": {"start": [-0.8, 0.5, 0]},
-        "cf2": {"start": [0.8, 0.5, 0], "yaw_deg": 180},
-        "cf3": {"start": [-0.8, -0.5, 0]},
-        "cf4": {"start": [0.8, -0.5, 0], "yaw_deg": 180},
+        "cf1": {"start": [-0.8, 0.8, 0]},
+        "cf2": {"start": [0.8, 0.8, 0], "yaw_deg": 180},
+        "cf3": {"start": [-0.8, -0.8, 0]},
+        "cf4": {"start": [0.8, -0.8, 0], "yaw_deg": 180},
     },
     "transport": IDEAL,
     "localizer": "flow",
@@ -49,10 +49,10 @@ CROSSING: Final[dict[str, Any]] = {
         {"takeoff": {"height": 0.6, "speed": 0.5}},
         {
             "parallel": [
-                {"goto": {"agents": "cf1", "to": [0.8, 0.5, 0.6]}},
-                {"goto": {"agents": "cf2", "to": [-0.8, 0.5, 0.6]}},
-                {"goto": {"agents": "cf3", "to": [0.8, -0.5, 0.6]}},
-                {"goto": {"agents": "cf4", "to": [-0.8, -0.5, 0.6]}},
+                {"goto": {"agents": "cf1", "to": [0.8, 0.8, 0.6]}},
+                {"goto": {"agents": "cf2", "to": [-0.8, 0.8, 0.6]}},
+                {"goto": {"agents": "cf3", "to": [0.8, -0.8, 0.6]}},
+                {"goto": {"agents": "cf4", "to": [-0.8, -0.8, 0.6]}},
             ]
         },
         {"land": {}},
@@ -257,7 +257,7 @@ CELLS: Final = (
     Cell("16", "clock jumps by an hour", act=_jump(3600.0)),
     Cell("16", "clock jumps back by an hour", act=_jump(-3600.0)),
     Cell("16", "program stalls for 2 s", [every("ground_program", "delayed", delay=2.0)], most=5),
-    Cell("17", "disk full", act=_fill_disk),
+    Cell("17", "disk full", act=_fill_disk, status=(1,)),
     Cell("18", "pairs of rows 1 to 9", status=EITHER, pairs=True),
     Cell("19", "Ctrl-C", act=_signal(signal.SIGINT), status=(1,)),
     Cell("19", "SIGTERM", act=_signal(signal.SIGTERM), status=(1,)),

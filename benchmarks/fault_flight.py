@@ -22,6 +22,7 @@ from star_core.commands.run import run_mission
 from star_core.plugin_support.discovery import Source
 
 CROSSING_TIME: Final = (3.3, 6.3)  # s, in which the drones cross: none takes off or lands
+ENDINGS: Final = {"safety", "failure", "plugin", "interrupt", "observer"}  # kinds of events
 CONTACT: Final = 0.12  # m between the centers of two drones that touch
 FENCE_MARGIN: Final = 0.2  # m, for the error of the estimates that the fence is kept by
 GROUND: Final = 0.1  # m
@@ -199,7 +200,7 @@ def judged(
     high: Any = position[..., 2] > GROUND
     up = high.any(axis=0)  # flew at all
     down = [float(times[np.flatnonzero(high[:, i])[-1]]) if up[i] else 0.0 for i in range(len(up))]
-    removed = [e for e in witness.events if e.kind in {"safety", "failure", "plugin", "interrupt"}]
+    removed = [e for e in witness.events if e.kind in ENDINGS]
     ended = [i for i in (rows if status == 0 else range(len(up))) if status or removed]
     late = 0.0
     for i in ended:  # from when the agent left, or from when the mission failed
