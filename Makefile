@@ -49,7 +49,7 @@ air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pupil-apriltags drone-models \
 	casadi array-api-compat array-api-extra
-	for topic in startup demo sim tick orca planner camera detector mosaic disturbances landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
+	for topic in startup demo sim tick tick_cost drag orca planner camera detector mosaic disturbances landmarks fleet aideck radio; do $(BIN)/python benchmarks/$$topic.py; done
 
 campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that take long
 	$(BIN)/python -m pytest -q -n auto -m "hypothesis and not campaign" --hypothesis-profile=campaign
