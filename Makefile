@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check docs air bench campaign faults link-cuts guardian safe-defaults mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated docs air bench campaign faults link-cuts guardian safe-defaults mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -38,6 +38,12 @@ check: $(VENV)/.ready  ## style, types, layers, tests (on all processors)
 	for mission in first_flight around search; do \
 	$(BIN)/star-run missions/$$mission.yaml --no-record 2>/dev/null; done  # compiles for all tests
 	$(BIN)/python -m pytest -q -n auto
+
+generated: $(VENV)/.ready  ## write the files that are made from the code: schemas for editors, pages, examples
+	$(BIN)/star schema --out missions/mission.schema.json
+	$(BIN)/star schema steps --out missions/steps.schema.json
+	$(BIN)/star errors > docs/errors.md
+	$(BIN)/python docs/site/committed.py
 
 docs: $(VENV)/.ready  ## build the documentation into build/docs; warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
