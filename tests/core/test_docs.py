@@ -10,6 +10,12 @@ from star_core import hookspecs
 
 ROOT = Path(__file__).parents[2]
 CLASSES = {name for name in star_core.__all__ if name[0].isupper()}
+SOURCE_FOLDERS = ("star_core", "plugins", "schemas", "benchmarks", "docs/site", "tests")
+SOURCES = {".py", ".json", ".toml", ".tmpl"}
+OTHERS = {  # names of other libraries, and files that are not code
+    *("PPoly", "Polynomial", "RadioDriver", "UdpDriver", "cKDTree", "mem", "solvePnP", "toc"),
+    "mkdocs.yml",
+}
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -34,6 +40,19 @@ def test_attributes_that_a_page_names_exist(page: Path) -> None:
         and f"``{name}(" not in str(owner.__doc__)  # a method that a plugin need not have
     ]
     assert missing == []
+
+
+def test_every_name_of_code_in_the_architecture_exists() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    names = set(re.findall(r"`([^`\n]+)`", re.sub(r"(?s)```.*?```", "", page))) - OTHERS
+    sources = [path for top in SOURCE_FOLDERS for path in (ROOT / top).rglob("*")]
+    paths = [f"/{path.relative_to(ROOT)}" for path in sources]
+    texts = (path.read_text() for path in sources if path.suffix in SOURCES)
+    words = {path.stem for path in sources}.union(*(re.findall(r"\w+", text) for text in texts))
+    files = {name for name in names if re.fullmatch(r"[\w./-]+\.py", name)}
+    assert {name for name in files if not any(p.endswith(f"/{name}") for p in paths)} == set()
+    codes = {name for name in names - files if re.fullmatch(r"[A-Za-z_][\w.]*", name)}
+    assert {name for name in codes if name.split(".")[-1] not in words} == set()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
