@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(os.environ.get("STAR_REAL_FLIGHTS", ROOT.parent / "shared" / "real" / "flights"))
 
 AIRBORNE = 0.3  # m: lower than that a drone takes off or lands
-SETTLED = 1.0  # s in the air until a flight counts
+SETTLING_TIME = 1.0  # s in the air until a flight counts
 LEFT = 1.3  # m from its setpoint: more than any lag of these flights
 LEVELLED = 0.5  # cosine of a tilt that no controller asks for
 ESTIMATE_LATENCY = 0.017  # s, of the on-board estimate behind motion capture: `identify.py`
@@ -87,7 +87,7 @@ def read(path: Path) -> Flight:
     lost = (distance > LEFT) | (1 - 2 * (x**2 + y**2) < LEVELLED) | ~flying
     lost[-1] = True
     last = first + int(np.argmax(lost[first:]))
-    first = int(np.searchsorted(data["time"], data["time"][first] + SETTLED))
+    first = int(np.searchsorted(data["time"], data["time"][first] + SETTLING_TIME))
     return Flight(path.stem, data, began, slice(first, last), float(position[:began, 2].mean()))
 
 

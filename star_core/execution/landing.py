@@ -12,7 +12,7 @@ import numpy as np
 from star_core.execution.assignments import GoalBuffer
 from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.commands import Command, Order
-from star_core.messages.position_margin import MAX_MARGIN, position_margin
+from star_core.messages.position_margin import MAX_MARGIN_RATIO, position_margin
 from star_core.messages.state import AgentPhase, Estimate, among
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.observers import Observers
@@ -29,7 +29,8 @@ EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
 SEARCH_STEP: Final = 0.05  # m between the candidates for a landing position
 SEARCH_RADIUS: Final = 3.0  # m
 TRAVEL_POINTS: Final = 11  # possible positions of an agent that is not heard, 0.1 m apart or less
-SETTLED: Final = 0.1  # m/s and m: an agent slower than that and this near its goal can land
+MAX_REST_SPEED: Final = 0.1  # m/s; of an agent that can land
+ARRIVAL_TOLERANCE: Final = 0.1  # m, its greatest distance from the position to land at
 SETTLING_TIME: Final = 2.0  # s that an agent may take to come to rest
 
 LAND_SPEED: Final = 0.3  # m/s, when the core itself lands
@@ -231,12 +232,12 @@ class LandingManager:
             if not steered[row] or self._vehicles.time >= landing.until:
                 ready.append(row)
                 continue
-            slow = float(np.linalg.norm(velocity)) <= SETTLED
+            slow = float(np.linalg.norm(velocity)) <= MAX_REST_SPEED
             if landing.position is None and slow:
                 self._choose_position(row, landing, estimate)
             if landing.position is None:  # brake
                 goals.set_goal(row, here, float(estimate.yaw[row]), self._scene.limits.speed)
-            elif slow and math.dist(landing.position, here[:2]) <= SETTLED:
+            elif slow and math.dist(landing.position, here[:2]) <= ARRIVAL_TOLERANCE:
                 ready.append(row)
             else:
                 goal = np.array([*landing.position, landing.height])
@@ -316,7 +317,7 @@ class LandingManager:
     def _drift(self, estimate: Estimate) -> Array:
         """Return the margins for uncertain positions, at most `MAX_DRIFT`: (N,) m."""
         deviations = self._scene.limits.uncertainty_margin
-        return position_margin(estimate.covariance, deviations, MAX_DRIFT / MAX_MARGIN)
+        return position_margin(estimate.covariance, deviations, MAX_DRIFT / MAX_MARGIN_RATIO)
 
     def _free(
         self,

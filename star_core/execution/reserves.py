@@ -19,7 +19,7 @@ from star_core.toolkit.timeouts import timeout
 
 PAD_CLEARANCE: Final = 0.5  # m in the plane from an agent that takes off to others in the air
 PAD_RADIUS: Final = 0.15  # m in the plane from its pad, within which a returning agent lands
-SETTLED: Final = 0.15  # m/s; an agent slower than that can land
+MAX_REST_SPEED: Final = 0.15  # m/s; an agent slower than that can land
 MAX_REPORT_AGE: Final = 0.5  # s, of an agent that takes off
 REPORT_WAIT_AFTER: Final = 2.0  # s without a reserve that is ready
 CLIMB_SPEED: Final = 0.3  # m/s, as of the verb `takeoff`
@@ -190,7 +190,7 @@ class ReserveManager:
             if until is None:
                 self._returning[row] = tick.time + timeout(way / speed)
             goals.set_goal(row, goal, estimate.yaw[row], speed)
-            settled = way < PAD_RADIUS and np.linalg.norm(estimate.velocity[row]) < SETTLED
+            settled = way < PAD_RADIUS and np.linalg.norm(estimate.velocity[row]) < MAX_REST_SPEED
             if late:
                 name = self._scene.agents[row].name
                 self._report(f"{name} does not reach its pad and lands at its position", name)

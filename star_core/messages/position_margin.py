@@ -8,7 +8,7 @@ import numpy as np
 
 from star_core.messages.arrays import Array
 
-MAX_MARGIN: Final = 2.0
+MAX_MARGIN_RATIO: Final = 2.0
 """Greatest margin for an uncertain position, over the radius of an agent without it: in crossings
 of five drones with errors of 0.3 m, 1 was not enough for a safe distance, 2 was."""
 
@@ -17,7 +17,7 @@ def position_margin(covariance: Array, deviations: float, radius: float) -> Arra
     """Return by how much the radius of each agent grows for its uncertain position, (N,) m.
 
     It is a number of standard deviations in the horizontal direction of the greatest uncertainty,
-    at most `MAX_MARGIN` radii, also where the covariance is not finite.
+    at most `MAX_MARGIN_RATIO` radii, also where the covariance is not finite.
 
     Args:
         covariance: (N, 3, 3) of the positions, m².
@@ -31,7 +31,7 @@ def position_margin(covariance: Array, deviations: float, radius: float) -> Arra
     if deviations == 0.0:
         return np.zeros(len(covariance))
     with np.errstate(invalid="ignore"):  # some are not finite
-        margin: Array = np.fmin(deviations * _deviation(covariance), MAX_MARGIN * radius)
+        margin: Array = np.fmin(deviations * _deviation(covariance), MAX_MARGIN_RATIO * radius)
     return margin
 
 
@@ -56,7 +56,7 @@ def _deviation(covariance: Array) -> Array:
 
 WALL_RADIUS: Final = 0.2
 """Distance to fence and obstacles that the core takes for the radius of an agent where it limits
-margins to `MAX_MARGIN` of it, m: the clearance that planners keep by default."""
+margins to `MAX_MARGIN_RATIO` of it, m: the clearance that planners keep by default."""
 
 
 ALONE_SHARE: Final = 0.75

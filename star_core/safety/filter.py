@@ -11,7 +11,7 @@ import numpy as np
 from star_core.geometry.neighbours import Pairs, warm_up
 from star_core.messages.arrays import Array, Mask, Rows, every, frozen
 from star_core.messages.events import Corrected
-from star_core.messages.position_margin import MAX_MARGIN, WALL_RADIUS, position_margin
+from star_core.messages.position_margin import MAX_MARGIN_RATIO, WALL_RADIUS, position_margin
 from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate, Setpoint, with_possible_positions
 from star_core.safety.braking import (
@@ -65,7 +65,9 @@ class SafetyFilter:
         closing = 2 * self._speed
         room = closing * (LAG + max(1 / BRAKING_GAIN, scene.period + closing / (4 * self._brakes)))
         wide = math.dist(scene.world.fence.low, scene.world.fence.high)
-        most = 1 + MAX_MARGIN if self._uncertainty_margin else 1.0  # over the one without margins
+        most = (
+            1 + MAX_MARGIN_RATIO if self._uncertainty_margin else 1.0
+        )  # over the one without margins
         widest = max(most * self._separation, self._vertical_separation)
         self.reach = widest + min(1.5 * room, wide)  # some approach faster than allowed
         self._warm_up(len(scene.agents))

@@ -9,7 +9,7 @@ import numpy as np
 
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask, Rows
-from star_core.messages.position_margin import ALONE_SHARE, MAX_MARGIN
+from star_core.messages.position_margin import ALONE_SHARE, MAX_MARGIN_RATIO
 from star_core.messages.state import Estimate
 from star_core.safety.braking import LAG
 from star_core.safety.walls import nearest_wall, walls
@@ -83,7 +83,7 @@ class Room:
         limits = scene.limits
         self._deviations = limits.uncertainty_margin
         self._limited = limits.separation > 0.0
-        self._margin_limit = MAX_MARGIN * limits.separation / 2  # m
+        self._margin_limit = MAX_MARGIN_RATIO * limits.separation / 2  # m
         self._braking = 2 * LAG * limits.speed  # m, in which two agents that meet stop, at most
         self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]])
         self._walls = walls(scene.world.obstacles)

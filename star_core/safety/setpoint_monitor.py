@@ -21,7 +21,7 @@ PRESSED_TIME: Final = 0.5
 SIGMAS: Final = 3.0
 """Standard deviations of its position by which an agent is drawn in."""
 
-MAX_MARGIN: Final = 0.5
+MAX_DRAW_IN: Final = 0.5
 """Greatest distance by which an agent is drawn in, m; it is also at most a quarter of the width of
 the fence."""
 
@@ -264,7 +264,7 @@ class FencePress:
         ahead = estimate.position + LAG * np.nan_to_num(estimate.velocity)
         if some(drawn):
             std = np.sqrt(np.nan_to_num(np.diagonal(estimate.covariance, axis1=1, axis2=2)))
-            margin = np.minimum(SIGMAS * std, np.minimum(MAX_MARGIN, (high - low) / 4))
+            margin = np.minimum(SIGMAS * std, np.minimum(MAX_DRAW_IN, (high - low) / 4))
             margin *= drawn[:, None]
             low, high = low + margin, high - margin
         up = np.maximum(BRAKING_GAIN * (high - ahead), -RETURN_SPEED)

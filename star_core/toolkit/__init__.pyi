@@ -7,7 +7,7 @@ from star_core.geometry.obstacles import box_edges as box_edges
 from star_core.geometry.obstacles import footprint as footprint
 from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
 from star_core.messages.position_margin import ALONE_SHARE as ALONE_SHARE
-from star_core.messages.position_margin import MAX_MARGIN as MAX_MARGIN
+from star_core.messages.position_margin import MAX_MARGIN_RATIO as MAX_MARGIN_RATIO
 from star_core.messages.position_margin import YIELD_TIME as YIELD_TIME
 from star_core.messages.position_margin import position_margin as position_margin
 from star_core.messages.position_margin import yielding_margin as yielding_margin

@@ -80,12 +80,12 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
 def _check(scene: Scene, **options: Any) -> Iterable[Problem]:
     """Require neighbours to be detected before they are too near."""
     from star_core import Problem
-    from star_core.toolkit import MAX_MARGIN
+    from star_core.toolkit import MAX_MARGIN_RATIO
 
     margin = options["uncertainty_margin"]
     margin = scene.limits.uncertainty_margin if margin is None else margin
     distance, apart = options["communication_radius"], 2 * options["radius"]
-    widest = (1 + MAX_MARGIN) * apart if margin else apart
+    widest = (1 + MAX_MARGIN_RATIO) * apart if margin else apart
     if distance <= widest:
         keep = apart if distance <= apart else widest
         unsure = "" if distance <= apart else " whose positions are uncertain"

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from star_core import Array, Mask, Mission, Problem, Registry
-from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN, fill_defaults
+from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN_RATIO, fill_defaults
 from star_explain.separation import kept_distance
 from star_explain.tracks import PERIOD, Tracks
 
@@ -82,7 +82,7 @@ def pair_problems(mission: Mission, registry: Registry, flight: DryFlight) -> It
         planned = np.hypot(offset[:, 0], offset[:, 1])
         margin = limits.uncertainty_margin * (std[:, first] + std[:, second])
         passing = np.linalg.norm(np.gradient(offset, PERIOD, axis=0), axis=1) > MIN_SPEED
-        kept = base + np.where(passing, np.minimum(margin, MAX_MARGIN * base), 0.0)
+        kept = base + np.where(passing, np.minimum(margin, MAX_MARGIN_RATIO * base), 0.0)
         rest = (np.maximum(planned, kept) - limits.separation) / np.hypot(
             std[:, first], std[:, second]
         )
@@ -126,7 +126,7 @@ def room_problems(mission: Mission, registry: Registry, flight: DryFlight) -> It
         offset = position[:, first] - position[:, second]
         planned = np.hypot(offset[:, 0], offset[:, 1])
         deviations = limits.uncertainty_margin * std[:, [first, second]]
-        margin = np.minimum(deviations.sum(axis=1), MAX_MARGIN * base)
+        margin = np.minimum(deviations.sum(axis=1), MAX_MARGIN_RATIO * base)
         passing = np.linalg.norm(np.gradient(offset, PERIOD, axis=0), axis=1) > MIN_SPEED
         kept = base + np.where(passing, PASSING_SHARE * margin, 0.0)
         room = np.maximum(planned, kept) - 2 * CONTACT_RADIUS
@@ -159,7 +159,7 @@ def obstacle_problems(mission: Mission, registry: Registry, flight: DryFlight) -
     """
     scene, (_, position, airborne, std) = mission.scene, flight
     base = _clearance(mission, registry)
-    margin = np.minimum(scene.limits.uncertainty_margin * std, MAX_MARGIN * base)
+    margin = np.minimum(scene.limits.uncertainty_margin * std, MAX_MARGIN_RATIO * base)
     moving = np.linalg.norm(np.gradient(position, PERIOD, axis=0), axis=2) > MIN_SPEED
     kept = base + np.where(moving, margin, 0.0)
     total, worst, where = 0.0, 0.0, ""

@@ -9,12 +9,12 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from star_core import Array, Estimate, Mask, Rows, Scene
-from star_core.toolkit import MAX_MARGIN, position_margin
+from star_core.toolkit import MAX_MARGIN_RATIO, position_margin
 from star_visibility.network import Work
 from star_visibility.routes import Routes
 
 LEVELS: Final = 4
-"""Clearances beside the smallest, evenly spaced up to `MAX_MARGIN` times it more than that."""
+"""Clearances beside the smallest, evenly spaced up to `MAX_MARGIN_RATIO` times more than that."""
 
 RISE: Final = 0.6  # of a step: a margin so far beyond its level raises it
 FALL: Final = 0.5  # of a step below its level lowers it
@@ -51,7 +51,7 @@ class Clearances:
     ) -> None:
         self._clearance = clearance
         self._deviations = scene.limits.uncertainty_margin
-        self._step = MAX_MARGIN * clearance / LEVELS  # m
+        self._step = MAX_MARGIN_RATIO * clearance / LEVELS  # m
         grows = self._deviations > 0 and clearance > 0 and bool(scene.world.obstacles)
         narrow = Routes(
             scene, clearance=clearance, vertical_clearance=vertical_clearance, margin=margin

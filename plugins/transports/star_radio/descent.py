@@ -16,7 +16,8 @@ EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
 SEARCH_STEP: Final = 0.05  # m, between the positions that are tried
 SEARCH_RADIUS: Final = 3.0  # m
 SPEED: Final = 0.3  # m/s, to move aside
-SETTLED: Final = 0.1  # m/s and m: an agent slower than that and this near its goal can land
+MAX_REST_SPEED: Final = 0.1  # m/s; of an agent that can land
+ARRIVAL_TOLERANCE: Final = 0.1  # m, its greatest distance from the position to land at
 SETTLING_TIME: Final = 2.0  # s that an agent may take to come to rest
 LOW: Final = 0.15  # m: an agent below lands at once
 MAX_REPORT_AGE: Final = 0.5  # s: an agent that is not heard for longer lands at once
@@ -78,7 +79,7 @@ class Descent:
         position = to_map.apply(telemetry.position)
         at_once = ~heard | ~np.isfinite(position).all(axis=1)
         at_once |= (telemetry.position[:, 2] < LOW) | (passed > MAX_WAIT)
-        settled = np.linalg.norm(telemetry.velocity, axis=1) <= SETTLED
+        settled = np.linalg.norm(telemetry.velocity, axis=1) <= MAX_REST_SPEED
         settled |= passed > SETTLING_TIME
         velocity = np.zeros((len(up), 3))
         height = np.nan_to_num(position[:, 2])
@@ -86,8 +87,8 @@ class Descent:
             if row in self._aside:
                 way = self._aside[row] - position[row, :2]
                 length = float(np.linalg.norm(way))
-                velocity[row, :2] = way * min(1.0, SPEED / max(length, SETTLED))
-                free = length <= SETTLED
+                velocity[row, :2] = way * min(1.0, SPEED / max(length, ARRIVAL_TOLERANCE))
+                free = length <= ARRIVAL_TOLERANCE
             else:
                 below = ~pending | (height < height[row])
                 free = _clear(position[row, :2], position[below, :2])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Estimate, Setpoint
-from star_core.safety.setpoint_monitor import MAX_MARGIN, SIGMAS, FencePress
+from star_core.safety.setpoint_monitor import MAX_DRAW_IN, SIGMAS, FencePress
 from star_core.testing import estimate, scene
 
 SPEED, TICK, HIGH = 0.5, 0.05, float(scene(1).world.fence.high[0])  # m/s, s, m
@@ -48,7 +48,7 @@ def test_an_agent_that_presses_against_the_fence_is_drawn_in_by_its_uncertainty(
 ) -> None:
     assert pressed(0.1, avoider=avoider)[1][0, 0] == pytest.approx(HIGH - SIGMAS * 0.1, abs=0.01)
     assert pressed(0.0)[1][0, 0] == pytest.approx(HIGH, abs=0.01)
-    assert pressed(99.0)[1][0, 0] >= HIGH - MAX_MARGIN - 0.01
+    assert pressed(99.0)[1][0, 0] >= HIGH - MAX_DRAW_IN - 0.01
 
 
 def test_an_agent_that_was_drawn_in_flies_back_and_to_goals_near_the_fence() -> None:
