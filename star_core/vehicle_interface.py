@@ -27,6 +27,7 @@ log = logging.getLogger(__name__)
 UNSTEERED = (Order.GOTO, Order.FOLLOW)  # no setpoints are sent until these are over
 COMMANDER_FINISHED = int(Supervisor.COMMANDER_FINISHED)
 DESCENT_SPEED = 0.3  # m/s, of agents that setpoints bring down
+TINY = 1e-9  # m/s
 TOUCHDOWN_HEIGHT = 0.04  # m, as reported: then they are on the floor
 SETTLED_SPEED = 0.1  # m/s, vertical, below which a climb has come to rest
 MAX_SETTLING_TIME = 2.0  # s that it has for that
@@ -282,9 +283,11 @@ class VehicleInterface:
         if not some(brakes):
             return setpoint
         rest = self._monitor.rest_velocity(estimate.map_from_odom)
-        speed = np.linalg.norm(rest, axis=1, keepdims=True)
-        rest *= self._scene.limits.speed / np.maximum(speed, self._scene.limits.speed)
-        rest[self._descending, 2] = -DESCENT_SPEED
+        limit = self._scene.limits.speed
+        rest[self._descending, 2] = -min(DESCENT_SPEED, limit)
+        level = np.sqrt(limit**2 - rest[:, 2:] ** 2)  # m/s, that the descent leaves
+        speed = np.linalg.norm(rest[:, :2], axis=1, keepdims=True)
+        rest[:, :2] *= level / np.maximum(speed, np.maximum(level, TINY))
         return Setpoint(
             velocity=np.where(brakes[:, None], rest, setpoint.velocity),
             yaw=np.where(brakes, heading, setpoint.yaw),
