@@ -77,7 +77,7 @@ class Column(NamedTuple):
 def column(*row: int, per: str = "", **default: Any) -> Any:
     """Declare a field that is an array with one row per agent, sample or point.
 
-    Its elements are floats, integers or truth values, as the annotation says: `Array`, `Rows` or
+    Its elements are floats, integers or truth values, as it is annotated: `Array`, `Rows` or
     `Mask`. So ``position: Array = column(3)`` is an array (N, 3) of floats.
 
     Args:

@@ -39,7 +39,7 @@ class Mailbox:
         Thread(target=self._read, daemon=True).start()
 
     def poll(self, timeout: float | None = 0.0) -> bool:
-        """Wait for a message or the end of the connection, for `timeout`, s; None for ever."""
+        """Wait for a message or the end of the connection, up to `timeout`, s; None: no limit."""
         if not self._next:
             with suppress(Empty):
                 self._next.append(self._messages.get(timeout is None or timeout > 0, timeout))

@@ -139,7 +139,7 @@ class Link:
             self.post(question.packet)
 
     def forget(self, topic: str) -> None:
-        """Drop open questions of topics that begin so."""
+        """Drop open questions whose topics begin with `topic`."""
         self._answers.forget(topic)
 
     def retry(self, now: float) -> list[Question]:

@@ -21,7 +21,7 @@ from star_radio.connection.link import Link
 from star_radio.connection.questions import Ask, Question
 
 MAX_TRIES: Final = 2  # for a block that is refused or not reported
-TOPIC: Final = "reports"  # first word of those of the questions of a `Restorer`
+TOPIC: Final = "reports"  # with which the topics of the questions of a `Restorer` begin
 _VARIABLES: Final = (packets.MAX_PAYLOAD - 2) // 3 * 3  # bytes of variables per packet, 3 for each
 _TOO_LARGE, _EXISTS = errno.E2BIG, errno.EEXIST
 _ERRORS: Final = {

@@ -143,7 +143,7 @@ class Answers:
                 self._open.remove(question)
 
     def forget(self, topic: str) -> None:
-        """Drop the questions of topics that begin so."""
+        """Drop the questions whose topics begin with `topic`."""
         with self._lock:
             self._open = [each for each in self._open if not each.topic.startswith(topic)]
 
